@@ -1,4 +1,4 @@
-"""Log lines as JSON and OpenTelemetry traces, for the service and workers alike.
+"""JSON log lines and OpenTelemetry traces, for both the service and the workers.
 
 log_lines.py      log lines as JSON, with the ids of the work in progress
 tracing.py        OpenTelemetry spans

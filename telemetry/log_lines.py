@@ -1,6 +1,6 @@
-"""Log lines for programs: each line of standard error is one JSON object, with the ids of the work in progress.
+"""Machine-readable logs: each line of standard error is one JSON object, with the ids of the work in progress.
 
-The service and the workers write them if RAYFARM_LOG_FORMAT is json, and so do their libraries.
+Used by the service, the workers and their libraries if RAYFARM_LOG_FORMAT is json.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _about: ContextVar[Mapping[str, Any]] = ContextVar("about", default=MappingProxy
 
 @contextlib.contextmanager
 def about(**names: Any) -> Iterator[None]:
-    """Adds these ids to the lines of this thread: job, batch, frame, scene, worker ... None is left out."""
+    """Context manager that adds ids to this thread's log lines: job, batch, frame, scene, worker ... None values are omitted."""
     before = _about.set({**_about.get(), **_known(names)})
     try:
         yield
@@ -53,35 +53,35 @@ def about(**names: Any) -> Iterator[None]:
 
 
 def current_ids() -> Mapping[str, Any]:
-    """Returns the ids of the current lines."""
+    """Returns the ids that are added to this thread's log lines."""
     return _about.get()
 
 
 def ids(**names: Any) -> dict[str, Any]:
-    """Returns `extra` for a single line: log.warning("...", extra=ids(job=job.id))."""
+    """Returns the `extra` argument that adds ids to a single line: log.warning("...", extra=ids(job=job.id))."""
     return {"about": _known(names)}
 
 
 def by_json() -> bool:
-    """Returns True if lines are JSON objects."""
+    """Whether log lines are JSON objects."""
     return os.environ.get(FORMAT_VARIABLE, "text").strip().lower() == "json"
 
 
 def level() -> int:
-    """Returns the lowest level that is logged; an invalid setting counts as INFO."""
+    """Returns the lowest level to log; INFO if the setting is invalid."""
     name = os.environ.get(LEVEL_VARIABLE, "info").strip().lower()
     return getattr(logging, name.upper()) if name in LEVELS else logging.INFO
 
 
 class JsonLines(logging.Formatter):
-    """Formats time (UTC), level, logger, message, process (`service` or `worker`), pid, ids, and the exception in one field."""
+    """Formats a record as JSON: time (UTC), level, logger, message, process (`service` or `worker`), pid, ids, and exception."""
 
     def __init__(self, process: str) -> None:
         super().__init__()
         self.always: dict[str, Any] = {"process": process}  # added to once more is known, as the worker's name
 
     def format(self, record: logging.LogRecord) -> str:
-        """Returns one line, whatever was logged."""
+        """Returns the record as a single line."""
         when = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
         line: dict[str, Any] = {
             "time": when,
@@ -99,7 +99,8 @@ class JsonLines(logging.Formatter):
 
 
 def as_json(process: str) -> JsonLines:
-    """Makes all lines of this process JSON objects on standard error: those of libraries, warnings, and uncaught exceptions.
+    """Makes all log lines of this process JSON objects on standard error: also those of libraries, warnings, and uncaught
+    exceptions.
 
     Returns the formatter.
     """
@@ -153,7 +154,7 @@ def _exception(kind: type[BaseException], error: BaseException, trace: Traceback
 
 
 def _of_access(record: logging.LogRecord) -> dict[str, Any]:
-    """Returns the fields of uvicorn's access lines."""
+    """Returns the fields of a uvicorn access log record; empty for other records."""
     if record.name != "uvicorn.access" or not isinstance(record.args, tuple) or len(record.args) != 5:
         return {}
     client, method, path, _, status = record.args

@@ -1,7 +1,7 @@
-"""`python -m telemetry.trace_sender SERVICE INSTANCE VERSION`: sends spans to a collector, one per input line.
+"""`python -m telemetry.trace_sender SERVICE INSTANCE VERSION`: reads one span per line from stdin and sends it to a collector.
 
 It uses OpenTelemetry's exporter (OTLP over HTTP), batching and samplers, and so supports all of their environment variables. It
-ends with its input.
+exits at the end of its input.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["main", "read_span"]
 
 
 def main() -> int:
-    """Sends until the input ends, then sends the rest."""
+    """Sends spans until the input ends, including pending ones. Returns the exit code."""
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, signal.SIG_IGN)  # the writing process decides when to end
     service, instance, version = sys.argv[1:4]
@@ -55,7 +55,7 @@ def main() -> int:
 
 
 def read_span(said: dict[str, Any], resource: Resource, scope: InstrumentationScope) -> ReadableSpan:
-    """Parses a line into a span. Raises ValueError, KeyError or TypeError."""
+    """Converts a line's JSON object to a span. Raises ValueError, KeyError or TypeError if it is malformed."""
     error = said.get("error")
     return ReadableSpan(
         said["name"],

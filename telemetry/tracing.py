@@ -1,10 +1,10 @@
-"""Traces, if OTEL_EXPORTER_OTLP_ENDPOINT is set: spans of service and workers, propagated by W3C traceparent.
+"""Tracing, enabled by OTEL_EXPORTER_OTLP_ENDPOINT: spans of service and workers, propagated by W3C traceparent.
 
-Without it nothing is imported. With it a span is one line written into a pipe, and a separate process (trace_sender.py) runs
+If disabled, nothing is imported. If enabled, a span is one line written to a pipe, and a separate process (trace_sender.py) runs
 OpenTelemetry's exporter: it may wait for its collector, which must not slow down a batch, and it uses a thread, which a slot must
-not have because it forks. A full pipe drops spans and blocks nobody.
+not have because it forks. If the pipe is full, spans are dropped; writers never block.
 
-The trace ids of a job and a scene follow from their ids, so they survive a restart.
+The trace ids of a job and a scene are derived from their ids, so a restart does not change them.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Where:
-    """A span's trace id and span id, in hexadecimal."""
+    """Identity of a span: its trace id and span id, in hexadecimal."""
 
     trace: str
     span: str
 
     def __str__(self) -> str:
-        """Returns the traceparent of W3C Trace Context, level 1."""
+        """Returns the traceparent header (W3C Trace Context, level 1)."""
         return f"00-{self.trace}-{self.span}-01"
 
 
@@ -56,12 +56,12 @@ _pipe: int | None = None
 
 
 def is_on() -> bool:
-    """Returns True if spans are recorded."""
+    """Whether spans are recorded."""
     return _pipe is not None
 
 
 def begin(service: str, instance: str, version: str) -> None:
-    """Starts recording in this process and those that it forks, if requested. instance: name of this service or worker."""
+    """Starts recording in this process and its forks, if tracing is enabled. instance: name of this service or worker."""
     global _sender, _pipe
     if _pipe is not None or not _is_asked():
         return
@@ -77,7 +77,7 @@ def begin(service: str, instance: str, version: str) -> None:
 
 
 def end() -> None:
-    """Sends recorded spans, for a few seconds at most, and stops."""
+    """Stops recording. Waits a few seconds at most for recorded spans to be sent."""
     global _sender, _pipe
     if _pipe is not None:
         os.close(_pipe)
@@ -91,7 +91,7 @@ def end() -> None:
 
 
 def root_of(what: str, id: str) -> Where:
-    """Returns the root span of a `job` or a `scene`."""
+    """Returns the root span of a job or a scene, derived from its id. what: "job" or "scene"."""
     digest = hashlib.sha256(f"rayfarm {what} {id}".encode()).hexdigest()
     return Where(digest[:32], digest[32:48])
 
@@ -105,13 +105,13 @@ def where(traceparent: Any) -> Where | None:
 
 
 def here() -> Where | None:
-    """Returns the span of this thread."""
+    """Returns the current span of this thread; None if there is none."""
     return _here.get()
 
 
 @contextlib.contextmanager
 def child_of(parent: Where | None) -> Iterator[None]:
-    """Makes a span of another process the parent within the context."""
+    """Context manager that makes a span of another process the current one of this thread. None: no span."""
     before = _here.set(parent)
     try:
         yield
@@ -121,9 +121,9 @@ def child_of(parent: Where | None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def span(name: str, parent: Where | None = None, **attributes: Any) -> Iterator[dict[str, Any]]:
-    """Records a span within the context, as a child of `parent` or of this thread's span; without either there is none.
+    """Context manager that records a span as a child of `parent`, or of this thread's span; without either, nothing is recorded.
 
-    Attributes may be added to the yielded dict. An exception becomes the span's error, and is raised.
+    Attributes can be added to the yielded dict. An exception is recorded as the span's error, and propagates.
     """
     parent = parent or _here.get()
     if _pipe is None or parent is None:
@@ -152,7 +152,7 @@ def record(
     error: str | None = None,
     **attributes: Any,
 ) -> None:
-    """Records a span with known times (unix seconds). own: its ids, if others refer to it; links: related spans."""
+    """Records a span with known times (Unix time). own: its ids, if other spans refer to it; links: related spans."""
     if _pipe is None or (parent is None and own is None):
         return
     place = own or Where(parent.trace if parent else "", os.urandom(8).hex())
