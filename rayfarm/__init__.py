@@ -1,13 +1,13 @@
-"""The command line, the one-command local farm, and the Python library.
+"""The command line, the local farm that one command starts, and the Python library.
 
-commands/            one file per command of the program `rayfarm`, which cli.py puts together
+commands/            one file per command of the program `rayfarm`, which cli.py assembles
 library/             render() of files, dicts and arrays, here or on a farm; the notebook's widget
 local/               a whole farm on this machine: Redis, service and worker as supervised processes
-watch/               a job watched in the terminal
+watch/               watching a job in the terminal
 doctor/              checks of an installation
 Talking to a farm
     client.py            the Python client; responses.py has its return types, as dataclasses
-    login.py             which farm a command talks to, and its token
+    login.py             which farm a command uses, and its token
     joining.py           shared code of `rayfarm worker` and `rayfarm site`, which join a farm
     shot.py              frames that a farm renders
 Rendering without a farm
@@ -79,7 +79,7 @@ _LATER = {
 
 
 def _widget_of(answer: Any, farm: Any) -> Any:
-    """Returns the notebook widget of an answer; None without anywidget."""
+    """Returns the notebook widget of an answer (a Job or Scene); None if anywidget is not installed."""
     from rayfarm.library.notebook_widget import has_widgets, show
 
     return show(answer, farm=farm) if has_widgets() else None

@@ -1,4 +1,4 @@
-"""The program `rayfarm`, and `python -m rayfarm`. Ctrl-C ends it silently even while it is still loading."""
+"""The program `rayfarm`, also `python -m rayfarm`. Ctrl-C ends it without a traceback even during its imports."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["main"]
 
 
 def main() -> None:
-    """Loads the commands, and runs the one on the command line."""
+    """Imports the commands and runs the one on the command line."""
     try:
         from rayfarm import preload
 

@@ -1,4 +1,4 @@
-"""Blender for a worker on this machine: found, or installed into a virtual environment."""
+"""Finds Blender for a worker on this machine, or installs it into a virtual environment."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ NEITHER = (
 
 
 def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) -> str | None:
-    """The program with which a worker opens .blend files; None if none is requested.
+    """Returns the path of the program with which a worker opens .blend files; None if Blender is not requested.
 
     say: called with a sentence before a slow step. Raises CommandError if a requested Blender is not available.
     """
@@ -57,7 +57,7 @@ def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) 
 
 
 def _fetched(say: Callable[[str], None]) -> Path:
-    """Installs Blender's module into a virtual environment, since it needs another numpy version; returns its Python.
+    """Installs Blender's Python module into a virtual environment, since it needs another version of numpy. Returns its Python.
 
     Raises CommandError.
     """

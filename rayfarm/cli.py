@@ -1,4 +1,4 @@
-"""The program `rayfarm`: its commands, and its exit codes."""
+"""Assembles the program `rayfarm` from its commands, and maps errors to exit codes."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ HELP = """A render farm that starts with one command.
 
 
 def _program(commands: Iterable[str]) -> typer.Typer:
-    """The program with these commands."""
+    """Returns the program with these commands."""
     app = typer.Typer(
         name="rayfarm",
         no_args_is_help=True,
@@ -75,7 +75,7 @@ def _program(commands: Iterable[str]) -> typer.Typer:
 
 
 def _refuse_what_is_no_number(command: Any) -> None:
-    """Makes numeric options refuse NaN, which passes every range check, and infinity, which passes a range without an end."""
+    """Makes numeric options reject NaN, which passes every range check, and infinity, which passes a range with only one end."""
     commands = getattr(command, "commands", {}).values()
     for each in commands:
         _refuse_what_is_no_number(each)
@@ -94,7 +94,7 @@ def _with_finite_numbers(invoke: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def _version(wanted: bool) -> None:
-    """Prints the version and ends."""
+    """Prints the version and exits."""
     if wanted:
         print(f"rayfarm {__version__}")
         raise typer.Exit
@@ -109,7 +109,7 @@ def _all(
 
 
 def _asked_for() -> Iterable[str]:
-    """The commands to import: only the one that was typed, since importing all is slow; all if none of them was typed."""
+    """Returns the commands to import: the one on the command line, since importing all is slow; all if it is none of them."""
     words = [word for word in sys.argv[1:] if word != "--debug"]
     name = words[0].replace("-", "_") if words else ""
     name = BESIDE.get(name, name)
@@ -117,7 +117,7 @@ def _asked_for() -> Iterable[str]:
 
 
 def main() -> None:
-    """Runs a command. An error that the user can fix is one sentence on standard error and exit code 1."""
+    """Runs the command line. An error that users can fix is printed as one sentence on standard error, with exit code 1."""
     logging.setLogRecordFactory(LogRecord)
     try:
         command = typer.main.get_command(_program(_asked_for()))

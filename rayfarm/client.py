@@ -1,4 +1,4 @@
-"""A Python client of a farm's service.
+"""Python client of a farm's service.
 
     with rayfarm.Client("http://127.0.0.1:8000") as farm:
         scene = farm.wait_for_scene(farm.upload([Path("milk-truck.glb")]).id)
@@ -6,7 +6,7 @@
         farm.wait(job.id, watch=lambda job: print(f"{job.progress:.0%}"))
         Path("milk-truck.exr").write_bytes(farm.image(job.id, "exr"))
 
-Answers are the dataclasses of rayfarm.responses. Errors are ClientErrors with the service's message.
+Methods return the dataclasses of rayfarm.responses. Errors are ClientErrors with the service's message.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ T = TypeVar("T")
 
 
 class ClientError(RayfarmError):
-    """Raised if the service cannot be reached, or refuses. `status`: its HTTP status, None if no farm answered."""
+    """Raised if the service cannot be reached or rejects a request. `status`: the HTTP status; None if no farm responded."""
 
     def __init__(self, message: str, status: int | None = None) -> None:
         super().__init__(message)
@@ -61,24 +61,25 @@ class ClientError(RayfarmError):
 
 
 class NotAFarm(ClientError):  # noqa: N818 - it is what was found
-    """Raised if another server answers at that address."""
+    """Raised if a server other than a farm's service responds at the address."""
 
 
 @dataclass(frozen=True)
 class _Answer:
-    """A response whose body has been read."""
+    """A response with its complete body."""
 
     headers: httpx.Headers
     body: bytes
 
 
 class Client:
-    """A farm's service at `url`. Every method raises ClientError."""
+    """Client of the farm's service at `url`. Every method raises ClientError."""
 
     def __init__(self, url: str, timeout_s: float = 60.0, token: str | None = None, certificate: str | None = None) -> None:
-        """token: sent to a farm that requires a login; default $RAYFARM_API_TOKEN.
+        """Stores the address and credentials.
 
-        certificate: the farm's own, if the machine does not trust it already; default $RAYFARM_TLS_CERT.
+        token: sent to a farm that requires a login; default $RAYFARM_API_TOKEN. certificate: path of the farm's own certificate,
+        if the machine does not trust it; default $RAYFARM_TLS_CERT.
         """
         self.url = url.rstrip("/") if "://" in url else f"http://{url.rstrip('/')}"
         if token is None:
@@ -115,7 +116,7 @@ class Client:
         self._http.close()
 
     def call(self, method: str, path: str, **json_body: Any) -> Any:
-        """Calls any route of the API, with an optional JSON body. Returns the answer's JSON, None if it has none.
+        """Calls any route of the API, with an optional JSON body. Returns the response's JSON; None if it has none.
 
         farm.call("POST", "/api/users", name="anna", role="submit")
         """
@@ -131,10 +132,10 @@ class Client:
         project: str = "",
         strict: bool = False,
     ) -> Scene:
-        """Uploads a scene: a file, a list of files of one folder, or files by their path inside the scene.
+        """Uploads a scene: one file, a list of files from one folder, or a dict of files by their path inside the scene.
 
-        main: the scene file, if it is ambiguous. environment: the path of an environment image among the files.
-        project: makes the scene visible to the project's members only. strict: fails a scene with warnings, see `wait_for_scene`.
+        main: the scene file, if it is ambiguous. environment: path of an environment image among the files. project: the scene is
+        visible only to its members. strict: warnings make the scene fail, see `wait_for_scene`.
 
             farm.upload({"spot.obj": here / "spot.obj", "textures/spot.png": here / "spot.png"}, main="spot.obj")
         """
@@ -169,14 +170,14 @@ class Client:
         return self._read(Environment, sent)
 
     def scene(self, scene: str) -> Scene:
-        """Returns a scene's current state.
+        """Returns the current state of a scene.
 
         farm.scene(id).status  # preparing, ready or failed
         """
         return self._read(Scene, self._send("GET", f"/api/scenes/{_id(scene)}"))
 
     def wait_for_scene(self, scene: str, timeout_s: float = 900.0, watch: Callable[[Scene], None] | None = None) -> Scene:
-        """Waits until the scene is ready, and returns it. Raises ClientError with its error if it fails."""
+        """Waits until the scene is ready, and returns it. Raises ClientError with the scene's error if it fails."""
         for found in self._poll(lambda: self.scene(scene), timeout_s):
             if watch:
                 watch(found)
@@ -195,28 +196,30 @@ class Client:
         return self._read(Job, self._send("POST", "/api/jobs", json={"scene": scene, **request}, headers=headers))
 
     def job(self, job: str) -> Job:
-        """Returns a job's current state.
+        """Returns the current state of a job.
 
         farm.job(id).progress  # 0 to 1
         """
         return self._read(Job, self._send("GET", f"/api/jobs/{_id(job)}"))
 
     def jobs(self, **query: Any) -> list[Job]:
-        """Returns the jobs, newest first. query: search (words of names and notes, or the beginning of an id), state, scene, ...
+        """Returns the jobs that match the query, newest first. query: search (words of names and notes, or an id's prefix),
+        state, scene, ...
 
         farm.jobs(search="7f3a")
         """
         return self._list(Job, "/api/jobs", **query)
 
     def change(self, job: str, **fields: Any) -> Job:
-        """Changes a job: state (running, paused, cancelled), priority, spp, after; of a shot extend, again, first, order, frames.
+        """Changes a job and returns it: state (running, paused, cancelled), priority, spp, after; for shots extend, again, first,
+        order, frames.
 
         farm.change(job.id, state="paused")
         """
         return self._read(Job, self._send("PATCH", f"/api/jobs/{_id(job)}", json=fields))
 
     def wait(self, job: str, timeout_s: float | None = None, watch: Callable[[Job], None] | None = None) -> Job:
-        """Waits until the job is finished, failed or cancelled, and returns it; keeps waiting while the service restarts."""
+        """Waits until the job is finished, failed or cancelled, and returns it. Continues to wait while the service restarts."""
         for found in self._poll(lambda: self.job(job), timeout_s):
             if watch:
                 watch(found)
@@ -242,7 +245,7 @@ class Client:
         return answer.body
 
     def image(self, job: str, format: str = "png", frame: float = 0, **query: Any) -> bytes:
-        """Returns a frame's current picture as the bytes of a png, exr or jpg. query: aov, exposure, tonemap, denoise, ...
+        """Returns the present picture of a frame as a png, exr or jpg file. query: aov, exposure, tonemap, denoise, ...
 
         Path("out.png").write_bytes(farm.image(job.id, exposure=1.0, denoise=True))
         """
@@ -253,7 +256,7 @@ class Client:
         return answer.body
 
     def digest(self, job: str, frame: float = 0) -> str:
-        """SHA-256 of a frame's film: equal requests give equal digests."""
+        """Returns the SHA-256 of a frame's film. Equal requests give equal digests."""
         answer = self._send("GET", f"/api/jobs/{_id(job)}/frames/{frame_text(frame)}/digest")
         data = self._data(answer)
         if not isinstance(data, dict) or not isinstance(data.get("digest"), str):
@@ -261,14 +264,13 @@ class Client:
         return str(data["digest"])
 
     def workers(self) -> list[Worker]:
-        """The farm's workers, by name."""
+        """Returns the farm's workers by name."""
         return self._list(Worker, "/api/workers")
 
     def let_go(
         self, dry_run: bool = True, progress: Callable[[int, int | None], None] = lambda done, planned: None, **rules: Any
     ) -> dict[str, Any]:
-        """Deletes data by retention rules: films_days, films_bytes, compiled_days, uploads_days; the farm's own rules if none is
-        given.
+        """Deletes data by retention rules: films_days, films_bytes, compiled_days, uploads_days; by default the farm's own rules.
 
         farm.let_go(films_days=30)["bytes"]  # dry run; dry_run=False deletes, and waits until it is done
         progress: called with the number of items done and, once it is known, their total.
@@ -316,7 +318,7 @@ class Client:
             raise ClientError(f"{self.url} does not answer ({error or type(error).__name__}). Try again.") from error
 
     def _poll(self, ask: Callable[[], T], timeout_s: float | None) -> Iterator[T]:
-        """Yields answers at short intervals until the timeout. Retries for a minute while the service is unreachable."""
+        """Yields results of `ask` at short intervals until the timeout. Retries for a minute while the service is unreachable."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         away_since: float | None = None
         while deadline is None or time.monotonic() < deadline:
@@ -369,7 +371,7 @@ class Client:
         return NotAFarm(not_a_farm(self.url, came))
 
     def _send(self, method: str, path: str, limit: int = MAX_ANSWER, **kwargs: Any) -> _Answer:
-        """Sends a request and returns a successful answer of at most `limit` bytes, since the server is untrusted."""
+        """Sends a request; returns a successful response of at most `limit` bytes, since the server is not trusted."""
         if not is_address(self.url):
             raise ClientError(f"{self.url} is no address of a farm; give one as http://host:8000")
         try:
@@ -402,7 +404,9 @@ class Client:
         return bytes(body)
 
     def _refusal(self, response: httpx.Response, body: bytes) -> ClientError:
-        """The error for a refusal: the service's message (application/problem+json), else a description of the status."""
+        """Returns the error for a rejected request: the service's message (application/problem+json), or a description of the
+        status.
+        """
         status = response.status_code
         said = f"{self.url} answers {status} {response.reason_phrase}".rstrip()
         if response.headers.get("Content-Type", "").startswith(PROBLEM):
@@ -416,7 +420,7 @@ class Client:
 
 
 def _id(text: str) -> str:
-    """Quotes an id as one path segment. An empty id becomes "-", so that the path is not that of the list."""
+    """Quotes an id as one path segment. An empty id becomes "-"; otherwise the path would be that of the list."""
     return quote(text, safe="") or "-"
 
 

@@ -1,4 +1,4 @@
-"""Terminal output: results on standard output, everything else on standard error."""
+"""Terminal output: results to standard output, everything else to standard error."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ PROGRAM = os.environ.get("RAYFARM_PROGRAM", "rayfarm")
 
 
 class PlainConsole(Console):
-    """A console that prints control characters of any text as escapes; only rich's own styles and movements are sent."""
+    """A rich console that prints control characters in texts as escapes; only rich's own styles and movements are sent."""
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Returns a string as text: printed, in a table's cell, or measured."""
+        """Converts a string that is printed, measured or in a table's cell to text, with control characters escaped."""
         return super().render_str(printable(text), **options)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """Yields the segments of anything that is printed; text that was not a string is made printable here."""
+        """Yields the segments of any printed object, with control characters escaped."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(printable(segment.text), segment.style)
 
@@ -50,7 +50,7 @@ err = PlainConsole(stderr=True, highlight=False)
 
 
 def bar(unit: str = "") -> Progress:
-    """A progress bar on standard error; disabled if that is not a terminal."""
+    """Returns a progress bar on standard error. It is disabled if standard error is not a terminal."""
     columns = [TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn()]
     if unit:
         columns += [MofNCompleteColumn(), TextColumn(unit)]
@@ -58,7 +58,7 @@ def bar(unit: str = "") -> Progress:
 
 
 class Ticker:
-    """Progress as plain lines, one every few seconds, for output that is not a terminal."""
+    """Progress as plain lines, at most one every few seconds, for output that is not a terminal."""
 
     def __init__(self, every_s: float = 5.0) -> None:
         self.every_s = every_s

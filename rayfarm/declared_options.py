@@ -1,4 +1,4 @@
-"""Command line options made from the declarations of renderer/settings.py: name, type, range, help."""
+"""Command line options generated from the setting declarations in renderer/settings.py: name, type, range, help."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _METAVARS = {"s": "S", "°": "DEG", "px": "PIXELS", "scene units": "LENGTH", "fr
 
 
 def parameter(each: DeclaredSetting) -> inspect.Parameter:
-    """The option as a parameter of a command's signature; its value is None if it is not given."""
+    """Returns the option for a setting, as a parameter of a command's signature. Its value is None if it is not given."""
     setting, shown = each.setting, each.shown
     inside = setting.off is None or each.lowest == setting.low  # otherwise a range would exclude the value for off
     ranged = each.kind is not tuple and setting.choices is None and inside
@@ -42,7 +42,7 @@ def parameter(each: DeclaredSetting) -> inspect.Parameter:
 
 
 def typed(settings: Mapping[str, DeclaredSetting], given: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings' values by the renderer's names, from the option values; None if not given."""
+    """Returns the settings' values by the renderer's names. given: the options' values; None if not given."""
     found = {name: given.get(each.option.replace("-", "_")) for name, each in settings.items()}
     for name, value in found.items():
         if settings[name].kind is tuple and isinstance(value, str):
@@ -63,9 +63,9 @@ def _bound(value: float | None) -> float | None:
 
 
 def _default(each: DeclaredSetting) -> str | bool:
-    """The default that the help text shows; False for none.
+    """Returns the default to show in the help text; False for none.
 
-    Settings of a camera show none; for a setting that a scene file may define, the text names the scene first.
+    Camera settings show none. For a setting that scene files may define, the text mentions the scene first.
     """
     if each.default in (MISSING, None, "", each.setting.off) or each.kind is tuple or each.shown.section == "View":
         return False

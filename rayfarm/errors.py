@@ -15,4 +15,4 @@ EXIT_INTERRUPTED = 130  # Ctrl-C, as in shells
 
 
 class CommandError(RayfarmError):
-    """Raised if a command fails; the message gives the reason and what to do."""
+    """Raised if a command fails. The message says why, and what to do."""

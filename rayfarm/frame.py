@@ -1,4 +1,4 @@
-"""One frame from a compiled scene to its files, in this process."""
+"""Renders one frame of a compiled scene in this process, and writes its files."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ __all__ = ["Order", "camera_words", "moment_words", "motion_of", "render_to", "s
 
 @dataclass(frozen=True)
 class Order:
-    """The picture requested for each frame, and its output format."""
+    """Options that apply to every frame: the picture, further outputs, and their format."""
 
     picture: Picture
     planes: list[str]  # further layers
@@ -56,7 +56,7 @@ class Order:
     card: CardRenderer | None = None  # renders instead of the CPU
 
     def settings(self, summary: dict[str, Any], moment: Moment, shutter: Shutter | None = None) -> RenderSettings:
-        """The render settings at a moment of a scene. shutter: overrides the requested one.
+        """Returns the render settings at a moment. summary: of the scene. shutter: replaces the requested one.
 
         Raises CommandError or SettingsError.
         """
@@ -69,12 +69,15 @@ class Order:
         return replace(settings, view=orbit(settings.view, turns, summary["up"]), views=views)
 
     def files(self, output: Path) -> list[Path]:
-        """The files of a frame: its picture and, if requested, the denoised one."""
+        """Returns the paths of a frame's files: its picture and, if requested, the denoised one."""
         return [output, options.denoised_name(output)] if self.denoise else [output]
 
 
 def motion_of(stage: ReadStage, order: Order, moment: Moment, clock: Clock, needed: bool = False) -> F32 | None:
-    """A frame's motion vectors, if requested or `needed`; else None. Invalidates the stage's current scene."""
+    """Returns the frame's motion vectors if they are requested or `needed`, else None.
+
+    The stage's scene is then no longer valid.
+    """
     if not needed and aovs.MOTION not in order.planes:
         return None
     from renderer.vectors import motion_vectors
@@ -98,10 +101,10 @@ def render_to(
     writes: bool = True,
     seen: Callable[[F32], None] = lambda picture: None,
 ) -> RenderStats:
-    """Renders a frame and writes its pictures, each atomically. defaults: the settings of the scene file.
+    """Renders a frame and writes its pictures atomically. defaults: the settings in the scene file.
 
-    motion: from `motion_of`. hold: receives the denoised frame and a function that writes a picture to its file, in place of
-    writing the denoised frame. writes: whether the raw picture is written. seen: receives the raw picture, (h, w, 3).
+    motion: from `motion_of`. hold: if given, called with the denoised frame and a function that writes a picture to its file,
+    instead of writing the denoised frame. writes: whether to write the raw picture. seen: called with the raw picture, (h, w, 3).
     """
     from renderer.film import mean
     from renderer.image import encode
@@ -148,7 +151,7 @@ def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> DenoisedPi
 
 
 def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, more: str = "") -> None:
-    """Reports the samples that were left out, and the command that traces the first; more: further options of that command."""
+    """Prints how many samples were discarded, and the command that traces the first of them. more: further options for it."""
     if not done.bad_count:
         return
     from protocol.reproduce import sample_command
@@ -159,7 +162,7 @@ def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, mo
 
 
 def moment_words(moment: Moment) -> str:
-    """The command-line options for a moment, each preceded by a space; none for frame 0 with the default clip and frame rate."""
+    """Returns the command line options for a moment, each preceded by a space; "" for frame 0 with default clip and rate."""
     words = [f"--frame={frame_text(moment.frame)}"] if moment.frame else []
     words += [f"--fps={moment.fps!r}"] if moment.fps is not None else []
     words += [f"--clip={shlex.quote(moment.clip)}"] if moment.clip is not None else []
@@ -167,7 +170,10 @@ def moment_words(moment: Moment) -> str:
 
 
 def camera_words(order: Order, settings: RenderSettings) -> str:
-    """The command-line options for a camera that moves while the shutter is open, as `moment_words`; none for a static camera."""
+    """Returns the command line options for a camera that moves while the shutter is open; "" for a static camera.
+
+    Each is preceded by a space.
+    """
     if not settings.views:
         return ""
     words = [f"--{name}={shlex.quote(str(value))}" for name, value in order.picture.camera_options().items()]
@@ -176,7 +182,7 @@ def camera_words(order: Order, settings: RenderSettings) -> str:
 
 
 def statistics(clock: Clock, done: RenderStats) -> dict[str, Any]:
-    """The statistics of a frame for --stats."""
+    """Returns the statistics of a frame for --stats."""
     scale = 1 if sys.platform == "darwin" else 1024  # ru_maxrss: bytes there, KiB on Linux
     return {
         **clock.seconds,

@@ -1,4 +1,4 @@
-"""The graphics card of `rayfarm render --gpu`, and the sentences about cards."""
+"""The graphics card for `rayfarm render --gpu`, and messages about cards."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ __all__ = ["open_card"]
 
 
 def open_card() -> CardRenderer:
-    """Opens the first usable card and says which one on stderr. Raises CommandError, with the reason, if there is none."""
+    """Opens the first usable card, and prints its name on standard error.
+
+    Raises CommandError with the reason if there is none.
+    """
     try:
         cards, _ = chosen_cards("only", find_cards())
     except CardsError as error:

@@ -1,4 +1,4 @@
-"""Formatting of `--help`: filled paragraphs, arguments in capitals, and no type after flags."""
+"""Formats `--help`: refills paragraphs, shows arguments in capitals, and omits types of flags."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _VALUES = {
 
 
 def tidy(command: Any) -> None:
-    """Reformats the help of this command and of its subcommands."""
+    """Changes the help format of this command and its subcommands."""
     for each in getattr(command, "commands", {}).values():
         tidy(each)
     command.help = command.help and _filled(command.help)
@@ -46,7 +46,7 @@ def _named(parameter: Any) -> Any:
 
 
 def _nothing(ctx: Any) -> None:
-    """Adds nothing to the name of an argument."""
+    """Does nothing; replaces the function that adds to the names of arguments."""
 
 
 def _value(shown: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
@@ -58,7 +58,7 @@ def _value(shown: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
 
 
 def _filled(text: str) -> str:
-    """Joins the lines of each paragraph; indented text and the table of the first page stay unchanged."""
+    """Joins the lines of each paragraph. Indented text, and the table of the first page, are unchanged."""
     return "\n\n".join(_paragraph(each) for each in inspect.cleandoc(text).split("\n\n"))
 
 

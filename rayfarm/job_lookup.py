@@ -1,4 +1,4 @@
-"""The job that a command's argument names: its id, or the beginning of its id."""
+"""Lookup of a job by its id or the beginning of its id."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SHOWN = 5  # candidates that an error lists
 
 
 def find_job(farm: Client, text: str) -> Job:
-    """Returns the job with this id, or the only one whose id begins so. Raises ClientError or CommandError."""
+    """Returns the job with this id, or the only job whose id begins with `text`. Raises ClientError or CommandError."""
     try:
         return farm.job(text)
     except ClientError as error:

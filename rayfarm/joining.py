@@ -1,4 +1,4 @@
-"""Shared code of commands that join a farm: the farm's address, the token, and a supervisor for a process until Ctrl-C."""
+"""Shared code of commands that join a farm: address, token, and a supervised process that runs until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FATAL = 3  # exit code after which a restart does not help
 
 
 def farm_address(join: str) -> str:
-    """The farm's complete address. Raises CommandError."""
+    """Returns the farm's complete URL. join: URL or host:port. Raises CommandError if it is invalid."""
     if "://" not in join:
         join = f"http://{join}"
     if not is_address(join):
@@ -31,7 +31,7 @@ def farm_address(join: str) -> str:
 
 
 def shown_token(who: str, token: str, token_file: Path | None) -> str:
-    """The token to send to the farm. Raises CommandError if there is none."""
+    """Returns the token to send to the farm. who: the subject of the error message. Raises CommandError if there is no token."""
     if token:
         err.print("rayfarm: everybody on this machine can read --token. Better: RAYFARM_TOKEN, or --token-file.")
     elif token_file is not None:
@@ -56,9 +56,10 @@ def run(
     arguments: list[str] | None = None,
     waiting: subprocess.Popen[bytes] | None = None,
 ) -> None:
-    """Keeps a process running until Ctrl-C, and shows its log. sentence: printed at the start. Raises CommandError.
+    """Runs and restarts a process until Ctrl-C, and shows its log. sentence: printed at the start. Raises CommandError.
 
-    arguments: of a command that loads first, and then takes them from a line. waiting: its process, if already started.
+    arguments: options for a process that imports first and then reads them from stdin; None for others. waiting: such a process,
+    if already started.
     """
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
@@ -92,14 +93,14 @@ def run(
 
 
 def _sentence(line: str) -> str:
-    """The message of a process's last log line."""
+    """Returns the message in a log line, without time and level."""
     with contextlib.suppress(ValueError, TypeError, KeyError):
         return str(json.loads(line)["message"])
     return line
 
 
 def _follow(log: Path, shown: int) -> int:
-    """Prints the log beyond the first `shown` bytes; returns the number of bytes printed in total."""
+    """Prints the log from byte `shown` on. Returns the size of the log printed so far, in bytes."""
     try:
         with log.open("rb") as file:
             if file.seek(0, os.SEEK_END) < shown:

@@ -1,6 +1,6 @@
-"""Known differences between Rayfarm's picture and that of Mitsuba or pbrt, by the contents of the scene.
+"""Known differences between Rayfarm's picture and Mitsuba's or pbrt's, depending on the content of the scene.
 
-Source of the numbers: docs/correctness.md.
+The numbers are from docs/correctness.md.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _SLOPES, _DARKER = (0.0, 0.25, 0.5, 1.0), (0.0, 0.024, 0.089, 0.285)  # slopes o
 
 
 def known_differences(scene: SceneDescription, other: str) -> list[str]:
-    """The known differences as sentences. other: the name of the other renderer."""
+    """Returns the known differences as sentences. other: name of the other renderer."""
     found = []
     if metals := _lost(scene, _is_metal):
         found.append(
@@ -39,7 +39,7 @@ def known_differences(scene: SceneDescription, other: str) -> list[str]:
 
 
 def _lost(scene: SceneDescription, is_meant: Callable[[Material], bool]) -> dict[str, float]:
-    """Energy lost by single scattering between microfacets, relative to the energy kept, by material name."""
+    """Returns, by material name, the energy lost by single scattering between microfacets, relative to the remaining energy."""
     return {
         material.name: lost
         for material in _used(scene)
@@ -63,13 +63,13 @@ def _is_glass(material: Material) -> bool:
 
 
 def _mean_albedo(roughness: float) -> float:
-    """Single-scattering albedo of a white metal, averaged over the hemisphere, which the renderer compensates."""
+    """Returns the single-scattering albedo of a white metal, averaged over the hemisphere. Rayfarm compensates the loss."""
     means = np.load(table_path("ggx_albedo"))[SIZE].sum(axis=-1)
     return float(np.interp(roughness, np.linspace(0.0, 1.0, SIZE), means))
 
 
 def _bumps(scene: SceneDescription) -> dict[str, float]:
-    """How much Mitsuba's shadowing term darkens a matt material with such slopes, by the names of normal-mapped materials."""
+    """Returns, by name of normal-mapped materials, how much Mitsuba's shadowing term darkens a matt surface with their slopes."""
     found = {}
     for material in _used(scene):
         if material.normal_texture is None:

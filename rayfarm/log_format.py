@@ -1,4 +1,4 @@
-"""The option of commands that start processes with logs. A separate module, because they need nothing else from options.py."""
+"""The option --log-format of commands that start processes. In its own module, since they import nothing else of options.py."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LogFormat = Annotated[
 
 
 def use_log_format(name: str | None) -> None:
-    """Sets the log format of the started processes. Raises CommandError."""
+    """Sets the log format of processes that the command starts. Raises CommandError."""
     if name is not None:
         if name not in FORMATS:
             raise CommandError(f"--log-format is {name!r}; there are {', '.join(FORMATS)}")

@@ -1,4 +1,4 @@
-"""Which farm a command talks to, and the token it sends there."""
+"""Selects the farm that a command uses, and the token that it sends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["farm_client", "link_of", "owner_token", "public_url", "server_url"]
 
 
 def server_url(server: str | None) -> str:
-    """The address of the farm: --server, $RAYFARM_SERVER, the farm running on the data folder, or this machine's port 8000."""
+    """Returns the farm's URL: --server, $RAYFARM_SERVER, the farm running on the data folder, or port 8000 on this machine."""
     from rayfarm.local.state import running_farm
     from service.locations import default_data_folder
 
@@ -25,10 +25,10 @@ def server_url(server: str | None) -> str:
 
 
 def farm_client(server: str | None) -> Client:
-    """A client of the farm that a command talks to.
+    """Returns a client of the farm that a command uses.
 
-    Its token is $RAYFARM_API_TOKEN; if that is unset, the owner's token for a farm that runs on this machine's data folder, since
-    read access to that folder implies ownership.
+    Its token is $RAYFARM_API_TOKEN. If that is unset and the farm runs on this machine's data folder, it is the owner's token,
+    since whoever can read that folder owns the farm.
     """
     from rayfarm.local.state import running_farm
     from service.locations import default_data_folder
@@ -41,7 +41,7 @@ def farm_client(server: str | None) -> Client:
 
 
 def owner_token(data: Path) -> str:
-    """The token of a data folder's owner: $RAYFARM_OWNER_TOKEN, else the stored one; empty if it cannot be read."""
+    """Returns the owner's token of a data folder: $RAYFARM_OWNER_TOKEN, or the stored one; empty if it cannot be read."""
     from service.settings import OWNER_TOKEN
 
     if told := value_of("RAYFARM_OWNER_TOKEN"):
@@ -52,7 +52,7 @@ def owner_token(data: Path) -> str:
 
 
 def public_url(url: str) -> str:
-    """The address for other machines, if `url` is that of the farm running here or in this container."""
+    """Returns the URL for other machines if `url` is a farm that runs here or in this container; otherwise `url`."""
     from rayfarm.local.state import running_farm
     from service.locations import default_data_folder
     from service.settings import Settings
@@ -66,5 +66,5 @@ def public_url(url: str) -> str:
 
 
 def link_of(url: str, code: str) -> str:
-    """A login link. Its code follows the #, which browsers do not send and servers do not log."""
+    """Returns a login link. Its code follows the #, a part that browsers do not send and servers do not log."""
     return f"{url}/#/login?code={code}"

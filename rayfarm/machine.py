@@ -1,4 +1,4 @@
-"""Machine-dependent parts of the commands that keep processes running."""
+"""Machine-dependent functions for commands that run processes: cores, signals, the screen."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["StopSignals", "cores", "has_screen"]
 
 
 def has_screen() -> bool:
-    """Returns True if a graphical browser can be shown; otherwise Linux would open a text browser in the terminal."""
+    """Whether a graphical browser can be shown. Otherwise Linux would open a text browser in the terminal."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 class StopSignals:
-    """Counts Ctrl-C, SIGTERM and SIGHUP: the first requests a stop, the second an immediate stop."""
+    """Counts Ctrl-C, SIGTERM and SIGHUP: the first requests a stop, the second an immediate one."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -29,9 +29,9 @@ class StopSignals:
         self.count += 1
 
     def stop(self) -> bool:
-        """Returns True if a stop was requested."""
+        """Whether a stop was requested."""
         return self.count >= 1
 
     def hurry(self) -> bool:
-        """Returns True if an immediate stop was requested."""
+        """Whether an immediate stop was requested."""
         return self.count >= 2

@@ -1,4 +1,4 @@
-"""`rayfarm render --frames -o out.mp4`: renders frames to pictures in a folder beside it, and encodes the movie from them."""
+"""`rayfarm render --frames -o out.mp4`: renders the frames to pictures in a folder next to the movie, then encodes them."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ __all__ = ["render_movie"]
 
 
 def render_movie(shot: Sequence, stage: ReadStage, order: Order, about: object) -> dict[str, Any]:
-    """Like `render_sequence`, with a movie at `shot.output`.
+    """Like `render_sequence`, but writes a movie to `shot.output`.
 
-    The frames stay in a folder beside it until all succeeded, so the same command resumes an interrupted run. about: everything
-    that the pictures depend on; it selects the folder, so another command uses another one.
+    The frames stay in a folder next to it until all have succeeded, so the same command continues an interrupted run. about:
+    everything that the pictures depend on; it selects the folder, so other commands use other folders.
     """
     name = hashlib.sha256(repr((shot.scene.resolve(), replace(shot.moment, frame=0.0), about)).encode()).hexdigest()[:12]
     folder = shot.output.with_name(f".{shot.output.name}.{name}")
@@ -59,7 +59,7 @@ def _read(paths: list[Path]) -> Iterator[npt.NDArray[np.uint8]]:
 
 
 def _fps(shot: Sequence, stage: ReadStage, found: dict[str, Any]) -> float:
-    """The frame rate: the requested one, else the file's own, else 24."""
+    """Returns the frame rate: the requested one, else the file's own, else 24."""
     if shot.moment.fps is not None:
         return shot.moment.fps
     for frame in found["frames"]:

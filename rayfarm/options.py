@@ -1,4 +1,4 @@
-"""Options that several commands share, and parsers of their values."""
+"""Options shared by several commands, and the parsers of their values."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ Server = Annotated[
 
 
 def denoised_name(output: Path) -> Path:
-    """The path of the denoised picture, beside the raw one."""
+    """Returns the path of the denoised picture, which is in the same folder as the raw one."""
     return output.with_name(f"{output.stem}-denoised{output.suffix}")
 
 
@@ -176,7 +176,7 @@ def parse_pixel(text: str) -> tuple[int, int]:
 
 
 class Env(NamedTuple):
-    """An environment: an image file, a linear colour, a sky's sun (elevation and azimuth), or a preset's name; at most one.
+    """An environment: an image file, a linear colour, a sky's sun (elevation, azimuth), or a preset's name; at most one is set.
 
     Presets: renderer/presets.py.
     """
@@ -222,14 +222,14 @@ def _sky(text: str) -> tuple[float, float]:
 
 
 def relevant_warnings(warnings: list[str], env: Env) -> list[str]:
-    """A scene's warnings that apply to this picture: those about the default studio light are omitted if --env is given."""
+    """Returns the warnings of a scene that apply to this picture: if --env is given, not those about the default studio light."""
     from renderer.scene.studio import STUDIO_NOTES
 
     return [w for w in warnings if env == Env() or w not in STUDIO_NOTES]
 
 
 def find_camera(cameras: list[dict[str, Any]], camera: str | None) -> int:
-    """The number of the camera that --camera names; 0 if it is not given."""
+    """Returns the index of the camera selected by --camera (a name or number); 0 if it is not given. Raises CommandError."""
     try:
         return camera_number([each["name"] for each in cameras], camera)
     except SettingsError as error:

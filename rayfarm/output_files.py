@@ -1,4 +1,4 @@
-"""Writing of pictures: checked before rendering, and atomic."""
+"""Writes pictures atomically, and checks before rendering that it will be possible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Complete lists from a farm whose API returns them in pages."""
+"""Fetches complete lists from an API that returns them in pages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PAGE = 1000
 
 
 def all_of(farm: Client, path: str) -> list[dict[str, Any]]:
-    """Fetches all pages of a list. Raises ClientError."""
+    """Returns all items of a paginated list. Raises ClientError."""
     found: list[dict[str, Any]] = []
     while True:
         some = farm.call("GET", f"{path}{'&' if '?' in path else '?'}limit={PAGE}&offset={len(found)}")

@@ -1,4 +1,7 @@
-"""The options that describe a picture, the same for `render` and `submit`: made from the renderer's own declarations."""
+"""The options that describe a picture, shared by `render` and `submit`.
+
+Generated from the renderer's declarations of settings.
+"""
 
 from __future__ import annotations
 
@@ -28,13 +31,13 @@ ENDS: Mapping[str, DeclaredSetting] = {name: WORK[name] for name in ("spp", "noi
 
 
 def _own(name: str, help: str, panel: str, metavar: str) -> inspect.Parameter:
-    """An option whose value is not a plain setting."""
+    """Returns an option that does not correspond to a single setting. Its value is a text, or None if it is not given."""
     option = typer.Option(f"--{name}", help=help, rich_help_panel=panel, metavar=metavar)
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[str | None, option])
 
 
 def _parameters() -> list[inspect.Parameter]:
-    """All options of a picture, for a command's signature."""
+    """Returns all options of a picture, for a command's signature."""
     return [
         _own("size", f"Pixels; what the scene asks for, else {DEFAULT_SIZE[0]}x{DEFAULT_SIZE[1]}.", "Size and quality", "WxH"),
         *map(parameter, ENDS.values()),
@@ -54,59 +57,59 @@ def _parameters() -> list[inspect.Parameter]:
 
 @dataclass
 class Picture:
-    """The requested picture, as typed: option values by name; those not given are None or missing."""
+    """The picture options on the command line: values by option name; None or missing if not given."""
 
     given: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def spp(self) -> int | None:
-        """Samples per pixel."""
+        """Samples per pixel; None if not given."""
         return self.given.get("spp")
 
     @property
     def noise(self) -> float | None:
-        """Relative noise at which rendering ends."""
+        """Relative noise at which rendering ends; None if not given."""
         return self.given.get("noise")
 
     @property
     def time_limit(self) -> float | None:
-        """Seconds after which rendering ends."""
+        """Seconds after which rendering ends; None if not given."""
         return self.given.get("time_limit")
 
     @property
     def camera(self) -> str | None:
-        """A camera of the scene, by name or number."""
+        """Name or number of one of the scene's cameras; None if not given."""
         return self.given.get("camera")
 
     def environment(self) -> options.Env:
-        """The environment from --env."""
+        """Returns the environment from --env."""
         return options.environment_of(self.given.get("env"))
 
     def given_settings(self) -> dict[str, Any]:
-        """The optional settings by the renderer's names; None if not given."""
+        """Returns the optional settings by the renderer's names; None if not given."""
         return typed(ASKED, self.given)
 
     def check(self) -> None:
-        """Raises CommandError for values that are invalid for every scene; called before an upload."""
+        """Raises CommandError for values that are invalid for every scene. Called before an upload."""
         self._size()
         self.environment()
         for options_of in (ASKED, ENDS, LIGHT, VIEW):
             typed(options_of, self.given)
 
     def has_view(self) -> bool:
-        """Returns True if options change the view, beyond choosing one of the scene's cameras."""
+        """Whether options change the view, beyond selecting one of the scene's cameras."""
         return any(value is not None for value in self._view().values())
 
     def is_partly_a_view(self) -> bool:
-        """Returns True if options change the view without defining both its position and its target."""
+        """Whether options change the view without setting both its position and its target."""
         return self.has_view() and (self.given.get("eye") is None or self.given.get("target") is None)
 
     def view(self, cameras: list[dict[str, Any]]) -> View:
-        """The chosen camera's view (default: the first), with the options applied."""
+        """Returns the view of the selected camera (default: the first), with the options applied."""
         return self._seen(cameras[options.find_camera(cameras, self.given.get("camera"))]["view"])
 
     def views(self, cameras: list[dict[str, Any]]) -> tuple[View, ...]:
-        """The camera's views while the shutter is open, with the options applied; empty for a static camera."""
+        """Returns the camera's views while the shutter is open, with the options applied; empty for a static camera."""
         views = tuple(map(self._seen, cameras[options.find_camera(cameras, self.given.get("camera"))].get("views", ())))
         return views if any(view != views[0] for view in views) else ()
 
@@ -118,7 +121,7 @@ class Picture:
             raise CommandError(f"This view cannot be rendered: {error}.") from error
 
     def settings(self, cameras: list[dict[str, Any]], defaults: dict[str, Any]) -> RenderSettings:
-        """The render settings. Raises CommandError or SettingsError."""
+        """Returns the render settings. Raises CommandError or SettingsError."""
         own = (defaults.get("width", DEFAULT_SIZE[0]), defaults.get("height", DEFAULT_SIZE[1]))
         width, height = self._size() or own
         light = {each.name: value for name, each in LIGHT.items() if (value := self._light()[name]) is not None}
@@ -133,16 +136,16 @@ class Picture:
         )
 
     def camera_options(self) -> dict[str, Any]:
-        """The given camera options, by the options' names."""
+        """Returns the given camera options by option name."""
         named = {each.option: self.given.get(each.option.replace("-", "_")) for each in VIEW.values()}
         return {name: value for name, value in {"camera": self.given.get("camera"), **named}.items() if value is not None}
 
     def shutter(self) -> dict[str, Any]:
-        """The given shutter settings."""
+        """Returns the given shutter settings."""
         return {name: value for name, value in self.given_settings().items() if name in SHUTTER and value is not None}
 
     def request(self, cameras: list[dict[str, Any]]) -> dict[str, Any]:
-        """The request body for POST /api/jobs."""
+        """Returns the body of the request POST /api/jobs."""
         width, height = self._size() or (None, None)
         environment = {"color": self.environment().color, **self._light()}
         if (sky := self.environment().sky) is not None:
@@ -168,7 +171,7 @@ class Picture:
 
 
 def takes_picture(command: Callable[..., None]) -> Callable[..., None]:
-    """Decorator that replaces a command's parameter `picture` (a Picture) by the picture's options."""
+    """Decorator that replaces a command's parameter `picture` (a Picture) by all picture options."""
     added = _parameters()
 
     @functools.wraps(command)

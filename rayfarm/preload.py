@@ -1,6 +1,6 @@
-"""Processes that a command starts before its own imports, so that both load at the same time.
+"""Processes that a command starts before its own imports, so that their imports run at the same time.
 
-A command that reads scenes starts the launcher of readers; `up` and `worker` start the processes of the farm.
+Commands that read scenes start the launcher of confined readers; `up` and `worker` start the processes of the farm.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _FARM = {"up": ("service.standby", "worker.standby"), "worker": ("worker.standby
 
 
 def begin(words: Sequence[str]) -> None:
-    """Starts the processes that the typed command will need. A failure is reported later by the command."""
+    """Starts the processes that the command on the command line will need. The command reports failures later."""
     if {"-h", "--help"} & set(words):
         return
     if words[:1] and words[0] in _FARM:

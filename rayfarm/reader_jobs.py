@@ -1,4 +1,4 @@
-"""Jobs of a confined process that reads scenes: the other side of rayfarm/reading.py. Imports no options and no console."""
+"""Jobs of a confined process that reads scenes; rayfarm/reading.py starts them. Imports no options and no console."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ IDLE_S = 86400.0  # long: if the caller ends, so does this process
 
 
 def serve(folder: bytes, main: bytes, inside: bytes | None, out: bytes, options: dict[str, Any], link: Link) -> dict[str, Any]:
-    """Serves requests for moments of a scene: writes each compiled scene into `out` as a manifest and its parts.
+    """Answers requests for moments of a scene: writes each compiled scene to `out` as a manifest and its parts.
 
-    A moment with an error is reported as `failed`; further requests remain possible.
+    An error at a moment is sent as `failed`; further requests remain possible.
     """
     variant = options.pop("variant")
     shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main), None if inside is None else os.fsdecode(inside), variant)
@@ -51,7 +51,7 @@ def serve(folder: bytes, main: bytes, inside: bytes | None, out: bytes, options:
 
 
 def describe(folder: bytes, main: bytes, link: Link) -> dict[str, Any]:
-    """The summary of a scene at its beginning, and its name."""
+    """Returns the summary of a scene at its start, and its name."""
     link.send({"step": "reading"})
     shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main))
     description = shot.at(Moment(shot.start))
@@ -60,21 +60,21 @@ def describe(folder: bytes, main: bytes, link: Link) -> dict[str, Any]:
 
 
 def differences(folder: bytes, main: bytes, other: str, link: Link) -> dict[str, Any]:
-    """Why another renderer's picture of a scene differs, as `sentences`. other: the renderer's name."""
+    """Returns why another renderer's picture of a scene differs, as `sentences`. other: the renderer's name."""
     from rayfarm.known_differences import known_differences
 
     return {"sentences": known_differences(read(Path(os.fsdecode(folder)), os.fsdecode(main)), other)}
 
 
 def picture(image: bytes, name: str, pixels: bytes, link: Link) -> dict[str, Any]:
-    """Writes the pixels of an image file into the file `pixels`; returns their `shape` and `dtype`."""
+    """Decodes an image file and writes its pixels to the file `pixels`; returns their `shape` and `dtype`."""
     found = np.ascontiguousarray(read_image(Path(os.fsdecode(image)).read_bytes(), name))
     found.tofile(os.fsdecode(pixels))
     return {"shape": list(found.shape), "dtype": found.dtype.str}
 
 
 def usd_names(layer: bytes, link: Link) -> dict[str, Any]:
-    """The files that a USD layer refers to, as `names`; empty without USD, or if the layer is damaged."""
+    """Returns the names of the files that a USD layer refers to, as `names`; empty without USD, or if the layer is damaged."""
     try:
         from pxr import Tf, UsdUtils
     except ImportError:

@@ -1,4 +1,4 @@
-"""Reading and compiling scenes in a confined process (renderer/confine/), for commands and for `rayfarm.render`."""
+"""Reads and compiles scenes in a confined process (renderer/confine/), for commands and for `rayfarm.render`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class _Scene:
-    """A scene's files, from `opened`."""
+    """Locations of a scene's files, as yielded by `opened`."""
 
     folder: Path
     main: str
@@ -39,24 +39,30 @@ class _Scene:
 
 
 class ReadStage:
-    """A scene over time, read and compiled in a confined process; otherwise as rayfarm.stage.Stage.
+    """A scene over time, read and compiled in a confined process. Same interface as rayfarm.stage.Stage.
 
-    The process ends when the stage is closed, or crashes; after a crash the next moment starts another.
+    The process ends when the stage is closed, or if it crashes; then the next moment starts a new process.
     """
 
     def __init__(self, scene: _Scene, room: Path, options: Mapping[str, Any]) -> None:
-        """room: an empty folder for its results and temporary files. options: the other arguments of Stage, and `variant`."""
+        """Stores the parameters.
+
+        room: an empty folder for results and temporary files. options: the other arguments of Stage, and `variant`.
+        """
         self._scene, self._room, self._options = scene, room, options
         self._reader: Reader | None = None
         self._compiled: CompiledScene | None = None
         self.bounds = bounds_of(scene.main)
 
     def at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
-        """The compiled scene at a moment, and its summary. say: called with each step as it begins. Raises RayfarmError."""
+        """Returns the compiled scene at a moment, and its summary. say: called with each step when it begins.
+
+        Raises RayfarmError.
+        """
         return self._ask("at", moment, say)
 
     def between(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
-        """Returns the scene from the frame before to the frame after, for motion vectors; otherwise as `at`."""
+        """Returns the scene from the previous to the next frame, for motion vectors; otherwise like `at`."""
         return self._ask("between", moment, lambda step: None)
 
     def _ask(self, which: str, moment: Moment, say: Say) -> tuple[CompiledScene, dict[str, Any]]:
@@ -96,7 +102,7 @@ class ReadStage:
         return Reader(work, [scene.folder], writes, self.bounds, PRELOAD, calls_of_reader(scene.folder, room / "temporary"))
 
     def close(self) -> None:
-        """Ends the process."""
+        """Ends the confined process."""
         if self._reader is not None:
             self._reader.close()
 
@@ -112,10 +118,10 @@ def open_stage(
     shutter: Mapping[str, Any] = MappingProxyType({}),
     root: Path | None = None,
 ) -> Iterator[ReadStage]:
-    """Opens a scene for rendering frames of it; brute: without a BVH. threads: None for all cores.
+    """Context manager that opens a scene for rendering its frames.
 
-    shutter: the given shutter settings. camera: the camera in use, as in --camera. root: a folder above the scene, whose files it
-    may refer to.
+    brute: without a BVH. threads: None: all cores. shutter: the given shutter settings. camera: as in --camera. root: a folder
+    that contains the scene; the scene may refer to all files in it.
     """
     with (
         opened(scene, environment.image, root) as (folder, main, inside),
@@ -132,9 +138,9 @@ def open_stage(
 
 
 def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None) -> dict[str, Any]:
-    """Returns the summary of a scene that `rayfarm info` shows, with its `name` and `main` file. Raises RayfarmError.
+    """Returns the summary that `rayfarm info` shows, with the scene's `name` and `main` file. Raises RayfarmError.
 
-    root: a folder above the scene, whose files it may refer to.
+    root: a folder that contains the scene; the scene may refer to all files in it.
     """
     from rayfarm.reader_jobs import describe as work
 
@@ -146,7 +152,7 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
 
 
 def known_differences(scene: Path, other: str) -> list[str]:
-    """Why another renderer's picture of a scene differs from Rayfarm's. Raises RayfarmError."""
+    """Returns sentences on why another renderer's picture of a scene differs from Rayfarm's. Raises RayfarmError."""
     from rayfarm.reader_jobs import differences
 
     with temporary_folder("rayfarm-read-") as room:
@@ -156,12 +162,12 @@ def known_differences(scene: Path, other: str) -> list[str]:
 
 
 def _encoded(scene: _Scene) -> tuple[bytes, bytes, bytes | None]:
-    """The paths as bytes, since the reader may use another encoding than this process."""
+    """Returns the scene's paths as bytes, since the confined process may use another encoding for paths."""
     return os.fsencode(scene.folder), os.fsencode(scene.main), None if scene.inside is None else os.fsencode(scene.inside)
 
 
 def _loaded(room: Path, manifest: str) -> CompiledScene:
-    """Loads the scene that the reader wrote, as a copy, so that the running reader cannot change it after validation."""
+    """Loads the scene that the confined process wrote. Copies it, so that the process cannot change it after validation."""
     from renderer.arrays.scene import flat, nested, seal
     from renderer.scene.compiled import load
 

@@ -1,4 +1,4 @@
-"""Single files read in a confined process (renderer/confine/), and the limits of every such process of the command line."""
+"""Reads single files in a confined process (renderer/confine/); and the limits of all confined processes of the command line."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FILES = ("rayfarm.reader_jobs",)
 
 
 def read_picture(data: bytes, name: str) -> npt.NDArray[Any]:
-    """The pixels of an image file, as from renderer.image.read.read. Raises RayfarmError."""
+    """Returns the pixels of an image file, like renderer.image.read.read. Raises RayfarmError."""
     import numpy as np
 
     from rayfarm.reader_jobs import picture
@@ -43,7 +43,7 @@ def read_picture(data: bytes, name: str) -> npt.NDArray[Any]:
 
 
 def usd_names(layer: Path) -> list[str]:
-    """The files that a USD layer refers to; empty if it cannot be read, which reading the scene reports."""
+    """Returns the names of the files that a USD layer refers to; empty if it cannot be read: reading the scene reports that."""
     from rayfarm.reader_jobs import usd_names as work
 
     with temporary_folder("rayfarm-read-") as room:
@@ -55,7 +55,9 @@ def usd_names(layer: Path) -> list[str]:
 
 
 def bounds_of(subject: str) -> Bounds:
-    """Returns a reader's limits of memory and time on this machine. Raises SettingsError if $RAYFARM_READ_SECONDS is no time."""
+    """Returns the memory and time limits for a confined process on this machine. Raises SettingsError for an invalid
+    $RAYFARM_READ_SECONDS.
+    """
     try:
         seconds = float(os.environ.get(SECONDS) or _SECONDS)
         if not 0 < seconds < 1e7:

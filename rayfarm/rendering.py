@@ -1,4 +1,4 @@
-"""Rendering in this process: reads and compiles a scene, renders a frame or part of one, and times each step."""
+"""Renders in this process: reads and compiles a scene, renders a frame or part of one, and measures each step."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Show = Callable[[int, int], None]  # called with the number of samples done, and
 
 
 class Clock:
-    """Seconds of each step, from one mark to the next: wall time, and CPU time of all threads."""
+    """Wall time, and processor time of all threads, for each step; a step lasts from one mark to the next. In seconds."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -36,7 +36,7 @@ class Clock:
         self._last = time.perf_counter(), time.process_time()
 
     def mark(self, step: str) -> None:
-        """Ends a step and records its times."""
+        """Ends a step with this name and records its times."""
         now = time.perf_counter(), time.process_time()
         self.seconds[step], self.cpu_seconds[step] = now[0] - self._last[0], now[1] - self._last[1]
         self._last = now
@@ -55,10 +55,11 @@ def load_scene(
     before: Callable[[ReadStage], None] = lambda stage: None,
     root: Path | None = None,
 ) -> tuple[CompiledScene, dict[str, Any]]:
-    """Reads and compiles a scene; returns it with its summary. brute: without a BVH. variant: of its materials.
+    """Reads and compiles a scene; returns it with its summary. brute: without a BVH. variant: material variant.
 
-    threads: None for all cores. moment: the time within an animation. camera: as in --camera. shutter: the given shutter
-    settings. before: called first, while the scene's files are open. root: a folder above the scene, whose files it may refer to.
+    threads: None: all cores. moment: the time within an animation. camera: as in --camera. shutter: the given shutter settings.
+    before: called first, while the scene's files are open. root: a folder that contains the scene; the scene may refer to all
+    files in it.
     """
     with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads, shutter, root) as stage:
         task = progress.add_task("reading", total=None)
@@ -75,9 +76,9 @@ def load_scene(
 
 
 def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock, card: CardRenderer | None = None) -> None:
-    """Makes the kernel for these settings and this scene ready; on a card, if one renders.
+    """Makes the kernel for these settings and this scene ready, also on the graphics card if one is used.
 
-    Called after the scene is read, so that errors in its files are reported before the wait.
+    Called after the scene was read, so that errors in its files are reported before the wait.
     """
     from renderer.render import check_for_cards, edition_for, warm_up
 
@@ -93,7 +94,7 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
 
 @contextlib.contextmanager
 def show_progress() -> Iterator[Show]:
-    """Shows the progress of one frame: a progress bar, or plain lines."""
+    """Context manager that shows the progress of one frame, as a bar or as plain lines; yields the function to call."""
     ticker = Ticker()
     with bar() as progress:
         task = progress.add_task("rendering", total=None)
@@ -116,7 +117,7 @@ def whole_frame(
     show: Show,
     card: CardRenderer | None = None,
 ) -> Sums:
-    """Renders the whole frame, with a card if given, and returns its sums.
+    """Renders the whole frame, with a graphics card if given, and returns its sums.
 
     noise: target relative noise, with at least `least_samples` samples per pixel.
     """
@@ -143,7 +144,10 @@ def part_of_frame(
     done: RenderStats,
     card: CardRenderer | None = None,
 ) -> Sums:
-    """Renders one batch into an otherwise empty frame, as a worker of a farm does; returns the frame's sums."""
+    """Renders one batch into an otherwise empty frame, like a worker of a farm; returns the frame's sums.
+
+    Raises CommandError if the tile is not inside the picture.
+    """
     import numpy as np
 
     from renderer.film import CHANNELS

@@ -1,4 +1,4 @@
-"""One path of one pixel, traced again: its vertices, for debugging or for a program."""
+"""Traces one path of one pixel again and prints its vertices, for debugging or as JSON."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ GROUPS = {
 def show_path(
     compiled: CompiledScene, settings: RenderSettings, summary: dict[str, Any], x: int, y: int, sample: int, as_json: bool
 ) -> None:
-    """Prints the vertices of a sample's path and its value, as added to the film."""
+    """Prints the vertices of a sample's path, and the value that was added to the film."""
     from renderer.render import replay
 
     path = replay(compiled, settings, x, y, sample)
@@ -43,7 +43,7 @@ def show_path(
 
 
 def _named(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
-    """Replaces the numbers of objects and materials by their names, if the scene has them."""
+    """Replaces the numbers of objects and materials by their names, if the scene has names."""
     for field, names in (("object", summary["objects"]), ("material", summary["materials"])):
         number = vertex.get(field)
         if isinstance(number, int):
@@ -52,7 +52,7 @@ def _named(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def _table(vertices: list[dict[str, Any]]) -> list[str]:
-    """Table lines with a column for each group. Lines may wrap; numbers are not truncated."""
+    """Returns the vertices as table lines, with a column for each group of values. Lines may wrap; numbers are not truncated."""
     rows = [["#", *GROUPS]]
     for number, vertex in enumerate(vertices):
         cells = [_cell(vertex, names) for names in GROUPS.values()]
@@ -77,7 +77,7 @@ def _text(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Replaces NaN and infinity by text, since JSON has neither."""
+    """Replaces NaN and infinity by text, since JSON cannot represent them."""
     if isinstance(value, dict):
         return {key: _plain(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,7 +1,7 @@
-"""The answers of a farm's service, as the Python client returns them. The service's /docs page describes every field.
+"""The service's responses as the Python client returns them. The service's page /docs describes every field.
 
-Written to work with services of other releases: fields added by a newer one are ignored, and a missing required field is a
-ValueError that names it.
+Compatible with services of other releases: fields added by a newer one are ignored; a missing required field raises a ValueError
+that names it.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ T = TypeVar("T")
 
 
 class ShownInNotebooks:
-    """A scene or job that a notebook displays as a progressive picture, if a farm's client returned it.
+    """Base of scenes and jobs: notebooks display them as a progressive picture if a client returned them.
 
-    widget_of: set by the package; returns the widget of an answer and its client, or None without anywidget.
+    widget_of: set by the package; returns the widget for a response and its client, or None without anywidget.
     """
 
     widget_of: ClassVar[Callable[[Any, Any], Any]] = staticmethod(lambda answer, farm: None)
@@ -44,7 +44,7 @@ class ShownInNotebooks:
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera of a scene. `view` is what `Client.submit` takes as view."""
+    """A camera of a scene. `view`: its view, as accepted by `Client.submit`."""
 
     name: str
     view: dict[str, Any]
@@ -90,7 +90,7 @@ class Environment:
 
 @dataclass(frozen=True)
 class BadSample:
-    """A sample that was NaN or infinite and was left out. reproduce: a command that traces its path again."""
+    """A sample that was discarded because it was NaN or infinite. reproduce: command that traces its path again."""
 
     x: int
     y: int
@@ -100,7 +100,7 @@ class BadSample:
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture of a job. state: queued, preparing, running, finished or failed."""
+    """A frame of a job. state: queued, preparing, running, finished or failed."""
 
     number: float
     samples: int
@@ -115,7 +115,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Shot:
-    """The frames of a job with several of them: which exist, and how many are in which state."""
+    """The frames of a job that has several: which there are, and how many are in each state."""
 
     frames: str  # such as 0-99,120
     count: int
@@ -184,13 +184,13 @@ class Job(ShownInNotebooks):
 
     @property
     def is_over(self) -> bool:
-        """True if the job is finished, failed or cancelled."""
+        """Whether the job is finished, failed or cancelled."""
         return self.state in ("finished", "failed", "cancelled")
 
 
 @dataclass(frozen=True)
 class Offer:
-    """The capabilities of a worker."""
+    """The capabilities of a worker, as it reports them."""
 
     tags: list[str] = field(default_factory=list)
     memory: int = 0  # usable bytes
@@ -224,7 +224,7 @@ class Worker:
 
 
 def read(cls: type[T], data: Any) -> T:
-    """Parses an answer from JSON. Raises ValueError that names the invalid fields."""
+    """Converts the JSON of a response to a dataclass. Raises ValueError that names the invalid fields."""
     from pydantic import ValidationError
 
     try:
@@ -235,7 +235,7 @@ def read(cls: type[T], data: Any) -> T:
 
 
 def read_list(cls: type[T], data: Any) -> list[T]:
-    """Parses a list of answers, as `read`."""
+    """Converts a list of responses, like `read`."""
     if not isinstance(data, list):
         raise ValueError(f"it sends something else than a list of {cls.__name__.lower()}s")
     return [read(cls, item) for item in data]

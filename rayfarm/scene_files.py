@@ -1,4 +1,4 @@
-"""The files that belong to a scene named on the command line."""
+"""Determines which files belong to a scene named on the command line."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MAX_UNPACKED = 8 << 30
 
 
 def is_numbered(scene: Path) -> bool:
-    """Returns True if the path is a pattern with one file per frame, such as smoke.####.obj."""
+    """Whether a path is a pattern with one file per frame, such as smoke.####.obj."""
     return "#" in scene.name and not scene.exists() and scene.parent.is_dir() and scene.suffix.lower() in SCENE_SUFFIXES
 
 
@@ -63,10 +63,11 @@ def check(scene: Path) -> None:
 
 @contextlib.contextmanager
 def opened(scene: Path, environment: Path | None = None, root: Path | None = None) -> Iterator[tuple[Path, str, str | None]]:
-    """Opens a scene for reading: yields its folder, its main file and the environment image, both relative to the folder.
+    """Context manager that opens a scene: yields its folder, and relative to it the main file and the environment image.
 
-    root: a folder above the scene, whose files it may refer to. A .zip is unpacked temporarily. Readers open nothing outside the
-    folder, so an environment image from elsewhere is placed together with the scene's files in a temporary folder.
+    The latter is None if there is none. root: a folder that contains the scene; the scene may refer to all files in it. A .zip is
+    unpacked temporarily. Scene readers open nothing outside the folder, so an environment image from elsewhere is placed together
+    with the scene's files in a temporary folder.
     """
     check(scene)
     with contextlib.ExitStack() as stack:
@@ -107,9 +108,9 @@ def _link(path: Path, target: Path) -> None:
 
 
 def _unpack(archive: Path, folder: Path) -> list[str]:
-    """Unpacks a user's own zip file; returns the names of its files.
+    """Unpacks a zip file of the user; returns the names of its files.
 
-    Dots are removed from names that point outside the folder.
+    Parts of names that lead outside the folder, such as "..", are removed.
     """
     try:
         with zipfile.ZipFile(archive) as packed:
@@ -137,12 +138,12 @@ def _unpack(archive: Path, folder: Path) -> list[str]:
 
 
 def _inside(name: str) -> str:
-    """An entry's name below the folder that it is unpacked to; empty if there is none."""
+    """Returns a zip entry's name without parts that lead outside the folder; empty if nothing remains."""
     return "/".join(part for part in name.split("\0")[0].split("/") if part not in ("", ".", "..") and not part.endswith(":"))
 
 
 def relative_to_root(scene: Path, root: Path) -> str:
-    """The path of a scene relative to a root. Raises CommandError if it is not below the root, or not a single file."""
+    """Returns the path of a scene relative to a root folder. Raises CommandError if it is not inside it, or not a single file."""
     if scene.is_dir() or scene.suffix.lower() in ARCHIVE_SUFFIXES:
         raise CommandError(f"--root goes with a scene file; {scene.name} holds its own files.")
     try:
@@ -152,11 +153,10 @@ def relative_to_root(scene: Path, root: Path) -> str:
 
 
 def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
-    """The files to upload by their path inside the scene: the scene, and recursively every neighbouring file whose name they
-    contain.
+    """Returns the files to upload, by their path inside the scene.
 
-    root: the folder with the neighbours; None for the scene's own. Names are searched for as bytes, so no format is parsed; a
-    superfluous file is harmless.
+    These are the scene and, recursively, every file in its folder whose name occurs in them. root: the folder to search; None:
+    the scene's own. Names are searched as bytes, so no format is parsed; a superfluous file is harmless.
     """
     check(scene)
     if is_numbered(scene):
@@ -190,7 +190,7 @@ def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
 
 
 def _text(path: Path) -> bytes:
-    """The bytes of a file to search for names; for binary USD, which is compressed, the names that USD finds in it."""
+    """Returns the bytes of a file to search for names; for binary USD, which is compressed, the names that USD finds in it."""
     data = path.read_bytes()
     if not data.startswith(b"PXR-USDC"):
         return data
@@ -200,7 +200,7 @@ def _text(path: Path) -> bytes:
 
 
 def _names(text: bytes, name: str) -> bool:
-    """Returns whether the bytes of a text contain a file's name, in one of `_ENCODINGS` and in NFC or NFD."""
+    """Whether bytes contain a file's name, in one of `_ENCODINGS` and in NFC or NFD."""
     for spelling in _spellings(name):
         if spelling.isascii():
             forms, encodings = {spelling}, _ENCODINGS[:3]
@@ -215,7 +215,7 @@ def _names(text: bytes, name: str) -> bool:
 
 
 def _spellings(name: str) -> list[str]:
-    """The spellings under which a file may be referred to: as it is, as a URI, and as a pattern of frames or of texture tiles."""
+    """Returns the spellings by which a file may be referred to: its name, a URI, and a pattern of frames or texture tiles."""
     digits = list(re.finditer(r"\d+", name))
     if not digits:
         return [name, quote(name)]

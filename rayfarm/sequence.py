@@ -1,4 +1,4 @@
-"""Renders frames in sequence, each into a separate file: existing files are kept, failures are reported."""
+"""Renders frames in sequence, each to its own file. Skips frames whose files exist, and reports failures."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = ["Sequence", "check_outputs", "render_sequence"]
 
 @dataclass(frozen=True)
 class Sequence:
-    """Frames of a shot."""
+    """The frames to render in sequence, and their files."""
 
     scene: Path
     frames: list[float]
@@ -37,12 +37,12 @@ class Sequence:
     overwrite: bool = False
 
     def file(self, frame: float) -> Path:
-        """The file of a frame."""
+        """Returns the path of a frame's file."""
         return self.output.with_name(frame_name(self.output.name, frame))
 
 
 def check_outputs(shot: Sequence) -> None:
-    """Raises CommandError if the frames' file names are not distinct, or the files cannot be written."""
+    """Raises CommandError if the frames' file names are not distinct, or if the files cannot be written."""
     if len(shot.frames) > 1 and "#" not in shot.output.name and not is_movie(shot.output):
         example = f"{shot.output.stem}.####{shot.output.suffix}"
         raise CommandError(
@@ -53,9 +53,9 @@ def check_outputs(shot: Sequence) -> None:
 
 
 def render_sequence(shot: Sequence, stage: ReadStage, order: Order) -> dict[str, Any]:
-    """Renders the missing frames. Returns the statistics for --stats; under `failed`, each failed frame with its error.
+    """Renders the missing frames. Returns the statistics for --stats; `failed`: each failed frame with its error.
 
-    Files are written atomically (under a temporary name, then renamed), so an existing file is complete.
+    Files are written under a temporary name and then renamed, so an existing file is complete.
     """
     missing = [f for f in shot.frames if shot.overwrite or not all(_is_there(p) for p in order.files(shot.file(f)))]
     kept = len(shot.frames) - len(missing)
@@ -99,7 +99,7 @@ def _is_there(path: Path) -> bool:
 
 
 class _Progress:
-    """Progress of a sequence and its remaining time: a bar, or a line for each frame."""
+    """Shows the progress of a sequence and its remaining time: as a bar, or a line for each frame."""
 
     def __init__(self, count: int) -> None:
         self._bar, self._count, self._done = bar("frames"), count, 0
@@ -116,7 +116,7 @@ class _Progress:
             err.print(f"Stopped after {self._done} of {self._count} frames. The same command goes on from here.", markup=False)
 
     def begin(self, frame: float) -> Show:
-        """Begins a frame; returns a callback for its progress."""
+        """Starts a frame; returns the function that shows its progress."""
         self._bar.update(self._task, description=f"frame {frame_text(frame)}")
 
         def show(part: int, whole: int) -> None:

@@ -1,4 +1,4 @@
-"""A shot rendered by a farm: which frames are requested, and how they are written to files."""
+"""A shot rendered by a farm: the requested frames, and the files to which they are written."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["FarmShot", "fetch_shot"]
 class FarmShot:
     """The requested frames of a scene, and their files.
 
-    frames: those to render; `all_frames`: those requested, some of which may exist already.
+    frames: those to render. all_frames: those requested, including frames whose files exist already.
     """
 
     all_frames: list[float]
@@ -43,10 +43,10 @@ class FarmShot:
         denoise: bool,
         overwrite: bool,
     ) -> FarmShot | None:
-        """The shot from command-line options; None for a still of the beginning. asked: fps, clip, turntable etc.; None if not
-        given.
+        """Returns the shot from command line options; None for a still image of the scene's start.
 
-        Raises CommandError if the files' names are not distinct or they cannot be written.
+        asked: fps, clip, turntable etc.; None if not given. Raises CommandError if the file names are not distinct, or the files
+        cannot be written.
         """
         request = {name: value for name, value in asked.items() if value is not None}
         if frames is None and frame is None and not request:
@@ -69,17 +69,17 @@ class FarmShot:
         return cls(numbers, [n for n in numbers if not all(map(_is_there, shot.files(n)))], request, output, aov, denoise)
 
     def file(self, frame: float) -> Path:
-        """The file of a frame."""
+        """Returns the path of a frame's file."""
         assert self.output is not None
         return self.output.with_name(frame_name(self.output.name, frame))
 
     def files(self, frame: float) -> list[Path]:
-        """The files of a frame: its picture and, if requested, the denoised one."""
+        """Returns the paths of a frame's files: its picture and, if requested, the denoised one."""
         return [self.file(frame), options.denoised_name(self.file(frame))] if self.denoise else [self.file(frame)]
 
 
 def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
-    """Waits for a shot and writes each frame when it is finished; a movie is written at the end. Returns the finished job.
+    """Waits for a shot, and writes each frame once it is finished; a movie at the end. Returns the finished job.
 
     Raises CommandError if frames failed, after the others are written; and ClientError.
     """

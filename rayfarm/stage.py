@@ -1,4 +1,4 @@
-"""A scene that is open in this process, over time; compiled again only if more than a camera moved."""
+"""A scene over time in this process, compiled again only if more than a camera has moved."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Say = Callable[[str], None]
 
 
 class _Built(NamedTuple):
-    """A scene at a moment: its description before and after compiling, the compiled scene, and its summary."""
+    """A scene at one moment: its description before and after compiling, the compiled scene, and its summary."""
 
     read: SceneDescription
     described: SceneDescription
@@ -31,9 +31,9 @@ class _Built(NamedTuple):
 
 
 class Stage:
-    """A scene over time, compiled. Its state at a moment does not depend on previously requested moments.
+    """A compiled scene over time. Its state at a moment does not depend on the moments requested before.
 
-    camera: the camera in use, as in --camera. shutter: the given shutter settings.
+    camera: as in --camera. shutter: the given shutter settings.
     """
 
     def __init__(
@@ -51,20 +51,20 @@ class Stage:
         self._auto: dict[str, Any] | None = None
 
     def at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
-        """The compiled scene at a moment, and its summary. say: called with each step as it begins. Raises SceneError.
+        """Returns the compiled scene at a moment, and its summary. say: called with each step when it begins. Raises SceneError.
 
-        The result is valid until the next call, which modifies it in place. The automatic camera, for a scene without one, frames
-        the scene at its beginning and does not move.
+        The result is valid until the next call, which modifies it in place. The automatic camera, for a scene without a camera,
+        frames the scene at its start and does not move.
         """
         return self._at(moment, say, lambda each: self._shot.over_shutter(each, self._shutter))
 
     def between(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
-        """Like `at`, over the time from the previous to the next frame, for motion vectors."""
+        """Like `at`, but compiles the time from the previous to the next frame, for motion vectors."""
         return self._at(moment, lambda step: None, self._shot.between_frames)
 
     @property
     def cuts(self) -> PartOffsets:
-        """The offsets of the parts of the most recently compiled scene."""
+        """Returns the offsets of the parts in the most recently compiled scene."""
         assert self._kept is not None and self._kept.cuts is not None
         return self._kept.cuts
 
@@ -112,7 +112,7 @@ class Stage:
         return _Built(read, described, compiled, summarise(described, compiled))
 
     def _is_auto(self, description: SceneDescription) -> bool:
-        """Returns True if the camera in use is the automatic one."""
+        """Whether the selected camera is the automatic one."""
         from rayfarm.options import find_camera
         from renderer.scene.compile import camera_names
 
@@ -121,7 +121,7 @@ class Stage:
 
 
 def _copied(description: SceneDescription) -> SceneDescription:
-    """A copy of the description to compile, since compiling appends to its lists (it changes none of their items)."""
+    """Returns a copy of the description for compiling, which appends to its lists but does not change their items."""
     held = {f.name: getattr(description, f.name) for f in fields(description)}
     copied: dict[str, Any] = {name: copy(value) for name, value in held.items() if isinstance(value, list | dict)}
     return replace(description, **copied)

@@ -1,4 +1,4 @@
-"""`--strict`: makes warnings of a reader (guessed, dropped or replaced content) errors of a command."""
+"""`--strict`: a reader's warnings (guessed, dropped or replaced content) make a command fail."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["refuse"]
 
 
 def refuse(scene: str, warnings: Sequence[str], strict: bool) -> None:
-    """Raises CommandError with all of a scene's warnings if they are errors; does nothing without warnings."""
+    """Raises CommandError with all warnings if `strict` is set and there are any."""
     if not strict or not warnings:
         return
     count = "1 warning" if len(warnings) == 1 else f"{len(warnings)} warnings"

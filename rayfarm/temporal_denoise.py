@@ -1,4 +1,4 @@
-"""Temporally stable denoising of a sequence: each frame is written once its neighbours are rendered, which it uses."""
+"""Temporally stable denoising of a sequence: a frame is denoised together with its neighbours, once these are rendered."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ Write = Callable[["npt.NDArray[np.float32]"], None]
 
 
 class TemporalDenoiser:
-    """Holds the frames that are still needed as neighbours.
+    """Denoises the frames of a sequence, and holds frames in memory while they are needed as neighbours.
 
-    A frame's neighbours depend on the requested frames and on failures, but not on which files existed before.
+    The neighbours of a frame depend on the requested frames and on failures, but not on which files existed before.
     """
 
     def __init__(self, frames: Iterable[float], missing: Iterable[float]) -> None:
-        """frames: all requested frames. missing: those whose files are to be written."""
+        """frames: all requested frames. missing: those whose files must be written."""
         self._all = frozenset(frames)
         self.missing = frozenset(missing)
         self.plan = sorted({*self.missing, *(each for frame in self.missing for each in self._near(frame))})
@@ -32,7 +32,7 @@ class TemporalDenoiser:
         self._waiting: dict[float, Write] = {}
 
     def _near(self, frame: float) -> list[float]:
-        """A frame's neighbours: up to REACH consecutive requested frames on each side."""
+        """Returns the neighbours of a frame: up to REACH consecutive requested frames on each side."""
         from renderer.temporal_denoise import REACH
 
         found: list[float] = []
@@ -44,17 +44,20 @@ class TemporalDenoiser:
         return found
 
     def has_neighbours(self, frame: float) -> bool:
-        """Returns True if a frame has neighbours."""
+        """Whether a frame has neighbours."""
         return bool(self._near(frame))
 
     def take(self, frame: float, still: DenoisedFrame, write: Write) -> None:
-        """Adds a rendered frame. write: writes its denoised picture, if its file is missing."""
+        """Adds a rendered frame. write: function that writes its denoised picture, if its file is missing."""
         self._held[frame] = still
         if frame in self.missing:
             self._waiting[frame] = write
 
     def settle(self, frame: float) -> list[tuple[float, Callable[[], None]]]:
-        """Marks a frame as rendered or failed; returns the frames whose pictures can now be denoised, each with its writer."""
+        """Marks a frame as rendered or failed.
+
+        Returns the frames that can now be denoised, each with the function that writes it.
+        """
         self._open.discard(frame)
         ready = [each for each in sorted(self._waiting) if not self._open.intersection(self._near(each))]
         return [(each, self._writing(each)) for each in ready]

@@ -1,1 +1,1 @@
-"""The commands, one file each, with a function `register(app)`. Heavy modules are imported when a command runs."""
+"""The commands, one file each, with a function `register(app)`. They import heavy modules only when they run."""

@@ -1,4 +1,4 @@
-"""`rayfarm backup` and `rayfarm restore`: a farm's scenes, jobs and films, out of its data folder and back into one."""
+"""`rayfarm backup` and `rayfarm restore`: back up the scenes, jobs and films of a data folder, and restore them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["register"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands."""
+    """Adds the commands to the program."""
     app.command("backup")(backup)
     app.command("restore")(restore)
 

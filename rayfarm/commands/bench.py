@@ -37,7 +37,7 @@ Json = Annotated[bool, typer.Option("--json", help="For programs.")]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command and its tables."""
+    """Adds the command and its subcommands to the program."""
     tables = typer.Typer(no_args_is_help=True, help="Measure this machine: what makes rendering fast, as tables.")
     tables.command("bvh")(bvh)
     app.add_typer(tables, name="bench")
@@ -45,7 +45,7 @@ def register(app: typer.Typer) -> None:
 
 @dataclass
 class Row:
-    """One configuration that renders the same picture."""
+    """One configuration of the benchmark; all of them render the same picture."""
 
     bvh: bool
     threads: int
@@ -114,7 +114,7 @@ def _timed(compiled: CompiledScene, settings: RenderSettings, spp: int, threads:
 
 
 def _expected_s(compiled: CompiledScene, settings: RenderSettings, spp: int) -> float:
-    """Estimated seconds for the whole picture with one thread, from a timed smaller one."""
+    """Returns the estimated time of the whole picture with one thread, in seconds, from a smaller picture that is timed."""
     small = replace(settings, width=max(settings.width // PROBE, 1), height=max(settings.height // PROBE, 1))
     return _timed(compiled, small, 1, 1)[0] * settings.width * settings.height * spp / (small.width * small.height)
 

@@ -1,4 +1,4 @@
-"""`rayfarm blender-addon`: writes the add-on that lets Blender render on a farm."""
+"""`rayfarm blender-addon`: writes the Blender add-on that renders on a farm."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DEFAULT = Path("rayfarm-blender.zip")
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("blender-addon")(blender_addon)
 
 

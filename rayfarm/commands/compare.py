@@ -1,4 +1,4 @@
-"""`rayfarm compare`: compares a picture with that of Mitsuba or pbrt."""
+"""`rayfarm compare`: compares Rayfarm's picture with that of Mitsuba or pbrt."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MISSING_PBRT = (
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("compare")(compare)
 
 
@@ -112,7 +112,7 @@ def _mitsuba() -> Any:
 
 
 def _theirs(mitsuba: Any, scene: Path, spp: int) -> Any:
-    """Mitsuba's picture, (h, w, 3) float64."""
+    """Renders the scene with Mitsuba. Returns the picture, (h, w, 3) float64."""
     import numpy as np
 
     try:
@@ -129,7 +129,7 @@ def _pbrt(scene: Path) -> str:
 
 
 def _of_pbrt(program: str, scene: Path, spp: int) -> Any:
-    """pbrt's picture, (h, w, 3) float64."""
+    """Renders the scene with pbrt. Returns the picture, (h, w, 3) float64."""
     import numpy as np
 
     from rayfarm.reading_files import read_picture
@@ -150,7 +150,7 @@ def _of_pbrt(program: str, scene: Path, spp: int) -> Any:
 
 
 def _blocks(ours: Any, theirs: Any) -> Any:
-    """The relative difference of each block's mean."""
+    """Returns the relative difference between the two pictures' means in each block of pixels."""
     import numpy as np
 
     height, width = (max(side // BLOCK, 1) for side in ours.shape[:2])
@@ -163,7 +163,7 @@ def _blocks(ours: Any, theirs: Any) -> Any:
 
 
 def _side_by_side(ours: Any, theirs: Any, exposure: float) -> bytes:
-    """A PNG of both pictures and their relative difference: blue where ours is darker, red where it is brighter."""
+    """Returns a PNG of both pictures and their relative difference: blue where `ours` is darker, red where it is brighter."""
     import numpy as np
 
     from renderer.image import encode, tonemap

@@ -23,7 +23,7 @@ MARKS = {"fine": ("ok   ", "green"), "note": ("note ", "yellow"), "fault": ("FAU
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("doctor")(doctor)
 
 

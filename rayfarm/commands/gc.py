@@ -22,7 +22,7 @@ WORDS = {"film": "film", "compiled": "compiled scene", "upload": "upload"}
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("gc")(gc)
 
 

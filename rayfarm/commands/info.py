@@ -19,7 +19,7 @@ __all__ = ["register"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("info")(info)
 
 
@@ -70,7 +70,7 @@ def _show(summary: dict[str, Any]) -> None:
 
 
 def _counted(count: int, plural: str) -> str:
-    """A count with its noun: `1 mesh`, `2 meshes`."""
+    """Returns a count with its noun: `1 mesh`, `2 meshes`."""
     singular = {"meshes": "mesh", "vertices": "vertex"}.get(plural, plural.removesuffix("s"))
     return f"{count:,} {(singular if count == 1 else plural).replace('_', ' ')}"
 

@@ -1,4 +1,4 @@
-"""`rayfarm jobs`: the jobs of a farm."""
+"""`rayfarm jobs`: lists the jobs of a farm."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["register"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("jobs")(jobs)
 
 

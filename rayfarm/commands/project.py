@@ -1,4 +1,4 @@
-"""`rayfarm project`: scenes and jobs that are visible to their project's members only."""
+"""`rayfarm project`: manages projects, whose scenes and jobs are visible only to their members."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ projects = typer.Typer(name="project", no_args_is_help=True, help="Scenes and jo
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands."""
+    """Adds the commands to the program."""
     app.add_typer(projects)
 
 

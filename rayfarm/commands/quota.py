@@ -1,4 +1,4 @@
-"""`rayfarm quota`: limits of users and tokens, and their use."""
+"""`rayfarm quota`: shows and sets the limits of users and tokens."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ quotas = typer.Typer(name="quota", no_args_is_help=True, help="How much users ma
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands."""
+    """Adds the commands to the program."""
     app.add_typer(quotas)
 
 

@@ -1,4 +1,4 @@
-"""`rayfarm render`: renders a picture in this process, without a farm."""
+"""`rayfarm render`: renders pictures in this process, without a farm."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ LINEAR = (".exr", ".hdr")  # not tone mapped
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("render")(render)
 
 
@@ -191,7 +191,7 @@ def render(
 
 
 def _say_darkness(picture: F32, output: Path, exposure: float) -> None:
-    """Warns of a tone-mapped picture that looks black, with the exposure that shows it."""
+    """If a tone-mapped picture looks black, prints a note with the exposure that makes it visible."""
     from renderer.image.darkness import darkness
 
     if output.suffix.lower() in LINEAR or (dark := darkness(picture * 2.0**exposure)) is None:
@@ -206,7 +206,7 @@ def _say_darkness(picture: F32, output: Path, exposure: float) -> None:
 
 
 def _check(output: Path, shot: Sequence | None, order: Order, stats: Path | None) -> None:
-    """Raises CommandError, before rendering, if the requested output cannot be written."""
+    """Raises CommandError, before rendering, if the requested files cannot be written."""
     from renderer.image import encode
     from renderer.image import tonemap as tonemaps
 

@@ -1,4 +1,4 @@
-"""`rayfarm shares`: how a farm's slots are shared between users."""
+"""`rayfarm shares`: shows and sets how the farm's slots are shared between users."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["register"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("shares")(shares)
 
 

@@ -1,4 +1,4 @@
-"""`rayfarm site`: runs a site's reducer, which adds the sums of its machines before they are sent to the farm."""
+"""`rayfarm site`: runs a site's reducer, which adds up the sums of the site's machines before they are sent to the farm."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["register"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("site")(site)
 
 

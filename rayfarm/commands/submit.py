@@ -1,4 +1,4 @@
-"""`rayfarm submit`: sends a scene to a farm to be rendered."""
+"""`rayfarm submit`: sends a scene to a farm for rendering."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FORMATS = ("png", "exr", "jpg")
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("submit")(submit)
 
 
@@ -156,7 +156,7 @@ def submit(
 
 
 def _check_name(output: Path | None, is_shot: bool) -> None:
-    """Raises CommandError if a farm does not provide files of this format."""
+    """Raises CommandError if a farm cannot produce files of this format."""
     if output is None or _format(output) in FORMATS:
         return
     given = (*FORMATS, *MOVIES) if is_shot else FORMATS
@@ -165,7 +165,7 @@ def _check_name(output: Path | None, is_shot: bool) -> None:
 
 
 def _check_output(output: Path | None, shot: FarmShot | None, aov: str | None, denoise: bool) -> None:
-    """Raises CommandError if the picture cannot be written."""
+    """Raises CommandError if the picture could not be written after rendering."""
     if output is None:
         if aov or denoise:
             raise CommandError("--aov and --denoise say what to write; name the picture with -o")
@@ -190,7 +190,7 @@ def _tell_taken(job: Job) -> None:
 
 
 def _deadline(text: str | None) -> str | None:
-    """The deadline with this machine's time zone, since the farm's may differ."""
+    """Returns the deadline with this machine's time zone, since the farm may be in another one."""
     try:
         return None if text is None else datetime.fromtimestamp(deadline_of(text)).astimezone().isoformat()
     except ValueError as error:

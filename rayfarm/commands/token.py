@@ -1,4 +1,4 @@
-"""`rayfarm token`: access tokens for programs and workers."""
+"""`rayfarm token`: manages access tokens for programs and workers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ tokens = typer.Typer(name="token", no_args_is_help=True, help="Tokens, with whic
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands."""
+    """Adds the commands to the program."""
     app.add_typer(tokens)
 
 

@@ -1,4 +1,4 @@
-"""`rayfarm up`: a whole farm on this machine."""
+"""`rayfarm up`: runs a whole farm on this machine."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("up")(up)
 
 
@@ -116,7 +116,7 @@ def up(
 
 
 def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
-    """The TLS files; None if none are given. Raises CommandError if they are unusable for HTTPS."""
+    """Returns the TLS files; None if none are given. Raises CommandError if they cannot be used for HTTPS."""
     from rayfarm.local.farm import Tls
 
     if certificate is None or key is None:

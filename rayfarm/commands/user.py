@@ -1,4 +1,4 @@
-"""`rayfarm user`: users of a farm that requires a login."""
+"""`rayfarm user`: manages the users of a farm that requires a login."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ users = typer.Typer(name="user", no_args_is_help=True, help="Who may use a farm 
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands."""
+    """Adds the commands to the program."""
     app.add_typer(users)
 
 
@@ -106,7 +106,7 @@ def link(
 
 
 def _password() -> str:
-    """Reads a password: from a terminal hidden and twice, else one line of standard input."""
+    """Reads a password: typed twice, hidden, on a terminal; otherwise one line of standard input."""
     if not sys.stdin.isatty():
         return sys.stdin.readline().rstrip("\n")
     chosen: str = typer.prompt("Password", hide_input=True, confirmation_prompt=True)

@@ -34,7 +34,7 @@ ACTIVE = ("running", "queued", "paused")
 
 
 class _WatchCommand(TyperCommand):
-    """A command whose options may be given with or without a value."""
+    """A command with options whose value is optional."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         told: list[str] = []
@@ -47,7 +47,7 @@ class _WatchCommand(TyperCommand):
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("watch", cls=_WatchCommand)(watch)
 
 
@@ -149,7 +149,7 @@ def _found(farm: Client, job: str | None) -> Job:
 def _show(
     farm: Client, live: LiveJob, terminal: Any, graphics: Any, exposure: float, tonemap: str, news: threading.Event
 ) -> int | None:
-    """Shows the job until it ends or the user quits; returns the signal that ended it, if any."""
+    """Shows the job until it ends or the user quits. Returns the signal that ended the display, or None."""
     from rayfarm.watch.lines import tell
     from rayfarm.watch.screen import Screen
     from rayfarm.watch.words import frame_title, how_far
@@ -171,7 +171,7 @@ def _show(
 
 
 def _afterwards(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
-    """Passes a finished job's EXR to tev and to the viewer, as requested."""
+    """After the job has finished, passes its EXR to tev and to the viewer, if requested."""
     from rayfarm.reading_files import read_picture
     from rayfarm.watch.viewer import open_in
 

@@ -1,4 +1,4 @@
-"""`rayfarm worker`: renders for a farm on another machine with this machine's cores."""
+"""`rayfarm worker`: renders for a farm with the cores of this machine."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NIGHT = "When, and for what"
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("worker")(worker)
 
 
@@ -115,7 +115,7 @@ def worker(
 
 
 def _slots(gpu: str, cpu_slots: int) -> int:
-    """Returns the number of slots: one for each card, and those of the CPU unless `gpu` is "only". Raises CommandError."""
+    """Returns the number of slots: one per graphics card, plus one per CPU slot unless `gpu` is "only". Raises CommandError."""
     if gpu == "none":
         return cpu_slots
     try:

@@ -1,4 +1,4 @@
-"""`rayfarm workers`: lists workers, and changes their terms at run time."""
+"""`rayfarm workers`: lists workers, and changes their settings at run time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["register"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Adds the command to the program."""
     app.command("workers")(workers)
 
 

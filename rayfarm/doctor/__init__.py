@@ -1,4 +1,4 @@
-"""Checks of an installation, with results in sentences.
+"""Checks of an installation, whose results are sentences.
 
 finding.py  the result of a check: its severity, and what to do next
 machine.py  Python, the compiler, the processor, the denoiser, the cache, the clock

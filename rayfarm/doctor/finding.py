@@ -1,4 +1,4 @@
-"""The result of a check."""
+"""Results of checks."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ Level = Literal["fine", "note", "fault"]
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of a check. level: fine; note: works, but could be better; fault: does not work, or data was lost.
+    """Result of a check. level: fine; note: works, but could be better; fault: does not work, or data was lost.
 
-    about: the subject of the check. says: a sentence. do: what to do next, if anything.
+    about: subject of the check. says: the result, as a sentence. do: what to do next, if anything.
     """
 
     level: Level
@@ -24,15 +24,15 @@ class Finding:
 
 
 def fine(about: str, says: str) -> Finding:
-    """A finding of level "fine"."""
+    """Returns a finding of level "fine"."""
     return Finding("fine", about, says)
 
 
 def note(about: str, says: str, do: str = "") -> Finding:
-    """A finding of level "note": it works, but could be better."""
+    """Returns a finding of level "note": it works, but could be better."""
     return Finding("note", about, says, do)
 
 
 def fault(about: str, says: str, do: str) -> Finding:
-    """A finding of level "fault": it does not work, or data was lost."""
+    """Returns a finding of level "fault": it does not work, or data was lost."""
     return Finding("fault", about, says, do)

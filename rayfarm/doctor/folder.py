@@ -40,9 +40,9 @@ Progress = Callable[[int, int], None]
 
 
 def look_at_folder(settings: Settings, deep: bool, progress: Progress) -> Iterator[Finding]:
-    """Checks permissions, space, the database, and the files it refers to.
+    """Checks the folder's permissions and space, the database, and the files that it refers to. Yields the findings.
 
-    deep: reads every blob and film. progress: called with the number of checked items and their total.
+    deep: also reads every blob and film. progress: called with the number of checked items and their total.
     """
     data = settings.data
     if not data.exists():
@@ -68,7 +68,7 @@ def look_at_folder(settings: Settings, deep: bool, progress: Progress) -> Iterat
 
 
 def _put_aside(data: Path) -> Iterator[Finding]:
-    """Checks for worker messages that the service could not process."""
+    """Checks for messages of workers that the service could not handle."""
     try:
         told = [json.loads(line) for line in (data / FILE).read_text(encoding="utf-8").splitlines()]
     except (OSError, ValueError):
@@ -236,7 +236,7 @@ def _user(path: Path) -> str:
 
 
 def _file_system(folder: Path) -> str:
-    """The type of file system of a folder; "" if this system does not report it."""
+    """Returns the type of a folder's file system; "" if the operating system does not report it."""
     try:
         lines = [line.split() for line in Path("/proc/mounts").read_text().splitlines()]
     except OSError:

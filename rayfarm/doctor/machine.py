@@ -25,7 +25,10 @@ OLDEST_CLOCK = 1735689600.0  # 2025: older than any release
 
 
 def look_at_machine() -> Iterator[Finding]:
-    """Checks Python, the compiler, processor and graphics cards, the denoiser, memory, the cache and the clock."""
+    """Checks Python, the compiler, processor and graphics cards, the denoiser, memory, the cache and the clock.
+
+    Yields the findings.
+    """
     yield _python()
     if importlib.util.find_spec("numba") is None:  # a service's container image
         yield note("Compiler", "Numba is not installed: nothing is rendered here.", "Workers render, elsewhere.")

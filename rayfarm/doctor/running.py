@@ -32,7 +32,7 @@ PATIENCE_S = 5.0
 
 
 def look_at_running(settings: Settings, port: int) -> Iterator[Finding]:
-    """Checks the farm that runs on a data folder, that of this container, or whether one could be started."""
+    """Checks the farm that runs on a data folder or in this container; if none runs, whether one could be started."""
     farm = running_farm(settings.data)
     told = any(os.environ.get(f"RAYFARM_REDIS_URL{more}") for more in ("", FILE))
     address = farm.redis_url if farm is not None else settings.redis_url if told else None
@@ -100,7 +100,7 @@ def _release(found: RedisRelease, where: str) -> Finding:
 
 
 def look_at_redis(url: str) -> Iterator[Finding]:
-    """Checks the state of a Redis, and which workers report to it."""
+    """Checks the state of a Redis server, and which workers report to it."""
     where = url.rpartition("@")[2].removeprefix("redis://").removeprefix("rediss://")  # without its password
     try:
         with redis.Redis.from_url(url, socket_timeout=PATIENCE_S, socket_connect_timeout=PATIENCE_S) as store:

@@ -1,4 +1,4 @@
-"""Rayfarm as a Python library: scenes of arrays, dicts and files in; arrays by AOV name out.
+"""Rayfarm as a Python library: takes scenes as arrays, dicts and files; returns arrays by AOV name.
 
 scene_input.py      converts a program's scene to files in a folder, the only input of the renderer and of a farm
 glb.py              a mesh of arrays as a .glb file

@@ -1,4 +1,4 @@
-"""A program's keyword arguments, checked like the command line's options."""
+"""Keyword arguments of render(), checked like the command line's options."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TABLES: tuple[Mapping[str, DeclaredSetting], ...] = (ENDS, VIEW, ASKED, LIGHT)
 
 
 class _Wanted(Picture):
-    """A Picture whose size and environment are values instead of text."""
+    """A Picture whose size and environment are given as values instead of text."""
 
     def _size(self) -> tuple[int, int] | None:
         size: tuple[int, int] | None = self.given.get("size")
@@ -40,7 +40,7 @@ class _Wanted(Picture):
 
 @dataclass(frozen=True)
 class RenderArguments:
-    """A parsed request: the scene's moment, the picture, and the requested outputs."""
+    """The parsed keyword arguments: the picture, the scene's moment, and the requested outputs."""
 
     picture: Picture
     moment: Moment = field(default_factory=Moment)
@@ -84,7 +84,7 @@ def _text(value: Any) -> str | None:
 
 
 def _plain(value: Any) -> Any:
-    """A number or three numbers, converted from numpy's types."""
+    """Converts numpy arrays and scalars to Python values, and lists to tuples."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else tuple(value) if isinstance(value, list) else value
 
 

@@ -1,4 +1,4 @@
-"""Rendering on a farm, with intermediate pictures."""
+"""Renders on a farm, with intermediate pictures."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _COLOR = ("R", "G", "B")
 
 
 def submitted(farm: Client, scene: Path, wanted: RenderArguments) -> Job:
-    """Uploads the scene and submits a job. Raises ClientError, or SettingsError for settings that a farm does not accept."""
+    """Uploads the scene and submits a job. Raises ClientError, or SettingsError for settings that a farm does not support."""
     return requested(farm, farm.wait_for_scene(farm.upload(belonging(scene), name=scene.stem).id), wanted)
 
 
 def requested(farm: Client, ready: Scene, wanted: RenderArguments) -> Job:
-    """Submits a job for a scene that is ready on the farm. Raises as `submitted`."""
+    """Submits a job for a scene that is ready on the farm. Raises as `submitted` does."""
     if wanted.threads is not None:
         raise SettingsError("threads are this machine's; a farm's workers have slots of their own")
     light = wanted.picture.environment()
@@ -58,9 +58,9 @@ def requested(farm: Client, ready: Scene, wanted: RenderArguments) -> Job:
 
 
 def images(farm: Client, job: str, wanted: RenderArguments, at_once: bool = False) -> Generator[Image]:
-    """Yields a job's picture each time it has new samples, the last one final; at_once: only the last. Raises ClientError.
+    """Yields the job's picture whenever it has new samples; the last one is final. at_once: only the last. Raises ClientError.
 
-    Closing the iterator early leaves the job unchanged.
+    Closing the iterator early does not affect the job.
     """
     from rayfarm.client import ClientError
 
@@ -102,7 +102,7 @@ def _fetched(farm: Client, job: Job, wanted: RenderArguments, is_final: bool) ->
 
 
 def _channels(exr: bytes) -> dict[str, F32]:
-    """An EXR's channels by name, each (h, w) float32."""
+    """Returns the channels of an EXR file by name, each (h, w) float32."""
     import OpenImageIO as oiio  # noqa: N813
 
     with tempfile.NamedTemporaryFile(suffix=".exr") as file, contextlib.ExitStack() as stack:

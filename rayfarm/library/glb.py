@@ -1,4 +1,4 @@
-"""Encodes a mesh of arrays as a .glb file (glTF 2.0, one primitive), which passes arrays to the renderer, here and on a farm."""
+"""Encodes a mesh given as arrays to a .glb file (glTF 2.0, one primitive), which the renderer and a farm can read."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ ATTRIBUTES = {
 
 
 def mesh_as_glb(name: str, arrays: Mapping[str, Any]) -> bytes:
-    """Encodes a mesh: positions (V, 3), triangles (T, 3) as integers below V, and optional attributes.
+    """Encodes a mesh: positions (V, 3), triangles (T, 3) of integers below V, and optional attributes.
 
-    Attributes: normals (V, 3), uvs and uvs1 (V, 2), colors (V, 3 or 4) linear. `name` is used in errors. Raises SceneError if an
+    Attributes: normals (V, 3), uvs and uvs1 (V, 2), colors (V, 3 or 4) linear. name: for error messages. Raises SceneError if an
     array has another shape.
     """
     triangles = np.asarray(arrays.get("triangles"))

@@ -18,13 +18,13 @@ F32 = npt.NDArray[np.float32]
 
 
 class Image(Mapping[str, F32]):
-    """A picture's arrays by name.
+    """A picture as arrays by name.
 
     "color" is scene-linear Rec.709 radiance, (h, w, 3) float32; the requested AOVs are (h, w) or (h, w, 3), as in
     renderer.aovs.values; "denoised" is present if requested.
 
-    spp: mean samples per pixel; of: the target, None if only a noise level or a time ends rendering; noise: relative noise, None
-    while unknown.
+    spp: mean samples per pixel. of: target of spp; None if only a noise level or a time limit ends rendering. noise: relative
+    noise; None while unknown.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Image(Mapping[str, F32]):
         return int(self["color"].shape[0])
 
     def shown(self, name: str = "color", exposure: float = 0.0, tonemap_curve: str = "neutral") -> npt.NDArray[np.uint8]:
-        """The display image, (h, w, 3) uint8 sRGB. Raises KeyError, or SettingsError for an unknown curve.
+        """Returns the image for display, (h, w, 3) uint8 sRGB. Raises KeyError, or SettingsError for an unknown curve.
 
         Colours are exposed (in stops) and tone-mapped; other AOVs are mapped as on the web page.
         """
@@ -74,9 +74,9 @@ class Image(Mapping[str, F32]):
         return aovs.visible(name, plane)
 
     def save(self, path: str | Path, exposure: float = 0.0, tonemap_curve: str = "neutral") -> None:
-        """Writes the picture as .png or .jpg (as `shown`), .exr (all arrays, as layers) or .hdr.
+        """Writes the picture as .png or .jpg (as `shown` returns it), .exr (all arrays, as layers) or .hdr.
 
-        "denoised" is written in place of the colour if present; an .exr has both. Raises SettingsError for another suffix.
+        If "denoised" is present, it replaces the colour; an .exr contains both. Raises SettingsError for another suffix.
         """
         names = [name for name in self if name not in ("color", "denoised")]
         channels = aovs.layers({name: self[name] for name in names})

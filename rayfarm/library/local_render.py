@@ -1,4 +1,4 @@
-"""Rendering in this process, pass by pass."""
+"""Renders in this process, pass by pass."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ __all__ = ["SceneWarning", "passes"]
 
 
 class SceneWarning(UserWarning):
-    """Warning about content of a scene that is not rendered as its file specifies."""
+    """Warning about scene content that is not rendered as its file specifies."""
 
 
 def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Image]:
-    """Yields the picture after each pass, the last one final; at_once: only the last. Passes that are not consumed are skipped.
+    """Yields the picture after each pass; the last one is final. at_once: only the last. Passes not consumed are skipped.
 
     Closing the iterator ends the rendering. Raises SceneError, SettingsError or CommandError.
     """

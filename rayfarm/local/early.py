@@ -1,7 +1,7 @@
-"""Processes that `rayfarm up` and `rayfarm worker` start first: they load in parallel with the command line, and then wait.
+"""Processes that `rayfarm up` and `rayfarm worker` start first, so that their imports run in parallel with the command line's.
 
-Each begins when the supervisor writes its options to its standard input (renderer.child_processes.wait_to_begin), and ends with
-this process. This module imports little, since everything that is imported before `begin` delays it.
+Each waits until the supervisor writes its options to its standard input (renderer.child_processes.wait_to_begin), and ends with
+this process. This module imports little, since every import before `begin` delays the processes.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _loading: dict[str, subprocess.Popen[bytes]] = {}
 
 
 def command(module: str) -> list[str]:
-    """Returns the command line of a process that loads and waits."""
+    """Returns the command line of a process that imports a module and then waits for its options."""
     return [sys.executable, "-m", module]
 
 
 def begin(modules: Sequence[str]) -> None:
-    """Starts these processes. One that cannot be started is started by the supervisor, which reports why it cannot."""
+    """Starts a waiting process for each module. If one cannot be started, the supervisor tries again and reports the reason."""
     atexit.register(end)
     for module in modules:
         try:
@@ -48,12 +48,12 @@ def begin(modules: Sequence[str]) -> None:
 
 
 def take(module: str) -> subprocess.Popen[bytes] | None:
-    """Returns the waiting process of a module, which is the caller's from now on; None if there is none."""
+    """Returns the waiting process of a module, which then belongs to the caller; None if there is none."""
     return _loading.pop(module, None)
 
 
 def end() -> None:
-    """Ends the processes that were not taken."""
+    """Ends the waiting processes that were not taken."""
     for process in _loading.values():
         process.kill()
         process.communicate()

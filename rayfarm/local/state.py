@@ -1,7 +1,7 @@
-"""A farm's data folder: its lock, its secrets, and the address of the running farm.
+"""Files in a farm's data folder: its lock, its secrets, and the address of the running farm.
 
 farm.lock     held by the running farm (flock: released by the kernel however the farm ends)
-secrets.json  the workers' token, Redis's password and port; kept, so that workers' commands stay valid
+secrets.json  the workers' token, Redis's password and port; not changed, so that workers' commands stay valid
 farm.json     the running farm's address, for `rayfarm submit` and a second `rayfarm up`; removed at the end
 logs/         one file per part
 """
@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass
 class Secrets:
-    """Secrets shared by the farm and its workers."""
+    """Secrets shared by the farm and its workers: the token, and Redis's password and port."""
 
     token: str
     redis_password: str
@@ -36,9 +36,9 @@ class Secrets:
 
 @dataclass(frozen=True)
 class FarmAddress:
-    """The address of a running farm.
+    """Address of a running farm.
 
-    `pids`: process ids of its parts by name. public_url: for other machines. certificate: that of its HTTPS server.
+    pids: process ids of its parts by name. public_url: for other machines. certificate: path of its HTTPS certificate, or None.
     """
 
     url: str
@@ -51,7 +51,7 @@ class FarmAddress:
 
 
 def secrets_of(data: Path) -> Secrets:
-    """The folder's secrets, created on first use and readable by their owner only."""
+    """Returns the folder's secrets. Creates them if needed, readable only by their owner."""
     path = data / "secrets.json"
     try:
         return Secrets(**json.loads(path.read_text()))
@@ -67,12 +67,12 @@ def save_secrets(data: Path, known: Secrets) -> None:
 
 
 def announce(data: Path, farm: FarmAddress) -> None:
-    """Writes the address of the running farm."""
+    """Writes the address of the running farm to farm.json."""
     write_whole(data / "farm.json", json.dumps(asdict(farm), indent=1).encode())
 
 
 def running_farm(data: Path) -> FarmAddress | None:
-    """The farm that runs on a data folder, or None."""
+    """Returns the address of the farm that runs on a data folder; None if none runs."""
     try:
         farm = FarmAddress(**json.loads((data / "farm.json").read_text()))
         os.kill(farm.pid, 0)
@@ -83,7 +83,10 @@ def running_farm(data: Path) -> FarmAddress | None:
 
 @contextlib.contextmanager
 def locked(data: Path) -> Iterator[None]:
-    """Holds the lock of the data folder. Raises CommandError if another farm holds it, or the folder cannot be created."""
+    """Context manager that holds the data folder's lock.
+
+    Raises CommandError if another farm holds it, or the folder cannot be created.
+    """
     try:
         data.mkdir(parents=True, exist_ok=True)
         lock = (data / "farm.lock").open("a")

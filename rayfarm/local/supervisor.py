@@ -1,4 +1,4 @@
-"""Supervises processes: starts, watches, restarts (with increasing pauses after repeated failures), and stops them.
+"""Supervises processes: starts, watches, restarts and stops them. Pauses before restarts increase after repeated failures.
 
 Every part is the leader of its own session. A Ctrl-C at the terminal therefore reaches only the supervisor, which decides the
 order of stopping, and all processes that a part forks can be ended as one group. If the supervisor itself is killed, the kernel
@@ -38,13 +38,15 @@ KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 @dataclass
 class Part:
-    """One process of the farm. grace_s: its time limit for a graceful stop. fatal_codes: exit codes without a restart.
+    """One process of the farm. grace_s: time to stop gracefully, in seconds. fatal_codes: exit codes after which it is not
+    restarted.
 
-    arguments: of a command that loads first, and then takes them from a line (renderer.child_processes.wait_to_begin); None for
-    other commands. spare: such a process that waits; has_spare: whether there should always be one.
+    arguments: options for a process that imports first and then reads them from stdin (renderer.child_processes.wait_to_begin);
+    None for others. spare: such a process that waits; has_spare: whether there should always be one.
 
-    Pauses before restarts increase while the part ends before it serves. serves: whether it serves now; a quick check, called
-    until it is true. Without it, a part fails if it ends within steady_s of its start; steady_s exceeds its startup time.
+    Pauses before restarts increase while the part ends before it is in service. serves: whether it is in service; a quick check,
+    called until it is true. Without `serves`, a part has failed if it ends within steady_s seconds of its start; steady_s exceeds
+    its startup time.
     """
 
     name: str
@@ -71,11 +73,11 @@ class Part:
 
     @property
     def running(self) -> bool:
-        """True if its process is alive."""
+        """Whether the process is alive."""
         return self.process is not None and self.process.poll() is None
 
     def last_words(self, lines: int = 12) -> str:
-        """The last lines of its log."""
+        """Returns the last lines of the process's log."""
         try:
             with self.log.open("rb") as file:
                 file.seek(max(self.log.stat().st_size - 8192, 0))
@@ -86,7 +88,7 @@ class Part:
 
 
 class Supervisor:
-    """Keeps parts running. say: called with a sentence about every notable event."""
+    """Runs and restarts parts. say: called with a sentence about every notable event."""
 
     def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
         self.folder = folder
@@ -95,7 +97,7 @@ class Supervisor:
         self._looked_at_logs = 0.0
 
     def start(self, part: Part) -> None:
-        """Starts a part and watches it from now on. Raises OSError if its program cannot be started."""
+        """Starts a part and supervises it from then on. Raises OSError if its program cannot be started."""
         if part not in self.parts:
             self.parts.append(part)
         spare, part.spare = part.spare, None
@@ -124,7 +126,7 @@ class Supervisor:
             )
 
     def _keep_spare(self, part: Part, now: float) -> None:
-        """Starts a spare process if there is none and the part has been serving for a while."""
+        """Starts a spare process if the part has none and has been in service for a while."""
         is_there = part.spare is not None and part.spare.poll() is None
         pause = SPARE_AGAIN_S if part.ends else SPARE_AFTER_S
         is_time = now - part.started > pause and (not part.spare_started or now - part.spare_started > SPARE_PAUSE_S)
@@ -142,7 +144,10 @@ class Supervisor:
         return part.at_peace()
 
     def tend(self) -> Part | None:
-        """Checks all parts once; returns a part that ended with a fatal exit code, or None."""
+        """Checks all parts once, and restarts those that have ended.
+
+        Returns a part that ended with a fatal exit code, or None.
+        """
         now = time.monotonic()
         if now - self._looked_at_logs >= LOGS_EVERY_S:
             self._looked_at_logs = now
@@ -170,7 +175,7 @@ class Supervisor:
         return None
 
     def _start_again(self, part: Part, now: float) -> None:
-        """Restarts a part that has ended; schedules a later attempt if the machine lacks memory, files or processes."""
+        """Restarts a part that has ended. If memory, file descriptors or processes are exhausted, schedules another attempt."""
         try:
             self.start(part)
         except (OSError, subprocess.SubprocessError) as error:
@@ -180,7 +185,7 @@ class Supervisor:
             self.say(f"{part.name} cannot be started ({error}); the next try is in {pause:g} s.")
 
     def stop(self, hurry: Callable[[], bool] = lambda: False) -> None:
-        """Stops all parts, in reverse order of starting; kills them once `hurry` returns true."""
+        """Stops all parts in the reverse order of their start; kills them once `hurry` returns true."""
         for part in reversed(self.parts):
             if part.spare is not None:
                 part.spare.kill()
@@ -197,7 +202,7 @@ class Supervisor:
         self.parts.clear()
 
     def _pause(self, part: Part, code: int | None, lived_s: float) -> float:
-        """Seconds to wait before an ended part is restarted."""
+        """Returns the time to wait before restarting a part that has ended, in seconds. lived_s: how long it ran."""
         if part.has_served:
             return SERVED_PAUSE_S
         if lived_s > part.steady_s:
@@ -208,7 +213,7 @@ class Supervisor:
         return min(pause, KILLED_PAUSE_S) if was_killed else pause
 
     def _end_group(self, part: Part) -> None:
-        """Kills the remaining processes of a part's process group."""
+        """Kills the remaining processes in a part's process group."""
         if part.process is None:
             return
         with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -226,8 +231,8 @@ def _let_begin(part: Part, process: subprocess.Popen[bytes], arguments: list[str
 def _bound(log: Path) -> None:
     """Moves the end of an oversized log to `*.old.log`, and truncates the log in place.
 
-    Processes that have it open for appending, also those of an earlier supervisor, continue at its new end. Lines written between
-    the two steps are lost, and on a full disk those of `*.old.log`.
+    Processes that have opened it for appending, including those of an earlier supervisor, continue at its new end. Lines written
+    between the two steps are lost, and on a full disk those of `*.old.log`.
     """
     try:
         size = log.stat().st_size
@@ -247,7 +252,7 @@ def _bound(log: Path) -> None:
 
 
 def _log_of(part: Part) -> IO[bytes]:
-    """The log that a part appends to; the null device if no log can be opened, as on a full disk."""
+    """Opens the log that a part appends to; the null device if no log can be opened, as on a full disk."""
     try:
         part.log.parent.mkdir(parents=True, exist_ok=True)
         _bound(part.log)

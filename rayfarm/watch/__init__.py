@@ -1,1 +1,1 @@
-"""Watching a job without a browser: in the terminal, in tev, as lines of text."""
+"""Shows a job without a browser: in the terminal, in tev, or as lines of text."""

@@ -1,4 +1,4 @@
-"""A picture as half blocks: each character cell shows two pixels, one above the other."""
+"""Draws a picture with half blocks: each character cell shows two pixels, one above the other."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CUBE = np.array([0, 95, 135, 175, 215, 255])  # xterm's colours 16 to 231, by re
 
 
 def nearest_256(rgb: U8) -> npt.NDArray[np.int_]:
-    """Returns the nearest of xterm's 256 colours, from its cube and greys: (..., 3) uint8 to (...)."""
+    """Returns the nearest of xterm's 256 colours (from its cube and greys) to each colour: (..., 3) uint8 to (...)."""
     values = rgb.astype(int)
     steps = np.abs(values[..., None] - CUBE).argmin(axis=-1)
     grey = np.clip((values.mean(axis=-1) - 3).astype(int) // 10, 0, 23)  # 232 to 255 are 8, 18 ... 238
@@ -23,29 +23,29 @@ def nearest_256(rgb: U8) -> npt.NDArray[np.int_]:
 
 
 class Blocks:
-    """Draws half blocks; rows that have not changed are skipped."""
+    """Draws pictures with half blocks. Skips rows that have not changed."""
 
     name = "half blocks"
 
     def __init__(self, is_true_colour: bool) -> None:
-        """is_true_colour: whether the terminal takes 24-bit colours; otherwise xterm's 256."""
+        """is_true_colour: whether the terminal supports 24-bit colours; otherwise xterm's 256 colours are used."""
         self._is_true_colour = is_true_colour
         self._rows: dict[int, str] = {}
 
     def room(self, columns: int, rows: int) -> tuple[int, int]:
-        """Returns the size in pixels of so many cells, (width, height)."""
+        """Returns the size in pixels, (width, height), of an area of this many cells."""
         return columns, 2 * rows
 
     def cells(self, size: tuple[int, int]) -> tuple[int, int]:
-        """Returns the columns and rows that a picture covers."""
+        """Returns the number of columns and rows that a picture of this size in pixels covers."""
         return size[0], (size[1] + 1) // 2
 
     def forget(self) -> None:
-        """Discards the record of the drawn picture, after the screen was cleared."""
+        """Forgets what was drawn, since the screen was cleared."""
         self._rows.clear()
 
     def draw(self, picture: U8, column: int, row: int) -> bytes:
-        """Returns the bytes that draw a picture (h, w, 3) with its upper left corner in a cell, counted from 1."""
+        """Returns the bytes that draw a picture (h, w, 3) with its upper left corner in the given cell, counted from 1."""
         if picture.shape[0] % 2:
             picture = np.concatenate([picture, np.zeros_like(picture[:1])])
         colours = self._colours(picture)
@@ -58,7 +58,7 @@ class Blocks:
         return "".join(out).encode()
 
     def clear(self) -> bytes:
-        """Returns the bytes that remove what clearing the screen leaves."""
+        """Returns the bytes that delete what clearing the screen does not."""
         return b""
 
     def _colours(self, picture: U8) -> list[list[int]]:

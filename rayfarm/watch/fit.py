@@ -1,4 +1,4 @@
-"""A film scaled to the available space."""
+"""Scales pictures to the available space."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ F32 = npt.NDArray[np.float32]
 
 
 def fitted(size: tuple[int, int], room: tuple[int, int]) -> tuple[int, int]:
-    """Returns the width and height, at least 1, of a picture of `size` scaled to fit `room`; enlarged only by integers."""
+    """Returns the size of a picture of `size` scaled to fit into `room`, at least 1 x 1. Enlarges only by integers."""
     scale = min(room[0] / size[0], room[1] / size[1])
     if scale >= 1:
         return size[0] * int(scale), size[1] * int(scale)
@@ -22,7 +22,7 @@ def fitted(size: tuple[int, int], room: tuple[int, int]) -> tuple[int, int]:
 
 
 def fitted_picture(film: F32, size: tuple[int, int], exposure: float, curve: str) -> npt.NDArray[np.uint8]:
-    """Returns the display-referred picture of linear radiance (h, w, 3) in `size` pixels, each the mean of those it covers."""
+    """Returns the tone-mapped picture of linear radiance (h, w, 3) scaled to `size`; pixels are means of those they cover."""
     if (film.shape[1], film.shape[0]) != size:
         film = np.stack([np.asarray(Image.fromarray(film[..., c]).resize(size, Image.Resampling.BOX)) for c in range(3)], axis=-1)
     return tonemap.apply(film, exposure, curve)

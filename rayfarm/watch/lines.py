@@ -1,4 +1,4 @@
-"""A job reported line by line, for a pipe, a file or a log."""
+"""Reports a job line by line, for a pipe, a file or a log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A job as its farm reports it: state, frames, and the film of one frame, updated by a thread."""
+"""Follows a job on a farm: its state, frames, and the film of one frame, updated by a thread."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ ACTIVE = ("preparing", "running")
 
 
 class LiveJob:
-    """The current state of a job. `wake` is called in the thread after each update.
+    """Current state of a job. `wake` is called in the thread after each update.
 
-    A farm that is away is waited for, up to a minute.
+    While the farm is unreachable, retries for up to a minute.
     """
 
     def __init__(self, farm: Client, job: Job, frame: float | None, wake: Callable[[], None]) -> None:
-        """frame: the one to watch; None: the frame of a shot that is being rendered."""
+        """frame: the frame to show; None: always one that is being rendered."""
         self._farm = farm
         self._wake = wake
         self._lock = threading.Lock()
@@ -69,19 +69,19 @@ class LiveJob:
 
     @property
     def shown(self) -> Frame | None:
-        """Returns the watched frame, or None before it is known."""
+        """Returns the frame that is shown, or None before it is known."""
         return self.frames.get(self.frame)
 
     def versions(self) -> tuple[int, npt.NDArray[np.float32] | None, dict[Tile, int]]:
-        """Returns the film's number, its linear radiance (height, width, 3), and the version of each tile.
+        """Returns the film's number, its linear radiance (height, width, 3), and a version for each changed tile.
 
-        Pixels without samples are black; the radiance is None before the size is known.
+        Pixels without samples are black. The radiance is None before the size is known.
         """
         with self._lock:
             return self.life, None if self.film is None else self.film.copy(), dict(self._versions)
 
     def turn_to(self, frame: float) -> None:
-        """Watches another frame of the shot."""
+        """Shows another frame of the shot."""
         with self._lock:
             self.frame = frame
             self._begin()
@@ -160,7 +160,7 @@ class LiveJob:
             self.frames = {each.number: each for each in job.frames}
 
     def _follow(self) -> None:
-        """Switches to a frame of the shot that is being rendered, once the current one no longer is."""
+        """Switches to a frame of the shot that is being rendered, once the present one no longer is."""
         shown = self.shown
         if not self.follows or (shown is not None and shown.state in ACTIVE):
             return

@@ -1,4 +1,4 @@
-"""A picture as pixels: kitty's graphics protocol, or DEC sixels."""
+"""Draws a picture as pixels, by kitty's graphics protocol or as DEC sixels."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ MOST = (1600, 1200)  # pixels that are sent
 
 
 class Pixels:
-    """Draws pixels. cell: width and height of a character cell in pixels."""
+    """Base class of drawing by pixels. cell: width and height of a character cell in pixels."""
 
     def __init__(self, cell: tuple[int, int]) -> None:
         self.cell = cell
 
     def room(self, columns: int, rows: int) -> tuple[int, int]:
-        """Returns the size in pixels of so many cells, (width, height)."""
+        """Returns the size in pixels, (width, height), of an area of this many cells."""
         return min(columns * self.cell[0], MOST[0]), min(rows * self.cell[1], MOST[1])
 
     def cells(self, size: tuple[int, int]) -> tuple[int, int]:
-        """Returns the columns and rows that a picture covers."""
+        """Returns the number of columns and rows that a picture of this size in pixels covers."""
         return -(-size[0] // self.cell[0]), -(-size[1] // self.cell[1])
 
     def forget(self) -> None:
-        """Discards the record of the drawn picture, after the screen was cleared."""
+        """Forgets what was drawn, since the screen was cleared."""
 
     def clear(self) -> bytes:
-        """Returns the bytes that remove what clearing the screen leaves."""
+        """Returns the bytes that delete what clearing the screen does not."""
         return b""
 
 
 class Kitty(Pixels):
-    """Alternates between two images, so that the old one is deleted when the new one is shown.
+    """Draws by kitty's graphics protocol. Alternates two images, so that the old one is deleted once the new one is shown.
 
     Source: https://sw.kovidgoyal.net/kitty/graphics-protocol/
     """
@@ -54,7 +54,7 @@ class Kitty(Pixels):
         self._turn = 0
 
     def draw(self, picture: U8, column: int, row: int) -> bytes:
-        """Returns the bytes that draw a picture (h, w, 3) with its upper left corner in a cell, counted from 1."""
+        """Returns the bytes that draw a picture (h, w, 3) with its upper left corner in the given cell, counted from 1."""
         old, self._turn = self.FIRST + self._turn, 1 - self._turn
         data = base64.b64encode(zlib.compress(np.ascontiguousarray(picture).tobytes(), 1))
         pieces = [data[at : at + CHUNK] for at in range(0, len(data), CHUNK)]
@@ -67,7 +67,7 @@ class Kitty(Pixels):
         return b"".join([*out, _deleted(old)])
 
     def clear(self) -> bytes:
-        """Returns the bytes that remove what clearing the screen leaves."""
+        """Returns the bytes that delete what clearing the screen does not."""
         return _deleted(self.FIRST) + _deleted(self.FIRST + 1)
 
 
@@ -76,7 +76,7 @@ def _deleted(image: int) -> bytes:
 
 
 class Sixel(Pixels):
-    """Encodes bands of six rows, one colour after the other.
+    """Draws sixels: bands of six rows, one colour after another.
 
     Source: VT330/VT340 Programmer Reference Manual, volume 2, chapter 14.
     """
@@ -84,7 +84,7 @@ class Sixel(Pixels):
     name = "sixels"
 
     def draw(self, picture: U8, column: int, row: int) -> bytes:
-        """Returns the bytes that draw a picture (h, w, 3) with its upper left corner in a cell, counted from 1."""
+        """Returns the bytes that draw a picture (h, w, 3) with its upper left corner in the given cell, counted from 1."""
         reduced = Image.fromarray(np.ascontiguousarray(picture)).quantize(COLOURS, Image.Quantize.MEDIANCUT)
         palette = np.array(reduced.getpalette(), int).reshape(-1, 3)
         numbers = np.asarray(reduced)
@@ -97,7 +97,7 @@ class Sixel(Pixels):
 
 
 def _band(numbers: U8) -> bytes:
-    """Encodes up to six rows: for each colour, the pixels that have it."""
+    """Encodes up to six rows of colour numbers: for each colour, the pixels that have it."""
     bits = 1 << np.arange(len(numbers))
     lines = []
     for colour in np.unique(numbers):

@@ -1,4 +1,4 @@
-"""A job on the terminal's screen: its picture, its state, and keys."""
+"""Shows a job on the terminal's screen: its picture and state; handles keys."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ KEYS = "q quit · +/- exposure · 0 reset · t curve · c cancel"
 
 
 def surface(graphics: Graphics, can: Abilities) -> Blocks | Kitty | Sixel:
-    """Returns what draws on a terminal of these abilities, pixels if possible."""
+    """Returns the drawing object for a terminal: by pixels if the terminal supports it, otherwise half blocks."""
     if graphics == "kitty" or (graphics == "auto" and can.kitty):
         return Kitty(can.cell)
     if graphics == "sixel" or (graphics == "auto" and can.sixel):
@@ -40,7 +40,7 @@ def surface(graphics: Graphics, can: Abilities) -> Blocks | Kitty | Sixel:
 
 
 class Screen:
-    """Draws until the user quits."""
+    """Draws a job on the screen until the user quits."""
 
     def __init__(self, terminal: Terminal, farm: Client, live: LiveJob, graphics: Graphics, exposure: float, curve: str) -> None:
         self._terminal = terminal
@@ -58,7 +58,7 @@ class Screen:
         self._shape: tuple[int, ...] = ()
 
     def run(self) -> int | None:
-        """Runs until q is pressed, the job is gone or a signal arrives, which it returns.
+        """Draws until q is pressed, the job is gone, or a signal arrives; returns the signal or None.
 
         Raises ClientError if the job cannot be watched.
         """
@@ -152,7 +152,7 @@ class Screen:
         return self._surface.draw(picture, (columns - wide) // 2 + 1, max((rows - high) // 2, 0) + 1)
 
     def _words(self, columns: int, rows: int) -> bytes:
-        """Returns the bytes that draw the changed lines below the picture."""
+        """Returns the bytes that draw the changed lines of text below the picture."""
         job = self._live.job
         if self._asks:
             keys = "Cancel this job? What is rendered is kept.  y yes · any other key no"

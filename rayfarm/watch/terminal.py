@@ -1,6 +1,7 @@
-"""The terminal in raw mode with an alternate screen, restored in every case.
+"""The terminal in raw mode, with an alternate screen; restored at the end in all cases.
 
-Its abilities are queried, followed by a query that every terminal answers (DA1), so that a missing answer costs no waiting.
+Its capabilities are queried, followed by a query that every terminal answers (DA1): if that answer arrives first, a capability is
+missing, without waiting for a timeout.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ class Abilities:
 
 
 def understood(answers: bytes) -> Abilities:
-    """Parses a terminal's answers to the queries."""
+    """Parses a terminal's answers to the queries of its capabilities."""
     attributes = re.search(rb"\x1b\[\?([\d;]+)c", answers)
     cell = re.search(rb"\x1b\[6;(\d+);(\d+)t", answers)
     height, width = (int(cell[1]), int(cell[2])) if cell else (0, 0)
@@ -61,7 +62,7 @@ def understood(answers: bytes) -> Abilities:
 
 
 class Terminal:
-    """Standard input and output, if both are a terminal. A context manager that owns the screen.
+    """Context manager for the terminal at standard input and output, which restores the screen.
 
     ended: the signal that requests the end, or None. resized: set when the window has changed or the screen is lost.
     """
@@ -79,7 +80,7 @@ class Terminal:
 
     @staticmethod
     def is_there() -> bool:
-        """Returns True if standard input and output are a terminal."""
+        """Whether both standard input and output are a terminal."""
         return sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
     def __enter__(self) -> Terminal:
@@ -97,7 +98,7 @@ class Terminal:
         os.close(self._wake_write)
 
     def abilities(self) -> Abilities:
-        """Queries what the terminal can show."""
+        """Queries the terminal's graphics capabilities."""
         self.write(KITTY_QUERY + TRUE_COLOUR_QUERY + CELL_QUERY + DA1)
         answers, deadline = b"", time.monotonic() + ANSWER_S
         while not re.search(rb"\x1b\[\?[\d;]+c", answers) and (left := deadline - time.monotonic()) > 0 and self.ended is None:
@@ -112,17 +113,17 @@ class Terminal:
         return found if found.cell != CELL else Abilities(found.kitty, found.sixel, found.true_colour, self._cell())
 
     def size(self) -> tuple[int, int]:
-        """Returns the columns and rows of its window."""
+        """Returns the columns and rows of the terminal."""
         columns, rows = os.get_terminal_size(self._out)
         return max(columns, 1), max(rows, 1)
 
     def wake(self) -> None:
-        """Makes `keys` return; thread-safe, and safe in a signal handler."""
+        """Makes `keys` return. Thread-safe, and safe in a signal handler."""
         with contextlib.suppress(OSError):  # full: it wakes up anyway; or closed
             os.write(self._wake_write, b".")
 
     def keys(self, seconds: float) -> Iterator[str]:
-        """Yields the keys pressed within the time; ends early after any other event."""
+        """Yields the keys pressed within this time. Ends early after any other event."""
         ready, _, _ = select.select([self._in, self._wake_read], [], [], seconds)
         if self._wake_read in ready:
             with contextlib.suppress(OSError):
@@ -140,11 +141,11 @@ class Terminal:
             yield from _keys(data)
 
     def draw(self, data: bytes) -> None:
-        """Draws the bytes as one update, without flicker."""
+        """Draws the bytes as one synchronized update, without flicker."""
         self.write(BEGIN + data + END)
 
     def write(self, data: bytes) -> None:
-        """Writes all bytes. Ends watching if the terminal is gone."""
+        """Writes all bytes. If the terminal is gone, requests the end."""
         while data:
             try:
                 data = data[os.write(self._out, data) :]
@@ -184,7 +185,7 @@ class Terminal:
         self.wake()
 
     def _stop(self) -> None:
-        """Handles Ctrl-Z: leaves the screen until the shell resumes the process."""
+        """Handles Ctrl-Z: restores the terminal until the shell resumes the process."""
         self._is_to_stop = self._goes_on = False
         self._give_back()
         os.kill(os.getpid(), signal.SIGSTOP)

@@ -1,4 +1,4 @@
-"""A growing film sent to tev (https://github.com/Tom94/tev) over its TCP protocol.
+"""Sends a film to tev (https://github.com/Tom94/tev) over its TCP protocol while the film grows.
 
 A packet is little-endian: u32 total length, u8 type, then fields; texts end with a zero byte, a bool is a byte.
 
@@ -37,7 +37,7 @@ STRIP = 128  # rows at a time, of a whole picture
 
 
 def address_of(text: str) -> tuple[str, int]:
-    """Parses the address of a tev: empty for the default, HOST, or HOST:PORT. Raises CommandError."""
+    """Parses the address of tev: empty for the default, HOST, or HOST:PORT. Raises CommandError."""
     host, _, port = text.rpartition(":") if ":" in text else (text, "", str(PORT))
     if not (port.isdecimal() and 0 < int(port) < 65536):
         raise CommandError(f"--tev is {text!r}; it takes HOST:PORT, as --tev 127.0.0.1:{PORT}")
@@ -45,20 +45,20 @@ def address_of(text: str) -> tuple[str, int]:
 
 
 class Tev:
-    """A connection to a running tev. Raises OSError if it is gone."""
+    """A connection to a running tev. Methods raise OSError if it is gone."""
 
     def __init__(self, address: tuple[str, int]) -> None:
         self._socket = socket.create_connection(address, timeout=PATIENCE_S)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def close(self) -> None:
-        """Closes the connection; the image stays."""
+        """Closes the connection. The image in tev stays."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
         self._socket.close()
 
     def create(self, name: str, width: int, height: int) -> None:
-        """Creates a black image, replacing one of that name."""
+        """Creates a black image in tev; replaces an image of the same name."""
         self._send(CLOSE_IMAGE, _text(name))
         self._send(CREATE_IMAGE, b"\1", _text(name), struct.pack("<iii", width, height, len(CHANNELS)), *map(_text, CHANNELS))
 
@@ -85,10 +85,10 @@ class Tev:
 
 
 class TevFeed:
-    """Sends the changes of a job's film in a thread. After tev is restarted, it gets the whole film again."""
+    """Sends the changes of a job's film to tev, in a thread. If tev was restarted, sends the whole film."""
 
     def __init__(self, live: LiveJob, address: tuple[str, int]) -> None:
-        """Raises CommandError if no tev answers."""
+        """Connects to tev. Raises CommandError if no tev answers."""
         self._live = live
         self._address = address
         try:
@@ -108,14 +108,14 @@ class TevFeed:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Sends the remaining changes, and stops."""
+        """Sends the remaining changes and ends the thread."""
         self._stop.set()
         self._thread.join(PATIENCE_S)
         if self._tev is not None:
             self._tev.close()
 
     def finish(self, film: F32) -> None:
-        """Sends a whole film with the values of its EXR."""
+        """Sends the whole final film, with the values of its EXR."""
         self._stop.set()
         self._thread.join(PATIENCE_S)
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""A picture file opened in another program."""
+"""Opens a picture file in another program."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ area.spaces.active.image = image
 
 
 def command_of(viewer: str, path: Path) -> list[str]:
-    """Returns the program and its arguments; an empty name is the system's default program. Raises CommandError."""
+    """Returns the viewer's command line. viewer: empty: the system's default program. Raises CommandError."""
     if viewer:
         try:
             command = shlex.split(viewer)
@@ -44,7 +44,7 @@ def command_of(viewer: str, path: Path) -> list[str]:
 
 
 def open_in(viewer: str, path: Path) -> None:
-    """Opens a file without waiting. Raises CommandError if the program is missing or does not start."""
+    """Opens a file in a viewer without waiting. Raises CommandError if the program is missing or does not start."""
     command = command_of(viewer, path)
     try:
         subprocess.Popen(

@@ -1,4 +1,4 @@
-"""The text below a job's picture, also used for its lines."""
+"""Text about a job's progress: below its picture, and as lines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
 def how_far(job: Job, with_bar: bool = False) -> str:
-    """Returns state, progress, rate and remaining time: `rendering · 43 % · 12.3 M samples/s · 1:05 left`."""
+    """Returns a job's state, progress, rate and remaining time: `rendering · 43 % · 12.3 M samples/s · 1:05 left`."""
     done = f"{100 * job.progress:.0f} %"
     parts = [job.message or job.state, f"{_bar(job.progress)} {done}" if with_bar else done]
     if job.samples_per_s and not job.is_over:
@@ -27,7 +27,7 @@ def how_far(job: Job, with_bar: bool = False) -> str:
 
 
 def frame_title(job: Job, frame: Frame | None) -> str:
-    """Returns name, size and quality: `milk truck · 1920x1080 · frame 7 · 64 of 512 spp · noise 2.1 %`."""
+    """Returns a job's name, size and quality: `milk truck · 1920x1080 · frame 7 · 64 of 512 spp · noise 2.1 %`."""
     parts = [one_line(job.name or job.id)]
     if job.width and job.height:
         parts.append(f"{job.width}x{job.height}")
@@ -44,7 +44,7 @@ def frame_title(job: Job, frame: Frame | None) -> str:
 
 
 def fit_columns(text: str, columns: int) -> str:
-    """Returns a line cut or padded to the number of columns."""
+    """Returns a line truncated or padded to this many columns."""
     clean = one_line(text)
     if cell_len(clean) > columns > 1:
         clean = f"{set_cell_size(clean, columns - 1).rstrip()}…"
