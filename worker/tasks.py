@@ -206,7 +206,7 @@ def _prepare(task: Any, scene: str) -> None:
 
 
 def _send_thumbnail(worker: context.WorkerContext, about: dict[str, Any], info: SceneInfo, main: str) -> None:
-    """Makes a prepared scene's thumbnail; jobs of the scene have begun meanwhile. A failure leaves it without one."""
+    """Renders the thumbnail of a prepared scene while its jobs may already run. If that fails, the scene has no thumbnail."""
     try:
         made = make_thumbnail(worker, info, main)
     except (WorkerError, OSError) as error:

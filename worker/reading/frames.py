@@ -46,7 +46,7 @@ def serve(
 def answering(
     folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path
 ) -> Callable[[list[int], Send], None]:
-    """Returns a function that compiles the requested frames; it sends a message for each: the result, or the error as `failed`."""
+    """Returns a function that compiles frames and sends a message for each: the result, or the error as `failed`."""
     begun = time.monotonic()
     stage = Stage(Shot(folder, manifest.main, manifest.environment, manifest.variant), work, base, out)
     opened_s = time.monotonic() - begun

@@ -51,7 +51,7 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
 
 
 def draw_preview(description: SceneDescription, path: Path) -> dict[str, Any] | None:
-    """Writes the preview mesh; returns the scene's cameras, bounds and defaults, None if nothing is to be seen."""
+    """Writes the preview mesh to `path`. Returns the scene's cameras, bounds and defaults; None if nothing is visible."""
     mesh = preview(description)
     if mesh is None:
         return None

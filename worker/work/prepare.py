@@ -40,9 +40,8 @@ Show = Callable[[ScenePreview], None]
 def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Progress, show: Show = lambda preview: None) -> SceneInfo:
     """Prepares an uploaded scene and stores the results at the service.
 
-    show: receives what a viewer can draw, once the scene was read.
-    Raises WorkError with a sentence if the files are not a scene; Trouble, UnfitError or RefusedError if the service or this
-    machine cannot be used.
+    show: called with what viewers can draw, once the scene was read. Raises WorkError with a sentence if the files are not a
+    scene; Trouble, UnfitError or RefusedError if the service or this machine cannot be used.
     """
     begun = time.monotonic()
     try:
@@ -131,14 +130,17 @@ def _info(worker: WorkerContext, summary: dict[str, Any], compiled: BlobRef, beg
 
 
 def _compile_kernel(edition: Any, progress: Progress) -> None:
-    """Compiles the kernel that the scene needs, unless this machine has it: jobs, and readers, which cannot store it, load it."""
+    """Compiles the kernel that the scene needs, unless it is cached here.
+
+    Jobs load it, and readers, which cannot store kernels.
+    """
     if isinstance(edition, str) and edition in EDITIONS and not jit.is_cached(kernel_name(edition=edition)):
         progress(COMPILING, 0.85)
         warm_up(edition=edition, prepares=False)  # if several slots need the kernel, only one compiles it
 
 
 def _opened(manifest: Manifest, room: Room) -> list[str]:
-    """Converts the scene with Blender into the room's folder WRITTEN; returns the written files' names, the main one first.
+    """Converts the scene with Blender into the room's folder WRITTEN. Returns the names of the written files, main file first.
 
     Raises WorkError.
     """
