@@ -23,6 +23,7 @@ __all__ = [
     "COLOR",
     "COLOR_HALF",
     "DEPTH",
+    "FIRST_HIT",
     "MATERIAL",
     "NORMAL",
     "OBJECT",
@@ -52,6 +53,17 @@ POSITION = slice(15, 18)  # first hit's world position; 0 where nothing is hit
 OBJECT = 18  # 1 + the number of the object that sample 0 hits first, 0 where it hits nothing; a plain number, not fixed point
 MATERIAL = 19  # 1 + the number of the object's material, likewise
 CHANNELS = 20
+
+# The planes of each field of a sample's FirstHit (renderer/kernel/steps/record_first_hit.py). Both backends fill them from this
+# table: real numbers are averaged over the samples, integers are those of sample 0.
+FIRST_HIT: dict[str, slice | int] = {
+    "albedo": ALBEDO,
+    "distance": DEPTH,
+    "normal": NORMAL,
+    "object": OBJECT,
+    "point": POSITION,
+    "material": MATERIAL,
+}
 
 SAMPLE_MAX = 262144.0
 

@@ -17,7 +17,7 @@ from renderer.lane_types import f32x8, is_wide, mask8, u32x8
 from renderer.wide.operators import FLOATS, INTS
 from renderer.wide.rows import gathered, scattered
 
-__all__ = ["Flag", "Float", "Four", "Int", "Layout", "Pair", "Vector", "accessors", "width_of"]
+__all__ = ["Flag", "Float", "Four", "Int", "Layout", "Pair", "Vector", "accessors", "columns_of", "is_integer", "width_of"]
 
 _GROUP = 8  # columns that are read and written together
 _I1, _I32, _I64 = ir.IntType(1), ir.IntType(32), ir.IntType(64)
@@ -73,6 +73,17 @@ def width_of(declared: type) -> int:
     last = list(_places(declared).values())[-1]
     used = last.column + max(last.kind.columns, 1)
     return -(-used // _GROUP) * _GROUP
+
+
+def columns_of(declared: type, field: str) -> range:
+    """Returns the columns of a field of a named tuple, counted from the tuple's first one."""
+    place = _places(declared)[field]
+    return range(place.column, place.column + place.kind.columns)
+
+
+def is_integer(declared: type, field: str) -> bool:
+    """Returns True if a field of a named tuple is an `Int`."""
+    return _places(declared)[field].kind is _INT
 
 
 class Layout:

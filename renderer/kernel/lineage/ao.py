@@ -70,7 +70,7 @@ def trace_ao(scene, stack, camera, medium_stack, options, log, first):
             continue
         vertex, _ = surface_vertex(scene, surface, ray, path, camera.stream, layers, time)
         s, t, n = vertex.frame
-        store_first_hit(first, record_first_hit(surface, vertex.material.base, n, hit.t, camera.start))
+        store_first_hit(first, record_first_hit(surface, vertex.material, n, hit.t, camera.start))
         numbers = draw_light(camera.stream, _ZERO)
         towards = vec.to_world(s, t, n, square_to_cosine_hemisphere((numbers[0], numbers[1])))
         start = departure(surface, True, towards)

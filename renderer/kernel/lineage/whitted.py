@@ -175,7 +175,7 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
         vertex, path = surface_vertex(scene, surface, ray, path, stream, layers, time)
         material = vertex.material
         if path.number == _ZERO:
-            store_first_hit(first, record_first_hit(surface, material.base, vertex.frame[2], hit.t, camera.start))
+            store_first_hit(first, record_first_hit(surface, material, vertex.frame[2], hit.t, camera.start))
         if material.kind == UNLIT:
             path = _add(path, material.base)
         elif not _is_mirror(material):

@@ -1,27 +1,53 @@
-"""What the film stores of a path's first vertex."""
+"""The AOVs of a path's first vertex: their fields, their values, and their planes in the film.
+
+A new AOV is a field of `FirstHit` and its value here, its planes in `FIRST_HIT` of renderer/film.py, and its entry in
+renderer/aovs.py.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+
+from renderer.film import CHANNELS, FIRST_HIT
 from renderer.jit import device
-from renderer.kernel.steps.state import FirstHit
+from renderer.wide.fields import Float, Int, Vector, columns_of, is_integer
 from renderer.wide.values import as_wide, nil, u32
 
-__all__ = ["no_hit", "record_first_hit"]
+__all__ = ["IDS", "MEANS", "FirstHit", "no_hit", "record_first_hit"]
 
 _NEXT, _NONE = np.uint32(1), np.uint32(0)
 
 
+class FirstHit(NamedTuple):
+    """What the film stores of a path's first vertex. All fields are 0 if it has none."""
+
+    albedo: Vector
+    distance: Float  # from the lens
+    normal: Vector  # zero for a vertex in a medium
+    object: Int  # 1 + its number
+    point: Vector
+    material: Int  # 1 + its number
+
+
 @device
-def record_first_hit(surface, albedo, normal, distance, start):
+def record_first_hit(surface, material, normal, distance, start):
     """Returns the FirstHit of a vertex.
 
-    normal: the shading normal on the viewer's side, or zero for a vertex in a medium, whose object and material are none;
-    distance: along the ray; start: distance of the ray's origin from the lens.
+    material: with its base colour, metallic and roughness, as in `Parameters` and `Material`; in a medium the base colour is the
+    single-scattering albedo. normal: the shading normal on the viewer's side, or zero in a medium, where the surface has neither
+    object nor material. distance: along the ray; start: distance of the ray's origin from the lens.
     """
-    number, material = u32(surface.object + _NEXT), u32(surface.material + _NEXT)
-    return FirstHit(albedo, distance + start, normal, number, surface.point, material)
+    return FirstHit(
+        albedo=material.base,
+        distance=distance + start,
+        normal=normal,
+        object=u32(surface.object + _NEXT),
+        point=surface.point,
+        material=u32(surface.material + _NEXT),
+    )
 
 
 @device
@@ -29,4 +55,18 @@ def no_hit(like):
     """Returns the FirstHit of a path that hits nothing. like: a float or lanes."""
     none, nothing = nil(like), as_wide(_NONE, like)
     black = none, none, none
-    return FirstHit(black, none, black, nothing, black, nothing)
+    return FirstHit(albedo=black, distance=none, normal=black, object=nothing, point=black, material=nothing)
+
+
+def _planes(integers: bool) -> npt.NDArray[np.uintp]:
+    """Returns the (column of FirstHit, plane of the film) of all its integers, or of all its real numbers."""
+    found = []
+    for field, planes in FIRST_HIT.items():
+        if is_integer(FirstHit, field) == integers:
+            numbers = range(CHANNELS)[planes] if isinstance(planes, slice) else [planes]
+            found += zip(columns_of(FirstHit, field), numbers, strict=True)
+    return np.array(found, np.uintp)
+
+
+MEANS = _planes(integers=False)  # averaged over the samples
+IDS = _planes(integers=True)  # cannot be averaged: of sample 0

@@ -18,7 +18,6 @@ from renderer.wide.values import as_wide, nil
 __all__ = [
     "BsdfSample",
     "Crossings",
-    "FirstHit",
     "LastVertex",
     "PathState",
     "Ray",
@@ -67,17 +66,6 @@ class LastVertex(NamedTuple):
 
     point: Vector
     normal: Vector  # lights on its side count; zero: on both sides
-
-
-class FirstHit(NamedTuple):
-    """What the film stores of a path's first vertex. Zeros: it has none."""
-
-    albedo: Vector
-    distance: Float  # from the lens
-    normal: Vector  # zero for a vertex in a medium
-    object: Int  # 1 + its number
-    point: Vector
-    material: Int  # 1 + its number
 
 
 class ShadowRay(NamedTuple):

@@ -8,24 +8,14 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.simd import load, load_int
-from renderer.film import (
-    ALBEDO,
-    CHANNELS,
-    COLOR,
-    COLOR_HALF,
-    DEPTH,
-    MATERIAL,
-    NORMAL,
-    OBJECT,
-    POSITION,
-    SAMPLES,
-    SAMPLES_HALF,
-)
+from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
 from renderer.jit import never_inline, subroutine
 from renderer.kernel.backends.cpu.lists import DONE, cut, length, put, row
 from renderer.kernel.backends.cpu.rows import PATHS, Sample, at, column
 from renderer.kernel.fixed_point import add_fixed8, in_half, of_sample
-from renderer.kernel.steps.state import FirstHit, PathState
+from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit
+from renderer.kernel.steps.state import PathState
+from renderer.wide.fields import columns_of, width_of
 from renderer.wide.values import any_of, not_
 
 __all__ = ["SUMS", "accumulate_film", "unfold"]
@@ -33,17 +23,18 @@ __all__ = ["SUMS", "accumulate_film", "unfold"]
 _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
 _ONE = np.float32(1.0)
-SUMS = 24  # numbers kept of a pixel: radiance 3, samples; of the half 3, samples; FirstHit
-_SUMS, _PATHS, _1, _8, _16, _17, _18 = (np.uintp(k) for k in (SUMS, PATHS, 1, 8, 16, 17, 18))
-_OBJECT, _MATERIAL = 15, 19
-_COLUMNS = {SAMPLES: 3, SAMPLES_HALF: 7, DEPTH: 11, OBJECT: _OBJECT, MATERIAL: _MATERIAL}
-for _plane, _first in ((COLOR, 0), (COLOR_HALF, 4), (ALBEDO, 8), (NORMAL, 12), (POSITION, 16)):
-    _COLUMNS.update({_plane.start + _k: _first + _k for _k in range(3)})
+_GROUPS = width_of(FirstHit) // 8
+SUMS = 8 + 8 * _GROUPS  # numbers kept of a pixel: radiance 3, samples; of the half 3, samples; FirstHit
+_SUMS, _PATHS, _1, _2, _8 = (np.uintp(k) for k in (SUMS, PATHS, 1, 2, 8))
+_COLUMNS = {plane: 8 + first_hit_column for first_hit_column, plane in (*MEANS.tolist(), *IDS.tolist())}
+_COLUMNS.update({SAMPLES: 3, SAMPLES_HALF: 7})
+for _first, _planes in ((0, COLOR), (4, COLOR_HALF)):
+    _COLUMNS.update({plane: _first + k for k, plane in enumerate(range(_planes.start, _planes.stop))})
 _COLUMN_OF = np.array([_COLUMNS[channel] for channel in range(CHANNELS)], np.int64)
-_RADIANCE, _FIRST, _POINT = column(PathState, "radiance"), column(FirstHit, "albedo"), column(FirstHit, "point")
-_DEPTH_OF, _OBJECT_OF, _MATERIAL_OF = (column(FirstHit, field) for field in ("distance", "object", "material"))
+_POINT = np.uintp(8 + columns_of(FirstHit, "point")[0])
+_RADIANCE, _FIRST, _DISTANCE = column(PathState, "radiance"), column(FirstHit, "albedo"), column(FirstHit, "distance")
 _SAMPLE, _PIXEL, _BRANCHES = (column(Sample, field) for field in ("number", "place", "branches"))
-assert (_FIRST, _POINT) == (_FIRST // 8 * 8, _FIRST + 8), "the film's groups of eight numbers are those of FirstHit"
+assert columns_of(FirstHit, "albedo")[0] == 0, "FirstHit begins with its albedo"
 
 
 @subroutine
@@ -67,8 +58,11 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count):
         sample, place = load_int(pool, at(path, _SAMPLE)), load_int(pool, at(path, _PIXEL))
         found = load(pool, at(path, _RADIANCE)) + load(pool, at(path + _PATHS, _RADIANCE))
         light = of_sample(found, one, in_half(sample))
-        first, beyond = load(pool, at(path, _FIRST)), load(pool, at(path, _POINT))  # numbers, as floats, are all but 0
-        if any_of(not_((abs(light) < _INF) & (abs(first) < _INF) & (abs(beyond) < _INF))):
+        first = at(path, _FIRST)
+        is_finite = abs(light) < _INF
+        for group in range(_GROUPS):
+            is_finite = is_finite & (abs(load(pool, first + np.uintp(group) * _8)) < _INF)
+        if any_of(not_(is_finite)):
             if bad_count < len(bad):
                 bad[bad_count, 0] = batch.x + place % width
                 bad[bad_count, 1] = batch.y + place // width
@@ -77,15 +71,16 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count):
             continue
         base = np.uintp(place) * _SUMS
         add_fixed8(film, base, light, scale)
-        add_fixed8(film, base + _8, first, scale)
-        add_fixed8(film, base + _16, beyond, scale)
-        if is_far and pool[at(path, _DEPTH_OF)] > _ZERO:
-            film[base + _16] += ox
-            film[base + _17] += oy
-            film[base + _18] += oz
-        if sample == 0:  # ids cannot be averaged, so the first sample decides
-            film[base + np.uintp(_OBJECT)] += load_int(pool, at(path, _OBJECT_OF))
-            film[base + np.uintp(_MATERIAL)] += load_int(pool, at(path, _MATERIAL_OF))
+        for group in range(_GROUPS):  # an id, read as a float, is too small to count
+            offset = np.uintp(group) * _8
+            add_fixed8(film, base + _8 + offset, load(pool, first + offset), scale)
+        if is_far and pool[at(path, _DISTANCE)] > _ZERO:
+            film[base + _POINT] += ox
+            film[base + _POINT + _1] += oy
+            film[base + _POINT + _2] += oz
+        if sample == 0:
+            for k in range(len(IDS)):
+                film[base + _8 + IDS[k, 0]] += load_int(pool, first + IDS[k, 0])
     cut(lists, DONE, free)
     return bad_count
 

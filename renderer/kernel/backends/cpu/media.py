@@ -38,6 +38,7 @@ from renderer.kernel.backends.cpu.rows import (
     scatter,
     streams_of,
 )
+from renderer.kernel.material.material import Parameters
 from renderer.kernel.steps.continue_or_end import is_last
 from renderer.kernel.steps.medium_event import medium_event, medium_surface
 from renderer.kernel.steps.record_first_hit import record_first_hit
@@ -87,7 +88,8 @@ def fly(scene, pool, lists, options):
             first = event.scatters & (path.number == _ZERO)
             if any_of(first):
                 start, black = gather(pool, rows, Sample).start, (none, none, none)
-                seen = record_first_hit(surface, event.albedo, black, event.distance, start)
+                material = Parameters(event.albedo, none, none + _ONE, none + _ONE)
+                seen = record_first_hit(surface, material, black, event.distance, start)
                 scatter(pool, where(first, rows, SPARE), seen)
             last = is_last(path, crossings.counts, none != none, options)
             which = where(last, _OVER, as_wide(_IN_MEDIUM, none))

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import device
-from renderer.kernel.steps.state import Crossings, FirstHit, LastVertex, PathState, Ray, scattering_surface, stream_of
+from renderer.kernel.steps.record_first_hit import FirstHit
+from renderer.kernel.steps.state import Crossings, LastVertex, PathState, Ray, scattering_surface, stream_of
 from renderer.prune_absent_features import where_present
 from renderer.wide.fields import Flag, Float, Int, Layout, Pair, Vector, accessors
 

@@ -169,7 +169,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
             path = add_light(path, parameters.base, unlit, options)
         first = (path.number == _ZERO) & not_(through)
         if any_of(first):
-            seen = record_first_hit(surface, parameters.base, frame[2], hit.t, gather(pool, rows, Sample).start)
+            seen = record_first_hit(surface, parameters, frame[2], hit.t, gather(pool, rows, Sample).start)
             scatter(pool, where(first, rows, SPARE), seen)
 
         which_next = _list_of(scene, surface.material, kind, parameters.roughness)

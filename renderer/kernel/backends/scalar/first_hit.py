@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.bvh.simd import load_int
+from renderer.film import POSITION
 from renderer.jit import device
-from renderer.kernel.steps.record_first_hit import no_hit
-from renderer.kernel.steps.state import FirstHit
+from renderer.kernel.fixed_point import fixed
+from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit, no_hit
 from renderer.wide.fields import Layout, accessors
 
-__all__ = ["FIRST_HIT_SLOTS", "forget_first_hit", "load_first_hit", "store_first_hit"]
+__all__ = ["FIRST_HIT_SLOTS", "add_first_hit", "forget_first_hit", "is_finite_first_hit", "store_first_hit"]
 
 _LAYOUT = Layout(FirstHit)
 FIRST_HIT_SLOTS = _LAYOUT.width
-_gather, _scatter = accessors(_LAYOUT)
+_, _scatter = accessors(_LAYOUT)
 _ONLY = np.uintp(0)
 _ZERO = np.float32(0.0)
+_DISTANCE = _LAYOUT.column(FirstHit, "distance")
+_X, _Y, _Z = range(POSITION.start, POSITION.stop)
 
 
 @device
@@ -31,6 +35,23 @@ def store_first_hit(first, hit):
 
 
 @device
-def load_first_hit(first):
-    """Returns the stored FirstHit."""
-    return _gather(first, _ONLY, FirstHit)
+def is_finite_first_hit(first):
+    """Returns True if no real number of the stored FirstHit is NaN or infinite."""
+    zero = _ZERO
+    for k in range(len(MEANS)):
+        zero += first[MEANS[k, 0]] * _ZERO
+    return zero == _ZERO
+
+
+@device
+def add_first_hit(sums, y, x, first, sample, scale, origin):
+    """Adds the stored FirstHit to a pixel's sums. origin: as in Batch."""
+    for k in range(len(MEANS)):
+        sums[MEANS[k, 1], y, x] += fixed(first[MEANS[k, 0]], scale)
+    if first[_DISTANCE] > _ZERO:
+        sums[_X, y, x] += origin[0]
+        sums[_Y, y, x] += origin[1]
+        sums[_Z, y, x] += origin[2]
+    if sample == 0:
+        for k in range(len(IDS)):
+            sums[IDS[k, 1], y, x] += load_int(first, IDS[k, 0])

@@ -131,7 +131,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
             normal = vertex.frame[2]
         is_surface, unlit = vertex.material.kind != MEDIUM, vertex.material.kind == UNLIT
         if path.number == _ZERO:
-            store_first_hit(first, record_first_hit(vertex.surface, vertex.material.base, normal, distance, camera.start))
+            store_first_hit(first, record_first_hit(vertex.surface, vertex.material, normal, distance, camera.start))
         path = add_light(path, vertex.material.base, unlit, options)
         if entry < len(log):
             record_light(log, entry, EMITTED, path.radiance)

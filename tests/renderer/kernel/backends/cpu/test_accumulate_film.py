@@ -13,7 +13,8 @@ from renderer.kernel.accumulate import MAX_BAD, Batch
 from renderer.kernel.backends.cpu.accumulate_film import SUMS, accumulate_film, unfold
 from renderer.kernel.backends.cpu.lists import DONE, LIST_SIZE, LISTS, append, clear
 from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, Sample, column
-from renderer.kernel.steps.state import FirstHit, PathState
+from renderer.kernel.steps.record_first_hit import FirstHit
+from renderer.kernel.steps.state import PathState
 
 WIDTH, HEIGHT = 3, 2
 NUMBER, PLACE, BRANCHES = (int(column(Sample, field)) for field in ("number", "place", "branches"))
