@@ -63,35 +63,57 @@ def _record(log, row, kind, distance, point, normal, ray, path):
 
 @device
 def record_surface(log, row, surface, point, through, distance, ray, path):
-    """Records the surface hit by the path's ray, and whether the path passed through it, with the throughput on arrival."""
-    log[row, OBJECT] = 1 + surface.object
-    log[row, MATERIAL] = 1 + surface.material
-    _record(log, row, PASSED if through else SURFACE, distance, point, surface.shading, ray, path)
+    """Records the surface hit by the path's ray, and whether the path passed through it, with the throughput on arrival.
+
+    log: the rows; a row beyond the last is not recorded. row: an integer, or a float without fraction.
+    """
+    entry = np.int64(row)
+    if entry < len(log):
+        log[entry, OBJECT] = 1 + surface.object
+        log[entry, MATERIAL] = 1 + surface.material
+        _record(log, entry, PASSED if through else SURFACE, distance, point, surface.shading, ray, path)
 
 
 @device
 def record_medium(log, row, point, distance, ray, path):
-    """Records a scattering point in a medium at `distance` along the ray, with the throughput on arrival."""
-    log[row, OBJECT] = 0
-    log[row, MATERIAL] = 0
-    _record(log, row, np.int64(IN_MEDIUM), distance, point, ray.d, ray, path)
+    """Records a scattering point in a medium at `distance` along the ray, with the throughput on arrival.
+
+    log, row: as in `record_surface`.
+    """
+    entry = np.int64(row)
+    if entry < len(log):
+        log[entry, OBJECT] = 0
+        log[entry, MATERIAL] = 0
+        _record(log, entry, np.int64(IN_MEDIUM), distance, point, ray.d, ray, path)
 
 
 @device
 def record_miss(log, row, ray, path):
-    """Records that the path's ray missed all surfaces and reached the environment."""
-    log[row, OBJECT] = 0
-    log[row, MATERIAL] = 0
-    _record(log, row, np.int64(MISSED), _FAR, ray.o, ray.d, ray, path)
+    """Records that the path's ray missed all surfaces and reached the environment. log, row: as in `record_surface`."""
+    entry = np.int64(row)
+    if entry < len(log):
+        log[entry, OBJECT] = 0
+        log[entry, MATERIAL] = 0
+        _record(log, entry, np.int64(MISSED), _FAR, ray.o, ray.d, ray, path)
 
 
 @subroutine
-def record_light(log, row, column, radiance):
-    """Records the accumulated radiance: from column EMITTED on with the vertex's emission, from DIRECT on with direct light."""
+def _record_light(log, row, column, radiance):
     never_inline()
     for i in range(3):
         for j in range(column, DIRECT + 3, 3):
             log[row, j + i] = radiance[i]
+
+
+@device
+def record_light(log, row, column, radiance):
+    """Records the accumulated radiance: from column EMITTED on with the vertex's emission, from DIRECT on with direct light.
+
+    log, row: as in `record_surface`.
+    """
+    entry = np.int64(row)
+    if entry < len(log):
+        _record_light(log, entry, np.int64(column), radiance)
 
 
 @subroutine

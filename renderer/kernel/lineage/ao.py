@@ -50,16 +50,13 @@ def trace_ao(scene, stack, camera, medium_stack, options, log, first):
     while True:
         hit = closest_hit(scene.bvh, stack, ray.o, ray.d, _INF, time, camera_root(scene.bvh), after)
         rays += 1
-        entry = np.int64(passed)
         if hit.primitive == NO_PRIMITIVE:
-            if entry < len(log):
-                record_miss(log, entry, ray, path)
-                record_light(log, entry, DIRECT, radiance)
+            record_miss(log, passed, ray, path)
+            record_light(log, passed, DIRECT, radiance)
             break
         surface = surface_at(scene, ray.o, ray.d, hit)
         through, arrived = arrive(scene, surface, path, last, passed, camera.stream, options, time)
-        if entry < len(log):
-            record_surface(log, entry, surface, surface.point, through, hit.t, ray, arrived)
+        record_surface(log, passed, surface, surface.point, through, hit.t, ray, arrived)
         if through:
             crossings, blocked = pass_through(scene, surface, through, crossings, options)
             if blocked:
@@ -79,7 +76,6 @@ def trace_ao(scene, stack, camera, medium_stack, options, log, first):
         left = layers_left(crossings.counts, options)
         open_sky = transmittance(scene, stack, start, end, options.transparent, left, time)
         radiance = (open_sky, open_sky, open_sky)
-        if entry < len(log):
-            record_light(log, entry, DIRECT, radiance)
+        record_light(log, passed, DIRECT, radiance)
         break
     return radiance, rays

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from renderer.jit import device, template
-from renderer.kernel.backends.scalar.path import has_lights, trace_path
+from renderer.kernel.backends.scalar.light import has_lights
+from renderer.kernel.backends.scalar.path import trace_path
 from renderer.kernel.lineage.strategy import sample_direction, weigh_hit, weigh_light
 from renderer.kernel.options import LIGHT, MIS
 

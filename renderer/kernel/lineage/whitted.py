@@ -17,7 +17,7 @@ from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closes
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import store_first_hit
-from renderer.kernel.backends.scalar.path import has_lights
+from renderer.kernel.backends.scalar.light import has_lights
 from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, arrive, surface_vertex
 from renderer.kernel.backends.scalar.visibility import transmittance
 from renderer.kernel.light.environment import environment_radiance
@@ -142,29 +142,24 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
         hit = closest_hit(scene.bvh, stack, ray.o, ray.d, _INF, time, root, after)
         rays += 1
         row = path.number + passed
-        entry = np.int64(row)
         if hit.primitive == NO_PRIMITIVE:
-            if entry < len(log):
-                record_miss(log, entry, ray, path)
+            record_miss(log, row, ray, path)
             path = _add(path, environment_radiance(scene.environment, scene.environment_frame, ray.d))
             if scene.has.lights is not None:
                 for k in range(len(scene.sun)):
                     seen, _ = sun_seen(scene, k, last.point, last.normal, ray.d, _NO, path.number == _ZERO, time)
                     path = _add(path, seen)
-            if entry < len(log):
-                record_light(log, entry, EMITTED, path.radiance)
+            record_light(log, row, EMITTED, path.radiance)
             break
 
         surface = surface_at(scene, ray.o, ray.d, hit)
         through, path = arrive(scene, surface, path, last, row, stream, options, time)
-        if entry < len(log):
-            record_surface(log, entry, surface, surface.point, through, hit.t, ray, path)
+        record_surface(log, row, surface, surface.point, through, hit.t, ray, path)
         if shines(surface) and counts_emission(scene, surface, through):
             front = hits_emitting_side(scene, surface.light, last.point, ray.d, surface.front, time)
             path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, front, time))
         if through:
-            if entry < len(log):
-                record_light(log, entry, EMITTED, path.radiance)
+            record_light(log, row, EMITTED, path.radiance)
             crossings, blocked = pass_through(scene, surface, through, crossings, options)
             if blocked:
                 break
@@ -180,16 +175,14 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
             path = _add(path, material.base)
         elif not _is_mirror(material):
             path = _add(path, vec.mul(material.base, options.ambient))
-        if entry < len(log):
-            record_light(log, entry, EMITTED, path.radiance)
+        record_light(log, row, EMITTED, path.radiance)
         if path.depth + _ONE >= np.float32(options.max_depth) or material.kind == UNLIT:
             break
 
         if lit and not _is_mirror(material):
             path, shadow_rays = _add_direct(scene, stack, vertex, path, crossings, options, stream, time)
             rays += shadow_rays
-            if entry < len(log):
-                record_light(log, entry, DIRECT, path.radiance)
+            record_light(log, row, DIRECT, path.radiance)
 
         u = draw_scattering(stream, path.number)
         wi, weight, pdf, eta2 = sample_material(material, vertex.wo, u[2], (u[0], u[1]))

@@ -97,7 +97,7 @@ def record_arrival(pool, lists, log, number, passed, before, options):
     log[number, TOLD] = ARRIVED
     if options.has_depths:
         log[number, LIMIT] = limit_of(gather(pool, _FIRST, Crossings).counts, options)
-    record_light(log, number, np.int64(EMITTED), path.radiance)
+    record_light(log, number, EMITTED, path.radiance)
 
 
 @subroutine

@@ -103,7 +103,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         scatter_vertices(scene, paths, lists, options, lit, _SCATTERS)
         rays += trace_shadow_rays(scene, pool.alone, pool.stack, paths, lists, options)
         if row < len(log):
-            record_light(log, row, np.int64(DIRECT), radiance_of(paths, 0))
+            record_light(log, row, DIRECT, radiance_of(paths, 0))
             record_departure(paths, lists, log, row, lit)
         bad_count = accumulate_film(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
     record_beside(log, radiance_of(paths, PATHS))

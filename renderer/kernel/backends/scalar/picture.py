@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from renderer.jit import device, template
-from renderer.kernel.backends.scalar.path import has_lights, trace_path
+from renderer.kernel.backends.scalar.light import has_lights
+from renderer.kernel.backends.scalar.path import trace_path
 from renderer.kernel.material.material import sample_material
 from renderer.kernel.steps.mis import hit_weight, light_weight
 from renderer.kernel.steps.state import BsdfSample
