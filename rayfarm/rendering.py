@@ -80,15 +80,15 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
 
     Called after the scene was read, so that errors in its files are reported before the wait.
     """
-    from renderer.render import check_for_cards, edition_for, warm_up
+    from renderer.render import check_for_cards, variant_for, warm_up
 
     with bar() as progress:
         progress.add_task("loading the kernel (the first time compiles it: a minute or two)", total=None)
         if card is None:
-            warm_up(settings, edition_for(settings, compiled), prepares=False)
+            warm_up(settings, variant_for(settings, compiled), prepares=False)
         else:
             check_for_cards(settings)
-            card.load(edition_for(settings, compiled))
+            card.load(variant_for(settings, compiled))
     clock.mark("compile_s")
 
 

@@ -146,7 +146,7 @@ class _Progress:
 def _render(
     shot: Sequence, stage: ReadStage, order: Order, frame: float, show: Show, told: set[str], steadying: TemporalDenoiser
 ) -> dict[str, Any]:
-    from renderer.render import edition_for, warm_up
+    from renderer.render import variant_for, warm_up
 
     clock = Clock()
     moment = replace(shot.moment, frame=frame)
@@ -161,7 +161,7 @@ def _render(
             told.add(warning)
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
-    warm_up(settings, edition_for(settings, compiled), prepares=False)
+    warm_up(settings, variant_for(settings, compiled), prepares=False)
     clock.mark("compile_s")
     hold = partial(steadying.take, frame) if is_held else None
     written = frame in steadying.missing

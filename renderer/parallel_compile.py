@@ -18,10 +18,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from renderer.arrays.kernel_variant import only
+from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import example
 from renderer.jit import COMPILE_PATIENCE_S, rare_collections
-from renderer.kernel.accumulate import parts_of_pictures
+from renderer.kernel.accumulate import pool_stages
 from renderer.preparation_kernels import is_prepared, prepare_first
 from renderer.settings import RenderSettings, View
 from renderer.sources import ROOT
@@ -38,15 +38,15 @@ _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 class Helpers:
     """A context manager: helper processes that compile parts of a kernel, and the kernels that prepare scenes.
 
-    edition: of the kernel for pictures; "": only the kernels that prepare scenes. wanted: whether there may be anything to
+    variant: of the kernel for pictures; "": only the kernels that prepare scenes. wanted: whether there may be anything to
     compile.
 
     Forked while this process has no other threads, so a worker makes it before it starts any. Otherwise the helpers are spawned,
     and only when work is shared with them.
     """
 
-    def __init__(self, edition: str, wanted: bool = True) -> None:
-        self._edition = edition
+    def __init__(self, variant: str, wanted: bool = True) -> None:
+        self._variant = variant
         self._count = _helpers() if wanted else 0
         self._forked: list[int] = []
         self._started: list[subprocess.Popen[bytes]] = []
@@ -61,7 +61,7 @@ class Helpers:
         """Compiles the parts of the kernel together with the helpers. Returns when no process works on one any more."""
         if self._count == 0:
             return
-        parts = _Parts(self._edition)
+        parts = _Parts(self._variant)
         if not self._forked:
             self._started = [self._start(number) for number in range(self._count)]
         _close(self._working)
@@ -110,7 +110,7 @@ class Helpers:
                     signal.signal(each, signal.SIG_DFL)
                 _close(self._giving)
                 _close(self._over)
-                _help(self._edition, self._taking, self._working, parent, is_first=number == 0)
+                _help(self._variant, self._taking, self._working, parent, is_first=number == 0)
             finally:
                 os._exit(0)  # the parent will meet the same error and report it
         return child
@@ -119,7 +119,7 @@ class Helpers:
         path = os.pathsep.join([str(ROOT.parent), os.environ.get("PYTHONPATH", "")])
         ends = self._taking, self._working
         return subprocess.Popen(
-            [sys.executable, "-m", "renderer.parallel_compile", self._edition, *map(str, ends), str(os.getpid()), str(number)],
+            [sys.executable, "-m", "renderer.parallel_compile", self._variant, *map(str, ends), str(os.getpid()), str(number)],
             env={**os.environ, "PYTHONPATH": path},
             pass_fds=ends,
             stdin=subprocess.DEVNULL,
@@ -131,8 +131,8 @@ class Helpers:
 class _Parts:
     """The numbered parts of a kernel that are distributed among the processes."""
 
-    def __init__(self, edition: str) -> None:
-        self._stages = parts_of_pictures(only(example(), edition), _PICTURE) if edition else []
+    def __init__(self, variant: str) -> None:
+        self._stages = pool_stages(strip_absent_features(example(), variant), _PICTURE) if variant else []
 
     def __len__(self) -> int:
         return len(self._stages)
@@ -151,13 +151,13 @@ class _Parts:
         return any_taken
 
 
-def _help(edition: str, taking: int, working: int, parent: int, is_first: bool) -> None:
+def _help(variant: str, taking: int, working: int, parent: int, is_first: bool) -> None:
     """The main function of a helper.
 
     is_first: this helper compiles the kernels that prepare scenes, while the parent links the kernel.
     """
     with rare_collections():
-        has_worked = _Parts(edition).compile(taking, parent)
+        has_worked = _Parts(variant).compile(taking, parent)
         _close(working)
         if has_worked and is_first and os.getppid() == parent and not is_prepared():
             prepare_first()
@@ -183,10 +183,10 @@ def _close(end: int) -> None:
 
 
 def main(arguments: list[str]) -> None:
-    """Entry point of a spawned helper. arguments: edition, both ends of two pipes, the parent's pid, the helper's number."""
-    edition, *numbers = arguments
+    """Entry point of a spawned helper. arguments: variant, both ends of two pipes, the parent's pid, the helper's number."""
+    variant, *numbers = arguments
     taking, working, parent, number = map(int, numbers)
-    _help(edition, taking, working, parent, is_first=number == 0)
+    _help(variant, taking, working, parent, is_first=number == 0)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """`python -m renderer.precompile`: compiles the kernels for pictures into the cache, as an installation or an image does.
 
-Editions are compiled side by side, one process for each, as far as there are cores and memory. A folder that is named gets only
+Variants are compiled side by side, one process for each, as far as there are cores and memory. A folder that is named gets only
 the files that the kernels are loaded from (each kernel's `.done` lists them), under FOLDER/kernels: an eighth of what compiling
 leaves.
 """
@@ -19,13 +19,13 @@ from pathlib import Path
 from renderer import jit
 from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import prepare
-from renderer.render import EDITIONS, kernel_name, warm_up
+from renderer.render import KERNEL_VARIANTS, kernel_name, warm_up
 from renderer.shipped_kernels import copy_loaded, take_shipped
 from renderer.threads import cores
 
 __all__ = ["main"]
 
-MEMORY = 1 << 30  # memory that a process needs to compile an edition
+MEMORY = 1 << 30  # memory that a process needs to compile a variant
 PREPARING = "preparing"  # the job of the kernels that prepare scenes
 
 
@@ -34,16 +34,16 @@ def _compile(job: str, prepares: bool) -> None:
     if job == PREPARING:
         prepare()
     else:
-        warm_up(edition=job, helpers=Helpers(job, wanted=False), prepares=prepares)
+        warm_up(variant=job, helpers=Helpers(job, wanted=False), prepares=prepares)
 
 
 def _beside(job: str, *options: str) -> None:
     subprocess.run([sys.executable, "-m", "renderer.precompile", "--job", job, *options], check=True)
 
 
-def _jobs(editions: list[str]) -> list[str]:
-    """Returns the editions and the job of kernels that prepare scenes, the longest first."""
-    return [*sorted(editions, key=lambda name: sum(map(bool, EDITIONS[name])), reverse=True), PREPARING]
+def _jobs(variants: list[str]) -> list[str]:
+    """Returns the variants and the job of kernels that prepare scenes, the longest first."""
+    return [*sorted(variants, key=lambda name: sum(map(bool, KERNEL_VARIANTS[name])), reverse=True), PREPARING]
 
 
 def _at_a_time(count: int) -> int:
@@ -66,23 +66,23 @@ def _compile_all(jobs: list[str], begin: float) -> None:
             raise
 
 
-def _editions(text: str) -> list[str]:
+def _variants(text: str) -> list[str]:
     names = text.split(",")
-    if unknown := [name for name in names if name not in EDITIONS]:
-        raise argparse.ArgumentTypeError(f"there is no kernel {', '.join(unknown)}; known are {', '.join(EDITIONS)}")
+    if unknown := [name for name in names if name not in KERNEL_VARIANTS]:
+        raise argparse.ArgumentTypeError(f"there is no kernel {', '.join(unknown)}; known are {', '.join(KERNEL_VARIANTS)}")
     return names
 
 
 def main(arguments: Iterable[str] | None = None) -> None:
-    """Compiles, loads each edition once more to complete its list, then copies the files. Raises CalledProcessError."""
+    """Compiles, loads each variant once more to complete its list, then copies the files. Raises CalledProcessError."""
     parser = argparse.ArgumentParser(prog="python -m renderer.precompile", description="Compiles the kernels for pictures.")
     parser.add_argument("folder", nargs="?", type=Path, help="gets kernels/HASH")
     parser.add_argument(
         "--kernels",
-        type=_editions,
-        default=list(EDITIONS),
+        type=_variants,
+        default=list(KERNEL_VARIANTS),
         metavar="NAME,...",
-        help=f"of {', '.join(EDITIONS)}; by default all of them",
+        help=f"of {', '.join(KERNEL_VARIANTS)}; by default all of them",
     )
     parser.add_argument("--if-avx512", action="store_true", help="do nothing on a processor without AVX-512")
     parser.add_argument("--job", help=argparse.SUPPRESS)
@@ -97,9 +97,9 @@ def main(arguments: Iterable[str] | None = None) -> None:
         print("this processor has no AVX-512: kernels for it are compiled by the first worker that has it")
         return
     begin = time.perf_counter()
-    if not all(jit.is_cached(kernel_name(edition=name)) for name in options.kernels):
+    if not all(jit.is_cached(kernel_name(variant=name)) for name in options.kernels):
         take_shipped(jit.cache_folder())
-    if missing := [name for name in options.kernels if not jit.is_cached(kernel_name(edition=name))]:
+    if missing := [name for name in options.kernels if not jit.is_cached(kernel_name(variant=name))]:
         _compile_all(_jobs(missing), begin)
     for name in options.kernels:
         _beside(name, "--prepares")

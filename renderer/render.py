@@ -12,17 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import jit
-from renderer.arrays.kernel_variant import edition_of, only
+from renderer.arrays.kernel_variant import strip_absent_features, variant_of
 from renderer.arrays.scene import example
-from renderer.arrays.scene_features import EDITIONS
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cuda.render import CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, COLOR, SAMPLES, BadSample, BatchSums, Sums
 from renderer.kernel import path_trace as record
-from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_editions, new_scratch, renderer_of
+from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_variants, new_scratch, renderer_of
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.options import kernel_options
-from renderer.kernel.steps.continue_or_end import MAX_AGAIN
+from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
 from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
@@ -38,7 +38,6 @@ __all__ = [
     "PLAIN",
     "RenderStats",
     "check_for_cards",
-    "edition_for",
     "helpers_for",
     "is_for_cards",
     "is_warm",
@@ -48,10 +47,11 @@ __all__ = [
     "render_batch",
     "render_frame",
     "replay",
+    "variant_for",
     "warm_up",
 ]
 
-PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA = EDITIONS
+PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA = KERNEL_VARIANTS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
 _LAST_TILES = 2  # per thread: the last tiles' samples are divided into
@@ -79,7 +79,7 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
         scene = environment_sampled_fully(scene)
     else:
         scene = without_environment_sampling(scene)
-    return only(scene, edition_for(settings, scene))
+    return strip_absent_features(scene, variant_for(settings, scene))
 
 
 def _render(
@@ -110,7 +110,7 @@ def _render_on(
     """Returns what `_render` returns, rendered by a card. Raises CardError."""
     camera, options = camera_frame(seen_from(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_place(scene.origin, settings.film_exponent))
-    variant = next(name for name, has in EDITIONS.items() if has == scene.has)
+    variant = next(name for name, has in KERNEL_VARIANTS.items() if has == scene.has)
     found = card.render(scene, variant, camera, options, batch, tile.w, tile.h)
     bad: list[BadSample] = []
     if found.bad_count:  # a card counts them: the CPU lists those of the pixels that lack samples
@@ -121,7 +121,7 @@ def _render_on(
 
 def is_for_cards(settings: RenderSettings) -> bool:
     """Returns True if a card can render with these settings: path tracing with the default strategy."""
-    return has_editions(settings)
+    return has_variants(settings)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -234,7 +234,7 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     if not 0 <= sample < MAX_SPP:
         raise SettingsError(f"sample is {sample}; it lies between 0 and {MAX_SPP - 1}")
     options = kernel_options(settings, scene)
-    most = options.max_depth + options.transmission_depth + MAX_AGAIN + _MOST_PASSED
+    most = options.max_depth + options.transmission_depth + MAX_UNCOUNTED + _MOST_PASSED
     log = np.zeros((most, record.COLUMNS))
     batch, _ = _render(_prepared(scene, settings), settings, Tile(x, y, 1, 1), sample, 1, log)
     return read_log(batch, settings, log, scene.origin)
@@ -261,32 +261,32 @@ def _check_pixel(settings: RenderSettings, x: int, y: int) -> None:
         raise SettingsError(f"pixel {x},{y} lies outside the picture of {settings.width}x{settings.height}")
 
 
-def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:
-    """Returns the name of the kernel edition that renders the scene with these settings."""
-    edition = edition_of(scene, len(settings.views) > 0)
+def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
+    """Returns the name of the kernel variant that renders the scene with these settings."""
+    variant = variant_of(scene, len(settings.views) > 0)
     if settings.integrator in ("whitted", "ao"):  # which have no media
-        edition = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(edition, edition)
-    return FULL if edition == PLAIN and not has_editions(settings) else edition
+        variant = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(variant, variant)
+    return FULL if variant == PLAIN and not has_variants(settings) else variant
 
 
-def kernel_name(settings: RenderSettings | None = None, edition: str = PLAIN) -> str:
+def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) -> str:
     """Returns the name of the kernel that `warm_up` loads."""
-    return f"{renderer_of(settings or _PICTURE).__name__.strip('_')}-{edition}"
+    return f"{renderer_of(settings or _PICTURE).__name__.strip('_')}-{variant}"
 
 
-def is_warm(settings: RenderSettings, edition: str) -> bool:
+def is_warm(settings: RenderSettings, variant: str) -> bool:
     """Returns True if `warm_up` has run; otherwise the first batch compiles the kernel, which takes half a minute to a minute."""
-    return jit.is_ready(kernel_name(settings, edition))
+    return jit.is_ready(kernel_name(settings, variant))
 
 
 def warm_up(
     settings: RenderSettings | None = None,
-    edition: str = PLAIN,
+    variant: str = PLAIN,
     fetch: Callable[[str], None] | None = None,
     helpers: Helpers | None = None,
     prepares: bool = True,
 ) -> float:
-    """Compiles or loads the kernel for these settings and an edition (renderer.arrays.kernel_variant); returns the seconds taken.
+    """Compiles or loads the kernel for these settings and a variant (renderer.arrays.kernel_variant); returns the seconds taken.
 
     settings: None for the kernel for pictures. A kernel that the machine or the installation has is loaded.
 
@@ -298,13 +298,13 @@ def warm_up(
     its children.
     """
     begin = time.perf_counter()
-    name = kernel_name(settings, edition)
+    name = kernel_name(settings, variant)
     if not jit.is_cached(name):
         take_shipped(jit.cache_folder())
-    nothing = only(example(), edition)
+    nothing = strip_absent_features(example(), variant)
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
     with (
-        helpers or helpers_for(settings, edition) as helping,
+        helpers or helpers_for(settings, variant) as helping,
         jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,
     ):
         if is_cold:
@@ -320,12 +320,12 @@ def warm_up(
 
 def load_preparing() -> None:
     """Loads all kernels that prepare scenes, if this machine has compiled them."""
-    if jit.is_cached(kernel_name(edition=FULL)):
+    if jit.is_cached(kernel_name(variant=FULL)):
         prepare()
 
 
-def helpers_for(settings: RenderSettings | None = None, edition: str = PLAIN) -> Helpers:
+def helpers_for(settings: RenderSettings | None = None, variant: str = PLAIN) -> Helpers:
     """Returns processes that help `warm_up` to compile; none if this machine has compiled the kernel already."""
-    parts = edition if has_editions(settings or _PICTURE) else ""
-    is_of_use = not jit.is_cached(kernel_name(settings, edition)) and (parts != "" or not is_prepared())
+    parts = variant if has_variants(settings or _PICTURE) else ""
+    is_of_use = not jit.is_cached(kernel_name(settings, variant)) and (parts != "" or not is_prepared())
     return Helpers(parts, is_of_use)

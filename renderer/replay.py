@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.film import COLOR, SAMPLES, BatchSums
 from renderer.kernel import path_trace as record
-from renderer.kernel.steps.continue_or_end import AGAIN
+from renderer.kernel.steps.continue_or_end import UNCOUNTED
 from renderer.kernel.steps.depths import DIFFUSE_LIMIT, GLOSSY_LIMIT, TRANSMISSION_LIMIT
 from renderer.settings import MAX_DEPTH, RenderSettings, Vec3
 
@@ -102,11 +102,11 @@ def _vertex(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ve
     with np.errstate(invalid="ignore"):  # inf - inf
         own, seen = emitted - before, direct - emitted
     end = float(row[record.SURVIVAL])
-    is_told = int(row[record.TOLD])
+    is_told = int(row[record.RECORDED])
     return Vertex(
         share=float(row[record.EMISSION_WEIGHT]) if is_told and np.any(own != 0) else None,
         lamp=_lamp(row, origin) if met and row[record.LIGHT_PDF] > 0 else None,
-        survival=abs(end) if is_told == record.SCATTERED and end not in (0.0, AGAIN) else None,
+        survival=abs(end) if is_told == record.SCATTERED and end not in (0.0, UNCOUNTED) else None,
         kind=_KINDS[kind],
         object=int(row[record.OBJECT]) - 1 if kind in _BODIES else None,
         material=int(row[record.MATERIAL]) - 1 if kind in _BODIES else None,
@@ -118,7 +118,7 @@ def _vertex(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ve
         throughput=_vec(row, record.THROUGHPUT),
         emitted=(float(own[0]), float(own[1]), float(own[2])),
         direct=(float(seen[0]), float(seen[1]), float(seen[2])),
-        beside=_vec(row, record.BESIDE),
+        beside=_vec(row, record.SECOND_BRANCH),
     )
 
 
@@ -132,7 +132,7 @@ def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Lamp
 
 def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:
     """Returns why a path has no vertex after this row's; None if unknown. is_last: whether no further segment was allowed."""
-    told = row[record.TOLD]
+    told = row[record.RECORDED]
     if row[record.KIND] == record.MISSED:
         return "missed"
     if not told:
@@ -142,7 +142,7 @@ def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) 
     if told != record.SCATTERED:
         return "depth" if is_last else _BY_KIND.get(float(row[record.LIMIT]), "unlit")
     survival = row[record.SURVIVAL]
-    if survival == AGAIN:
+    if survival == UNCOUNTED:
         return "transmission" if settings.transmission_depth == MAX_DEPTH else "caught"  # that limit is not counted separately
     return "absorbed" if survival == 0 else "roulette"
 

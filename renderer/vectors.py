@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import jit
-from renderer.arrays.kernel_variant import only
+from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
 from renderer.kernel.camera import axes_of, camera_frame, extent_at_one
@@ -51,7 +51,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
     settings = seen_from(settings, scene.origin)
     views = [settings.views[k] for k in (0, len(sharp) // 2, -1)] if sharp else [settings.view] * 3
     places = np.empty((settings.height, settings.width, 3, 4))
-    prepared, camera = only(scene, _MOVING), camera_frame(settings)
+    prepared, camera = strip_absent_features(scene, _MOVING), camera_frame(settings)
 
     def see(part: tuple[int, int]) -> None:
         trace_motion_points(prepared, new_stack(), camera, part[0], places[part[0] : part[1]])
@@ -70,7 +70,9 @@ def load_kernel() -> None:
     """Compiles the kernel, or loads it."""
     nothing = RenderSettings(1, 1, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
     with jit.compiling(_KERNEL):
-        trace_motion_points(only(example(), _MOVING), new_stack(), camera_frame(nothing), 0, np.empty((0, 1, 3, 4)))
+        trace_motion_points(
+            strip_absent_features(example(), _MOVING), new_stack(), camera_frame(nothing), 0, np.empty((0, 1, 3, 4))
+        )
 
 
 def _pixel_offsets(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F64:

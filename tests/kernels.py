@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 __all__ = ["get_ready", "ready_first"]
 
 
-def get_ready(edition: str, **settings: Any) -> None:
-    """Compiles or loads the kernel of an edition in this process, since the tests use all processors."""
+def get_ready(variant: str, **settings: Any) -> None:
+    """Compiles or loads the kernel of a variant in this process, since the tests use all processors."""
     from renderer.parallel_compile import Helpers
     from renderer.render import warm_up
     from renderer.settings import RenderSettings, View
 
     picture = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
-    warm_up(replace(picture, **settings), edition, helpers=Helpers(edition, wanted=False))
+    warm_up(replace(picture, **settings), variant, helpers=Helpers(variant, wanted=False))
 
 
 @contextmanager
@@ -38,7 +38,7 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
     is_ordinary: whether a kernel that `main` does not compile fails the test.
     """
     from renderer import render
-    from renderer.arrays.scene_features import EDITIONS
+    from renderer.arrays.scene_features import KERNEL_VARIANTS
     from renderer.parallel_compile import Helpers
     from renderer.render import FULL, PLAIN
 
@@ -46,11 +46,11 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
 
     def ready(scene: CompiledScene, settings: RenderSettings) -> Any:
         made = prepared(scene, settings)
-        edition = next(name for name, has in EDITIONS.items() if has == made.has)
-        if is_ordinary and (edition not in (PLAIN, FULL) or settings.integrator in ("whitted", "ao")):
+        variant = next(name for name, has in KERNEL_VARIANTS.items() if has == made.has)
+        if is_ordinary and (variant not in (PLAIN, FULL) or settings.integrator in ("whitted", "ao")):
             pytest.fail("this would compile one more kernel: mark it `long`")
-        if not render.is_warm(settings, edition):
-            render.warm_up(settings, edition, helpers=Helpers(edition, wanted=False))
+        if not render.is_warm(settings, variant):
+            render.warm_up(settings, variant, helpers=Helpers(variant, wanted=False))
         return made
 
     render._prepared = ready

@@ -70,7 +70,7 @@ def bvh(
       rayfarm bench bvh --scene truck.glb --size 64x36
     """
     from renderer.film import digest
-    from renderer.render import edition_for, warm_up
+    from renderer.render import variant_for, warm_up
     from renderer.scene.animation import Moment
 
     path = scene or SCENE
@@ -79,7 +79,7 @@ def bvh(
     with open_stage(path, Env(), brute=True) as stage:
         brute, _ = stage.at(Moment())
     settings = Picture({"size": size}).settings(summary["cameras"], summary["defaults"])
-    warm_up(settings, edition_for(settings, tree), prepares=False)
+    warm_up(settings, variant_for(settings, tree), prepares=False)
     expected = _expected_s(brute, settings, spp)
     cores = machine.cores()
     if expected * (1 + 1 / cores) > patience:

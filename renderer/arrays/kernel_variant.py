@@ -1,7 +1,4 @@
-"""Selects the kernel edition that renders a scene: a function of the scene alone, so that all its samples come from one edition.
-
-Two editions may differ in the last bit of a sample, where the compiler fuses different products.
-"""
+"""Selects the kernel variant that renders a scene: a function of the scene alone, so all its samples come from one variant."""
 
 from __future__ import annotations
 
@@ -11,21 +8,21 @@ import numpy as np
 
 from renderer.arrays import rows
 from renderer.arrays.scene import CompiledScene
-from renderer.arrays.scene_features import EDITIONS
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 
-__all__ = ["edition_of", "only"]
+__all__ = ["strip_absent_features", "variant_of"]
 
 _TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT
 _HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING | rows.BECKMANN
-_NOTHING: Any = None  # replaces an array of a feature that the edition lacks
+_NOTHING: Any = None  # replaces an array of a feature that the variant lacks
 _MEDIA = ("medium", "material_medium")
 _KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
 _PART_OF = {kind.number: kind.part for kind in rows.KINDS}
 
 
-def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
-    """Returns the name of the first of EDITIONS that supports all features of the scene.
+def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
+    """Returns the name of the first of KERNEL_VARIANTS that supports all features of the scene.
 
     camera_moves: while the shutter is open. Raises ValueError for a material of a kind that `rows.KINDS` does not declare.
     """
@@ -40,20 +37,20 @@ def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "media": "media" in parts or bool(flags & rows.SCATTERS_WITHIN) or len(scene.medium) > 1 or bool(scene.medium.any()),
     }
     wanted = {part for part, needed in needs.items() if needed}
-    return next(name for name, has in EDITIONS.items() if all(getattr(has, part) for part in wanted))
+    return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
 
 
-def only(scene: CompiledScene, edition: str) -> CompiledScene:
-    """Returns the scene with the arrays of features that the edition lacks replaced by None, as its kernels take it."""
-    has = EDITIONS[edition]
+def strip_absent_features(scene: CompiledScene, variant: str) -> CompiledScene:
+    """Returns the scene with the arrays of features that the variant lacks replaced by None, as its kernels take it."""
+    has = KERNEL_VARIANTS[variant]
     bvh = scene.bvh._replace(instances=has.instances)
     if has.textures is None:
-        bvh = bvh._replace(begin=_NOTHING)
+        bvh = bvh._replace(ray_roots=_NOTHING)
     if has.media is None:
         scene = scene._replace(**dict.fromkeys(_MEDIA, _NOTHING))
     if has.motion is None:
         scene = scene._replace(**dict.fromkeys(_KEYS, _NOTHING))
-        bvh = bvh._replace(**dict.fromkeys(("motion", "instance_motion", "keyed"), _NOTHING))
+        bvh = bvh._replace(**dict.fromkeys(("motion", "instance_motion", "keyed_packets"), _NOTHING))
     return scene._replace(has=has, bvh=bvh)
 
 

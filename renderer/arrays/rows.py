@@ -18,7 +18,7 @@ class Kind(NamedTuple):
     """A kind of material: how it scatters, and which kernels can render it.
 
     stage: the kernel stage that shades its vertices. "rare": one path at a time, by renderer/kernel/material/rare_materials.py;
-    "none": the kind does not scatter. part: the field of `Has` that a kernel needs for it; empty if all kernels support it.
+    "none": the kind does not scatter. part: the field of `SceneFeatures` that a kernel needs for it, empty if none.
     """
 
     number: int

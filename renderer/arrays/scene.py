@@ -27,7 +27,7 @@ from renderer.arrays.rows import (
     TEXTURED,
     TRANSFORM_COLUMNS,
 )
-from renderer.arrays.scene_features import EVERYTHING, Has
+from renderer.arrays.scene_features import EVERYTHING, SceneFeatures
 from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NEVER, NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
 from renderer.errors import SceneError
 
@@ -106,7 +106,7 @@ class CompiledScene(NamedTuple):
 
     bounds: Array  # (2, 3) f32: lower and upper corner of all geometry
 
-    # While the shutter is open, at bvh.keyed[1] keys, key by key: the last vertices and the last spheres.
+    # While the shutter is open, at bvh.keyed_packets[1] keys, key by key: the last vertices and the last spheres.
     key_position: Array = np.zeros((0, 3), np.float32)  # (D, 3) f32
     key_normal: Array = np.zeros((0, 3), np.float32)  # (D, 3) f32
     key_sphere: Array = np.zeros((0, 4), np.float32)  # (Z, 4) f32
@@ -117,7 +117,7 @@ class CompiledScene(NamedTuple):
     # (3,) f64: the world-space position of the scene's (0, 0, 0) (renderer/scene/origin.py); positions above are relative to it.
     origin: Array = np.zeros(3)
 
-    has: Has = EVERYTHING  # the kernel features that the scene needs
+    has: SceneFeatures = EVERYTHING  # the kernel features that the scene needs
 
 
 # Each array's element type and shape, in the file's order: most frequently read first, where alignment is best.
@@ -174,8 +174,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "origin": ("<f8", (3,)),
     "bvh.motion": ("<f8", ("R", KEY_COLUMNS)),
     "bvh.instance_motion": ("<i4", ("I?", 2)),
-    "bvh.keyed": ("<i4", (2,)),
-    "bvh.begin": ("<i4", (2,)),
+    "bvh.keyed_packets": ("<i4", (2,)),
+    "bvh.ray_roots": ("<i4", (2,)),
     "key_position": ("<f4", ("D", 3)),
     "key_normal": ("<f4", ("D", 3)),
     "key_sphere": ("<f4", ("Z", 4)),
@@ -208,7 +208,7 @@ def example() -> CompiledScene:
     """
     arrays = {name: np.zeros([_example_length(each) for each in shape], kind) for name, (kind, shape) in LAYOUT.items()}
     arrays["bvh.node"][:, 0:ROW_CHILD:2], arrays["bvh.node"][:, 1:ROW_CHILD:2] = np.inf, -np.inf
-    arrays["bvh.keyed"][:] = NEVER, 1
+    arrays["bvh.keyed_packets"][:] = NEVER, 1
     return nested({name: _read_only(array) for name, array in arrays.items()})
 
 
@@ -260,7 +260,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         ("sphere_material", 0, lengths["M"]),
         ("instance_material", -1, lengths["M"]),
         ("bvh.instance_root", 0, lengths["N"]),
-        ("bvh.begin", 0, lengths["N"]),
+        ("bvh.ray_roots", 0, lengths["N"]),
         ("triangle_light", -1, lengths["L"]),
         ("sphere_light", -1, lengths["L"]),
         ("light_primitive", 0, primitives + lengths["K"]),
@@ -323,7 +323,7 @@ def _check_motion(arrays: dict[str, Array], lengths: dict[str, int]) -> None:
     first, count = arrays["bvh.instance_motion"].astype(np.int64).T
     if not ((count == 0) | ((count >= 2) & (first >= 0) & (first + count <= lengths["R"]))).all():
         raise SceneError("an instance has fewer keys than it says")
-    start, keys = (int(number) for number in arrays["bvh.keyed"])
+    start, keys = (int(number) for number in arrays["bvh.keyed_packets"])
     leaf = ~arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     number = leaf[(leaf >= 0) & (leaf & INSTANCE == 0)] >> 2
     if start < lengths["C"] and not (keys >= 2 and int(number.max(initial=0)) + keys <= lengths["C"]):

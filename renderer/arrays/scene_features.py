@@ -1,13 +1,13 @@
-"""The features of a scene that decide its kernel edition: features that a scene lacks are not compiled for it."""
+"""The features of a scene that decide its kernel variant: features that a scene lacks are not compiled for it."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-__all__ = ["EDITIONS", "EVERYTHING", "Has"]
+__all__ = ["EVERYTHING", "KERNEL_VARIANTS", "SceneFeatures"]
 
 
-class Has(NamedTuple):
+class SceneFeatures(NamedTuple):
     """The features of a scene: each True, or None if the scene lacks it.
 
     None has a type of its own: code under `if scene.has.textures is not None` is pruned from a kernel whose scenes have no
@@ -22,13 +22,13 @@ class Has(NamedTuple):
     media: Any  # scattering media, or media without a surface; and subsurface scattering
 
 
-# From the fastest to compile and run to the most complete. All combinations would be 64 editions, each compiled at its first
+# From the fastest to compile and run to the most complete. All combinations would be 64 variants, each compiled at its first
 # use, while a render waits.
-EDITIONS = {
-    "plain": Has(None, None, None, None, None, None),
-    "full": Has(True, True, True, True, None, None),
-    "moving": Has(True, True, True, True, True, None),
-    "media": Has(True, True, True, True, None, True),
-    "moving-media": Has(True, True, True, True, True, True),
+KERNEL_VARIANTS = {
+    "plain": SceneFeatures(None, None, None, None, None, None),
+    "full": SceneFeatures(True, True, True, True, None, None),
+    "moving": SceneFeatures(True, True, True, True, True, None),
+    "media": SceneFeatures(True, True, True, True, None, True),
+    "moving-media": SceneFeatures(True, True, True, True, True, True),
 }
-EVERYTHING = EDITIONS["full"]  # of static scenes
+EVERYTHING = KERNEL_VARIANTS["full"]  # of static scenes

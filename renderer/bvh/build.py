@@ -18,7 +18,7 @@ from renderer.bvh.collapse import Shapes, fold_all
 from renderer.bvh.instances import Instances, instance_boxes, relocate
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
 from renderer.bvh.top import part_size, split_all
-from renderer.bvh.transforms import inverted
+from renderer.bvh.transforms import invert_transforms
 from renderer.jit import entry
 from renderer.threads import Team, parts_of
 
@@ -127,7 +127,7 @@ def _levels(
         nodes.append(node)
         packets.append(packet)
     root = np.array(roots, np.int32)[instances.tree]
-    return Bvh(np.concatenate(nodes), np.concatenate(packets), root, inverted(to_world))
+    return Bvh(np.concatenate(nodes), np.concatenate(packets), root, invert_transforms(to_world))
 
 
 def _tree(

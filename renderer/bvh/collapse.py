@@ -24,7 +24,7 @@ from renderer.bvh.layout import (
     WIDTH,
 )
 from renderer.bvh.simd import load, splat, store, store_int
-from renderer.bvh.top import MOST_PARTS, Binary, part_size
+from renderer.bvh.top import MOST_PARTS, BinaryTree, part_size
 from renderer.jit import device, entry
 from renderer.threads import Team
 
@@ -47,7 +47,7 @@ class Shapes(NamedTuple):
     first_sphere: int  # the first sphere's primitive number
 
 
-def fold_all(binary: Binary, shapes: Shapes, team: Team) -> tuple[Array, Array]:
+def fold_all(binary: BinaryTree, shapes: Shapes, team: Team) -> tuple[Array, Array]:
     """Returns the wide nodes and the packets of a binary tree.
 
     Nodes over more primitives than a part come first; then, by all threads, the subtrees of their smaller children.

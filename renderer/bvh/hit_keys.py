@@ -9,7 +9,7 @@ from numba.extending import intrinsic
 from renderer.bvh.simd import LANES, f32x8, mask8
 from renderer.jit import device
 
-__all__ = ["beyond", "exceeding", "key_limit", "least", "masked", "nearest", "nearest_of", "ranked"]
+__all__ = ["greater_ints", "hit_keys", "key_limit", "keys_beyond", "masked", "minimum_key", "nearest", "nearest_of"]
 
 _I32 = ir.IntType(32)
 _FLOAT = ir.FloatType()
@@ -19,7 +19,7 @@ _DONE = 2**31 - 1
 
 
 @intrinsic
-def ranked(typingctx, mask, distance):
+def hit_keys(typingctx, mask, distance):
     """Returns an f32x8 of keys: the bits of non-negative distances with the lane number in the last three bits.
 
     As signed integers, they sort by distance. The greatest int32 in lanes that the mask excludes.
@@ -49,13 +49,13 @@ def _all(builder, value):
 
 
 @intrinsic
-def least(typingctx, keys):
+def minimum_key(typingctx, keys):
     """Returns the minimum of the keys, an int32."""
     return types.int32(keys), lambda context, builder, sig, args: _least(builder, builder.bitcast(args[0], _KEYS))
 
 
 @intrinsic
-def beyond(typingctx, keys, key):
+def keys_beyond(typingctx, keys, key):
     """Returns the keys greater than `key`; the other lanes are set to the greatest key."""
 
     def codegen(context, builder, sig, args):
@@ -68,7 +68,7 @@ def beyond(typingctx, keys, key):
 
 
 @intrinsic
-def exceeding(typingctx, numbers, number):
+def greater_ints(typingctx, numbers, number):
     """Returns a mask of the lanes whose int32 (stored as bits in an f32x8) is greater than `number`."""
 
     def codegen(context, builder, sig, args):

@@ -7,11 +7,11 @@ import numpy as np
 from renderer.bvh.motion import inverse_of, placed_at
 from renderer.jit import device, never_inline, subroutine
 
-__all__ = ["into", "to_local"]
+__all__ = ["ray_to_instance", "to_local"]
 
 
 @device
-def into(bvh, number, o, d, time):
+def ray_to_instance(bvh, number, o, d, time):
     """Returns the ray in the space of an instance at a shutter time 0 ... 1, or None if nothing moves."""
     if time is not None and len(bvh.instance_motion) > 0:
         first, keys = bvh.instance_motion[number, 0], bvh.instance_motion[number, 1]

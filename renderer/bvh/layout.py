@@ -11,8 +11,8 @@ instance. Unreferenced nodes and packets may lie between the others.
     to_local       (I, 3, 4) f64   from world space to the instance's space: a matrix and, last column, a translation
     motion           (R, 18) f64   keys of instances that move while the shutter is open (motion.py), in place of to_local
     instance_motion  (I, 2) i32    first key and number of keys of each instance, 0 if static; no rows if all are
-    keyed            (2,) i32      the first packet with moving vertices or spheres, and the number of its keys
-    begin            (2,) i32      the root nodes for camera rays and for shadow rays (ray_masks.py); other rays start at 0
+    keyed_packets    (2,) i32      the first packet with moving vertices or spheres, and the number of its keys
+    ray_roots        (2,) i32      the root nodes for camera rays and for shadow rays (ray_masks.py); other rays start at 0
 
 `child` and `primitive` are int32, stored bit for bit in float32 cells. A child >= 0 is a node; a leaf is ~(4 p) for the
 triangle packet p, ~(4 p + 1) for the sphere packet p, ~(4 i + 2) for the instance i. Node 0 is the world's root. A lane
@@ -79,6 +79,6 @@ class Bvh(NamedTuple):
     to_local: npt.NDArray[Any]  # (I, 3, 4) f64
     motion: npt.NDArray[Any] = np.zeros((0, KEY_COLUMNS))  # (R, KEY_COLUMNS) f64
     instance_motion: npt.NDArray[Any] = np.zeros((0, 2), np.int32)  # (I or 0, 2) i32
-    keyed: npt.NDArray[Any] = np.array([NEVER, 1], np.int32)  # (2,) i32
-    begin: npt.NDArray[Any] = np.zeros(2, np.int32)  # (2,) i32; None: all rays start at node 0
+    keyed_packets: npt.NDArray[Any] = np.array([NEVER, 1], np.int32)  # (2,) i32
+    ray_roots: npt.NDArray[Any] = np.zeros(2, np.int32)  # (2,) i32; None: all rays start at node 0
     instances: Any = True  # None: the kernel has no instances (renderer/arrays/scene_features.py)

@@ -8,7 +8,7 @@ from renderer.bvh.layout import PACKET_SIZE, ROW_PRIMITIVE, WIDTH
 from renderer.bvh.simd import fma, less_equal, load, load_int, maximum, minimum, select, splat
 from renderer.jit import device
 
-__all__ = ["ANY_PRIMITIVE", "WORLD", "is_nearer", "meet_boxes", "primitive_of", "tie_of"]
+__all__ = ["ANY_PRIMITIVE", "WORLD", "intersect_boxes", "is_nearer", "primitive_of", "tie_of"]
 
 WORLD = np.int32(-1)  # in place of an instance's number: the hit is in no instance
 ANY_PRIMITIVE = np.int32(2**31 - 1)
@@ -18,7 +18,7 @@ _PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
 
 
 @device
-def meet_boxes(node, base, planes, inverse, near, far, t_min, t_max):
+def intersect_boxes(node, base, planes, inverse, near, far, t_min, t_max):
     """Intersects a ray with a node's eight boxes between two distances: (mask8 of boxes hit, f32x8 entry distances).
 
     base: the node's first element. The ray's constants for the axes x, y, z: planes, the first elements of the rows of near

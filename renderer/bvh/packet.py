@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from renderer.bvh.hit_keys import exceeding
+from renderer.bvh.hit_keys import greater_ints
 from renderer.bvh.layout import WIDTH
 from renderer.bvh.simd import (
     flip,
@@ -93,7 +93,7 @@ def is_beyond(after, limit, t, numbers):
     numbers: the bits of the primitives' numbers, f32x8.
     """
     before = splat(after[0])
-    return less(before, t) | (less_equal(before, t) & exceeding(numbers, limit))
+    return less(before, t) | (less_equal(before, t) & greater_ints(numbers, limit))
 
 
 @subroutine

@@ -17,7 +17,7 @@ from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, AssembledBvh, padded
 __all__ = ["exclude_primitives"]
 
 Array = npt.NDArray[Any]
-_CAMERA, _SHADOW = 0, 1  # indices into Bvh.begin
+_CAMERA, _SHADOW = 0, 1  # indices into Bvh.ray_roots
 
 
 def exclude_primitives(laid: AssembledBvh, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[np.bool_]) -> AssembledBvh:
@@ -32,12 +32,12 @@ def exclude_primitives(laid: AssembledBvh, unseen: npt.NDArray[np.bool_], shadel
     # New rows follow the loose part, from a page boundary on (renderer/scene/compiled_parts.py).
     first_node, first_packet = padded(len(bvh.node), NODE_BYTES), padded(len(bvh.packet), PACKET_BYTES)
     nodes, packets = _Rows(first_node), _Rows(first_packet)
-    begin = np.zeros(2, np.int32)
+    roots = np.zeros(2, np.int32)
     for who, left_out in ((_CAMERA, unseen), (_SHADOW, shadeless)):
         if left_out.any():
-            begin[who] = _without(laid.bvh, left_out, nodes, packets)
+            roots[who] = _without(laid.bvh, left_out, nodes, packets)
     node, packet = _longer(bvh.node, nodes), _longer(bvh.packet, packets)
-    grown = bvh._replace(node=node, packet=packet, begin=begin)
+    grown = bvh._replace(node=node, packet=packet, ray_roots=roots)
     return laid._replace(bvh=grown, node=_ends(laid.node, first_node, node), packet=_ends(laid.packet, first_packet, packet))
 
 
@@ -92,9 +92,9 @@ def _without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _
         first = leaf >> 2
         if (is_out[first] | np.isnan(bvh.packet[first, 0])).all():
             return None
-        count = int(bvh.keyed[1]) if bvh.keyed[0] != NEVER else 1
+        count = int(bvh.keyed_packets[1]) if bvh.keyed_packets[0] != NEVER else 1
         start = packets.put(
-            *(_with_gaps(bvh.packet[first + (k if first >= bvh.keyed[0] else 0)], is_out[first]) for k in range(count))
+            *(_with_gaps(bvh.packet[first + (k if first >= bvh.keyed_packets[0] else 0)], is_out[first]) for k in range(count))
         )
         return ~(4 * start + (leaf & 3))
 

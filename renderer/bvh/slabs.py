@@ -16,7 +16,7 @@ import numpy as np
 from renderer.bvh.simd import select
 from renderer.jit import device
 
-__all__ = ["MORE", "RayConstants", "begins_at", "ray_constants"]
+__all__ = ["MORE", "RayConstants", "entry_limit", "ray_constants"]
 
 _NEARER = np.float32(1 - 2.0**-18)  # factor of the reciprocal direction, for boxes
 MORE = np.float32(1 + 2.0**-20)  # factor of a hit's distance, for the rounding of the division by the determinant
@@ -30,7 +30,7 @@ _EARLIER = np.float32(1 - 2.0**-16)
 
 
 class RayConstants(NamedTuple):
-    """A ray's constants for `meet_boxes` (node_test.py) and `intersect_triangles` (packet.py), by axis."""
+    """A ray's constants for `intersect_boxes` (node_test.py) and `intersect_triangles` (packet.py), by axis."""
 
     planes: Any  # first elements of the rows of a node that hold the near planes
     inverse: Any  # 1 / direction, for boxes
@@ -64,7 +64,7 @@ def _planes_of(o, inverse, margin):
 
 
 @device
-def begins_at(t, margin):
+def entry_limit(t, margin):
     """Returns the distance, at least 0, such that boxes ending before it contain no hit at distance t or beyond."""
     return max(t * _EARLIER - margin * _LEAD, _ZERO)
 

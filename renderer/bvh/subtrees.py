@@ -19,7 +19,7 @@ from renderer.bvh.build import boundless, tree_of
 from renderer.bvh.instances import instance_boxes, relocate, root_boxes
 from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHILD, WIDTH, Bvh
 from renderer.bvh.motion_bvh import motion_boxes
-from renderer.bvh.transforms import inverted
+from renderer.bvh.transforms import invert_transforms
 from renderer.threads import Team
 
 __all__ = ["NODE_BYTES", "PACKET_BYTES", "AssembledBvh", "Tree", "assemble_bvh", "padded"]
@@ -103,13 +103,13 @@ def assemble_bvh(
     _put_top(top, number[children], node, nodes[1])
     if brute:
         boundless(node)
-    bvh = Bvh(node, packet, root.astype(np.int32), inverted(to_world))
+    bvh = Bvh(node, packet, root.astype(np.int32), invert_transforms(to_world))
     if any(map(len, keys)):
         count = np.array([0] * len(still.instance_root) + [len(each) for each in keys], np.int32)
         begin = np.where(count > 0, np.cumsum(count) - count, 0).astype(np.int32)
         bvh = bvh._replace(motion=np.concatenate(keys), instance_motion=np.stack([begin, count], axis=1))
     if loose_keys > 1:
-        bvh = bvh._replace(keyed=np.array([packets[3], loose_keys], np.int32))
+        bvh = bvh._replace(keyed_packets=np.array([packets[3], loose_keys], np.int32))
     return AssembledBvh(bvh, nodes, packets, (still, bodies))
 
 

@@ -19,7 +19,7 @@ from renderer.bvh.split import STACK, new_bins, split
 from renderer.jit import entry
 from renderer.threads import Team, parts_of
 
-__all__ = ["LEAST_PART", "MOST_PARTS", "Binary", "part_size", "split_all"]
+__all__ = ["LEAST_PART", "MOST_PARTS", "BinaryTree", "part_size", "split_all"]
 
 LEAST_PART = 1 << 15  # boxes: one megabyte, which fits a core's cache
 MOST_PARTS = 64  # of one tree: more cost time without benefit
@@ -34,7 +34,7 @@ def part_size(count: int) -> int:
     return max(LEAST_PART, -(-count // MOST_PARTS))
 
 
-class Binary(NamedTuple):
+class BinaryTree(NamedTuple):
     """A binary tree over all boxes; see `split` for its arrays."""
 
     box: F32  # (2 N, 8)
@@ -42,10 +42,10 @@ class Binary(NamedTuple):
     order: npt.NDArray[np.int32]  # (N,)
 
 
-def split_all(box: F32, triangles: int, solids: int, team: Team) -> Binary:
+def split_all(box: F32, triangles: int, solids: int, team: Team) -> BinaryTree:
     """Builds the binary tree over all boxes."""
     count, part = len(box), part_size(len(box))
-    binary = Binary(_sparse((2 * count, 8), np.float32), _sparse((2 * count, 3), np.int32), np.empty(count, np.int32))
+    binary = BinaryTree(_sparse((2 * count, 8), np.float32), _sparse((2 * count, 3), np.int32), np.empty(count, np.int32))
 
     def split_some(job: tuple[Clusters, Integers]) -> None:
         clusters, parts = job
@@ -70,7 +70,7 @@ def _sparse(shape: tuple[int, int], item: type[np.generic]) -> npt.NDArray[Any]:
     return np.frombuffer(mmap.mmap(-1, shape[0] * shape[1] * size), item).reshape(shape)
 
 
-def _top(box: F32, solids: int, part: int, binary: Binary, team: Team) -> Iterator[tuple[Clusters, Integers]]:
+def _top(box: F32, solids: int, part: int, binary: BinaryTree, team: Team) -> Iterator[tuple[Clusters, Integers]]:
     """Splits the top of the tree; yields clusters and the (J, JOB) nodes over them that remain to be split."""
     count = len(box)
     waiting = [(np.array([0, 0, count, 1, 0]), np.arange(count, dtype=np.int32))]

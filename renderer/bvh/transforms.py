@@ -7,14 +7,14 @@ import numpy.typing as npt
 
 from renderer.jit import device, entry
 
-__all__ = ["inverted", "place_boxes", "stretches"]
+__all__ = ["invert_transforms", "place_boxes", "scale_range"]
 
 F64 = npt.NDArray[np.float64]
 
 _SWEEPS = 12  # of Jacobi rotations: three columns are orthogonal to the last bit after five or six
 
 
-def inverted(transform: F64) -> F64:
+def invert_transforms(transform: F64) -> F64:
     """Returns the inverses of (I, 3, 4) transforms: a matrix and, last column, a translation."""
     transform = np.ascontiguousarray(transform, np.float64).reshape(-1, 3, 4)
     inverse = np.empty_like(transform)
@@ -22,7 +22,7 @@ def inverted(transform: F64) -> F64:
     return inverse
 
 
-def stretches(transform: F64) -> F64:
+def scale_range(transform: F64) -> F64:
     """Returns the greatest and least scale of (I, 3, 4) transforms, (I, 2); NaN if not finite."""
     transform = np.ascontiguousarray(transform, np.float64).reshape(-1, 3, 4)
     found = np.empty((len(transform), 2))

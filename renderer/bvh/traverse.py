@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.hit_keys import beyond, key_limit, least, nearest, ranked
-from renderer.bvh.instance_space import into
+from renderer.bvh.hit_keys import hit_keys, key_limit, keys_beyond, minimum_key, nearest
+from renderer.bvh.instance_space import ray_to_instance
 from renderer.bvh.layout import (
     INSTANCE,
     MAX_LEVELS,
@@ -32,7 +32,7 @@ from renderer.bvh.layout import (
     WIDTH,
 )
 from renderer.bvh.motion import step_at
-from renderer.bvh.node_test import ANY_PRIMITIVE, WORLD, is_nearer, meet_boxes, primitive_of, tie_of
+from renderer.bvh.node_test import ANY_PRIMITIVE, WORLD, intersect_boxes, is_nearer, primitive_of, tie_of
 from renderer.bvh.packet import intersect_spheres, intersect_triangles, is_beyond
 from renderer.bvh.prefetch import prefetch_child
 from renderer.bvh.simd import (
@@ -48,7 +48,7 @@ from renderer.bvh.simd import (
     store,
     store_int,
 )
-from renderer.bvh.slabs import MORE, begins_at, ray_constants
+from renderer.bvh.slabs import MORE, entry_limit, ray_constants
 from renderer.jit import device, never_inline, subroutine
 from renderer.prune_absent_features import where_present
 
@@ -114,7 +114,7 @@ def _lanes(vector):
 
 @device
 def _prepared(o, d, after, facing):
-    """Returns a ray's (constants of `meet_boxes`; those of packets; distance before which boxes need not be visited).
+    """Returns a ray's (constants of `intersect_boxes`; those of packets; distance before which boxes need not be visited).
 
     The constants of packets: axes, shear, permuted origin, and the margin for `intersect_triangles`. after, facing: as of
     `closest_hit`.
@@ -123,7 +123,7 @@ def _prepared(o, d, after, facing):
     slabs = ray.planes, _lanes(ray.inverse), _lanes(ray.near), _lanes(ray.far)
     t_min = _ZERO
     if after is not None:
-        t_min = begins_at(after[0], ray.margin)
+        t_min = entry_limit(after[0], ray.margin)
     return slabs, (ray.axes, ray.shear, ray.origin, where_present(facing, ray.margin)), t_min
 
 
@@ -149,8 +149,8 @@ def _put_between(packet, leaf, keys, time, stack):
 @device
 def place_at(bvh, leaf, stack, time):
     """Returns the address of a leaf's packet at a shutter time; an interpolated packet is on the stack."""
-    if time is not None and (leaf >> 2) >= bvh.keyed[0]:
-        _put_between(bvh.packet, leaf, bvh.keyed[1], time, stack)
+    if time is not None and (leaf >> 2) >= bvh.keyed_packets[0]:
+        _put_between(bvh.packet, leaf, bvh.keyed_packets[1], time, stack)
         return address(stack, _BETWEEN)
     return _place(bvh.packet, leaf)
 
@@ -207,9 +207,9 @@ def _limit(after, number):
 @device
 def _enter(node, base, slabs, t_min, best):
     """Returns the keys of the children that the ray hits nearer than `best`, and the least key."""
-    met, distance = meet_boxes(node, base, *slabs, t_min, best)
-    keys = ranked(met, distance)
-    return keys, least(keys)
+    met, distance = intersect_boxes(node, base, *slabs, t_min, best)
+    keys = hit_keys(met, distance)
+    return keys, minimum_key(keys)
 
 
 @device
@@ -242,7 +242,7 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, af
     """
     never_inline()
     number = np.int32(number)
-    o, d = into(bvh, number, o, d, time)
+    o, d = ray_to_instance(bvh, number, o, d, time)
     slabs, constants, t_min = _prepared(o, d, after, facing)
     limit = _limit(after, number)
     any_tie = number < holder
@@ -258,8 +258,8 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, af
             base, keys, key = _pop(stack, top)
             continue
         child = _child(bvh.node, base, key & _LANE)
-        keys = beyond(keys, key)
-        key = least(keys)
+        keys = keys_beyond(keys, key)
+        key = minimum_key(keys)
         if child >= 0:
             if key <= key_limit(found[1]):
                 top = _push(stack, top, base, keys, key)
@@ -273,16 +273,16 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, af
 @device
 def camera_root(bvh):
     """Returns the root node for camera rays."""
-    if bvh.begin is not None:
-        return bvh.begin[0]
+    if bvh.ray_roots is not None:
+        return bvh.ray_roots[0]
     return _ROOT
 
 
 @device
 def shadow_root(bvh):
     """Returns the root node for shadow rays."""
-    if bvh.begin is not None:
-        return bvh.begin[1]
+    if bvh.ray_roots is not None:
+        return bvh.ray_roots[1]
     return _ROOT
 
 
@@ -309,8 +309,8 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None, faci
             base, keys, key = _pop(stack, top)
             continue
         child = _child(bvh.node, base, key & _LANE)
-        keys = beyond(keys, key)
-        key = least(keys)  # the next key, found while the leaf is tested
+        keys = keys_beyond(keys, key)
+        key = minimum_key(keys)  # the next key, found while the leaf is tested
         prefetch_child(bvh, _child(bvh.node, base, key & _LANE), _NEARBY)
         if child >= 0:
             if key <= key_limit(found[1]):
@@ -337,13 +337,13 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None, faci
 def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
     """Returns True if a ray hits anything in an instance's tree; as `any_hit`."""
     never_inline()
-    o, d = into(bvh, number, o, d, time)
+    o, d = ray_to_instance(bvh, number, o, d, time)
     slabs, constants, _ = _prepared(o, d, None, None)
     top = bottom
     child = bvh.instance_root[number]
     while True:
         base = np.uintp(child) * _NODE
-        met = bits(meet_boxes(bvh.node, base, *slabs, _ZERO, t_max)[0])
+        met = bits(intersect_boxes(bvh.node, base, *slabs, _ZERO, t_max)[0])
         while met != np.uint32(0):
             child = _child(bvh.node, base, lowest_bit(met))
             met = np.uint32(met & np.uint32(met - _BIT))
@@ -366,7 +366,7 @@ def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
     child = np.int32(root)
     while True:
         base = np.uintp(child) * _NODE
-        met = bits(meet_boxes(bvh.node, base, *slabs, _ZERO, t_max)[0])
+        met = bits(intersect_boxes(bvh.node, base, *slabs, _ZERO, t_max)[0])
         while met != np.uint32(0):
             child = _child(bvh.node, base, lowest_bit(met))
             met = np.uint32(met & np.uint32(met - _BIT))

@@ -11,7 +11,7 @@ from typing import Any
 from numba import types
 
 from renderer import jit
-from renderer.arrays.scene_features import EDITIONS
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cache_folders import make_private, read_private
 from renderer.cuda.job import job_type
 from renderer.kernel.backends.cuda.megakernel import render_thread
@@ -60,7 +60,7 @@ def card_module_of(variant: str) -> Any:
 
 def path_of(variant: str) -> Path:
     """Returns the place of a variant's PTX in the cache."""
-    assert variant in EDITIONS
+    assert variant in KERNEL_VARIANTS
     return jit.cache_folder() / _FOLDER / f"{variant}{SUFFIX}"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import typeof, types
 
-from renderer.arrays.kernel_variant import only
+from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import CompiledScene, example
 from renderer.film import CHANNELS
 from renderer.kernel.accumulate import Batch
@@ -35,7 +35,7 @@ def job_for(
 
 def job_type(variant: str) -> Any:
     """Returns the type of the jobs of a kernel variant (renderer/arrays/scene_features.py)."""
-    scene = only(example(), variant)
+    scene = strip_absent_features(example(), variant)
     return typeof(job_for(scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0))
 
 

@@ -23,7 +23,7 @@ from renderer.kernel.path_trace import COLUMNS
 from renderer.reference import Reference, by_reference
 from renderer.settings import RenderSettings
 
-__all__ = ["MAX_BAD", "Batch", "Output", "has_editions", "new_scratch", "parts_of_pictures", "renderer_of"]
+__all__ = ["MAX_BAD", "Batch", "Output", "has_variants", "new_scratch", "pool_stages", "renderer_of"]
 
 Renderer = Callable[..., tuple[int, int]]
 
@@ -102,8 +102,8 @@ def _render_ao(scene, stack, camera, options, batch, output):
     return _by_ao(by_reference(scene), stack, camera, options, batch, output)
 
 
-def has_editions(settings: RenderSettings) -> bool:
-    """Returns True if the kernel for these settings has editions with fewer features: only the pool path tracer does.
+def has_variants(settings: RenderSettings) -> bool:
+    """Returns True if the kernel for these settings has variants with fewer features: only the pool path tracer does.
 
     The other kernels are compiled with all features, so that each compiles only once.
     """
@@ -121,10 +121,10 @@ def renderer_of(settings: RenderSettings) -> Renderer:
     return _render_pool
 
 
-def parts_of_pictures(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
+def pool_stages(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
     """Returns the parts of the pool path tracer that take longest to compile, as listed by `stages`.
 
-    scene: an empty scene of the wanted edition.
+    scene: an empty scene of the wanted variant.
     """
     sums, bad, log = np.zeros((1, 0, 0), np.int64), np.zeros((0, 3), np.int64), np.zeros((0, COLUMNS))
     given = pool_for(0, 0), camera_frame(settings), kernel_options(settings, scene), Batch(0, 0, 0, 0), Output(sums, bad, log)

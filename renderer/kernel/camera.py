@@ -19,7 +19,7 @@ from renderer.kernel.sampling.warp import square_to_disk
 from renderer.settings import PROJECTIONS, RenderSettings, View
 from renderer.trigonometry import sin_cos
 from renderer.wide.lanes import each_lane
-from renderer.wide.values import as_wide3, nil
+from renderer.wide.values import as_wide3, zero_like
 
 __all__ = ["ORTHOGRAPHIC", "PANORAMA", "PERSPECTIVE", "Camera", "axes_of", "camera_frame", "camera_ray", "moving_ray"]
 
@@ -134,7 +134,7 @@ def _panorama_ray(camera, x, y):
     sine, cosine = sincos_turns((x - camera.middle[0]) * camera.turns[0])
     rise, level = sincos_turns((camera.middle[1] - y) * camera.turns[1])
     d = vec.to_world(camera.right, camera.up, camera.forward, (level * sine, rise, level * cosine))
-    return as_wide3(camera.eye, x), vec.normalize(d), nil(x)
+    return as_wide3(camera.eye, x), vec.normalize(d), zero_like(x)
 
 
 @device
@@ -163,7 +163,7 @@ def camera_ray(camera, x, y, u):
         o, d = _lens_ray(camera, towards, u)
     else:
         o, d = as_wide3(camera.eye, x), vec.normalize(towards)
-    start = nil(x)
+    start = zero_like(x)
     if camera.near > _ZERO:
         start = camera.near / vec.dot(d, camera.forward)
         o = vec.add(o, vec.scale(d, start))

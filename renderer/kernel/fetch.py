@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 
 from renderer.bvh.simd import f32x8
 from renderer.wide.operators import INTS, is_wide, u32x8
-from renderer.wide.rows import gathered
+from renderer.wide.rows import emit_gather
 
 __all__ = ["columns", "row"]
 
@@ -31,7 +31,7 @@ def _values(context, builder, sig, table, number, width, first, known=None):
     if is_wide(sig.args[1]):
         count = sig.return_type.count
         whole = count == 3 and known is not None and known + 4 <= width  # a single load is faster than two
-        vectors = gathered(builder, data, number, _WORD(width), first, 4 if whole else count)[:count]
+        vectors = emit_gather(builder, data, number, _WORD(width), first, 4 if whole else count)[:count]
         if sig.args[0].dtype != types.float32:
             vectors = [builder.bitcast(vector, INTS) for vector in vectors]
         return context.make_tuple(builder, sig.return_type, vectors)

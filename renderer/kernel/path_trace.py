@@ -11,19 +11,19 @@ import numpy as np
 from renderer.jit import device, never_inline, subroutine
 
 __all__ = [
-    "BESIDE",
     "COLUMNS",
     "DIRECT",
     "EMITTED",
     "IN_MEDIUM",
     "MISSED",
     "PASSED",
+    "SECOND_BRANCH",
     "SURFACE",
     "UNSEEN",
-    "record_beside",
     "record_light",
     "record_medium",
     "record_miss",
+    "record_second_branch",
     "record_surface",
 ]
 
@@ -32,15 +32,15 @@ UNSEEN, SURFACE, PASSED, MISSED, IN_MEDIUM = range(5)
 
 # Columns, float64.
 KIND, OBJECT, MATERIAL, DISTANCE, PDF = range(5)
-POINT, NORMAL, DIRECTION, THROUGHPUT, BEFORE, EMITTED, DIRECT, BESIDE = range(5, 29, 3)
-# Of the pool's paths alone, whose rows are TOLD: the share by which multiple importance sampling counted the vertex' own light
-# (0: it has none); the point of a light that was chosen, what it brings if it is seen, the density by which it was chosen per
-# steradian (0: none was), its share; the chance with which the path went on (below 0: it did not; 0: nothing was left of it); and
-# when, of a shutter's time; which limit by kind the path had reached (`limit_of` of depths.py; 0: none).
+POINT, NORMAL, DIRECTION, THROUGHPUT, BEFORE, EMITTED, DIRECT, SECOND_BRANCH = range(5, 29, 3)
+# Written for paths of the pool only, in rows where RECORDED is set. EMISSION_WEIGHT: MIS weight of the vertex's own emission, 0
+# if it has none. Of the light sample: LIGHT_AT, its point; BROUGHT, its radiance if visible; LIGHT_PDF, per steradian, 0 if there
+# is none; LIGHT_WEIGHT, its MIS weight. SURVIVAL: probability that the path continues; negative if it ended, 0 if no throughput
+# was left. TIME: shutter time. LIMIT: the bounce limit that was reached (`limit_of` in depths.py), 0 for none.
 LIGHT_AT, BROUGHT = 29, 32
-EMISSION_WEIGHT, LIGHT_PDF, LIGHT_WEIGHT, SURVIVAL, TIME, TOLD, LIMIT = range(35, 42)
+EMISSION_WEIGHT, LIGHT_PDF, LIGHT_WEIGHT, SURVIVAL, TIME, RECORDED, LIMIT = range(35, 42)
 COLUMNS = 42
-ARRIVED, SCATTERED = 1.0, 2.0  # values of TOLD: whether the vertex scattered
+ARRIVED, SCATTERED = 1.0, 2.0  # values of RECORDED: whether the vertex scattered
 
 _FAR = np.float32(np.inf)
 
@@ -117,11 +117,11 @@ def record_light(log, row, column, radiance):
 
 
 @subroutine
-def record_beside(log, radiance):
+def record_second_branch(log, radiance):
     """Records the radiance of the second branch, which splits from the recorded path at its first vertex (splitting.py)."""
     never_inline()
     for row in range(len(log)):
         if log[row, KIND] == SURFACE or log[row, KIND] == IN_MEDIUM:
             for i in range(3):
-                log[row, BESIDE + i] = radiance[i]
+                log[row, SECOND_BRANCH + i] = radiance[i]
             break

@@ -47,7 +47,7 @@ def _row(fixed, moving, keys, i, time):
 
 @device
 def _radius(scene, i, time):
-    keys = np.int64(scene.bvh.keyed[1])
+    keys = np.int64(scene.bvh.keyed_packets[1])
     count = len(scene.key_sphere) // keys
     first = len(scene.sphere) - count
     return np.float64(scene.sphere[i, 3] if i < first else scene.key_sphere[_key(keys, time) * count + i - first, 3])
@@ -57,7 +57,7 @@ def _radius(scene, i, time):
 def _of_triangle(scene, hit, time):
     """Returns the world position of a triangle's hit point at a time, float64."""
     never_inline()
-    keys = np.int64(scene.bvh.keyed[1])
+    keys = np.int64(scene.bvh.keyed_packets[1])
     corners = scene.triangle[hit.primitive]
     a = _row(scene.position, scene.key_position, keys, np.int64(corners[0]), time)
     b = _row(scene.position, scene.key_position, keys, np.int64(corners[1]), time)
@@ -93,7 +93,7 @@ def _of_sphere(scene, hit, o, d, time):
     Spheres do not rotate, so the point's direction from the centre is constant.
     """
     never_inline()
-    keys = np.int64(scene.bvh.keyed[1])
+    keys = np.int64(scene.bvh.keyed_packets[1])
     i = np.int64(hit.primitive) - len(scene.triangle)
     c = _row(scene.sphere, scene.key_sphere, keys, i, _HALF)
     t = np.float64(hit.t)
@@ -153,6 +153,6 @@ def trace_motion_points(scene, stack, camera, top, places):
     """Fills `places`, (h, w, 3, 4) float64, for h rows of pixels from row `top` on.
 
     For each of the three times: a world point (x, y, z, 1), or the ray's direction and 0 where nothing is hit.
-    scene: in the edition for moving scenes, with an odd number of keys. stack: from new_stack.
+    scene: in the variant for moving scenes, with an odd number of keys. stack: from new_stack.
     """
     _see_places(by_reference(scene), stack, camera, top, places)

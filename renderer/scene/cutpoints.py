@@ -1,4 +1,4 @@
-"""Start indices for inverting a cdf (cutpoint or guide table), used by `choose_from` of renderer/kernel/light/environment.py."""
+"""Start indices for inverting a cdf (cutpoint table), used by `sample_cdf_row` of renderer/kernel/light/environment.py."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def without_environment_sampling(scene: CompiledScene) -> CompiledScene:
     """
     frame = scene.environment_frame
     has_sun = frame[7] > 0
-    if scene.environment.shape[:2] != (1, 1) or has_sun or frame[3] == 0.0 or scene.bvh.begin[1] != 0:
+    if scene.environment.shape[:2] != (1, 1) or has_sun or frame[3] == 0.0 or scene.bvh.ray_roots[1] != 0:
         return scene
     frame = frame.copy()
     frame[3] = 0.0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.transforms import stretches
+from renderer.bvh.transforms import scale_range
 from renderer.scene.description import Instance, Material, SceneDescription
 from renderer.scene.object_ids import number_objects
 
@@ -150,7 +150,7 @@ def _bodies(description: SceneDescription, movers: list[int]) -> list[Group]:
 def _are_invertible(instances: list[Instance]) -> npt.NDArray[np.bool_]:
     """Whether each instance's transform, (I,), is well enough conditioned to transform rays into its space."""
     places = [each for i in instances for each in (i.transform, *i.keys)]
-    most, least = stretches(np.array([np.asarray(place, np.float64)[:3] for place in places]).reshape(-1, 3, 4)).T
+    most, least = scale_range(np.array([np.asarray(place, np.float64)[:3] for place in places]).reshape(-1, 3, 4)).T
     first = np.cumsum([0] + [1 + len(i.keys) for i in instances])[:-1]
     sane = (least > 0) & (most < _CONDITION * least)
     return np.logical_and.reduceat(sane, first) if len(instances) else sane

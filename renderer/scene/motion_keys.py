@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from renderer.bvh.layout import KEY_COLUMNS
 from renderer.bvh.rigid_motion import motion_keys
-from renderer.bvh.transforms import stretches
+from renderer.bvh.transforms import scale_range
 from renderer.scene.description import F32, EmissionMap, Light, SceneDescription
 from renderer.scene.emission_maps import emission_frames
 from renderer.scene.geometry import Placement, keys_step
@@ -39,10 +39,10 @@ def instance_keys(description: SceneDescription, placement: Placement) -> list[F
 
 def stretches_of(description: SceneDescription, placement: Placement) -> F64:
     """Returns the greatest and least scale, (I, 2), of each instance's transform at any time of the shutter."""
-    found = stretches(placement.to_world)
+    found = scale_range(placement.to_world)
     for i, number in enumerate(placement.number):
         if keys := description.instances[number].keys:
-            own = stretches(np.array([np.asarray(key, np.float64)[:3] for key in keys]))
+            own = scale_range(np.array([np.asarray(key, np.float64)[:3] for key in keys]))
             found[i] = own[:, 0].max(), own[:, 1].min()
     return found
 

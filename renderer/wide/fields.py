@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 
 from renderer.lane_types import f32x8, is_wide, mask8, u32x8
 from renderer.wide.operators import FLOATS, INTS
-from renderer.wide.rows import gathered, scattered
+from renderer.wide.rows import emit_gather, emit_scatter
 
 __all__ = ["Flag", "Float", "Four", "Int", "Layout", "Pair", "Vector", "accessors", "columns_of", "is_integer", "width_of"]
 
@@ -176,7 +176,7 @@ def accessors(layout: Layout) -> tuple[Any, Any]:
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             if wide:
                 data = context.make_array(sig.args[0])(context, builder, args[0]).data
-                columns = gathered(builder, data, args[1], _I64(layout.width), _I64(first), count)
+                columns = emit_gather(builder, data, args[1], _I64(layout.width), _I64(first), count)
             else:
                 pointer = _pointer(context, builder, sig.args[0], args[0], args[1], layout.width, first)
                 columns = [builder.load(builder.gep(pointer, [_I64(k)])) for k in range(count)]
@@ -198,7 +198,7 @@ def accessors(layout: Layout) -> tuple[Any, Any]:
             if wide:
                 data = context.make_array(sig.args[0])(context, builder, args[0]).data
                 for group in range(0, len(columns), _GROUP):
-                    scattered(builder, data, args[1], _I64(layout.width), _I64(first + group), columns[group : group + _GROUP])
+                    emit_scatter(builder, data, args[1], _I64(layout.width), _I64(first + group), columns[group : group + _GROUP])
             else:
                 pointer = _pointer(context, builder, sig.args[0], args[0], args[1], layout.width, first)
                 for k, number in enumerate(columns):

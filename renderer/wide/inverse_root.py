@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.bvh.simd import fma, splat
 from renderer.jit import device
-from renderer.wide.values import as_floats, as_ints, nil
+from renderer.wide.values import as_floats, as_ints, zero_like
 
 __all__ = ["inverse_root"]
 
@@ -27,4 +27,4 @@ def inverse_root(x):
     No product is left for the compiler to fuse.
     """
     y = as_floats(_START - (as_ints(x) >> _HALVED))
-    return y * splat(_SCALE) * fma(nil(x) - x * y, y, splat(_LIMIT))
+    return y * splat(_SCALE) * fma(zero_like(x) - x * y, y, splat(_LIMIT))

@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 from renderer.bvh.simd import LANES
 from renderer.wide.operators import FLOATS, INTS, u32x8
 
-__all__ = ["gathered", "load_ints", "scattered", "words"]
+__all__ = ["emit_gather", "emit_scatter", "gather_words", "load_ints"]
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _FLOAT = ir.FloatType()
@@ -74,7 +74,7 @@ def _quartet(builder: Any, pointer: Any, count: int) -> Any:
     return four
 
 
-def gathered(builder: Any, data: Any, index: Any, width: Any, first: Any, count: int) -> list[Any]:
+def emit_gather(builder: Any, data: Any, index: Any, width: Any, first: Any, count: int) -> list[Any]:
     """Returns `count` vectors of eight: columns from `first` on of the rows `index` of a table of 32-bit numbers at `data`."""
     if count == 1:
         undefined = ir.Constant(FLOATS, ir.Undefined)
@@ -86,16 +86,16 @@ def gathered(builder: Any, data: Any, index: Any, width: Any, first: Any, count:
         four = [_quartet(builder, pointer, count) for pointer in _pointers(builder, data, index, width, first)]
         return _quarters(builder, [_shuffled(builder, four[k], four[k + 4], list(range(8))) for k in range(4)])[:count]
     if count < LANES:
-        rest = gathered(builder, data, index, width, builder.add(first, _I64(4)), count - 4)
-        return gathered(builder, data, index, width, first, 4) + rest
+        rest = emit_gather(builder, data, index, width, builder.add(first, _I64(4)), count - 4)
+        return emit_gather(builder, data, index, width, first, 4) + rest
     eight = _transposed(builder, [_piece(builder, p, FLOATS) for p in _pointers(builder, data, index, width, first)])
     if count == LANES:
         return eight
-    return eight + gathered(builder, data, index, width, builder.add(first, _I64(LANES)), count - LANES)
+    return eight + emit_gather(builder, data, index, width, builder.add(first, _I64(LANES)), count - LANES)
 
 
-def scattered(builder: Any, data: Any, index: Any, width: Any, first: Any, columns: list[Any]) -> None:
-    """Stores eight vectors of eight into the columns from `first` on of the rows `index`; see `gathered`."""
+def emit_scatter(builder: Any, data: Any, index: Any, width: Any, first: Any, columns: list[Any]) -> None:
+    """Stores eight vectors of eight into the columns from `first` on of the rows `index`; see `emit_gather`."""
     rows = _transposed(builder, columns)
     for pointer, row in zip(_pointers(builder, data, index, width, first), rows, strict=True):
         builder.store(row, builder.bitcast(pointer, FLOATS.as_pointer())).align = 4
@@ -113,7 +113,7 @@ def load_ints(typingctx, array, index):
 
 
 @intrinsic
-def words(typingctx, table, index):
+def gather_words(typingctx, table, index):
     """Gathers the rows `index` (u32x8) of a C-contiguous (N, 4) uint8 table as words, first byte lowest: u32x8. Unchecked."""
 
     def codegen(context, builder, sig, args):

@@ -21,7 +21,6 @@ __all__ = [
     "as_wide3",
     "double",
     "lookup",
-    "nil",
     "not_",
     "rint",
     "single",
@@ -30,6 +29,7 @@ __all__ = [
     "u32",
     "where",
     "where3",
+    "zero_like",
 ]
 
 _I32 = ir.IntType(32)
@@ -119,7 +119,7 @@ def u32(typingctx, a):
 
 
 @intrinsic
-def nil(typingctx, a):
+def zero_like(typingctx, a):
     """Returns 0 of the type of a."""
     return a(a), lambda context, builder, sig, args: ir.Constant(args[0].type, None)
 

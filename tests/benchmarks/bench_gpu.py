@@ -19,13 +19,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from renderer.arrays.scene_features import EDITIONS
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cuda.artefacts import ptx_of
 from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards
 from renderer.cuda.driver import LIBRARY
 from renderer.cuda.render import CardRenderer
 from renderer.film import digest
-from renderer.render import edition_for, render_frame
+from renderer.render import render_frame, variant_for
 from renderer.scene.compile import compile_scene
 from renderer.settings import RenderSettings
 from renderer.threads import cores
@@ -45,7 +45,7 @@ def main() -> int:
     sizes = QUICK if options.quick else FULL
     if options.mitsuba:
         return _mitsuba(options, sizes)
-    for variant in EDITIONS if options.scenes is None else ():
+    for variant in KERNEL_VARIANTS if options.scenes is None else ():
         begin = time.perf_counter()
         print(f"PTX of {variant}: {len(ptx_of(variant)) / 1e6:.1f} MB, {time.perf_counter() - begin:.1f} s", flush=True)
     cards = find_cards(options.library)
@@ -101,7 +101,7 @@ def _compare(case: Case, card: CardRenderer, quick: bool) -> int:
     differ = int((films[0] != films[1]).any(0).sum())
     equal = "equal" if not differ else f"{differ} of {pixels * pixels} pixels differ"
     print(
-        f"{case.name}, {edition_for(settings, scene)}: card {digest(films[0])[:12]}, CPU {digest(films[1])[:12]}: {equal}",
+        f"{case.name}, {variant_for(settings, scene)}: card {digest(films[0])[:12]}, CPU {digest(films[1])[:12]}: {equal}",
         flush=True,
     )
     return int(differ > 0)

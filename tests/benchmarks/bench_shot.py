@@ -27,7 +27,7 @@ from websockets.sync.client import connect
 
 from rayfarm.stage import Stage
 from renderer.film import digest
-from renderer.render import edition_for, render_batch, warm_up
+from renderer.render import render_batch, variant_for, warm_up
 from renderer.scene.animation import Moment
 from renderer.scene.compiled import CompiledScene, load
 from renderer.scene.compiled_parts import Saver
@@ -68,7 +68,7 @@ def main() -> None:
         (folder / "scene").mkdir()
         (folder / "scene" / "shot.glb").write_bytes(SHOTS[options.shot][0](still_set(TRIANGLES)).glb())
         frames = prepared(folder, options.frames)
-        warm_up(frames[0][1], edition_for(frames[0][1], frames[0][0]))
+        warm_up(frames[0][1], variant_for(frames[0][1], frames[0][0]))
         walls: dict[int, list[float]] = {}
         print(f"{SHOTS[options.shot][2]}: {options.frames} frames at {SIZE['width']}x{SIZE['height']}, {options.spp} spp")
         for slots in map(int, options.slots.split(",")):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.arrays.kernel_variant import only
+from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.layout import Bvh
 from renderer.scene.compile import compile_scene
@@ -68,12 +68,12 @@ def scene(
 
 def as_rendered(made: CompiledScene) -> CompiledScene:
     """Returns a static scene with the argument types of kernels that are compiled already, for test kernels."""
-    return only(made, "full")
+    return strip_absent_features(made, "full")
 
 
 def still(bvh: Bvh) -> Bvh:
     """Returns `as_rendered` for a tree alone."""
-    return kept(bvh)._replace(motion=None, instance_motion=None, keyed=None)
+    return kept(bvh)._replace(motion=None, instance_motion=None, keyed_packets=None)
 
 
 def kept(bvh: Bvh) -> Bvh:

@@ -53,7 +53,7 @@ def fenced(array: np.ndarray, side: str) -> np.ndarray:
 
 
 def fenced_scene(scene: CompiledScene, side: str) -> CompiledScene:
-    """The scene, of any edition, with every array fenced."""
+    """The scene, of any variant, with every array fenced."""
     arrays = {name: fenced(array, side) for name, array in flat(scene).items() if array is not None}
     of_tree = {name[4:]: array for name, array in arrays.items() if name.startswith("bvh.")}
     rest = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
@@ -94,7 +94,7 @@ def _by_pool(scene: CompiledScene, settings: RenderSettings) -> None:
 
 def _by_path(scene: CompiledScene, settings: RenderSettings) -> None:
     render.renderer_of = lambda _: accumulate._render_special_path  # type: ignore[assignment]
-    render.has_editions = lambda _: False
+    render.has_variants = lambda _: False
     _by_pool(scene, settings)
 
 
@@ -115,7 +115,7 @@ RENDER: dict[str, Callable[[CompiledScene, RenderSettings], None]] = {
 
 
 def main(side: str, kernel: str, *names: str) -> None:
-    """Renders each feature; the name "warm-up of EDITION" runs `warm_up` instead."""
+    """Renders each feature; the name "warm-up of VARIANT" runs `warm_up` instead."""
     from tests.renderer.kernel.backends.features import made
 
     faulthandler.enable()
@@ -127,7 +127,7 @@ def main(side: str, kernel: str, *names: str) -> None:
         _kept.clear()
         _films.clear()
         if name.startswith("warm-up of "):
-            render.warm_up(edition=name.removeprefix("warm-up of "), prepares=False)
+            render.warm_up(variant=name.removeprefix("warm-up of "), prepares=False)
         else:
             RENDER[kernel](*made(name))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from renderer.arrays.scene import check, example, flat
-from renderer.arrays.scene_features import EDITIONS
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 from tests.helpers import ROOT
 from tests.renderer.fenced import CHECKED, KERNELS, SIDES
 from tests.renderer.kernel.backends.features import FEATURES
@@ -38,7 +38,7 @@ def test_warming_up_the_media_kernels_reads_no_foreign_memory() -> None:
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_every_feature_stays_inside_its_arrays(side: str, kernel: str) -> None:
-    warmed = [f"warm-up of {edition}" for edition in EDITIONS] if kernel == "pool" else []
+    warmed = [f"warm-up of {variant}" for variant in KERNEL_VARIANTS] if kernel == "pool" else []
     rendered(side, kernel, [*warmed, *FEATURES])
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from renderer.arrays.scene_features import EDITIONS
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.kernel_file import ArtefactError, is_name, is_signed, name_of, pack, unpack
 
 KERNEL = "render_pool-plain"
@@ -82,9 +82,9 @@ def test_bytes_that_are_no_archive_are_refused(tmp_path: Path) -> None:
         unpack(signed(b"no zip at all"), "token", tmp_path / "other")
 
 
-@pytest.mark.parametrize("edition", EDITIONS)
-def test_the_kernel_of_each_edition_is_shared(edition: str, tmp_path: Path) -> None:
-    kernel, folder = f"render_pool-{edition}", tmp_path / "0123456789abcdef"
+@pytest.mark.parametrize("variant", KERNEL_VARIANTS)
+def test_the_kernel_of_each_variant_is_shared(variant: str, tmp_path: Path) -> None:
+    kernel, folder = f"render_pool-{variant}", tmp_path / "0123456789abcdef"
     folder.mkdir()
     (folder / f"{kernel}.done").write_text("")
     assert is_name(name_of(folder, kernel))

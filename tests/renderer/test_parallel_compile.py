@@ -18,7 +18,7 @@ from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.typed_passes import NopythonTypeInference
 
 from renderer import parallel_compile
-from renderer.arrays.kernel_variant import only
+from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import example
 from renderer.kernel import accumulate
 from renderer.kernel.backends.cpu.intersect import trace_shadow_rays
@@ -70,9 +70,9 @@ def calls_of(function: Any, arguments: tuple[types.Type, ...]) -> frozenset[tupl
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("edition", [PLAIN, pytest.param(FULL, marks=pytest.mark.long)])
-def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPatch, edition: str) -> None:
-    warm_up(edition=edition)  # else all that is called would be compiled here
+@pytest.mark.parametrize("variant", [PLAIN, pytest.param(FULL, marks=pytest.mark.long)])
+def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPatch, variant: str) -> None:
+    warm_up(variant=variant)  # else all that is called would be compiled here
     asked: list[tuple[types.Type, ...]] = []
 
     def asking(*arguments: Any) -> tuple[int, int]:
@@ -80,9 +80,9 @@ def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPa
         return 0, 0
 
     monkeypatch.setattr(accumulate, "_render_pool", asking)
-    _render(only(example(), edition), _PICTURE, Tile(0, 0, 0, 0), 0, 0)
+    _render(strip_absent_features(example(), variant), _PICTURE, Tile(0, 0, 0, 0), 0, 0)
     (arguments,) = asked
-    parts = accumulate.parts_of_pictures(only(example(), edition), _PICTURE)
+    parts = accumulate.pool_stages(strip_absent_features(example(), variant), _PICTURE)
     called = calls_of(accumulate._with_pool, (Reference(arguments[0]), *arguments[1:]))
     for part, types_of_it in parts:
         if part.__name__ == "arrive":

@@ -43,15 +43,15 @@ def test_a_first_scene_compiles_nothing_by_itself(name: str) -> None:
 @pytest.mark.parametrize("has_full", [True, False])
 def test_the_rest_is_loaded_where_this_machine_has_it(monkeypatch: pytest.MonkeyPatch, has_full: bool) -> None:
     done: list[str] = []
-    monkeypatch.setattr(jit, "is_cached", lambda name: has_full and name == kernel_name(edition=FULL))
+    monkeypatch.setattr(jit, "is_cached", lambda name: has_full and name == kernel_name(variant=FULL))
     monkeypatch.setattr(render, "prepare", lambda: done.append("all"))
     load_preparing()
     assert done == ["all"] * has_full
 
 
-@pytest.mark.parametrize(("edition", "prepares", "wanted"), [(PLAIN, True, ["first"]), (FULL, True, ["all"]), (PLAIN, False, [])])
+@pytest.mark.parametrize(("variant", "prepares", "wanted"), [(PLAIN, True, ["first"]), (FULL, True, ["all"]), (PLAIN, False, [])])
 def test_what_comes_with_a_kernel(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, edition: str, prepares: bool, wanted: list[str]
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, variant: str, prepares: bool, wanted: list[str]
 ) -> None:
     done: list[str] = []
     monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)  # where that kernel would be listed
@@ -60,6 +60,6 @@ def test_what_comes_with_a_kernel(
     monkeypatch.setattr(render, "load_preparing", lambda: None)
     monkeypatch.setattr(render, "prepare_first", lambda: done.append("first"))
     monkeypatch.setattr(render, "prepare", lambda: done.append("all"))
-    with render.Helpers(edition, wanted=False) as nobody:
-        warm_up(edition=edition, helpers=nobody, prepares=prepares)
+    with render.Helpers(variant, wanted=False) as nobody:
+        warm_up(variant=variant, helpers=nobody, prepares=prepares)
     assert done == wanted

@@ -36,7 +36,7 @@ def precompile_full_kernel(link: Link) -> None:
 
     It starts work after LATER_S seconds, and ends with this process.
     """
-    if jit.is_cached(kernel_name(edition=FULL)):
+    if jit.is_cached(kernel_name(variant=FULL)):
         return
     guard = spawn_guard()
 
@@ -66,10 +66,10 @@ def main() -> int:
     logs.set_up()
     link = Link(options.service, os.environ.get("RAYFARM_TOKEN", ""))
     try:
-        if not fetched_or_compiled(link, edition=FULL):
-            upload_kernel(link, jit.cache_folder(), kernel_name(edition=FULL))
+        if not fetched_or_compiled(link, variant=FULL):
+            upload_kernel(link, jit.cache_folder(), kernel_name(variant=FULL))
     except (WorkerError, OSError) as error:
-        log.warning("the kernel %s is not handed in: %s", kernel_name(edition=FULL), error)
+        log.warning("the kernel %s is not handed in: %s", kernel_name(variant=FULL), error)
         return 1
     return 0
 

@@ -16,14 +16,14 @@ __all__ = ["fetched_or_compiled", "get_ready"]
 _log = logging.getLogger("worker")
 
 
-def get_ready(link: Link, settings: RenderSettings | None = None, edition: str = PLAIN, helpers: Helpers | None = None) -> None:
+def get_ready(link: Link, settings: RenderSettings | None = None, variant: str = PLAIN, helpers: Helpers | None = None) -> None:
     """Like `warm_up`, but downloads the kernel from the farm if possible, and otherwise uploads it after compiling."""
-    if not fetched_or_compiled(link, settings, edition, helpers):
-        upload_kernel_in_background(link, jit.cache_folder(), kernel_name(settings, edition))
+    if not fetched_or_compiled(link, settings, variant, helpers):
+        upload_kernel_in_background(link, jit.cache_folder(), kernel_name(settings, variant))
 
 
 def fetched_or_compiled(
-    link: Link, settings: RenderSettings | None = None, edition: str = PLAIN, helpers: Helpers | None = None
+    link: Link, settings: RenderSettings | None = None, variant: str = PLAIN, helpers: Helpers | None = None
 ) -> bool:
     """Like `get_ready`, but without the upload. Returns whether the kernel was downloaded, so that the farm has it."""
     folder = jit.cache_folder()
@@ -34,6 +34,6 @@ def fetched_or_compiled(
         farm_has_it, sentence = fetch_kernel(link, folder, kernel)
         _log.info(sentence)
 
-    took = warm_up(settings, edition, fetch, helpers)
-    _log.info("kernel %s ready after %.1f s", kernel_name(settings, edition), took)
+    took = warm_up(settings, variant, fetch, helpers)
+    _log.info("kernel %s ready after %.1f s", kernel_name(settings, variant), took)
     return farm_has_it

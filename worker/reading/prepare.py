@@ -10,7 +10,7 @@ import numpy as np
 from protocol.contract import Manifest
 from protocol.mesh import Mesh, encode_mesh
 from renderer.confine.reader import Link
-from renderer.render import edition_for
+from renderer.render import variant_for
 from renderer.scene.animation import Moment
 from renderer.scene.compile import camera_dicts, compile_scene, summarise
 from renderer.scene.compiled_parts import Saver
@@ -27,7 +27,7 @@ PREVIEW = "preview.mesh"
 
 
 def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[str, Any]:
-    """Returns the scene's summary, with the name of its compiled manifest in `out` and the kernel edition that renders it.
+    """Returns the scene's summary, with the name of its compiled manifest in `out` and the kernel variant that renders it.
 
     Raises RayfarmError.
     """
@@ -46,7 +46,7 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     summary["lights_power"] = kept.lights_power
     assert kept.cuts is not None
     summary["compiled"] = Saver(folder_of(out)).save(compiled, kept.cuts).name  # shares parts with other frames
-    summary["edition"] = edition_for(thumbnail_settings(summary["cameras"][0]["view"], summary["defaults"]), compiled)
+    summary["variant"] = variant_for(thumbnail_settings(summary["cameras"][0]["view"], summary["defaults"]), compiled)
     return summary
 
 

@@ -13,7 +13,7 @@ import redis
 from protocol.explained import ANSWER_TTL_S, ExplainPixel, explained_key
 from renderer.errors import RayfarmError
 from renderer.pixel_paths import MODELS, PixelPath, PixelPaths, bounce_of, pixel_paths
-from renderer.render import edition_for, is_warm
+from renderer.render import is_warm, variant_for
 from renderer.replay import Lamp, Vertex
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence, encoded
@@ -50,11 +50,11 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
     send_answer(worker, work.message, "begun")
     try:
         scene = _scene(worker, work)
-        edition = edition_for(work.settings, scene)
-        if not is_warm(work.settings, edition):
+        variant = variant_for(work.settings, scene)
+        if not is_warm(work.settings, variant):
             compiling(True)
             send_answer(worker, work.message, "compiling")
-            get_ready(worker.link, work.settings, edition)
+            get_ready(worker.link, work.settings, variant)
             compiling(False)
         found = pixel_paths(scene, work.settings, work.x, work.y, work.count, work.sample)
         send_answer(worker, work.message, "done", explained=explanation_json(scene, found))

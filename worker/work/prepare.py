@@ -12,7 +12,7 @@ from typing import Any
 from protocol.blends import is_blend
 from protocol.contract import BlobRef, Manifest, SceneInfo, ScenePreview
 from renderer import jit
-from renderer.arrays.scene_features import EDITIONS
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.blender.convert import convert
 from renderer.blender.program import find
 from renderer.render import kernel_name, warm_up
@@ -89,7 +89,7 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, sho
 
         job = partial(prepare, os.fsencode(folder), read, os.fsencode(room.out))
         summary = room.run(job, manifest.main, SECONDS, take, reads=[folder])
-        _compile_kernel(summary.get("edition"), progress)
+        _compile_kernel(summary.get("variant"), progress)
         progress("storing", 0.95)
         compiled = store_scene(worker, room.compiled(summary.get("compiled")))
         if written:
@@ -129,14 +129,14 @@ def _info(worker: WorkerContext, summary: dict[str, Any], compiled: BlobRef, beg
     )
 
 
-def _compile_kernel(edition: Any, progress: Progress) -> None:
+def _compile_kernel(variant: Any, progress: Progress) -> None:
     """Compiles the kernel that the scene needs, unless it is cached here.
 
     Jobs load it, and readers, which cannot store kernels.
     """
-    if isinstance(edition, str) and edition in EDITIONS and not jit.is_cached(kernel_name(edition=edition)):
+    if isinstance(variant, str) and variant in KERNEL_VARIANTS and not jit.is_cached(kernel_name(variant=variant)):
         progress(COMPILING, 0.85)
-        warm_up(edition=edition, prepares=False)  # if several slots need the kernel, only one compiles it
+        warm_up(variant=variant, prepares=False)  # if several slots need the kernel, only one compiles it
 
 
 def _opened(manifest: Manifest, room: Room) -> list[str]:

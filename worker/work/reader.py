@@ -137,7 +137,7 @@ class Room:
             "that this worker grants one scene",
             Sentence("advice-shrink-or-split", "Make it smaller, or split it into several."),
         )
-        more = [_ALL_PREPARING] if jit.is_cached(kernel_name(edition=FULL)) else []  # do not wait while it is compiled
+        more = [_ALL_PREPARING] if jit.is_cached(kernel_name(variant=FULL)) else []  # do not wait while it is compiled
         calls = {**calls_of_reader(self.scene, self.folder), **(calls or {})}
         with as_of_worker():
             return running.Reader(

@@ -13,7 +13,7 @@ from protocol.reproduce import batch_command
 from protocol.sums import pack_sums
 from renderer.errors import RayfarmError
 from renderer.film import BatchSums
-from renderer.render import edition_for, is_warm, render_batch
+from renderer.render import is_warm, render_batch, variant_for
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
 from worker.exchange.errors import RefusedError, Trouble
@@ -44,15 +44,15 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
     try:
         with step("open scene"):
             scene = retry_on_trouble(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
-        edition = edition_for(batch.settings, scene)
+        variant = variant_for(batch.settings, scene)
         with step("trace paths on a card", first=batch.first, count=batch.count, tile=list(batch.tile)):
-            of_card = render_with_card(worker, batch, scene, edition, compiling)
+            of_card = render_with_card(worker, batch, scene, variant, compiling)
         if of_card is not None:
             return _rendered(worker, batch, *of_card)
-        if not is_warm(batch.settings, edition):
+        if not is_warm(batch.settings, variant):
             compiling(True)
             with step("kernel"):
-                get_ready(worker.link, batch.settings, edition)
+                get_ready(worker.link, batch.settings, variant)
             compiling(False)
         begun = time.perf_counter()
         with step("trace paths", first=batch.first, count=batch.count, tile=list(batch.tile)):

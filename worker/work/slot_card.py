@@ -33,7 +33,7 @@ def card_of(worker: WorkerContext, number: int) -> Card | None:
 
 
 def render_with_card(
-    worker: WorkerContext, batch: RenderBatch, scene: CompiledScene, edition: str, compiling: Callable[[bool], None]
+    worker: WorkerContext, batch: RenderBatch, scene: CompiledScene, variant: str, compiling: Callable[[bool], None]
 ) -> tuple[BatchSums, float] | None:
     """Renders a batch with this slot's card. Returns (its sums, seconds).
 
@@ -50,9 +50,9 @@ def render_with_card(
         renderer = _cards[card.number]
         if renderer is None:
             return None
-        if not renderer.has(edition):
+        if not renderer.has(variant):
             compiling(True)
-            _load(worker, renderer, edition)
+            _load(worker, renderer, variant)
             compiling(False)
         begun = time.perf_counter()
         sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count, renderer)
@@ -66,7 +66,7 @@ def render_with_card(
     return None
 
 
-def _load(worker: WorkerContext, renderer: CardRenderer, edition: str) -> None:
+def _load(worker: WorkerContext, renderer: CardRenderer, variant: str) -> None:
     """Loads a kernel: downloads it from the farm, or builds and uploads it."""
     is_fetched = False
 
@@ -75,6 +75,6 @@ def _load(worker: WorkerContext, renderer: CardRenderer, edition: str) -> None:
         is_fetched, sentence = fetch_kernel(worker.link, jit.cache_folder(), name)
         log.info(sentence)
 
-    renderer.load(edition, fetch)
+    renderer.load(variant, fetch)
     if not is_fetched:
-        upload_kernel_in_background(worker.link, jit.cache_folder(), kernel_name(edition))
+        upload_kernel_in_background(worker.link, jit.cache_folder(), kernel_name(variant))

@@ -23,7 +23,7 @@ from protocol.view_parts import (
 )
 from renderer.errors import RayfarmError
 from renderer.film import COLOR, SAMPLES
-from renderer.render import edition_for, is_warm, render_batch
+from renderer.render import is_warm, render_batch, variant_for
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
 from worker.exchange.ready import get_ready
@@ -79,11 +79,11 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
     samples, seconds = 0, 0.0
     try:
         scene = retry_on_trouble(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
-        edition = edition_for(work.settings, scene)
-        if not is_warm(work.settings, edition):
+        variant = variant_for(work.settings, scene)
+        if not is_warm(work.settings, variant):
             compiling(True)
             answering.send("compiling")
-            get_ready(worker.link, work.settings, edition)
+            get_ready(worker.link, work.settings, variant)
             compiling(False)
         for part in work.parts:
             if not answering.is_wanted():

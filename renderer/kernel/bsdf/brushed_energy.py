@@ -14,7 +14,7 @@ from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.albedo_tables import BRUSHED_NODES, table_path
 from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo
 from renderer.kernel.fetch import columns
-from renderer.wide.values import any_of, nil, not_, to_float, to_int, where
+from renderer.wide.values import any_of, not_, to_float, to_int, where, zero_like
 
 __all__ = ["brushed_albedo", "brushed_mean_albedo"]
 
@@ -79,7 +79,7 @@ def _lookup(first, w, alpha_x, alpha_y):
     j, q = _node(math.sqrt(alpha_y / alpha_x), _LAST_RATIO)
     k, c = _node(math.sqrt(max(w[2], _ZERO)), _LAST_COSINE)
     n, t = _node((alpha - alpha_y) / max(alpha_x - alpha_y, _LEAST), _LAST_AZIMUTH)
-    a = b = nil(t)
+    a = b = zero_like(t)
     for corner in range(16):
         di, dj, dk, dn = np.uint32(corner & 1), np.uint32(corner >> 1 & 1), np.uint32(corner >> 2 & 1), np.uint32(corner >> 3)
         share = _share(di, r) * _share(dj, q) * _share(dk, c) * _share(dn, t)
@@ -94,7 +94,7 @@ def _mean_lookup(first, alpha_x, alpha_y):
     never_inline()
     i, r = _node(math.sqrt(alpha_x), _LAST_ROUGHNESS)
     j, q = _node(math.sqrt(alpha_y / alpha_x), _LAST_RATIO)
-    a = b = nil(r)
+    a = b = zero_like(r)
     for corner in range(4):
         di, dj = np.uint32(corner & 1), np.uint32(corner >> 1)
         share = _share(di, r) * _share(dj, q)
@@ -111,7 +111,7 @@ def brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y):
     beckmann: as in facets.py; roughness: the square root of both alphas where they are equal.
     """
     brushed = _is_tabled(beckmann, alpha_x, alpha_y)
-    a = b = nil(w[2])
+    a = b = zero_like(w[2])
     if any_of(not_(brushed)):
         a, b = ggx_albedo(w[2], roughness)
     if any_of(brushed):
@@ -124,7 +124,7 @@ def brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y):
 def brushed_mean_albedo(beckmann, roughness, alpha_x, alpha_y):
     """Returns the means of (A, B) over the cosine-weighted hemisphere."""
     brushed = _is_tabled(beckmann, alpha_x, alpha_y)
-    a = b = nil(roughness)
+    a = b = zero_like(roughness)
     if any_of(not_(brushed)):
         a, b = ggx_mean_albedo(roughness)
     if any_of(brushed):

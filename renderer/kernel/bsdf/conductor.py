@@ -13,7 +13,7 @@ from renderer.kernel.bsdf.energy import multiple_scattering
 from renderer.kernel.bsdf.facets import facet_density, facet_lambda, sample_visible_facet
 from renderer.kernel.bsdf.fresnel import fresnel_conductor
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
-from renderer.wide.values import any_of, nil, not_, where, where3
+from renderer.wide.values import any_of, not_, where, where3, zero_like
 
 __all__ = ["eval_and_pdf_conductor", "fresnel_rgb", "sample_conductor", "sample_smooth_conductor"]
 
@@ -75,7 +75,7 @@ def eval_and_pdf_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, a
     beckmann: as in facets.py; mean_fresnel: the cosine-weighted mean over the hemisphere. roughness: the square root of both
     alphas if they are equal.
     """
-    none = nil(wi[2])
+    none = zero_like(wi[2])
     f, pdf = (none, none, none), none
     below = (wi[2] <= _ZERO) | (wo[2] <= _ZERO)
     if any_of(not_(below)):

@@ -28,7 +28,7 @@ __all__ = [
     "mean_passing",
     "rgb",
     "sheen_passing",
-    "turned",
+    "to_anisotropy_frame",
 ]
 
 _ZERO = np.float32(0.0)
@@ -117,7 +117,7 @@ def sheen_passing(m, cosine):
 
 
 @device
-def turned(m, w):
+def to_anisotropy_frame(m, w):
     """Returns the local direction w in the anisotropy's frame, whose x axis is the direction along which highlights are
     stretched.
     """
@@ -133,7 +133,7 @@ def base_view(m, w):
     transmission of the coat, of the sheen).
     """
     cosine = w[2]
-    a, b = brushed_albedo(m[HAS_BECKMANN], turned(m, w), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
+    a, b = brushed_albedo(m[HAS_BECKMANN], to_anisotropy_frame(m, w), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     mean_a, mean_b = brushed_mean_albedo(m[HAS_BECKMANN], m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     mean = mean_a + mean_b
     loss = max(_ONE - a - b, _ZERO)

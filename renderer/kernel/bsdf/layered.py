@@ -37,7 +37,7 @@ from renderer.kernel.bsdf.layer_balance import (
     mean_passing,
     rgb,
     sheen_passing,
-    turned,
+    to_anisotropy_frame,
 )
 from renderer.kernel.bsdf.rough_glass import (
     SMOOTH_GLASS,
@@ -108,8 +108,8 @@ def _choices(m, wo):
 @device
 def _glass(m, eta, wo, wi):
     """Returns (f |cos|, pdf per steradian) of rough white glass for local directions."""
-    o = turned(m, wo)
-    i = turned(m, wi)
+    o = to_anisotropy_frame(m, wo)
+    i = to_anisotropy_frame(m, wi)
     if m[IS_PANE] != _ZERO:
         f0 = vec.maximum(dielectric_f0(m))
         return eval_and_pdf_pane(m[HAS_BECKMANN], f0, m[rows.SPECULAR], m[ALPHA_X], m[ALPHA_Y], o, i)
@@ -157,8 +157,8 @@ def eval_and_pdf_layered(m, eta, wo, wi):
     f = vec.add(f, vec.scale(many, left * loss_o * loss_i / mean_loss * cosine))
     pdf += choose_diffuse * cosine
 
-    o = turned(m, wo)
-    i = turned(m, wi)
+    o = to_anisotropy_frame(m, wo)
+    i = to_anisotropy_frame(m, wi)
     h = vec.normalize(vec.add(o, i))
     metal_f, dielectric_f = fresnels(m, vec.dot(o, h))
     lambda_o = facet_lambda(m[HAS_BECKMANN], o, m[ALPHA_X], m[ALPHA_Y])
@@ -215,7 +215,7 @@ def sample_layered(m, eta, wo, choose, u):
     elif choose < at + sheen:
         wi = sample_sheen(u)
     elif choose < at + sheen + specular:
-        o = turned(m, wo)
+        o = to_anisotropy_frame(m, wo)
         h = sample_visible_facet(m[HAS_BECKMANN], o, m[ALPHA_X], m[ALPHA_Y], u)
         wi = _turned_back(m, vec.sub(vec.scale(h, _TWO * vec.dot(o, h)), o))
     elif choose < at + sheen + specular + diffuse:
@@ -229,7 +229,7 @@ def sample_layered(m, eta, wo, choose, u):
         if _glass_is_smooth(m):
             wi, weight, scale = _sample_smooth_glass(m, eta, wo, max(glass, _LEAST), rest)
             return wi, weight, _ZERO, scale
-        o = turned(m, wo)
+        o = to_anisotropy_frame(m, wo)
         if m[IS_PANE] != _ZERO:
             i = sample_pane(m[HAS_BECKMANN], vec.maximum(dielectric_f0(m)), m[rows.SPECULAR], m[ALPHA_X], m[ALPHA_Y], o, rest, u)
         else:

@@ -18,7 +18,7 @@ from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo, multiple_sc
 from renderer.kernel.bsdf.fresnel import schlick
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA, ggx_density, sample_visible_normal, smith_lambda
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
-from renderer.wide.values import any_of, nil, not_, where, where3
+from renderer.wide.values import any_of, not_, where, where3, zero_like
 
 __all__ = ["eval_and_pdf_metallic_roughness", "sample_metallic_roughness"]
 
@@ -88,7 +88,7 @@ def _above(base, metallic, roughness, f0, f90, view, wo, wi):
 @device
 def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
     """Returns (f |cos|, pdf per steradian) from a `_view`; 0 for wi below the horizon."""
-    none = nil(wi[2])
+    none = zero_like(wi[2])
     f, pdf = (none, none, none), none
     below = (wi[2] <= _ZERO) | (wo[2] <= _ZERO)
     if any_of(not_(below)):

@@ -20,9 +20,9 @@ from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import acos, atan2, floor, sincos_turns
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf
 from renderer.wide.lanes import each_lane
-from renderer.wide.values import any_of, as_wide, lookup, nil, not_, to_float, to_int, u32, where, where3
+from renderer.wide.values import any_of, as_wide, lookup, not_, to_float, to_int, u32, where, where3, zero_like
 
-__all__ = ["choose", "choose_from", "environment_light", "environment_radiance", "sample_environment"]
+__all__ = ["environment_light", "environment_radiance", "sample_cdf", "sample_cdf_row", "sample_environment"]
 
 _END = np.uint32(1 << (LANES - 1))
 _FIRST = np.uint32(0)
@@ -42,7 +42,7 @@ _INV_2PI = np.float32(0.5 / math.pi)
 
 
 @device
-def choose(cdf, u):
+def sample_cdf(cdf, u):
     """Returns (i, u rescaled to [0, 1), probability of i) for the i with cdf[i] <= u < cdf[i + 1], by binary search.
 
     Entries with probability 0 are never chosen.
@@ -67,8 +67,8 @@ def _stretched(cdf, i, u):
 
 
 @device
-def choose_from(cdf, start, row, u):
-    """Returns bit for bit what `choose` returns for row `row` of a table of cdfs, for u in [0, 1).
+def sample_cdf_row(cdf, start, row, u):
+    """Returns bit for bit what `sample_cdf` returns for row `row` of a table of cdfs, for u in [0, 1).
 
     start: guide table with the position where the search begins (renderer/scene/cutpoints.py).
     """
@@ -148,7 +148,7 @@ def environment_light(scene, d, judged):
     frame = scene.environment_frame
     u, v = _place(scene.environment, frame, d)
     on_sun = _on_sun(frame, d)
-    pdf = nil(d[0])
+    pdf = zero_like(d[0])
     if any_of(judged):
         pdf = where(judged, _pdf(scene, u, v, on_sun), pdf)
     return _with_sun(frame, _image_radiance(scene.environment, u, v), on_sun), pdf
@@ -228,7 +228,7 @@ def sample_environment(scene, choice, u):
     choice: in [0, 1); selects between the sun's disk and the image. u: two numbers in [0, 1).
     """
     of_sun = choice < scene.environment_frame[11]
-    pdf = nil(choice)
+    pdf = zero_like(choice)
     d = pdf, pdf, pdf
     if any_of(not_(of_sun)):
         d, pdf = _sample_beside_sun(scene, u)
@@ -280,8 +280,8 @@ def _sample_image(scene, u):
     frame, conditional = scene.environment_frame, scene.environment_conditional
     height, width = conditional.shape[0], conditional.shape[1] - 1
     marginal, row_start = scene.environment_marginal, scene.environment_row_start
-    number, u0, row_probability = choose_from(marginal, row_start, _FIRST, u[0])
-    column, u1, column_probability = choose_from(conditional, scene.environment_column_start, number, u[1])
+    number, u0, row_probability = sample_cdf_row(marginal, row_start, _FIRST, u[0])
+    column, u1, column_probability = sample_cdf_row(conditional, scene.environment_column_start, number, u[1])
     extent = _row_extent(number, height)
     south = number + number >= np.uint32(height)
     from_pole = u32(np.uint32(height - 1) - number)

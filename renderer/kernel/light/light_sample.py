@@ -9,7 +9,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.material.material import emission, opacity
-from renderer.wide.values import any_of, as_wide, nil, not_, where, where3
+from renderer.wide.values import any_of, as_wide, not_, where, where3, zero_like
 
 __all__ = ["LightSample", "emitted", "empty_light_sample", "if_found", "select_light_sample"]
 
@@ -32,7 +32,7 @@ class LightSample(NamedTuple):
 @device
 def empty_light_sample(p):
     """Returns an empty sample, with pdf 0, in the lane type of p."""
-    zero, one = nil(p[0]), as_wide(_ONE, p[0])
+    zero, one = zero_like(p[0]), as_wide(_ONE, p[0])
     black = zero, zero, zero
     return LightSample((zero, zero, one), black, black, zero, as_wide(False, p[0]))
 

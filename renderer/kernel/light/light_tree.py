@@ -25,7 +25,7 @@ from renderer.arrays.light_rows import (
     RADIUS,
     SIN_SPREAD,
 )
-from renderer.bvh.hit_keys import exceeding
+from renderer.bvh.hit_keys import greater_ints
 from renderer.bvh.lane_sums import running_sum, whole_sum
 from renderer.bvh.simd import (
     bits,
@@ -45,7 +45,7 @@ from renderer.bvh.simd import (
 from renderer.jit import device, never_inline, subroutine
 from renderer.wide.inverse_root import inverse_root
 
-__all__ = ["choose_from_tree", "descend", "tree_chance"]
+__all__ = ["descend", "sample_light_tree", "tree_probability"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -142,7 +142,7 @@ def descend(node, base, p, n, choice):
 
 
 @subroutine
-def choose_from_tree(node, p, n, choice):
+def sample_light_tree(node, p, n, choice):
     """Chooses a light by `choice` in [0, 1): (light number, its probability).
 
     The probability is 0 if the descent reaches a node none of whose children illuminates p.
@@ -159,8 +159,8 @@ def choose_from_tree(node, p, n, choice):
 
 
 @subroutine
-def tree_chance(node, p, n, light):
-    """Returns the probability with which `choose_from_tree` picks `light`, with the same rounding."""
+def tree_probability(node, p, n, light):
+    """Returns the probability with which `sample_light_tree` picks `light`, with the same rounding."""
     never_inline()
     chance = _ONE
     base = np.uintp(0)
@@ -169,7 +169,7 @@ def tree_chance(node, p, n, light):
         total = extract(whole_sum(weights), _FIRST)
         if not (total > _ZERO and total < _INF):
             return _ZERO
-        lane = lowest_bit(bits(exceeding(_row(node, base, END), np.int32(light))))
+        lane = lowest_bit(bits(greater_ints(_row(node, base, END), np.int32(light))))
         chance *= extract(weights, lane) / total
         child = load_int(node, base + _CHILD + np.uintp(lane))
         if child < 0:

@@ -17,17 +17,17 @@ from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import columns, row
 from renderer.kernel.light.emission_map import emission_towards, moving_emission_towards
-from renderer.kernel.light.environment import choose, environment_light, environment_radiance, sample_environment
+from renderer.kernel.light.environment import environment_light, environment_radiance, sample_cdf, sample_environment
 from renderer.kernel.light.light_sample import LightSample, emitted, empty_light_sample, if_found, select_light_sample
-from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
-from renderer.kernel.light.parallelogram import on_parallelogram, on_parallelogram_pdf
+from renderer.kernel.light.light_tree import sample_light_tree, tree_probability
+from renderer.kernel.light.parallelogram import parallelogram_pdf, sample_parallelogram
 from renderer.kernel.light.punctual import SUN, SUN_UNSEEN, moving_sun, sample_moving_punctual, sample_punctual
 from renderer.kernel.light.sphere_light import faces_viewer, sample_facing, sample_sphere, sphere_light_pdf
 from renderer.kernel.sampling.warp import square_to_cone_pdf, square_to_triangle
 from renderer.kernel.surface.ray_origins import leave
 from renderer.kernel.surface.surface import moving_triangle_point, triangle_point, triangle_uv
 from renderer.wide.lanes import each_lane
-from renderer.wide.values import any_of, as_wide, as_wide3, lookup, nil, not_, u32, where, where3
+from renderer.wide.values import any_of, as_wide, as_wide3, lookup, not_, u32, where, where3, zero_like
 
 __all__ = [
     "FAR",
@@ -77,7 +77,7 @@ def _sample_triangle(scene, number, area, p, u, time):
     projected = -vec.dot(normal, w)  # twice the area, seen from p
     part = row(scene.triangle, number, 4)[3]
     material = u32(row(scene.part, part, PART_COLUMNS)[PART_MATERIAL])
-    uv = uv1 = nil(b), nil(b)
+    uv = uv1 = zero_like(b), zero_like(b)
     alpha = as_wide(_ONE, b)
     if scene.has.textures is not None:
         if any_of(u32(lookup(scene.material_flags, material)) & _TEXTURED != _FIRST):
@@ -94,15 +94,15 @@ def _sample_triangle(scene, number, area, p, u, time):
 def _sample_parallelogram(scene, light, number, area, p, n, u, time):
     """Samples a point on parallelogram `light`, whose first triangle is `number`: a LightSample as from `_sample_triangle`.
 
-    n: see `on_parallelogram`.
+    n: see `sample_parallelogram`.
     """
-    q, error, normal, density = on_parallelogram(scene, light, p, n, u)
+    q, error, normal, density = sample_parallelogram(scene, light, p, n, u)
     d = vec.sub(q, p)
     square = vec.dot(d, d)
     w = vec.scale(d, _ONE / math.sqrt(square))
     projected = -vec.dot(normal, w)  # the area, seen from p
     material = u32(row(scene.part, row(scene.triangle, number, 4)[3], PART_COLUMNS)[PART_MATERIAL])
-    uv = nil(square), nil(square)
+    uv = zero_like(square), zero_like(square)
     radiance = emitted(scene, material, uv, uv, as_wide(_ONE, square), projected > _ZERO, time)
     end = leave(q, error, vec.scale(normal, _ONE / area), vec.neg(w))
     sample = LightSample(w, end, radiance, density * square / abs(projected), as_wide(False, square))
@@ -119,9 +119,9 @@ def choose_light(scene, p, n, choice):
 def _choose_light(scene, p, n, choice, wanted):
     """Returns `choose_light` in the lanes where `wanted`; any valid light in the others."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
-        light, chance = each_lane(choose_from_tree, wanted, (scene.light_node, p, n, choice))
+        light, chance = each_lane(sample_light_tree, wanted, (scene.light_node, p, n, choice))
         return u32(light), chance
-    light, _, chance = choose(scene.light_cdf, choice)
+    light, _, chance = sample_cdf(scene.light_cdf, choice)
     return light, chance
 
 
@@ -203,7 +203,7 @@ def sample_light(scene, p, n, choice, u, time=None):
 
     n: zero for light from all sides. time: as for `sample_one_light`.
     """
-    light, chance = as_wide(_FIRST, choice), nil(choice)
+    light, chance = as_wide(_FIRST, choice), zero_like(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
         if any_of(nearby):
@@ -214,11 +214,11 @@ def sample_light(scene, p, n, choice, u, time=None):
 @device
 def sample_by_power(scene, p, n, choice, u, time):
     """Returns `sample_light` for scenes without a light tree: lights are chosen by power."""
-    light, chance = as_wide(_FIRST, choice), nil(choice)
+    light, chance = as_wide(_FIRST, choice), zero_like(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
         if any_of(nearby):
-            light, _, chance = choose(scene.light_cdf, rest)
+            light, _, chance = sample_cdf(scene.light_cdf, rest)
     return sample_chosen(scene, p, n, choice, u, light, chance, time)
 
 
@@ -282,12 +282,12 @@ def sun_seen(scene, which, p, n, w, judged, by_camera, time=None):
     on_disk = vec.dot(away, away) < _TWO * extent
     if scene.punctual_kind[number] == SUN_UNSEEN:
         on_disk = on_disk & not_(by_camera)
-    radiance, pdf = (nil(w[0]), nil(w[0]), nil(w[0])), nil(w[0])
+    radiance, pdf = (zero_like(w[0]), zero_like(w[0]), zero_like(w[0])), zero_like(w[0])
     if any_of(on_disk):
         radiance = where3(on_disk, value, radiance)
         judged = judged & on_disk
         if len(scene.light_node) > 0:
-            chance = each_lane(tree_chance, judged, (scene.light_node, p, n, as_wide(light, w[0])))
+            chance = each_lane(tree_probability, judged, (scene.light_node, p, n, as_wide(light, w[0])))
         else:
             chance = as_wide(scene.light_cdf[light + _NEXT] - scene.light_cdf[light], w[0])
         pdf = where(judged, chance * (_ONE - scene.environment_frame[3]) * square_to_cone_pdf(extent), pdf)
@@ -301,7 +301,7 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
     cosine: of the angle between the ray and the light's normal. The result is 0 unless `judged`. time: as for `sample_one_light`.
     """
     if scene.has.lights is not None and len(scene.light_node) > 0:
-        chance = each_lane(tree_chance, judged, (scene.light_node, p, n, light))
+        chance = each_lane(tree_probability, judged, (scene.light_node, p, n, light))
     else:
         chance = lookup(scene.light_cdf, u32(light + _NEXT)) - lookup(scene.light_cdf, light)
     chance = chance * (_ONE - scene.environment_frame[3])
@@ -310,12 +310,12 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
     is_triangle = primitive < triangles
     d = vec.sub(hit, p)
     square = vec.dot(d, d)
-    pdf = nil(cosine)
+    pdf = zero_like(cosine)
     if any_of(is_triangle):
         area = _area(scene, light, primitive, is_triangle, time)
         pdf = chance * square / max(cosine * area, _LEAST)
         if len(scene.light_parallelogram) > 0:
-            pdf = pdf * on_parallelogram_pdf(scene, light, p, n, hit)
+            pdf = pdf * parallelogram_pdf(scene, light, p, n, hit)
     beyond = u32(primitive - triangles)
     is_sphere = beyond < np.uint32(len(scene.sphere))  # a lane that is not judged may hold a punctual light
     if any_of(is_sphere):

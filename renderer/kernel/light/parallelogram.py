@@ -18,7 +18,7 @@ from renderer.kernel.fetch import row
 from renderer.kernel.sampling.warp import square_to_bilinear, square_to_bilinear_pdf
 from renderer.wide.values import as_wide, where
 
-__all__ = ["on_parallelogram", "on_parallelogram_pdf"]
+__all__ = ["parallelogram_pdf", "sample_parallelogram"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -52,7 +52,7 @@ def _brought(shape, p, n):
 
 
 @device
-def on_parallelogram(scene, light, p, n, u):
+def sample_parallelogram(scene, light, p, n, u):
     """Samples a point of parallelogram `light` as seen from p: (point, position error, cross product of the edges, density).
 
     density: relative to uniform sampling by area; 0 where the whole light is below the horizon of p. n: the normal at p; zero for
@@ -70,8 +70,8 @@ def on_parallelogram(scene, light, p, n, u):
 
 
 @device
-def on_parallelogram_pdf(scene, light, p, n, point):
-    """Returns the density of `on_parallelogram` at `point`, relative to uniform; 1 for lights that are no parallelograms."""
+def parallelogram_pdf(scene, light, p, n, point):
+    """Returns the density of `sample_parallelogram` at `point`, relative to uniform; 1 for lights that are no parallelograms."""
     shape = row(scene.light_parallelogram, light, PARALLELOGRAM)
     from_corner = vec.sub(point, (shape[0], shape[1], shape[2]))
     x = vec.dot(from_corner, (shape[9], shape[10], shape[11]))

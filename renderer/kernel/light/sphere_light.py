@@ -15,7 +15,7 @@ from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, sq
 from renderer.kernel.surface.ray_origins import leave
 from renderer.kernel.surface.shapes import ball_at
 from renderer.kernel.surface.surface import sphere_uv
-from renderer.wide.values import any_of, as_wide, lookup, nil, not_, u32, where, where3
+from renderer.wide.values import any_of, as_wide, lookup, not_, u32, where, where3, zero_like
 
 __all__ = ["faces_viewer", "hits_emitting_side", "sample_facing", "sample_sphere", "sphere_light_pdf"]
 
@@ -74,7 +74,7 @@ def sample_sphere(scene, number, p, u, time):
     to_center = vec.sub(center, p)
     square = vec.dot(to_center, to_center)
     outside = square > _CLOSE * radius * radius
-    pdf = nil(square)
+    pdf = zero_like(square)
     normal = pdf, pdf, pdf
     if any_of(outside):
         normal, pdf = _sample_cap(to_center, square, radius, u)
@@ -87,7 +87,7 @@ def sample_sphere(scene, number, p, u, time):
     cosine = -vec.dot(normal, w)
     if any_of(not_(outside)):
         pdf = where(outside, pdf, far2 * _INV_4PI / (abs(cosine) * radius * radius))
-    uv = nil(square), nil(square)
+    uv = zero_like(square), zero_like(square)
     if scene.has.textures is not None:
         uv = sphere_uv(normal)
     material = u32(lookup(scene.sphere_material, number))
@@ -120,7 +120,7 @@ def sample_facing(scene, number, p, u, time):
     w = vec.to_world(s, t, axis, local)
     q = vec.add(p, vec.scale(w, distance / local[2]))
     material = u32(lookup(scene.sphere_material, number))
-    uv = nil(square), nil(square)
+    uv = zero_like(square), zero_like(square)
     radiance = emitted(scene, material, uv, uv, as_wide(_ONE, square), square == square, time)
     error = _ERROR * (vec.magnitude(center) + radius)
     sample = LightSample(w, leave(q, error, axis, vec.neg(w)), radiance, square_to_cone_pdf(cone), as_wide(False, square))

@@ -11,7 +11,7 @@ from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closes
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import store_first_hit
-from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, arrive, surface_vertex
+from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, reach_surface, surface_vertex
 from renderer.kernel.backends.scalar.visibility import transmittance
 from renderer.kernel.path_trace import DIRECT, record_light, record_miss, record_surface
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
@@ -20,7 +20,7 @@ from renderer.kernel.steps.pass_through import pass_through
 from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.state import LastVertex, camera_path, no_crossings
-from renderer.kernel.surface.ray_origins import departure
+from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.kernel.surface.surface import surface_at
 from renderer.prune_absent_features import where_present
 
@@ -55,7 +55,7 @@ def trace_ao(scene, stack, camera, medium_stack, options, log, first):
             record_light(log, passed, DIRECT, radiance)
             break
         surface = surface_at(scene, ray.o, ray.d, hit)
-        through, arrived = arrive(scene, surface, path, last, passed, camera.stream, options, time)
+        through, arrived = reach_surface(scene, surface, path, last, passed, camera.stream, options, time)
         record_surface(log, passed, surface, surface.point, through, hit.t, ray, arrived)
         if through:
             crossings, blocked = pass_through(scene, surface, through, crossings, options)
@@ -70,7 +70,7 @@ def trace_ao(scene, stack, camera, medium_stack, options, log, first):
         store_first_hit(first, record_first_hit(surface, vertex.material, n, hit.t, camera.start))
         numbers = draw_light(camera.stream, _ZERO)
         towards = vec.to_world(s, t, n, square_to_cosine_hemisphere((numbers[0], numbers[1])))
-        start = departure(surface, True, towards)
+        start = offset_ray_origin(surface, True, towards)
         end = vec.add(start, vec.scale(towards, min(options.ao_distance, _FAR)))
         rays += 1
         left = layers_left(crossings.counts, options)

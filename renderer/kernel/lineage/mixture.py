@@ -16,7 +16,7 @@ from renderer.kernel import vec
 from renderer.kernel.material.material import eval_material, sample_material
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
 
-__all__ = ["aim", "mixture_bounce", "target_density"]
+__all__ = ["mixture_bounce", "sample_towards", "target_density"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -48,7 +48,7 @@ def _one_minus_cos(square, radius):
 
 @device
 def target_density(scene, primitive, p, d):
-    """Returns the density, per steradian, with which `aim` samples the unit direction d from p towards a primitive.
+    """Returns the density, per steradian, with which `sample_towards` samples the unit direction d from p towards a primitive.
 
     0 if d misses it.
     """
@@ -82,7 +82,7 @@ def target_density(scene, primitive, p, d):
 
 
 @device
-def aim(scene, primitive, p, u):
+def sample_towards(scene, primitive, p, u):
     """Samples a direction from p towards a primitive: (unit direction, density per steradian).
 
     Density 0 where there is none.
@@ -135,7 +135,7 @@ def mixture_bounce(scene, p, frame, material, wo, choose, u):
         d = vec.to_world(s, q, n, wi)
     else:
         aimed = min(np.int64((_TWO * choose - _ONE) * np.float32(count)), count - 1)
-        d, aimed_density = aim(scene, scene.guide[aimed], p, u)
+        d, aimed_density = sample_towards(scene, scene.guide[aimed], p, u)
         if aimed_density == _ZERO:
             return wo, _BLACK, _ZERO, _ONE
         wi = vec.to_local(s, q, n, d)

@@ -16,7 +16,7 @@ from renderer.kernel.sampling.warp import square_to_sphere
 from renderer.kernel.steps.mis import LEAST_PDF, MOST_PDF, power_heuristic
 from renderer.kernel.steps.state import BsdfSample
 
-__all__ = ["heuristic_weight", "mistaken", "sample_direction", "weigh_hit", "weigh_light"]
+__all__ = ["heuristic_weight", "mistake_factor", "sample_direction", "weigh_hit", "weigh_light"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -46,7 +46,7 @@ def weigh_hit(options, ray, path, last, point, light_pdf):
     """
     weight = heuristic_weight(options.heuristic, ray.pdf, light_pdf) if ray.pdf > _ZERO else _ONE
     if point is not None and options.mistake != NO_MISTAKE and path.number > _ZERO:
-        weight *= mistaken(options.mistake, last.point, point)
+        weight *= mistake_factor(options.mistake, last.point, point)
     return weight
 
 
@@ -59,7 +59,7 @@ def weigh_light(options, light, scatter_pdf, branches, point):
     elif options.sampling == MIS:
         weight = heuristic_weight(options.heuristic, light.pdf, branches * scatter_pdf)
     if options.mistake != NO_MISTAKE:
-        weight *= mistaken(options.mistake, point, light.end)
+        weight *= mistake_factor(options.mistake, point, light.end)
     return weight
 
 
@@ -108,7 +108,7 @@ def sample_direction(scene, vertex, options, choose, u):
 
 
 @subroutine
-def mistaken(mistake, a, b):
+def mistake_factor(mistake, a, b):
     """Returns the factor by which a deliberate error changes the light of point b at a; 1 for the environment.
 
     LIGHT_CUTOFF drops lights farther than sqrt(1000); ATTENUATION multiplies radiance by 1/d^2, although radiance is constant

@@ -18,26 +18,26 @@ from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import store_first_hit
 from renderer.kernel.backends.scalar.light import has_lights
-from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, arrive, surface_vertex
+from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, reach_surface, surface_vertex
 from renderer.kernel.backends.scalar.visibility import transmittance
 from renderer.kernel.light.environment import environment_radiance
 from renderer.kernel.light.light_sample import LightSample
 from renderer.kernel.light.lights import choose_light, sample_light, sample_one_light, sun_seen
 from renderer.kernel.light.sphere_light import hits_emitting_side
-from renderer.kernel.lineage.strategy import mistaken
+from renderer.kernel.lineage.strategy import mistake_factor
 from renderer.kernel.material.material import emission, eval_material, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.path_trace import DIRECT, EMITTED, record_light, record_miss, record_surface
 from renderer.kernel.sampling.sampler import substream
-from renderer.kernel.steps.continue_or_end import MAX_AGAIN
+from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
 from renderer.kernel.steps.depths import layers_left
 from renderer.kernel.steps.pass_through import counts_emission, pass_through
 from renderer.kernel.steps.random_blocks import draw_light, draw_scattering
 from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.scatter import cross_surface, scatter
 from renderer.kernel.steps.state import BsdfSample, LastVertex, camera_path, no_crossings, with_radiance
-from renderer.kernel.surface.ray_origins import departure
-from renderer.kernel.surface.surface import shines, surface_at
+from renderer.kernel.surface.ray_origins import offset_ray_origin
+from renderer.kernel.surface.surface import is_emissive, surface_at
 from renderer.prune_absent_features import where_present
 
 __all__ = ["trace_whitted"]
@@ -50,7 +50,7 @@ _INF = np.float32(np.inf)
 _ROOT = np.int32(0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _YES, _NO = np.bool_(True), np.bool_(False)
-_MAX_AGAIN = np.float32(MAX_AGAIN)
+_MAX_AGAIN = np.float32(MAX_UNCOUNTED)
 _POLISHED = np.float32(0.15)  # roughness up to which a metal is treated as a mirror
 
 
@@ -153,9 +153,9 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
             break
 
         surface = surface_at(scene, ray.o, ray.d, hit)
-        through, path = arrive(scene, surface, path, last, row, stream, options, time)
+        through, path = reach_surface(scene, surface, path, last, row, stream, options, time)
         record_surface(log, row, surface, surface.point, through, hit.t, ray, path)
-        if shines(surface) and counts_emission(scene, surface, through):
+        if is_emissive(surface) and counts_emission(scene, surface, through):
             front = hits_emitting_side(scene, surface.light, last.point, ray.d, surface.front, time)
             path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, front, time))
         if through:
@@ -212,12 +212,12 @@ def _add_direct(scene, stack, vertex, path, crossings, options, stream, time):
             wi = vec.to_local(s, t, n, light.direction)
             f, _ = eval_material(vertex.material, vertex.wo, wi)
             if vec.maximum(f) > _ZERO:
-                start = departure(surface, wi[2] > _ZERO, light.direction)
+                start = offset_ray_origin(surface, wi[2] > _ZERO, light.direction)
                 rays += 1
                 left = layers_left(crossings.counts, options)
                 weight = transmittance(scene, stack, start, light.end, options.transparent, left, time)
                 weight /= light.pdf * np.float32(count)
                 if options.mistake != NO_MISTAKE:
-                    weight *= mistaken(options.mistake, surface.point, light.end)
+                    weight *= mistake_factor(options.mistake, surface.point, light.end)
                 path = _add(path, vec.scale(vec.mul(f, light.radiance), weight))
     return path, rays

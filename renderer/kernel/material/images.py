@@ -13,7 +13,7 @@ from renderer.jit import device
 from renderer.kernel.fetch import columns
 from renderer.kernel.material.texture import CLAMP, DECODED, LARGE, MIRROR
 from renderer.kernel.polynomial import floor
-from renderer.wide.rows import words
+from renderer.wide.rows import gather_words
 from renderer.wide.values import any_of, as_wide, lookup, not_, to_float, to_int, where
 
 __all__ = ["image_colors", "is_rare"]
@@ -58,7 +58,7 @@ def _wrapped(i, size, mode):
 
 @device
 def _decoded(texel, place, decoding):
-    codes = words(texel, place)
+    codes = gather_words(texel, place)
     r, g, b = codes & _CODE, (codes >> _BYTE) & _CODE, (codes >> _TWO_BYTES) & _CODE
     return lookup(DECODED, r + decoding), lookup(DECODED, g + decoding), lookup(DECODED, b + decoding)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.arrays import rows
 from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, CONDUCTOR, FILM_MEAN, IS_PANE
-from renderer.arrays.scene_features import Has
+from renderer.arrays.scene_features import SceneFeatures
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.layer_balance import fresnels
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA
@@ -28,7 +28,7 @@ _HALF = np.float32(0.5)
 class Textures(NamedTuple):
     """The inputs of a surface's texture lookups: the scene's arrays, the material's number, both uv coordinates, and the time."""
 
-    has: Has  # the scene's, as are the arrays
+    has: SceneFeatures  # the scene's, as are the arrays
     slots: Any  # material_texture
     texture: Any
     transform: Any

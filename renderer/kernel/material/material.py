@@ -27,7 +27,7 @@ from renderer.arrays.rows import (
     SLOTS,
     UNLIT,
 )
-from renderer.arrays.scene_features import Has
+from renderer.arrays.scene_features import SceneFeatures
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
@@ -87,7 +87,7 @@ class Material(NamedTuple):
     eta: float  # index of refraction beyond the surface over the one on the viewer's side
     two_sided: bool
     layers: Any  # (LAYER_SLOTS,) for kinds from CONDUCTOR on; else not filled
-    has: Has  # of its scene
+    has: SceneFeatures  # of its scene
 
 
 @device

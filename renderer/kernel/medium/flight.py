@@ -14,7 +14,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.polynomial import exp, log
-from renderer.wide.values import nil, where, where3
+from renderer.wide.values import where, where3, zero_like
 
 __all__ = ["FLIGHT_BLOCK", "Flight", "carried", "flight_distance", "free_flight", "left_after"]
 
@@ -64,7 +64,7 @@ def carried(sigma_t, sigma_s, throughput, distance, scatters):
     """
     red, green, blue = throughput
     total = red + green + blue
-    none = nil(total)
+    none = zero_like(total)
     one = none + _ONE
     left = left_after(sigma_t, distance)
     ends = where3(scatters, sigma_t, (one, one, one))

@@ -25,10 +25,10 @@ from renderer.kernel.medium.henyey_greenstein import sample_henyey_greenstein
 from renderer.kernel.polynomial import exp
 from renderer.kernel.sampling.sampler import draw1, draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.ray_origins import departure
+from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.kernel.surface.surface import Surface, surface_at
 
-__all__ = ["WALK_BLOCK", "SubsurfaceExit", "albedo_of", "go_within"]
+__all__ = ["WALK_BLOCK", "SubsurfaceExit", "albedo_of", "enter_subsurface"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -78,8 +78,8 @@ def albedo_of(color, g):
 def _entrance(kind, share, color, m, wo):
     """Returns (the share of the light from wo that enters, the probability that a path enters).
 
-    share: of diffuse light; m: as for `go_within`. The probability is proportional to the root of the light that may return from
-    the interior, against the root of the light that stays outside, so that the layers' reflections get enough paths.
+    share: of diffuse light; m: as for `enter_subsurface`. The probability is proportional to the root of the light that may
+    return from the interior, against the root of the light that stays outside, so that the layers' reflections get enough paths.
     """
     if kind == rows.DIFFUSE:
         return share, share
@@ -126,7 +126,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
     entry = draw4(stream, first)
     s, t = vec.basis(normal)
     d = vec.to_world(s, t, normal, vec.neg(square_to_cosine_hemisphere((entry[0], entry[1]))))
-    o = departure(surface, False, d)
+    o = offset_ray_origin(surface, False, d)
     entry_surface, own, worth = surface, surface.object, _TWO / vec.maximum(throughput)
     for step in range(1, _STEPS):
         if step == _ONWARDS:
@@ -146,7 +146,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
             surface = surface_at(scene, beyond, vec.neg(d), hit)  # seen from the far side of the surface
             if surface.object == own:
                 return surface, carried(sigma_t, sigma_s, throughput, so_far, _NO)
-            o = departure(surface, True, d)
+            o = offset_ray_origin(surface, True, d)
             left -= hit.t
         throughput = carried(sigma_t, sigma_s, throughput, distance, _YES)
         o = vec.add(o, vec.scale(d, max(left, _ZERO)))
@@ -164,8 +164,8 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
 
 
 @subroutine
-def go_within(scene, stack, surface, normal, kind, color, m, wo, throughput, stream, number, time):
-    """Decides whether a path enters the surface, and walks to its exit: a Within.
+def enter_subsurface(scene, stack, surface, normal, kind, color, m, wo, throughput, stream, number, time):
+    """Decides whether a path enters the surface, and walks to its exit: a SubsurfaceExit.
 
     normal, wo: the shading normal, and the viewer's direction in its frame; kind, color: the material's; m: its (LAYER_SLOTS,)
     properties where it is layered; stream: the path's random numbers; number: count of the path's earlier vertices; time: shutter

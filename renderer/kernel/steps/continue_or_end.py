@@ -12,12 +12,12 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
-from renderer.kernel.steps.depths import spent
+from renderer.kernel.steps.depths import reached_limit
 from renderer.kernel.steps.state import with_throughput
 from renderer.settings import MAX_FLOOR
-from renderer.wide.values import nil, where
+from renderer.wide.values import where, zero_like
 
-__all__ = ["AGAIN", "MAX_AGAIN", "continue_or_end", "is_last", "roulette_weight_after", "survival"]
+__all__ = ["MAX_UNCOUNTED", "UNCOUNTED", "continue_or_end", "is_last", "roulette_weight_after", "survival"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -27,10 +27,10 @@ _LONG = np.float32(8.0)  # segments from which on survival is never certain, so 
 _ON_SURFACES = np.float32(MAX_FLOOR)  # upper bound of survival from there on,
 _IN_MEDIA = np.float32(0.99)  # where hundreds of white vertices in a row are common: 0.95 each would make sparks of light
 _LEAST = np.float32(1e-12)
-MAX_AGAIN = 64  # segments that do not count, of one path: each has about an even chance to be the last of its vertex
-_MAX_AGAIN = np.float32(MAX_AGAIN)
-AGAIN = -2.0  # survival of a path that has left too many surfaces without a counted segment
-_AGAIN = np.float32(AGAIN)
+MAX_UNCOUNTED = 64  # segments that do not count, of one path: each has about an even chance to be the last of its vertex
+_MAX_AGAIN = np.float32(MAX_UNCOUNTED)
+UNCOUNTED = -2.0  # survival of a path that has left too many surfaces without a counted segment
+_AGAIN = np.float32(UNCOUNTED)
 
 
 @device
@@ -41,7 +41,7 @@ def is_last(path, counts, unlit, options):
     """
     last = unlit | (path.depth + _ONE >= np.float32(options.max_depth))
     if options.has_depths:
-        last = last | spent(counts, options)
+        last = last | reached_limit(counts, options)
     return last
 
 
@@ -78,5 +78,5 @@ def continue_or_end(path, ray, u, is_surface, options):
     outcome = where(u >= chance, -chance, chance)
     again = path.number - path.depth > _MAX_AGAIN + np.float32(options.transmission_depth)
     outcome = where(again, _AGAIN, outcome)
-    outcome = where(vec.maximum(path.throughput) <= _ZERO, nil(chance), outcome)
+    outcome = where(vec.maximum(path.throughput) <= _ZERO, zero_like(chance), outcome)
     return with_throughput(path, vec.scale(path.throughput, _ONE / chance)), outcome

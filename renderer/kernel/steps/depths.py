@@ -20,12 +20,12 @@ __all__ = [
     "GLOSSY_LIMIT",
     "NO_COUNTS",
     "TRANSMISSION_LIMIT",
-    "bounced",
+    "count_bounce",
     "is_blocked",
     "is_layer",
     "layers_left",
     "limit_of",
-    "spent",
+    "reached_limit",
     "with_layer",
 ]
 
@@ -39,7 +39,7 @@ DIFFUSE_LIMIT, GLOSSY_LIMIT, TRANSMISSION_LIMIT = 1.0, 2.0, 3.0
 
 
 @device
-def bounced(counts, left, reflected, pdf):
+def count_bounce(counts, left, reflected, pdf):
     """Returns the counts after a bounce.
 
     left: whether it left its facet; pdf: of the whole material; 0 for a discrete direction.
@@ -56,7 +56,7 @@ def bounced(counts, left, reflected, pdf):
 
 
 @device
-def spent(counts, options):
+def reached_limit(counts, options):
     """Returns True if a limit on bounces is reached: the path ends at the next surface, after adding its emission."""
     diffuse, glossy, transmitted, _ = counts
     return (diffuse >= options.diffuse_depth) | (glossy >= options.glossy_depth) | (transmitted >= options.transmission_limit)
@@ -64,7 +64,7 @@ def spent(counts, options):
 
 @device
 def limit_of(counts, options):
-    """Returns the limit by which one path is `spent`; 0: none."""
+    """Returns the limit by which one path is `reached_limit`; 0: none."""
     diffuse, glossy, transmitted, _ = counts
     limit = TRANSMISSION_LIMIT if transmitted >= options.transmission_limit else 0.0
     limit = GLOSSY_LIMIT if glossy >= options.glossy_depth else limit

@@ -14,7 +14,7 @@ from renderer.kernel.material.material import emission
 from renderer.kernel.steps.state import with_radiance
 from renderer.wide.values import any_of, where, where3
 
-__all__ = ["Emission", "add_light", "emitted_by_environment", "emitted_by_sun", "emitted_light", "limited"]
+__all__ = ["Emission", "add_light", "clamp_indirect", "emitted_by_environment", "emitted_by_sun", "emitted_light"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -59,7 +59,7 @@ def emitted_by_sun(scene, which, ray, last, number, time):
 
 
 @device
-def limited(light, segments, limit):
+def clamp_indirect(light, segments, limit):
     """Returns the light of a path, clamped if it is indirect: scaled so that its largest channel is at most `limit`.
 
     segments: number of the path's segments; limit 0: no clamping.
@@ -75,5 +75,5 @@ def limited(light, segments, limit):
 @device
 def add_light(path, light, mask, options):
     """Returns the path with light that its ray hits added where `mask` is set. light: with its MIS weight."""
-    brought = limited(vec.mul(path.throughput, light), path.depth + _ONE, options.clamp)
+    brought = clamp_indirect(vec.mul(path.throughput, light), path.depth + _ONE, options.clamp)
     return with_radiance(path, where3(mask, vec.add(path.radiance, brought), path.radiance))

@@ -17,7 +17,7 @@ from renderer.kernel.medium.medium_stack import coefficients
 from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.steps.state import scattering_surface
 from renderer.kernel.surface.surface import NO_OBJECT
-from renderer.wide.values import as_wide, nil, not_, to_int, u32, where
+from renderer.wide.values import as_wide, not_, to_int, u32, where, zero_like
 
 __all__ = ["MediumEvent", "medium_event", "medium_surface"]
 
@@ -56,6 +56,6 @@ def medium_surface(ray, distance):
     """Returns the surface that represents a vertex in a medium at that distance along the ray."""
     wo = vec.neg(ray.d)
     point = ray.o[0] - wo[0] * distance, ray.o[1] - wo[1] * distance, ray.o[2] - wo[2] * distance
-    none, nothing = nil(distance), as_wide(NO_OBJECT, distance)
+    none, nothing = zero_like(distance), as_wide(NO_OBJECT, distance)
     no, flat = distance != distance, (none, none, none)
     return scattering_surface(point, none, wo, wo, not_(no), nothing, no, flat, (none, none), (none, none), nothing)

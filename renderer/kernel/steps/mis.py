@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import device
-from renderer.wide.values import nil, where
+from renderer.wide.values import where, zero_like
 
 __all__ = ["LEAST_PDF", "MOST_PDF", "branches_to_light", "hit_weight", "light_weight", "power_heuristic"]
 
@@ -40,7 +40,7 @@ def branches_to_light(alone, number, options):
 
     alone: whether rays cannot hit it; number: count of earlier vertices.
     """
-    none = nil(number)
+    none = zero_like(number)
     return where(alone, none, where(number == _ZERO, none + np.float32(options.splitting), _ONE))
 
 

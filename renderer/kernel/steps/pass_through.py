@@ -16,7 +16,7 @@ from renderer.kernel.polynomial import exp
 from renderer.kernel.steps.depths import is_blocked, with_layer
 from renderer.kernel.steps.random_blocks import draw_passing
 from renderer.kernel.steps.state import Crossings
-from renderer.wide.values import any_of, nil, not_, where, where3
+from renderer.wide.values import any_of, not_, where, where3, zero_like
 
 __all__ = ["absorb", "absorbed", "counts_emission", "is_passed", "pass_through"]
 
@@ -82,5 +82,5 @@ def pass_through(scene, surface, through, crossings, options):
     medium_stack = crossings.medium_stack
     if scene.has.media is not None:
         medium_stack = where(through, crossed(scene, medium_stack, surface.material, surface.front), medium_stack)
-    beyond = Crossings(medium_stack, (diffuse, glossy, transmitted, layers), nil(layers))
+    beyond = Crossings(medium_stack, (diffuse, glossy, transmitted, layers), zero_like(layers))
     return beyond, is_blocked(scene, surface.material, crossings.counts, options)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from renderer.film import CHANNELS, FIRST_HIT
 from renderer.jit import device
 from renderer.wide.fields import Float, Int, Vector, columns_of, is_integer
-from renderer.wide.values import as_wide, nil, u32
+from renderer.wide.values import as_wide, u32, zero_like
 
 __all__ = ["IDS", "MEANS", "FirstHit", "no_hit", "record_first_hit"]
 
@@ -53,7 +53,7 @@ def record_first_hit(surface, material, normal, distance, start):
 @device
 def no_hit(like):
     """Returns the FirstHit of a path that hits nothing. like: a float or lanes."""
-    none, nothing = nil(like), as_wide(_NONE, like)
+    none, nothing = zero_like(like), as_wide(_NONE, like)
     black = none, none, none
     return FirstHit(albedo=black, distance=none, normal=black, object=nothing, point=black, material=nothing)
 

@@ -7,9 +7,9 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.medium.medium_stack import crossed
-from renderer.kernel.steps.emitted_light import limited
+from renderer.kernel.steps.emitted_light import clamp_indirect
 from renderer.kernel.steps.state import ShadowRay
-from renderer.kernel.surface.ray_origins import departure
+from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.wide.values import where
 
 __all__ = ["add_direct_light", "media_beyond", "sample_direct_light"]
@@ -35,7 +35,7 @@ def sample_direct_light(scene, surface, path, light, wi, f, weight, medium_stack
     """
     brought = vec.mul(path.throughput, vec.scale(vec.mul(f, light.radiance), weight / light.pdf))
     above = wi[2] > _ZERO
-    start = departure(surface, above, light.direction)
+    start = offset_ray_origin(surface, above, light.direction)
     is_cast = (light.pdf > _ZERO) & (vec.maximum(light.radiance) > _ZERO) & (vec.maximum(f) > _ZERO)
     begins_in = medium_stack
     if scene.has.media is not None:
@@ -46,4 +46,4 @@ def sample_direct_light(scene, surface, path, light, wi, f, weight, medium_stack
 @device
 def add_direct_light(radiance, brought, left, segments, options):
     """Returns the radiance with direct light added. left: transmittance, rgb; segments: number of the path's segments."""
-    return vec.add(radiance, limited(vec.mul(brought, left), segments, options.clamp))
+    return vec.add(radiance, clamp_indirect(vec.mul(brought, left), segments, options.clamp))

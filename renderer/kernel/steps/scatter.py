@@ -9,12 +9,12 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.steps.continue_or_end import roulette_weight_after
-from renderer.kernel.steps.depths import bounced
+from renderer.kernel.steps.depths import count_bounce
 from renderer.kernel.steps.sample_direct_light import media_beyond
-from renderer.kernel.steps.splitting import of_branch
+from renderer.kernel.steps.splitting import share_of_branch
 from renderer.kernel.steps.state import Crossings, PathState, Ray
-from renderer.kernel.surface.ray_origins import departure, leaves
-from renderer.wide.values import nil, not_, where
+from renderer.kernel.surface.ray_origins import leaves, offset_ray_origin
+from renderer.wide.values import not_, where, zero_like
 
 __all__ = ["Bounce", "cross_surface", "is_counted", "scatter"]
 
@@ -49,14 +49,14 @@ def scatter(surface, frame, ray, path, sample, branches, options):
     sample: a BsdfSample; branches: the number of branches into which the vertex splits the path, a float.
     """
     s, t, n = frame
-    weight, pdf = of_branch(sample.weight, sample.pdf, branches)
+    weight, pdf = share_of_branch(sample.weight, sample.pdf, branches)
     d = vec.to_world(s, t, n, sample.wi)
     reflected = sample.wi[2] > _ZERO
     has_left = leaves(surface, reflected, d)
     depth = where(is_counted(has_left, reflected, pdf, options), path.depth + _ONE, path.depth)
     roulette_weight = roulette_weight_after(ray.roulette_weight, path.number, weight, sample.eta2)
     return (
-        Ray(departure(surface, reflected, d), d, pdf, roulette_weight),
+        Ray(offset_ray_origin(surface, reflected, d), d, pdf, roulette_weight),
         PathState(path.radiance, depth, vec.mul(path.throughput, weight), path.number + _ONE),
         Bounce(has_left, reflected, sample.pdf),
     )
@@ -68,5 +68,5 @@ def cross_surface(scene, surface, crossings, bounce, is_surface):
     medium_stack = crossings.medium_stack
     if scene.has.media is not None:
         medium_stack = where(bounce.reflected, medium_stack, media_beyond(scene, surface, medium_stack, is_surface))
-    counts = bounced(crossings.counts, bounce.has_left & is_surface, bounce.reflected, bounce.pdf)
-    return Crossings(medium_stack, counts, nil(bounce.pdf))
+    counts = count_bounce(crossings.counts, bounce.has_left & is_surface, bounce.reflected, bounce.pdf)
+    return Crossings(medium_stack, counts, zero_like(bounce.pdf))

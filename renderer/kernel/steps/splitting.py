@@ -14,7 +14,7 @@ from renderer.kernel import vec
 from renderer.kernel.sampling.sampler import Stream, opposite
 from renderer.wide.values import not_, u32
 
-__all__ = ["beside", "of_branch", "splits", "turned"]
+__all__ = ["second_branch_numbers", "second_branch_stream", "share_of_branch", "splits"]
 
 
 _ZERO = np.float32(0.0)
@@ -29,19 +29,19 @@ def splits(number, specular):
 
 
 @device
-def of_branch(weight, pdf, branches):
+def share_of_branch(weight, pdf, branches):
     """Returns (a branch's share of a vertex's weight, the density of all branches' directions together). branches: a float."""
     return vec.scale(weight, _ONE / branches), branches * pdf
 
 
 @device
-def turned(numbers):
+def second_branch_numbers(numbers):
     """Returns the second branch's random numbers at the splitting vertex, stratified against those of the first."""
     x, y, choose = opposite(numbers)
     return x, y, choose, numbers[3]
 
 
 @device
-def beside(stream):
+def second_branch_stream(stream):
     """Returns the random number stream of a second branch after the splitting vertex: that of a distant pixel."""
     return Stream(stream.sampler, stream.seed, u32(stream.pixel ^ _ALL), stream.sample)

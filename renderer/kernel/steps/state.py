@@ -13,7 +13,7 @@ from renderer.jit import device
 from renderer.kernel.sampling.sampler import Stream
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.fields import Float, Four, Int, Vector
-from renderer.wide.values import as_wide, nil
+from renderer.wide.values import as_wide, zero_like
 
 __all__ = [
     "BsdfSample",
@@ -107,7 +107,7 @@ def stream_of(options, pixel, sample):
 @device
 def camera_path(o, d):
     """Returns (Ray, PathState) of a path that begins with the camera's ray."""
-    none = nil(d[0])
+    none = zero_like(d[0])
     one = none + _ONE
     return Ray(o, d, none, one), PathState((none, none, none), none, (one, one, one), none)
 
@@ -115,7 +115,7 @@ def camera_path(o, d):
 @device
 def no_crossings(medium_stack, like):
     """Returns the Crossings of a path that has crossed nothing. like: a float or lanes."""
-    none = nil(like)
+    none = zero_like(like)
     return Crossings(as_wide(medium_stack, like), (none, none, none, none), none)
 
 
@@ -134,7 +134,7 @@ def with_throughput(path, throughput):
 @device
 def scattering_surface(point, error, geometric, shading, front, material, smooth, lift, uv, uv1, number):
     """Returns a Surface with what scattering needs. number: of its object."""
-    none = nil(error)
+    none = zero_like(error)
     one = none + _ONE
     light = as_wide(NO_LIGHT, error)
     color, tangent = (one, one, one, one), (none, none, none, none)

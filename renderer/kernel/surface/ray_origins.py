@@ -8,7 +8,7 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.wide.values import any_of, not_, where, where3
 
-__all__ = ["departure", "leave", "leaves"]
+__all__ = ["leave", "leaves", "offset_ray_origin"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -27,7 +27,7 @@ def leaves(surface, reflected, d):
 
 
 @device
-def departure(surface, reflected, d):
+def offset_ray_origin(surface, reflected, d):
     """Returns the origin of a ray of unit direction d that leaves the surface, on the viewer's side if `reflected`.
 
     On a smooth triangle the origin is raised above the facet, more for grazing rays; rays along the normal start at the point, so

@@ -46,7 +46,7 @@ def _three(fixed, keys, count, i, j, k, time):
 def corners_at(scene, i, j, k, time):
     """Returns the positions of three vertices, in their tree's space; for one triangle or, if `time` is None, eight lanes."""
     if time is not None and len(scene.key_position) > 0:
-        return _three(scene.position, scene.key_position, scene.bvh.keyed[1], i, j, k, time)
+        return _three(scene.position, scene.key_position, scene.bvh.keyed_packets[1], i, j, k, time)
     return row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)
 
 
@@ -60,7 +60,7 @@ def _unit(n):
 def corner_normals_at(scene, i, j, k, time):
     """Returns the unit normals of three vertices, for one triangle or, if `time` is None, for eight lanes."""
     if time is not None and len(scene.key_position) > 0:
-        a, b, c = _three(scene.normal, scene.key_normal, scene.bvh.keyed[1], i, j, k, time)
+        a, b, c = _three(scene.normal, scene.key_normal, scene.bvh.keyed_packets[1], i, j, k, time)
         return _unit(a), _unit(b), _unit(c)
     return row(scene.normal, i, 3), row(scene.normal, j, 3), row(scene.normal, k, 3)
 
@@ -87,5 +87,5 @@ def _ball(fixed, keys, count, number, time):
 def ball_at(scene, number, time):
     """Returns a sphere's (x, y, z, radius), for one sphere or for eight lanes."""
     if time is not None and len(scene.key_sphere) > 0:
-        return each_lane(_ball, number == number, (scene.sphere, scene.key_sphere, scene.bvh.keyed[1], number, time))
+        return each_lane(_ball, number == number, (scene.sphere, scene.key_sphere, scene.bvh.keyed_packets[1], number, time))
     return row(scene.sphere, number, 4)

@@ -17,15 +17,15 @@ from renderer.kernel.surface.edge_margins import edge_margins
 from renderer.kernel.surface.shapes import ball_at, corner_normals_at, corners_at
 from renderer.kernel.surface.terminator import lifted
 from renderer.kernel.surface.to_world import normal_of_hit, point_of_hit, tangent_to_world
-from renderer.wide.values import any_of, double, lookup, nil, not_, single, u32, where, where3
+from renderer.wide.values import any_of, double, lookup, not_, single, u32, where, where3, zero_like
 
 __all__ = [
     "NO_LIGHT",
     "NO_OBJECT",
     "POINT_ERROR",
     "Surface",
+    "is_emissive",
     "moving_triangle_point",
-    "shines",
     "sphere_at",
     "sphere_uv",
     "surface_at",
@@ -217,7 +217,7 @@ def _triangle_surface(scene, wo, hit):
     i, j, k, part = row(scene.triangle, primitive, 4)
     part_material, number, shines = row(scene.part, part, PART_COLUMNS)
     material = u32(part_material)
-    none = nil(u)
+    none = zero_like(u)
     one = none + _ONE
     color, tangent = (one, one, one, one), (none, none, none, none)
     # Up to the corners' normals everything is in instance space, if the triangle is in an instance.
@@ -275,7 +275,7 @@ def _triangle_surface(scene, wo, hit):
     if scene.has.textures is not None and len(scene.color) > 0:
         color = _mix4(row(scene.color, i, 4), row(scene.color, j, 4), row(scene.color, k, 4), u, v)
     shining = shines != _NOTHING
-    light = u32(nil(material) | NO_LIGHT)
+    light = u32(zero_like(material) | NO_LIGHT)
     if any_of(shining):
         light = where(shining, u32(lookup(scene.triangle_light, primitive)), NO_LIGHT)
     return Surface(point, error, geometric, shading, uv, front, material, light, u32(number), uv1, color, tangent, smooth, lift)
@@ -290,7 +290,7 @@ def _sphere_surface(scene, o, d, hit):
     point, error, normal = _sphere_point_at(scene, ball, o, d, hit)
     front = vec.dot(normal, wo) > _ZERO
     geometric = where3(front, normal, vec.neg(normal))
-    none = nil(hit.t)
+    none = zero_like(hit.t)
     one = none + _ONE
     uv = none, none
     if scene.has.textures is not None and any_of(_is_textured(scene, material)):
@@ -367,6 +367,6 @@ def surface_at(scene, o, d, hit):
 
 
 @device
-def shines(surface):
+def is_emissive(surface):
     """Returns True if the surface belongs to a light."""
     return surface.light != NO_LIGHT

@@ -1,4 +1,4 @@
-"""Kernel editions: each scene gets the plainest one that has all features it needs, and all render the same."""
+"""Kernel variants: each scene gets the plainest one that has all features it needs, and all render the same."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import pytest
 
 from renderer import render
 from renderer.arrays import rows
-from renderer.arrays.kernel_variant import edition_of, only
-from renderer.arrays.scene_features import EDITIONS
+from renderer.arrays.kernel_variant import strip_absent_features, variant_of
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.film import mean
-from renderer.render import edition_for, render_frame
+from renderer.render import render_frame, variant_for
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Image, Instance, Light, Material, SceneDescription, Sphere, Texture
 from renderer.settings import RenderSettings, View
@@ -53,25 +53,25 @@ def described(*materials: Material) -> SceneDescription:
 
 
 def test_what_is_common_is_plain() -> None:
-    assert edition_of(compile_scene(described(*PLAIN))) == "plain"
+    assert variant_of(compile_scene(described(*PLAIN))) == "plain"
 
 
 def test_a_kind_that_is_not_declared_is_refused() -> None:
     scene = compile_scene(described(*PLAIN))
     scene = scene._replace(material_kind=np.full_like(scene.material_kind, len(rows.KINDS)))
     with pytest.raises(ValueError, match=r"kinds \[11\] are not declared; add them to KINDS in renderer/arrays/rows.py"):
-        edition_of(scene)
+        variant_of(scene)
 
 
 @pytest.mark.parametrize("name", NEEDS_MORE)
 def test_what_asks_for_more_gets_it(name: str) -> None:
-    assert edition_of(compile_scene(described(NEEDS_MORE[name]))) == "full"
+    assert variant_of(compile_scene(described(NEEDS_MORE[name]))) == "full"
 
 
 def test_lights_without_a_body_and_copies_ask_for_more() -> None:
     scene = described(PLAIN[0])
     scene.lights.append(Light("point", position=(0, 3, 0)))
-    assert edition_of(compile_scene(scene)) == "full"
+    assert variant_of(compile_scene(scene)) == "full"
     scene = described(PLAIN[0])
     scene.meshes.append(icosphere(4))
     for i in range(20):
@@ -80,33 +80,33 @@ def test_lights_without_a_body_and_copies_ask_for_more() -> None:
         scene.instances.append(Instance(1, place))
     compiled = compile_scene(scene)
     assert len(compiled.to_world) == 20
-    assert edition_of(compiled) == "full"
+    assert variant_of(compiled) == "full"
 
 
 @pytest.mark.parametrize("more", [{"integrator": "whitted"}, {"integrator": "ao"}, {"sampling": "bsdf"}])
-def test_rare_kernels_have_one_edition(more: dict[str, str]) -> None:
+def test_rare_kernels_have_one_variant(more: dict[str, str]) -> None:
     scene = compile_scene(described(*PLAIN))
     settings = RenderSettings(8, 8, View((0, 0, 5), (0, 0, 0)))
-    assert edition_for(settings, scene) == "plain"
-    assert edition_for(replace(settings, **more), scene) == "full"
+    assert variant_for(settings, scene) == "plain"
+    assert variant_for(replace(settings, **more), scene) == "full"
 
 
 def test_a_kernel_is_told_what_the_scene_has() -> None:
     scene = compile_scene(described(*PLAIN))
-    for name, has in EDITIONS.items():
-        given = only(scene, name)
+    for name, has in KERNEL_VARIANTS.items():
+        given = strip_absent_features(scene, name)
         assert given.has == has
         assert (given.bvh.instances is None) == (has.instances is None)
 
 
 @pytest.mark.parametrize("others", [["full"], pytest.param(["moving", "media", "moving-media"], marks=pytest.mark.long)])
-def test_the_editions_render_the_same(monkeypatch: pytest.MonkeyPatch, others: list[str]) -> None:
+def test_the_variants_render_the_same(monkeypatch: pytest.MonkeyPatch, others: list[str]) -> None:
     """Equal except in last bits, where the compiler fused other operations, and in the rare paths that these change."""
     scene = compile_scene(described(*PLAIN))
     settings = RenderSettings(48, 32, View((0.5, 2.5, 5.0), (0.8, 0.3, 0.0), fov=45), max_depth=6)
     pictures = []
     for name in ("plain", *others):
-        monkeypatch.setattr(render, "edition_of", lambda *_, name=name: name)
+        monkeypatch.setattr(render, "variant_of", lambda *_, name=name: name)
         pictures.append(mean(render_frame(scene, settings, 8), settings.film_exponent))
     plain, *rest = pictures
     assert plain.mean() > 0.05
@@ -119,6 +119,6 @@ def test_what_moves_while_the_shutter_is_open_asks_for_more() -> None:
     scene = compile_scene(described(*PLAIN))
     view, further = View((0, 0, 5), (0, 0, 0)), View((1, 0, 5), (0, 0, 0))
     settings = RenderSettings(8, 8, view, shutter=0.5)
-    assert edition_for(settings, scene) == "plain"
-    assert edition_for(replace(settings, views=(view, further)), scene) == "moving"
-    assert edition_for(replace(settings, views=(view, further), integrator="ao"), scene) == "moving"
+    assert variant_for(settings, scene) == "plain"
+    assert variant_for(replace(settings, views=(view, further)), scene) == "moving"
+    assert variant_for(replace(settings, views=(view, further), integrator="ao"), scene) == "moving"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from renderer.bvh.hit_keys import beyond, exceeding, key_limit, least, nearest, ranked
+from renderer.bvh.hit_keys import greater_ints, hit_keys, key_limit, keys_beyond, minimum_key, nearest
 from renderer.bvh.simd import bits, less, load
 from renderer.jit import entry
 
@@ -15,13 +15,13 @@ def _visit(distances, limits, order, count):
     """Returns the lanes below each row's limit, nearest first."""
     for i in range(len(distances)):
         distance = load(distances[i], ZERO)
-        keys = ranked(less(distance, load(limits[i], ZERO)), distance)
-        key = least(keys)
+        keys = hit_keys(less(distance, load(limits[i], ZERO)), distance)
+        key = minimum_key(keys)
         while key <= key_limit(limits[i, 0]):
             order[i, count[i]] = key & (LANES - 1)
             count[i] += 1
-            keys = beyond(keys, key)
-            key = least(keys)
+            keys = keys_beyond(keys, key)
+            key = minimum_key(keys)
 
 
 @entry
@@ -36,7 +36,7 @@ def _nearest(distances, limits, found, lane):
 @entry
 def _exceed(numbers, number, found):
     for i in range(len(numbers)):
-        found[i] = bits(exceeding(load(numbers[i], ZERO), number[i]))
+        found[i] = bits(greater_ints(load(numbers[i], ZERO), number[i]))
 
 
 def rows(n, seed):

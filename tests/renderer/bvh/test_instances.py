@@ -6,7 +6,7 @@ import pytest
 from renderer.bvh.build import build
 from renderer.bvh.instances import Instances
 from renderer.bvh.layout import ROW_CHILD
-from renderer.bvh.transforms import inverted
+from renderer.bvh.transforms import invert_transforms
 from tests.grids import grid
 from tests.renderer.builders import icosphere
 from tests.renderer.bvh.rays import NO_SPHERES, trace, triangles_by_numpy
@@ -137,7 +137,7 @@ def test_a_tree_is_kept_once_however_often_it_is_shown():
     named = ~child[(child < 0)]
     assert sorted(named >> 2) == list(range(500))
     assert (named & 3 == 2).all()
-    again = inverted(many.to_local)
+    again = invert_transforms(many.to_local)
     np.testing.assert_allclose(again, places, atol=1e-9)
 
 

@@ -73,7 +73,7 @@ def test_rays_meet_what_moves_as_without_a_tree():
     for brute in (False, True):
         bvh = compile_scene(over(everything), brute=brute).bvh
         assert len(bvh.motion) > 0
-        assert bvh.keyed[0] < len(bvh.packet)
+        assert bvh.keyed_packets[0] < len(bvh.packet)
         t, number, shadow = np.empty(count, np.float32), np.empty(count, np.int32), np.empty(count, bool)
         _trace(bvh, new_stack(), o, d, time, t, number, shadow)
         found.append((t, number, shadow))

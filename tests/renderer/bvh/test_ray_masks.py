@@ -109,7 +109,7 @@ def test_what_moves_is_left_out_at_every_time() -> None:
     def keyed(rows: np.ndarray, balls: np.ndarray) -> Bvh:
         with Team(1) as team:
             node, packet = keyed_tree(moved, rows, balls, len(rows), team)
-        return Bvh(node, packet, np.zeros(0, np.int32), np.zeros((0, 3, 4)), keyed=np.array([0, 3], np.int32))
+        return Bvh(node, packet, np.zeros(0, np.int32), np.zeros((0, 3, 4)), keyed_packets=np.array([0, 3], np.int32))
 
     asked = rays(3000)
     found = trace(exclude_primitives(laid(keyed(triangle, balls)), unseen, unseen).bvh, asked)

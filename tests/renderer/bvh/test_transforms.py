@@ -2,18 +2,18 @@
 
 import numpy as np
 
-from renderer.bvh.transforms import inverted, stretches
+from renderer.bvh.transforms import invert_transforms, scale_range
 from tests.renderer.bvh.test_instances import transforms
 
 
 def test_inverses_and_stretches_are_those_of_linear_algebra():
     rng = np.random.default_rng(1)
     places = transforms(rng, 500) * np.exp(rng.uniform(-20, 20, 500))[:, None, None]
-    found = inverted(places)
+    found = invert_transforms(places)
     whole = np.concatenate([places, np.tile([[[0, 0, 0, 1.0]]], (500, 1, 1))], axis=1)
     np.testing.assert_allclose(found, np.linalg.inv(whole)[:, :3], rtol=1e-9, atol=1e-12 * np.abs(found).max())
     expected = np.linalg.svd(places[:, :, :3], compute_uv=False)[:, ::2]
-    np.testing.assert_allclose(stretches(places), expected, rtol=1e-13)
+    np.testing.assert_allclose(scale_range(places), expected, rtol=1e-13)
 
 
 def test_stretches_of_what_is_flat_or_no_transform():
@@ -23,6 +23,6 @@ def test_stretches_of_what_is_flat_or_no_transform():
     sheared[0, :, :3] = turned @ np.diag([1e-7, 1.0, 2.0])
     for place in (flat, np.zeros((1, 3, 4)), sheared):
         expected = np.linalg.svd(place[:, :, :3], compute_uv=False)[:, ::2]
-        np.testing.assert_allclose(stretches(place), expected, rtol=1e-8, atol=1e-15)
+        np.testing.assert_allclose(scale_range(place), expected, rtol=1e-8, atol=1e-15)
     for bad in (np.nan, np.inf):
-        assert np.isnan(stretches(np.full((1, 3, 4), bad))).all()
+        assert np.isnan(scale_range(np.full((1, 3, 4), bad))).all()

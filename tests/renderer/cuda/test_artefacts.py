@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from renderer import jit, kernel_file
-from renderer.arrays.scene_features import EDITIONS
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cuda import artefacts
 from renderer.cuda.artefacts import kernel_name, path_of, ptx_of
 
@@ -30,7 +30,7 @@ def test_a_kernel_is_built_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -
     assert ptx_of("plain") == "PTX of plain"
 
 
-@pytest.mark.parametrize("variant", EDITIONS)
+@pytest.mark.parametrize("variant", KERNEL_VARIANTS)
 def test_a_kernel_passes_through_a_farm_as_others_do(
     variant: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

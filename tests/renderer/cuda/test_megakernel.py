@@ -11,7 +11,7 @@ from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cuda.megakernel import BAD, RAYS, Job
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.options import kernel_options
-from renderer.render import RenderStats, _prepared, edition_for, render_frame
+from renderer.render import RenderStats, _prepared, render_frame, variant_for
 from renderer.scene.origin import fixed_place, seen_from
 from tests.grids import grid
 from tests.renderer.cuda.on_host import launcher
@@ -33,7 +33,7 @@ def run(name: str, job: Job) -> None:
     """Adds a job's samples to its film."""
     scene, settings = made(name)
     data = np.frombuffer(packed(job, lambda array: array.ctypes.data), np.uint8).copy()
-    launcher(edition_for(settings, scene))(data.ctypes.data, settings.width * settings.height * int(job.pieces))
+    launcher(variant_for(settings, scene))(data.ctypes.data, settings.width * settings.height * int(job.pieces))
 
 
 def of_cpu(name: str) -> tuple[npt.NDArray[np.int64], RenderStats]:

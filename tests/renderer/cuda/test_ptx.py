@@ -10,7 +10,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 import pytest
 
-from renderer.arrays.scene_features import EDITIONS
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.kernel.backends.cuda.ptx import InexactError, card_module, check_exact, emit_ptx
 from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
 from tests.grids import grid
@@ -82,7 +82,7 @@ def test_a_prefetch_is_left_out() -> None:
     )
 
 
-@grid("variant", EDITIONS, ordinary=["plain"])
+@grid("variant", KERNEL_VARIANTS, ordinary=["plain"])
 def test_a_variant_becomes_ptx_that_the_assembler_accepts(variant: str, tmp_path: Path) -> None:
     ptx = emit_ptx(module_of(variant).clone())
     assert f".target sm_{CAPABILITY[0]}{CAPABILITY[1]}" in ptx

@@ -9,7 +9,7 @@ from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, new_stack
 from renderer.jit import entry
 from renderer.kernel import vec
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.ray_origins import departure
+from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.kernel.surface.surface import surface_at
 from tests.renderer.builders import as_rendered
 from tests.renderer.kernel.subject import many
@@ -32,7 +32,7 @@ def _wander(scene, stack, o, d, u, bounces):
             s, t = vec.basis(surface.geometric)
             local = square_to_cosine_hemisphere((u[i, b, 0], u[i, b, 1]))
             direction = vec.to_world(s, t, surface.geometric, local)
-            origin = departure(surface, True, direction)
+            origin = offset_ray_origin(surface, True, direction)
 
 
 def wander(scene: CompiledScene, o: np.ndarray, count: int, bounces: int, seed: int = 0) -> np.ndarray:
@@ -59,7 +59,7 @@ def _touch(scene, stack, o, d, u, met, hits):
             s, t = vec.basis(surface.geometric)
             local = square_to_cosine_hemisphere((u[i, 0], u[i, 1]))
             away = vec.to_world(s, t, surface.geometric, local)
-            met[i] = any_hit(scene.bvh, stack, departure(surface, True, away), away, _FAR, None)
+            met[i] = any_hit(scene.bvh, stack, offset_ray_origin(surface, True, away), away, _FAR, None)
 
 
 def touch(scene: CompiledScene, o: np.ndarray, d: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from renderer.arrays import rows
-from renderer.arrays.kernel_variant import edition_of
+from renderer.arrays.kernel_variant import variant_of
 from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Material, Medium, SceneDescription, Sphere
@@ -79,7 +79,7 @@ def test_a_reader_that_gives_no_medium_is_told_so(wrong) -> None:
         pack(SceneDescription(materials=[Material(kind="interface", **wrong)]))
 
 
-EDITIONS = {
+KERNEL_VARIANTS = {
     "an interface of nothing": ({"material": Material(kind="interface")}, "full"),
     "glass that absorbs": ({"material": Material(kind="glass", sigma_a=(1.0, 1.0, 1.0))}, "full"),
     "an interface that absorbs": ({"material": Material(kind="interface", sigma_a=(1.0, 1.0, 1.0))}, "media"),
@@ -90,15 +90,15 @@ EDITIONS = {
 }
 
 
-@pytest.mark.parametrize("name", EDITIONS)
+@pytest.mark.parametrize("name", KERNEL_VARIANTS)
 def test_only_scenes_with_media_get_kernels_with_media(name: str) -> None:
-    more, edition = EDITIONS[name]
+    more, variant = KERNEL_VARIANTS[name]
     scene = SceneDescription(
         materials=[more["material"]], medium=more.get("medium"), spheres=[Sphere((0, 0, 0), 1.0)], environment=Environment()
     )
     compiled = compile_scene(scene)
-    assert edition_of(compiled) == edition
-    assert edition_of(compiled, camera_moves=True) == ("moving-media" if edition == "media" else "moving")
+    assert variant_of(compiled) == variant
+    assert variant_of(compiled, camera_moves=True) == ("moving-media" if variant == "media" else "moving")
 
 
 def test_a_scene_file_says_media(scene) -> None:

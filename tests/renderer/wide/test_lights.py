@@ -5,10 +5,10 @@ import functools
 import numpy as np
 import pytest
 
-from renderer.arrays.kernel_variant import edition_of, only
+from renderer.arrays.kernel_variant import strip_absent_features, variant_of
 from renderer.jit import entry, template
 from renderer.kernel.fetch import row
-from renderer.kernel.light.environment import choose, choose_from, environment_light, sample_environment
+from renderer.kernel.light.environment import environment_light, sample_cdf, sample_cdf_row, sample_environment
 from renderer.kernel.light.lights import choose_light, environment_seen, primitive_light_pdf, sample_light, sample_one_light
 from renderer.scene.compile import compile_scene
 from renderer.scene.cutpoints import cutpoints
@@ -42,8 +42,8 @@ FLOOR = (square((0, 0, -9), (1, 0, 0), (0, 1, 0), 0),)
 
 
 def plain(made):
-    """In the edition that it is rendered in."""
-    return only(made, edition_of(made))
+    """In the variant that it is rendered in."""
+    return strip_absent_features(made, variant_of(made))
 
 
 def sky():
@@ -89,9 +89,9 @@ def test_an_environment_is_sampled_for_eight_as_for_one(name):
 @template
 def _of_tables(tables, given):
     cdf, cdfs, start, starts = tables
-    i, rest, width = choose(cdf, given[0])
-    k, again, _ = choose_from(cdfs, starts, np.uint32(2), given[1])
-    j, _, _ = choose_from(cdf, start, np.uint32(0), given[0])
+    i, rest, width = sample_cdf(cdf, given[0])
+    k, again, _ = sample_cdf_row(cdfs, starts, np.uint32(2), given[1])
+    j, _, _ = sample_cdf_row(cdf, start, np.uint32(0), given[0])
     return i, rest, width, j, k, again
 
 
@@ -172,7 +172,7 @@ LIGHTS = {
 }
 
 
-# For scenes of the full edition all of it is compiled once more.
+# For scenes of the full variant all of it is compiled once more.
 FULL = ("without a body", "a tree", "textures")
 
 

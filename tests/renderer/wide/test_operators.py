@@ -14,7 +14,6 @@ from renderer.wide.values import (
     as_wide3,
     double,
     lookup,
-    nil,
     not_,
     rint,
     single,
@@ -23,6 +22,7 @@ from renderer.wide.values import (
     u32,
     where,
     where3,
+    zero_like,
 )
 from tests.renderer.wide.both import both, in_both
 
@@ -124,7 +124,7 @@ def _of_choices(v):
     m = a < b
     numbers = where(m, a, b), where(m, a, P), where(m, P, a), where(m, P, Q), where(m, b == c, a < c)
     whole = where(m, as_ints(a), as_ints(b)), where(m, as_ints(a), K), where(m, K, L)
-    spreads = *as_wide3((P, Q, P), a), as_wide(L, a), nil(a), as_wide(True, a)
+    spreads = *as_wide3((P, Q, P), a), as_wide(L, a), zero_like(a), as_wide(True, a)
     return *numbers, *where3(m, (a, b, c), (b, P, a)), as_floats(whole[0]), as_floats(whole[1]), to_float(whole[2]), *spreads
 
 
@@ -153,7 +153,7 @@ def test_what_is_chosen():
 def _of_branches(v):
     a, b, c = v
     m = a > b
-    result = nil(a)
+    result = zero_like(a)
     if any_of(m):
         result = where(m, a, b) + c
     return any_of(m), any_of(not_(m)), result, where(any_of(m), a, b)
@@ -180,7 +180,7 @@ def test_branches():
 @device
 def _of_whole_numbers(v):
     i, j, s = as_ints(v[0]), as_ints(v[1]), as_ints(v[2])
-    k = u32(nil(i) | K)
+    k = u32(zero_like(i) | K)
     sums = i + j, i + K, K + i, i - j, i - K, K - i, i * j, i * K, K * i
     bits = i ^ j, i ^ K, i & j, i & K, i | j, i | K, i >> s, i >> L, i << s, i << L, K >> s, k
     same = i == j, i == K, i != j, i != K, i < j, i < K, i >= j, i >= K

@@ -63,7 +63,7 @@ def test_nothing_begins_where_this_machine_has_the_kernel(
     asked: list[str] = []
     monkeypatch.setattr(jit, "is_cached", lambda name: asked.append(name) or True)
     kernel_precompile.precompile_full_kernel(LINK)
-    assert (started, asked) == ([], [kernel_name(edition=FULL)])
+    assert (started, asked) == ([], [kernel_name(variant=FULL)])
 
 
 @pytest.mark.parametrize("fetched", [True, False])
@@ -71,10 +71,10 @@ def test_what_was_compiled_is_handed_in(monkeypatch: pytest.MonkeyPatch, fetched
     handed_in: list[str] = []
     monkeypatch.setattr(sys, "argv", ["ahead", "--service=http://127.0.0.1:9"])
     monkeypatch.setattr(kernel_precompile.logs, "set_up", lambda: None)
-    monkeypatch.setattr(kernel_precompile, "fetched_or_compiled", lambda link, edition: fetched)
+    monkeypatch.setattr(kernel_precompile, "fetched_or_compiled", lambda link, variant: fetched)
     monkeypatch.setattr(kernel_precompile, "upload_kernel", lambda link, folder, kernel: handed_in.append(kernel))
     assert kernel_precompile.main() == 0
-    assert handed_in == ([] if fetched else [kernel_name(edition=FULL)])
+    assert handed_in == ([] if fetched else [kernel_name(variant=FULL)])
 
 
 def test_a_farm_that_is_away_is_no_harm(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
@@ -83,7 +83,7 @@ def test_a_farm_that_is_away_is_no_harm(monkeypatch: pytest.MonkeyPatch, caplog:
 
     monkeypatch.setattr(sys, "argv", ["ahead", "--service=http://127.0.0.1:9"])
     monkeypatch.setattr(kernel_precompile.logs, "set_up", lambda: None)
-    monkeypatch.setattr(kernel_precompile, "fetched_or_compiled", lambda link, edition: False)
+    monkeypatch.setattr(kernel_precompile, "fetched_or_compiled", lambda link, variant: False)
     monkeypatch.setattr(kernel_precompile, "upload_kernel", away)
     assert kernel_precompile.main() == 1
     assert "nobody answers" in caplog.text

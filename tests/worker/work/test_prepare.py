@@ -121,17 +121,17 @@ def test_a_full_disk_is_the_machines_own_trouble(worker: Any, monkeypatch: pytes
 
 
 @pytest.mark.parametrize(
-    ("edition", "is_cached", "compiled"),
-    [("full", False, ["full"]), ("full", True, []), ("no edition", False, []), ([], False, [])],
+    ("variant", "is_cached", "compiled"),
+    [("full", False, ["full"]), ("full", True, []), ("no variant", False, []), ([], False, [])],
 )
 def test_a_kernel_that_the_scene_needs_is_compiled_by_the_slot_if_the_machine_lacks_it(
-    worker: Any, monkeypatch: pytest.MonkeyPatch, edition: Any, is_cached: bool, compiled: list[str]
+    worker: Any, monkeypatch: pytest.MonkeyPatch, variant: Any, is_cached: bool, compiled: list[str]
 ) -> None:
     done: list[str] = []
     steps: list[str] = []
-    monkeypatch.setitem(SUMMARY, "edition", edition)
+    monkeypatch.setitem(SUMMARY, "variant", variant)
     monkeypatch.setattr(jit, "is_cached", lambda name: is_cached)
-    monkeypatch.setattr(prepare, "warm_up", lambda edition, prepares: done.append(edition))
+    monkeypatch.setattr(prepare, "warm_up", lambda variant, prepares: done.append(variant))
     prepare.prepare_scene(worker, MANIFEST, lambda step, part: steps.append(step))
     assert done == compiled
     assert (prepare.COMPILING in steps) == bool(compiled)

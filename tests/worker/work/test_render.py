@@ -12,7 +12,7 @@ import pytest
 
 from protocol.contract import RenderBatch
 from protocol.sums import unpack_sums
-from renderer.arrays.kernel_variant import edition_of
+from renderer.arrays.kernel_variant import variant_of
 from renderer.render import render_batch
 from renderer.scene import compiled as compiled_file
 from renderer.settings import RenderSettings, Tile, View
@@ -28,7 +28,7 @@ TILE = Tile(0, 0, 8, 8)
 
 @pytest.fixture
 def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setattr(slot, "is_warm", lambda settings, edition: True)
+    monkeypatch.setattr(slot, "is_warm", lambda settings, variant: True)
     made = scene([emitter(1.0)], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),))
     compiled_file.save(made, tmp_path / "compiled")
     slot._open.clear()
@@ -39,15 +39,15 @@ def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_a_slot_says_when_it_gets_a_kernel_ready(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     batch = RenderBatch("b", "job", 0, "sha", TILE, 0, 2, SETTINGS)
     told: list[Any] = []
-    monkeypatch.setattr(slot, "is_warm", lambda settings, edition: False)
+    monkeypatch.setattr(slot, "is_warm", lambda settings, variant: False)
     monkeypatch.setattr(slot, "get_ready", lambda *arguments: told.append(arguments))
     result = slot.render(worker, batch, told.append)
-    assert told == [True, (worker.link, SETTINGS, edition_of(worker.made)), False]
+    assert told == [True, (worker.link, SETTINGS, variant_of(worker.made)), False]
     assert result.sums is not None
     np.testing.assert_array_equal(unpack_sums(result.sums, TILE), render_batch(worker.made, SETTINGS, TILE, 0, 2).sums)
 
     told.clear()
-    monkeypatch.setattr(slot, "is_warm", lambda settings, edition: True)
+    monkeypatch.setattr(slot, "is_warm", lambda settings, variant: True)
     assert slot.render(worker, batch, told.append).sums == result.sums
     assert told == []
 

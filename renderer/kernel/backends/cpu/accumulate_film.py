@@ -10,7 +10,7 @@ import numpy as np
 from renderer.bvh.simd import load, load_int
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
 from renderer.jit import never_inline, subroutine
-from renderer.kernel.backends.cpu.lists import DONE, cut, length, put, row
+from renderer.kernel.backends.cpu.lists import DONE, length, put, row, truncate
 from renderer.kernel.backends.cpu.rows import PATHS, Sample, at, column
 from renderer.kernel.fixed_point import add_fixed8, in_half, of_sample
 from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit
@@ -18,7 +18,7 @@ from renderer.kernel.steps.state import PathState
 from renderer.wide.fields import columns_of, width_of
 from renderer.wide.values import any_of, not_
 
-__all__ = ["SUMS", "accumulate_film", "unfold"]
+__all__ = ["SUMS", "accumulate_film", "flush_film"]
 
 _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
@@ -81,12 +81,12 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count):
         if sample == 0:
             for k in range(len(IDS)):
                 film[base + _8 + IDS[k, 0]] += load_int(pool, first + IDS[k, 0])
-    cut(lists, DONE, free)
+    truncate(lists, DONE, free)
     return bad_count
 
 
 @subroutine
-def unfold(film, sums):
+def flush_film(film, sums):
     """Moves the pixels' sums to the planes, (CHANNELS, h, w), and resets them to 0.
 
     Works row by row, one plane at a time, since one pixel's entries in all planes map to the same cache sets.

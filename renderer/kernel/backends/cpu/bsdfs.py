@@ -28,16 +28,16 @@ from renderer.kernel.medium.henyey_greenstein import (
     sample_henyey_greenstein,
 )
 from renderer.wide.lanes import each_lane
-from renderer.wide.values import any_of, lookup, nil, u32, where, where3
+from renderer.wide.values import any_of, lookup, u32, where, where3, zero_like
 
 __all__ = [
     "Material",
-    "answer_conductor",
-    "answer_diffuse",
-    "answer_in_medium",
-    "answer_metallic_roughness",
-    "answer_rare",
-    "answer_specular",
+    "eval_and_sample_conductor",
+    "eval_and_sample_diffuse",
+    "eval_and_sample_in_medium",
+    "eval_and_sample_metallic_roughness",
+    "eval_and_sample_rare",
+    "eval_and_sample_specular",
 ]
 
 _ONE = np.float32(1.0)
@@ -82,11 +82,11 @@ def _metallic_roughness(scene, m):
 
 
 @device
-def answer_diffuse(scene, m, wo, wi, choose, u):
+def eval_and_sample_diffuse(scene, m, wo, wi, choose, u):
     """Evaluates and samples the Lambertian model."""
     base = _base(scene, m)
     on, weight, pdf = sample_diffuse(base, wo, u)
-    return eval_diffuse(base, wo, wi), pdf_diffuse(wo, wi), on, weight, pdf, nil(choose) + _ONE
+    return eval_diffuse(base, wo, wi), pdf_diffuse(wo, wi), on, weight, pdf, zero_like(choose) + _ONE
 
 
 @device
@@ -108,10 +108,10 @@ def _indices(scene, m):
 
 
 @device
-def answer_specular(scene, m, wo, wi, choose, u):
+def eval_and_sample_specular(scene, m, wo, wi, choose, u):
     """Samples mirrors, smooth glass and smooth conductors; the evaluation is 0."""
     kind = u32(lookup(scene.material_kind, m.material))
-    base, none = _base(scene, m), nil(choose)
+    base, none = _base(scene, m), zero_like(choose)
     on, weight = sample_mirror(base, wo)
     eta2 = none + _ONE
     glass = kind == _GLASS
@@ -128,18 +128,18 @@ def answer_specular(scene, m, wo, wi, choose, u):
 
 
 @device
-def answer_metallic_roughness(scene, m, wo, wi, choose, u):
+def eval_and_sample_metallic_roughness(scene, m, wo, wi, choose, u):
     """Evaluates and samples the metallic-roughness model, GGX over a diffuse base."""
     base = _base(scene, m)
     metallic, roughness = _metallic_roughness(scene, m)
     f0, f90 = dielectric_reflectance(scene, m.material)
     f, light_pdf = eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi)
     on, weight, pdf = sample_metallic_roughness(base, metallic, roughness, f0, f90, wo, choose, u)
-    return f, light_pdf, on, weight, pdf, nil(choose) + _ONE
+    return f, light_pdf, on, weight, pdf, zero_like(choose) + _ONE
 
 
 @device
-def answer_conductor(scene, m, wo, wi, choose, u):
+def eval_and_sample_conductor(scene, m, wo, wi, choose, u):
     """Evaluates and samples rough conductors with isotropic GGX facets."""
     eta, k = _indices(scene, m)
     mean = columns(scene.material, m.material, COLUMNS, rows.MEAN_FRESNEL, 3)
@@ -147,13 +147,13 @@ def answer_conductor(scene, m, wo, wi, choose, u):
     alpha = max(roughness * roughness, MIN_ALPHA)
     f, light_pdf = eval_and_pdf_conductor(None, eta, k, mean, roughness, alpha, alpha, wo, wi)
     on, weight, pdf = sample_conductor(None, eta, k, mean, roughness, alpha, alpha, wo, choose, u)
-    return f, light_pdf, on, weight, pdf, nil(choose) + _ONE
+    return f, light_pdf, on, weight, pdf, zero_like(choose) + _ONE
 
 
 @device
-def answer_in_medium(scene, m, wo, wi, choose, u):
+def eval_and_sample_in_medium(scene, m, wo, wi, choose, u):
     """Evaluates and samples the phase function of vertices in a medium; m.roughness holds g."""
-    one = nil(choose) + _ONE
+    one = zero_like(choose) + _ONE
     phase = eval_henyey_greenstein(m.roughness, wi)
     on = sample_henyey_greenstein(m.roughness, u)
     pdf = pdf_henyey_greenstein(m.roughness, on)
@@ -173,7 +173,7 @@ def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, s
 
 
 @device
-def answer_rare(scene, m, wo, wi, choose, u):
+def eval_and_sample_rare(scene, m, wo, wi, choose, u):
     """Evaluates and samples materials of the rarer kinds, one path at a time."""
     s, t, n = m.frame
     known = (m.material, m.front, m.base, m.metallic, m.roughness, m.eta, m.uv, m.uv1, m.shading, s, t, n, m.time)

@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.bvh.simd import store_int
 from renderer.jit import device, never_inline, subroutine
-from renderer.kernel.backends.cpu.lists import ACTIVE, DONE, append, eight, length, pad, row
+from renderer.kernel.backends.cpu.lists import ACTIVE, DONE, append, eight_rows, length, pad, row
 from renderer.kernel.backends.cpu.rows import (
     SECOND,
     Facet,
@@ -24,16 +24,16 @@ from renderer.kernel.backends.cpu.rows import (
 from renderer.kernel.steps.record_first_hit import no_hit
 from renderer.kernel.steps.spawn_camera_ray import spawn_camera_ray
 from renderer.kernel.steps.state import PathState, camera_path, no_crossings
-from renderer.wide.values import as_wide, nil
+from renderer.wide.values import as_wide, zero_like
 
-__all__ = ["Next", "begin"]
+__all__ = ["NextSample", "start_paths"]
 
 _ONE = np.float32(1.0)
 _NONE = np.uint32(0)
 _NUMBER, _PLACE, _X, _Y = (column(Sample, field) for field in ("number", "place", "x", "y"))
 
 
-class Next(NamedTuple):
+class NextSample(NamedTuple):
     """The next sample of the batch to be started; pixel by pixel, row by row."""
 
     x: Any
@@ -59,11 +59,11 @@ def _number(pool, lists, count, following, width, height, batch):
             if x == width:
                 x = 0
                 y += 1
-    return Next(x, y, sample)
+    return NextSample(x, y, sample)
 
 
 @subroutine
-def begin(pool, lists, following, width, height, camera, options, batch, motion, medium_stack):
+def start_paths(pool, lists, following, width, height, camera, options, batch, motion, medium_stack):
     """Starts paths in free rows while samples remain; returns the next sample to start.
 
     motion: None for a scene without motion (renderer/arrays/scene_features.py). medium_stack: the media that contain the camera,
@@ -75,10 +75,10 @@ def begin(pool, lists, following, width, height, camera, options, batch, motion,
     following = _number(pool, lists, count, following, width, height, batch)
     pad(lists, DONE)
     for k in range(0, count, 8):
-        rows = eight(lists, DONE, k)
+        rows = eight_rows(lists, DONE, k)
         sample = gather(pool, rows, Sample)
         seen = spawn_camera_ray(motion, camera, options, sample.x, sample.y, sample.number)
-        none = nil(seen.start)
+        none = zero_like(seen.start)
         time = none
         if motion is not None:
             time = seen.time

@@ -11,8 +11,8 @@ from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import (
     ACTIVE,
     DONE,
-    DRIFTING,
     ENDED,
+    MEDIUM_VERTICES,
     MISSED,
     NODES,
     PASSED,
@@ -22,25 +22,25 @@ from renderer.kernel.backends.cpu.lists import (
     WAITING,
     append,
     clear,
-    cut,
-    eight,
+    eight_rows,
     length,
     pad,
     put,
     row,
+    truncate,
 )
 from renderer.kernel.backends.cpu.rows import DirectLight, Outcome, RowHit, Traversal, at, column, gather, scatter, time_of
-from renderer.kernel.backends.cpu.traversal_state import BEST, TOP, start_traversal, three
-from renderer.kernel.backends.cpu.walk import CLOSEST, walk
-from renderer.kernel.backends.scalar.visibility import light_left
+from renderer.kernel.backends.cpu.traversal_state import BEST, TOP, load_vector, start_traversal
+from renderer.kernel.backends.cpu.walk import CLOSEST, traverse_rays
+from renderer.kernel.backends.scalar.visibility import transmittance_rgb
 from renderer.kernel.medium.flight import left_after
 from renderer.kernel.medium.medium_stack import coefficients
 from renderer.kernel.steps.depths import layers_left
 from renderer.kernel.steps.sample_direct_light import add_direct_light
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_radiance
-from renderer.wide.values import as_wide, nil, where, where3
+from renderer.wide.values import as_wide, where, where3, zero_like
 
-__all__ = ["bring_light", "intersect_closest", "trace_shadow_rays"]
+__all__ = ["intersect_closest", "resolve_shadow_rays", "trace_shadow_rays"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -64,7 +64,7 @@ def _trace_passed(scene, alone, pool, lists):
         ray = gather(pool, number, Ray)
         after = pool[path + _T], load_int(pool, path + _INSTANCE), load_int(pool, path + _PRIMITIVE)
         root = _ROOT
-        if scene.bvh.begin is not None and gather(pool, number, PathState).number == _ZERO:
+        if scene.bvh.ray_roots is not None and gather(pool, number, PathState).number == _ZERO:
             root = camera_root(scene.bvh)
         hit = closest_hit(scene.bvh, alone, ray.o, ray.d, _INF, time_of(scene.has.motion, pool, number), root, after)
         pool[path + BEST] = hit.t
@@ -91,7 +91,7 @@ def _wait_for_nodes(scene, pool, lists, count):
         store_int(pool, at(path, _INSTANCE), NO_PRIMITIVE)
         if scene.has.media is not None:
             pool[at(path, _BEHIND)] = _ZERO
-    cut(lists, NODES, waiting)
+    truncate(lists, NODES, waiting)
 
 
 @subroutine
@@ -100,11 +100,11 @@ def intersect_closest(scene, alone, stack, pool, lists):
     never_inline()
     count = pad(lists, ACTIVE)
     for k in range(0, count, 8):
-        rows = eight(lists, ACTIVE, k)
+        rows = eight_rows(lists, ACTIVE, k)
         ray = gather(pool, rows, Ray)
-        zero = nil(ray.pdf)
+        zero = zero_like(ray.pdf)
         root = as_wide(_TOP_NODE, zero)
-        if scene.bvh.begin is not None:
+        if scene.bvh.ray_roots is not None:
             number = gather(pool, rows, PathState).number
             root = where(number == _ZERO, as_wide(np.uint32(camera_root(scene.bvh)), zero), root)
         start_traversal(pool, rows, ray.o, ray.d, zero + _INF, root)
@@ -112,7 +112,7 @@ def intersect_closest(scene, alone, stack, pool, lists):
         _trace_passed(scene, alone, pool, lists)
     _wait_for_nodes(scene, pool, lists, count)
     clear(lists, ENDED)
-    walk(scene.bvh, scene.has.motion, alone, pool, stack, lists, CLOSEST)
+    traverse_rays(scene.bvh, scene.has.motion, alone, pool, stack, lists, CLOSEST)
     triangles = len(scene.triangle)
     missed, on_triangles, on_spheres = np.uintp(0), np.uintp(0), np.uintp(0)
     for k in range(count):
@@ -126,9 +126,9 @@ def intersect_closest(scene, alone, stack, pool, lists):
         missed += np.uintp(not is_hit)
         on_triangles += np.uintp(is_hit & is_triangle)
         on_spheres += np.uintp(is_hit & (not is_triangle))
-    cut(lists, MISSED, missed)
-    cut(lists, TRIANGLES, on_triangles)
-    cut(lists, SPHERES, on_spheres)
+    truncate(lists, MISSED, missed)
+    truncate(lists, TRIANGLES, on_triangles)
+    truncate(lists, SPHERES, on_spheres)
 
 
 @device
@@ -141,9 +141,9 @@ def _light_through(scene, alone, pool, lists, options):
         if options.has_depths:
             counts = gather(pool, path, Crossings).counts
         layers = layers_left(counts, options)
-        left = light_left(scene, alone, ray.start, ray.end, light.medium_stack, layers, time)
+        left = transmittance_rgb(scene, alone, ray.start, ray.end, light.medium_stack, layers, time)
         if vec.maximum(left) > _ZERO:
-            radiance = add_direct_light(three(pool, at(path, _RADIANCE)), light.brought, left, light.segments, options)
+            radiance = add_direct_light(load_vector(pool, at(path, _RADIANCE)), light.brought, left, light.segments, options)
             for c in range(3):
                 pool[at(path, _RADIANCE + np.uintp(c))] = radiance[c]
 
@@ -153,22 +153,22 @@ def _light(scene, alone, stack, pool, lists, options):
     """Adds the direct light of the rows on WAITING, in scenes where any surface occludes."""
     count = pad(lists, WAITING)
     for k in range(0, count, 8):
-        rows = eight(lists, WAITING, k)
+        rows = eight_rows(lists, WAITING, k)
         ray = gather(pool, rows, Outcome)
-        none = nil(ray.survival)
+        none = zero_like(ray.survival)
         root = as_wide(_TOP_NODE, none)
-        if scene.bvh.begin is not None:
+        if scene.bvh.ray_roots is not None:
             root = as_wide(np.uint32(shadow_root(scene.bvh)), none)
         start_traversal(pool, rows, ray.start, vec.sub(ray.end, ray.start), none, root)
     for k in range(count):
         put(lists, NODES, np.uintp(k), row(lists, WAITING, k))
-    cut(lists, NODES, np.uintp(count))
+    truncate(lists, NODES, np.uintp(count))
     clear(lists, ENDED)
-    walk(scene.bvh, scene.has.motion, alone, pool, stack, lists, None)
+    traverse_rays(scene.bvh, scene.has.motion, alone, pool, stack, lists, None)
     for k in range(0, count, 8):
-        rows = eight(lists, WAITING, k)
+        rows = eight_rows(lists, WAITING, k)
         path, light = gather(pool, rows, PathState), gather(pool, rows, DirectLight)
-        none = nil(path.depth)
+        none = zero_like(path.depth)
         one = none + _ONE
         left = one, one, one
         if scene.has.media is not None:
@@ -181,7 +181,7 @@ def _light(scene, alone, stack, pool, lists, options):
 
 
 @subroutine
-def bring_light(scene, alone, stack, pool, lists, options):
+def resolve_shadow_rays(scene, alone, stack, pool, lists, options):
     """Traces the shadow rays of the rows on WAITING, and adds their direct light."""
     never_inline()
     if scene.has.textures is not None and options.transparent:
@@ -203,9 +203,9 @@ def _go_on(pool, lists, which):
         waiting += np.uintp(pool[at(path, _IS_CAST)] != _ZERO)
         active += np.uintp(goes_on)
         done += np.uintp(not goes_on)
-    cut(lists, WAITING, waiting)
-    cut(lists, ACTIVE, active)
-    cut(lists, DONE, done)
+    truncate(lists, WAITING, waiting)
+    truncate(lists, ACTIVE, active)
+    truncate(lists, DONE, done)
 
 
 @subroutine
@@ -215,13 +215,13 @@ def trace_shadow_rays(scene, alone, stack, pool, lists, options):
     Continuing paths are added to ACTIVE, terminated ones to DONE.
     """
     never_inline()
-    cut(lists, WAITING, np.uintp(0))
+    truncate(lists, WAITING, np.uintp(0))
     for which in range(SCATTERING):
         _go_on(pool, lists, np.uintp(which))
     if scene.has.media is not None:
-        _go_on(pool, lists, DRIFTING)
+        _go_on(pool, lists, MEDIUM_VERTICES)
     waiting = np.uintp(length(lists, WAITING))
     for k in range(length(lists, PASSED)):
         append(lists, ACTIVE, row(lists, PASSED, k))
-    bring_light(scene, alone, stack, pool, lists, options)
+    resolve_shadow_rays(scene, alone, stack, pool, lists, options)
     return np.int64(waiting)

@@ -11,7 +11,7 @@ import numpy as np
 from renderer.arrays.light_rows import LIGHT_ROWS, LIGHT_WIDTH
 from renderer.bvh.simd import store_int
 from renderer.jit import device, never_inline, subroutine
-from renderer.kernel.backends.cpu.lists import LIT, NODES, eight, pad, put, row
+from renderer.kernel.backends.cpu.lists import LIT, NODES, eight_rows, pad, put, row
 from renderer.kernel.backends.cpu.rows import (
     ChosenLight,
     LightDescent,
@@ -24,13 +24,13 @@ from renderer.kernel.backends.cpu.rows import (
     streams_of,
     time_of,
 )
-from renderer.kernel.backends.cpu.traversal_state import word
+from renderer.kernel.backends.cpu.traversal_state import load_index
 from renderer.kernel.light.light_tree import descend
 from renderer.kernel.light.lights import nearby_choice, sample_by_power, sample_chosen
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.state import PathState
-from renderer.wide.values import as_wide, nil
+from renderer.wide.values import as_wide, zero_like
 
 __all__ = ["choose_lights"]
 
@@ -53,10 +53,10 @@ def _descend(scene, pool, lists, options):
     never_inline()
     waiting = np.uintp(pad(lists, LIT))
     for k in range(0, np.int64(waiting), 8):
-        rows = eight(lists, LIT, k)
+        rows = eight_rows(lists, LIT, k)
         u, v, choice = _numbers(pool, rows, options)
         _, left = nearby_choice(scene, choice)
-        scatter(pool, rows, LightDescent(left, nil(left) + _ONE, as_wide(_ROOT, left), u, v, choice))
+        scatter(pool, rows, LightDescent(left, zero_like(left) + _ONE, as_wide(_ROOT, left), u, v, choice))
     for k in range(np.int64(waiting)):
         put(lists, NODES, np.uintp(k), row(lists, LIT, k))
     while waiting > np.uintp(0):
@@ -64,7 +64,7 @@ def _descend(scene, pool, lists, options):
         for k in range(np.int64(count)):
             number = row(lists, NODES, k)
             path = at(number, np.uintp(0))
-            base = word(pool, path + _HERE) * _NODE
+            base = load_index(pool, path + _HERE) * _NODE
             vertex = last_vertex(scene, pool, number)
             child, share, left = descend(scene.light_node, base, vertex.point, vertex.normal, pool[path + _LEFT])
             pool[path + _LEFT] = left
@@ -84,7 +84,7 @@ def choose_lights(scene, pool, lists, options):
         if by_tree:
             _descend(scene, pool, lists, options)
     for k in range(0, pad(lists, LIT), 8):
-        rows = eight(lists, LIT, k)
+        rows = eight_rows(lists, LIT, k)
         vertex, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
         if scene.has.lights is not None and by_tree:
             way = gather(pool, rows, LightDescent)
@@ -93,7 +93,7 @@ def choose_lights(scene, pool, lists, options):
         else:
             u, v, choice = _numbers(pool, rows, options)
             light = sample_by_power(scene, vertex.point, vertex.normal, choice, (u, v), time)
-        none = nil(light.pdf)
+        none = zero_like(light.pdf)
         branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
         scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))
         scatter(pool, rows, Outcome((none, none, none), light.end, none, none))

@@ -17,11 +17,11 @@ __all__ = [
     "CONDUCTOR",
     "DIFFUSE",
     "DONE",
-    "DRIFTING",
     "ENDED",
     "LISTS",
     "LIST_SIZE",
     "LIT",
+    "MEDIUM_VERTICES",
     "METALLIC_ROUGHNESS",
     "MISSED",
     "NODES",
@@ -33,17 +33,17 @@ __all__ = [
     "SCATTERING",
     "SPECULAR",
     "SPHERES",
+    "SUBSURFACE_VERTICES",
     "TRIANGLES",
     "WAITING",
-    "WITHIN",
     "append",
     "clear",
-    "cut",
-    "eight",
+    "eight_rows",
     "length",
     "pad",
     "put",
     "row",
+    "truncate",
 ]
 
 # Vertices that are to scatter are listed by how they do. RARE is what has many properties; RARE_SPECULAR is on that list as well,
@@ -55,7 +55,7 @@ ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = (np.uintp(which) for whi
 # Rays on their way through the tree, by what they are to look into next: a node, a packet of triangles, anything else.
 NODES, PACKETS, OTHERS, ENDED, WAITING = (np.uintp(which) for which in range(SCATTERING + 8, SCATTERING + 13))
 # Where there are media: vertices in one, which are to scatter too, and those that may go on inside of what they have met.
-DRIFTING, WITHIN = (np.uintp(which) for which in range(SCATTERING + 13, SCATTERING + 15))
+MEDIUM_VERTICES, SUBSURFACE_VERTICES = (np.uintp(which) for which in range(SCATTERING + 13, SCATTERING + 15))
 LISTS = SCATTERING + 15
 LIST_SIZE = ROWS + 8  # its length, the numbers, and room for the last one's repetition
 _SIZE = np.uintp(LIST_SIZE)
@@ -96,14 +96,14 @@ def put(lists, which, count, number):
 
 
 @device
-def cut(lists, which, count):
+def truncate(lists, which, count):
     """Sets the length of a list."""
     lists[np.uintp(which) * _SIZE] = np.uint32(count)
 
 
 @device
 def pad(lists, which):
-    """Repeats the last number, so that `eight` is valid up to the end; returns the list's length."""
+    """Repeats the last number, so that `eight_rows` is valid up to the end; returns the list's length."""
     base = np.uintp(which) * _SIZE
     count = np.uintp(lists[base])
     if count > np.uintp(0):
@@ -114,6 +114,6 @@ def pad(lists, which):
 
 
 @device
-def eight(lists, which, k):
+def eight_rows(lists, which, k):
     """Returns eight numbers of a list from the k-th on, u32x8."""
     return load_ints(lists, np.uintp(which) * _SIZE + _ONE + np.uintp(k))

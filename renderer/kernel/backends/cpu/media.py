@@ -9,18 +9,18 @@ from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import (
     ACTIVE,
     DONE,
-    DRIFTING,
     LIT,
+    MEDIUM_VERTICES,
     MISSED,
     SPHERES,
     TRIANGLES,
     append,
-    cut,
-    eight,
+    eight_rows,
     length,
     pad,
     put,
     row,
+    truncate,
 )
 from renderer.kernel.backends.cpu.rows import (
     SPARE,
@@ -44,21 +44,21 @@ from renderer.kernel.steps.medium_event import medium_event, medium_surface
 from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_throughput
 from renderer.kernel.surface.surface import NO_OBJECT
-from renderer.wide.values import any_of, as_wide, nil, where
+from renderer.wide.values import any_of, as_wide, where, zero_like
 
-__all__ = ["fly", "list_drifting"]
+__all__ = ["list_medium_vertices", "sample_free_flights"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _SURFACE = np.uint32(0)  # in place of an object's number, which only a vertex in a medium lacks
-_IN_MEDIUM, _OVER = np.uint32(DRIFTING), np.uint32(DONE)
+_IN_MEDIUM, _OVER = np.uint32(MEDIUM_VERTICES), np.uint32(DONE)
 _SCATTERS = column(MediumFlight, "scatters")
 
 
 @device
 def _store_vertices(pool, rows, surface, g, which):
     """Writes vertices in media to the rows."""
-    none = nil(g)
+    none = zero_like(g)
     one = none + _ONE
     n, black = surface.shading, (none, none, none)
     s, t = vec.basis(n)
@@ -70,7 +70,7 @@ def _store_vertices(pool, rows, surface, g, which):
 
 
 @subroutine
-def fly(scene, pool, lists, options):
+def sample_free_flights(scene, pool, lists, options):
     """Samples free flights of the active paths and updates their throughput.
 
     Paths that scatter in a medium are removed from the lists of hits; they are done, or listed on DRIFTING.
@@ -78,11 +78,11 @@ def fly(scene, pool, lists, options):
     never_inline()
     count = pad(lists, ACTIVE)
     for k in range(0, count, 8):
-        rows = eight(lists, ACTIVE, k)
+        rows = eight_rows(lists, ACTIVE, k)
         met, path, crossings = gather(pool, rows, RowHit), gather(pool, rows, PathState), gather(pool, rows, Crossings)
         stream = streams_of(pool, rows, options)
         event = medium_event(scene, path, crossings, met.t, stream, path.number + met.passed)
-        none = nil(path.number)
+        none = zero_like(path.number)
         if any_of(event.scatters):
             surface = medium_surface(gather(pool, rows, Ray), event.distance)
             first = event.scatters & (path.number == _ZERO)
@@ -106,11 +106,11 @@ def fly(scene, pool, lists, options):
         path = row(lists, ACTIVE, k)
         drifts = pool[at(path, _SCATTERS)] != _ZERO
         over = drifts & (gather(pool, path, Shading).list == _OVER)
-        put(lists, DRIFTING, drifting, path)
+        put(lists, MEDIUM_VERTICES, drifting, path)
         drifting += np.uintp(drifts & (not over))
         if over:
             append(lists, DONE, path)
-    cut(lists, DRIFTING, drifting)
+    truncate(lists, MEDIUM_VERTICES, drifting)
 
 
 @device
@@ -121,12 +121,12 @@ def _remove_drifting(pool, lists, which):
         path = row(lists, which, k)
         put(lists, which, stays, path)
         stays += np.uintp(pool[at(path, _SCATTERS)] == _ZERO)
-    cut(lists, which, stays)
+    truncate(lists, which, stays)
 
 
 @subroutine
-def list_drifting(lists):
+def list_medium_vertices(lists):
     """Adds the vertices in media to the list for light sampling, after surfaces were processed."""
     never_inline()
-    for k in range(length(lists, DRIFTING)):
-        append(lists, LIT, row(lists, DRIFTING, k))
+    for k in range(length(lists, MEDIUM_VERTICES)):
+        append(lists, LIT, row(lists, MEDIUM_VERTICES, k))

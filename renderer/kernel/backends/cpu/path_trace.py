@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
-from renderer.kernel.backends.cpu.lists import ACTIVE, DRIFTING, LIT, MISSED, SCATTERING, WITHIN, length, row
+from renderer.kernel.backends.cpu.lists import ACTIVE, LIT, MEDIUM_VERTICES, MISSED, SCATTERING, SUBSURFACE_VERTICES, length, row
 from renderer.kernel.backends.cpu.rows import (
     DirectLight,
     Facet,
@@ -26,10 +26,10 @@ from renderer.kernel.path_trace import (
     LIGHT_PDF,
     LIGHT_WEIGHT,
     LIMIT,
+    RECORDED,
     SCATTERED,
     SURVIVAL,
     TIME,
-    TOLD,
     record_light,
     record_medium,
     record_miss,
@@ -39,7 +39,7 @@ from renderer.kernel.steps.depths import limit_of
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_radiance
 from renderer.kernel.surface.surface import NO_OBJECT
 
-__all__ = ["followed", "radiance_of", "record_arrival", "record_departure"]
+__all__ = ["next_record_row", "radiance_of", "record_arrival", "record_departure"]
 
 _FIRST = np.uintp(0)
 
@@ -60,7 +60,7 @@ def radiance_of(pool, row):
 
 
 @device
-def followed(pool, lists, log):
+def next_record_row(pool, lists, log):
     """Returns (the first row's next row in the record, the number of surfaces it has passed through).
 
     The row is beyond the record's end if nothing is recorded, or the path has ended.
@@ -76,7 +76,7 @@ def followed(pool, lists, log):
 def record_arrival(pool, lists, log, number, passed, before, options):
     """Records where the path's ray ended, after surfaces were processed.
 
-    number, passed: from `followed`; before: the path's radiance before that.
+    number, passed: from `next_record_row`; before: the path's radiance before that.
     """
     never_inline()
     ray, met, path = gather(pool, _FIRST, Ray), gather(pool, _FIRST, RowHit), gather(pool, _FIRST, PathState)
@@ -94,7 +94,7 @@ def record_arrival(pool, lists, log, number, passed, before, options):
         record_surface(log, number, surface, point, through, met.t, ray, arrived)
     log[number, EMISSION_WEIGHT] = met.weight
     log[number, TIME] = gather(pool, _FIRST, Sample).time
-    log[number, TOLD] = ARRIVED
+    log[number, RECORDED] = ARRIVED
     if options.has_depths:
         log[number, LIMIT] = limit_of(gather(pool, _FIRST, Crossings).counts, options)
     record_light(log, number, EMITTED, path.radiance)
@@ -107,10 +107,10 @@ def record_departure(pool, lists, log, number, lit):
     scattered = False
     for which in range(SCATTERING):
         scattered |= _is_on(lists, which)
-    scattered |= _is_on(lists, DRIFTING) or _is_on(lists, WITHIN)
+    scattered |= _is_on(lists, MEDIUM_VERTICES) or _is_on(lists, SUBSURFACE_VERTICES)
     if scattered:
         outcome = gather(pool, _FIRST, Outcome)
-        log[number, TOLD] = SCATTERED
+        log[number, RECORDED] = SCATTERED
         log[number, SURVIVAL] = outcome.survival
         if lit and _is_on(lists, LIT):
             light = gather(pool, _FIRST, DirectLight)

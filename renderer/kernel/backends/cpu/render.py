@@ -13,20 +13,20 @@ from numba import typeof, types
 
 from renderer.bvh.traverse import new_stack
 from renderer.jit import template
-from renderer.kernel.backends.cpu.accumulate_film import SUMS, accumulate_film, unfold
-from renderer.kernel.backends.cpu.camera_rays import Next, begin
-from renderer.kernel.backends.cpu.intersect import bring_light, intersect_closest, trace_shadow_rays
+from renderer.kernel.backends.cpu.accumulate_film import SUMS, accumulate_film, flush_film
+from renderer.kernel.backends.cpu.camera_rays import NextSample, start_paths
+from renderer.kernel.backends.cpu.intersect import intersect_closest, resolve_shadow_rays, trace_shadow_rays
 from renderer.kernel.backends.cpu.lights import choose_lights
 from renderer.kernel.backends.cpu.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
-from renderer.kernel.backends.cpu.media import fly, list_drifting
-from renderer.kernel.backends.cpu.path_trace import followed, radiance_of, record_arrival, record_departure
+from renderer.kernel.backends.cpu.media import list_medium_vertices, sample_free_flights
+from renderer.kernel.backends.cpu.path_trace import next_record_row, radiance_of, record_arrival, record_departure
 from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, line_floats
 from renderer.kernel.backends.cpu.scattering import kinds_of_scattering, scatter_vertices
-from renderer.kernel.backends.cpu.subsurface import scatter_within
-from renderer.kernel.backends.cpu.surfaces import arrive, miss
+from renderer.kernel.backends.cpu.subsurface import trace_subsurface
+from renderer.kernel.backends.cpu.surfaces import shade_hits, shade_misses
 from renderer.kernel.backends.cpu.traversal_state import new_stacks
 from renderer.kernel.medium.camera_media import media_of_camera
-from renderer.kernel.path_trace import DIRECT, record_beside, record_light
+from renderer.kernel.path_trace import DIRECT, record_light, record_second_branch
 from renderer.prune_absent_features import where_present
 
 __all__ = ["Part", "Pool", "pool_for", "render_with_pool", "stages"]
@@ -74,27 +74,27 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         clear(lists, which)
     for k in range(PATHS):
         append(lists, DONE, k)
-    following = Next(np.int64(0), np.int64(0), np.int64(batch.first))
+    following = NextSample(np.int64(0), np.int64(0), np.int64(batch.first))
     samples = width * height * batch.count
     medium_stack = where_present(scene.has.media, media_of_camera(scene, pool.alone, camera, samples))
     while samples > 0:
-        following = begin(paths, lists, following, width, height, camera, options, batch, scene.has.motion, medium_stack)
+        following = start_paths(paths, lists, following, width, height, camera, options, batch, scene.has.motion, medium_stack)
         if length(lists, ACTIVE) == 0:
             break
         clear(lists, DONE)
-        row, passed = followed(paths, lists, log)
+        row, passed = next_record_row(paths, lists, log)
         before = radiance_of(paths, 0)
         rays += length(lists, ACTIVE)
         intersect_closest(scene, pool.alone, pool.stack, paths, lists)
         if scene.has.media is not None:
-            fly(scene, paths, lists, options)
-        miss(scene, paths, lists, options, len(log) > 0)
-        arrive(scene, paths, lists, options, len(log) > 0)
+            sample_free_flights(scene, paths, lists, options)
+        shade_misses(scene, paths, lists, options, len(log) > 0)
+        shade_hits(scene, paths, lists, options, len(log) > 0)
         if row < len(log):
             record_arrival(paths, lists, log, row, passed, before, options)
         if scene.has.media is not None:
-            list_drifting(lists)
-            scatter_within(scene, pool.alone, paths, lists, options)
+            list_medium_vertices(lists)
+            trace_subsurface(scene, pool.alone, paths, lists, options)
         if lit:
             choose_lights(scene, paths, lists, options)
         clear(lists, ACTIVE)
@@ -106,8 +106,8 @@ def render_with_pool(scene, pool, camera, options, batch, output):
             record_light(log, row, DIRECT, radiance_of(paths, 0))
             record_departure(paths, lists, log, row, lit)
         bad_count = accumulate_film(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
-    record_beside(log, radiance_of(paths, PATHS))
-    unfold(pool.film, output.sums)
+    record_second_branch(log, radiance_of(paths, PATHS))
+    flush_film(pool.film, output.sums)
     return bad_count, rays
 
 
@@ -120,20 +120,24 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
     """
     alone, stack, paths, lists, film = map(typeof, pool)
     view, asked, wanted, lit = typeof(camera), typeof(options), typeof(batch), types.boolean
-    following = typeof(Next(np.int64(0), np.int64(0), np.int64(0)))
-    in_media = [(fly, (scene, paths, lists, asked)), (scatter_within, (scene, alone, paths, lists, asked))] if has.media else []
+    following = typeof(NextSample(np.int64(0), np.int64(0), np.int64(0)))
+    in_media = (
+        [(sample_free_flights, (scene, paths, lists, asked)), (trace_subsurface, (scene, alone, paths, lists, asked))]
+        if has.media
+        else []
+    )
     medium_stack = types.uint32 if has.media else types.none
     bad, scale, number = typeof(output.bad), typeof(options.scale), types.int64
     scattering = [(each, (scene, paths, lists, asked, lit, lit)) for each in kinds_of_scattering(has)]
     return [
-        (arrive, (scene, paths, lists, asked, lit)),
+        (shade_hits, (scene, paths, lists, asked, lit)),
         (intersect_closest, (scene, alone, stack, paths, lists)),
         *scattering,
         *in_media,
         (choose_lights, (scene, paths, lists, asked)),
-        (miss, (scene, paths, lists, asked, lit)),
-        (bring_light, (scene, alone, stack, paths, lists, asked)),
+        (shade_misses, (scene, paths, lists, asked, lit)),
+        (resolve_shadow_rays, (scene, alone, stack, paths, lists, asked)),
         (trace_shadow_rays, (scene, alone, stack, paths, lists, asked)),
-        (begin, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion), medium_stack)),
+        (start_paths, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion), medium_stack)),
         (accumulate_film, (paths, lists, film, scale, number, wanted, bad, number)),
     ]

@@ -11,30 +11,30 @@ from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.bsdfs import (
     Material,
-    answer_conductor,
-    answer_diffuse,
-    answer_in_medium,
-    answer_metallic_roughness,
-    answer_rare,
-    answer_specular,
+    eval_and_sample_conductor,
+    eval_and_sample_diffuse,
+    eval_and_sample_in_medium,
+    eval_and_sample_metallic_roughness,
+    eval_and_sample_rare,
+    eval_and_sample_specular,
 )
 from renderer.kernel.backends.cpu.lists import (
     ACTIVE,
     CONDUCTOR,
     DIFFUSE,
-    DRIFTING,
+    MEDIUM_VERTICES,
     METALLIC_ROUGHNESS,
     NODES,
     RARE,
     RARE_SPECULAR,
     SPECULAR,
     append,
-    cut,
-    eight,
+    eight_rows,
     length,
     pad,
     put,
     row,
+    truncate,
 )
 from renderer.kernel.backends.cpu.rows import (
     PATHS,
@@ -63,9 +63,9 @@ from renderer.kernel.steps.continue_or_end import continue_or_end
 from renderer.kernel.steps.mis import light_weight
 from renderer.kernel.steps.random_blocks import draw_scattering
 from renderer.kernel.steps.sample_direct_light import sample_direct_light
-from renderer.kernel.steps.splitting import beside, splits, turned
+from renderer.kernel.steps.splitting import second_branch_numbers, second_branch_stream, splits
 from renderer.kernel.steps.state import BsdfSample, Crossings, PathState, Ray, with_radiance
-from renderer.wide.values import as_wide, nil, where
+from renderer.wide.values import as_wide, where, zero_like
 
 __all__ = ["kinds_of_scattering", "scatter_vertices"]
 
@@ -107,7 +107,7 @@ def _splitting(pool, lists, which):
         put(lists, NODES, count, path)
         specular = np.uint32(load_int(pool, at(path, _LIST))) == _RARE_SPECULAR
         count += np.uintp(splits(pool[at(path, _NUMBER)], specular))
-    cut(lists, NODES, count)
+    truncate(lists, NODES, count)
     return NODES
 
 
@@ -116,7 +116,7 @@ def _copy_vertices(scene, pool, rows, stream, facet, shading):
     """Copies the vertices to the rows of second branches, with random numbers of their own."""
     others = rows + SECOND
     own = gather(pool, rows, Sample)
-    pixel = beside(stream).pixel
+    pixel = second_branch_stream(stream).pixel
     scatter(pool, others, Sample(pixel, own.number, own.place, own.x, own.y, own.time, own.start, own.branches))
     scatter(pool, others, gather(pool, rows, RowHit))
     scatter(pool, others, facet)
@@ -144,9 +144,9 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
     """
     taken = _splitting(pool, lists, which) if second else which
     for k in range(0, pad(lists, taken), 8):
-        rows = eight(lists, taken, k)
+        rows = eight_rows(lists, taken, k)
         ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
-        none = nil(ray.pdf)
+        none = zero_like(ray.pdf)
         facet, shading, chosen = gather(pool, rows, Facet), gather(pool, rows, Shading), gather(pool, rows, ChosenLight)
         surface = surface_of(pool, rows, facet, shading)
         m = _material(scene, pool, rows, surface)
@@ -158,7 +158,7 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
         stream = streams_of(pool, rows, options)
         u = draw_scattering(stream, path.number)
         if second:
-            u = turned(u)
+            u = second_branch_numbers(u)
         f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, u[2], (u[0], u[1]))
         branches = none + _ONE
         if is_lit is not None:
@@ -195,37 +195,37 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
 @subroutine
 def _scatter_diffuse(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, _DIFFUSE, answer_diffuse, True, _YES, options, lit, second)
+    _scatter(scene, pool, lists, _DIFFUSE, eval_and_sample_diffuse, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_specular(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, _SPECULAR, answer_specular, None, _YES, options, lit, False)
+    _scatter(scene, pool, lists, _SPECULAR, eval_and_sample_specular, None, _YES, options, lit, False)
 
 
 @subroutine
 def _scatter_metallic_roughness(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, answer_metallic_roughness, True, _YES, options, lit, second)
+    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, eval_and_sample_metallic_roughness, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_conductor(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, _CONDUCTOR, answer_conductor, True, _YES, options, lit, second)
+    _scatter(scene, pool, lists, _CONDUCTOR, eval_and_sample_conductor, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_rare(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, _RARE, answer_rare, True, _YES, options, lit, second)
+    _scatter(scene, pool, lists, _RARE, eval_and_sample_rare, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_in_medium(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, DRIFTING, answer_in_medium, True, _NO, options, lit, second)
+    _scatter(scene, pool, lists, MEDIUM_VERTICES, eval_and_sample_in_medium, True, _NO, options, lit, second)
 
 
 @subroutine
@@ -238,7 +238,7 @@ def scatter_vertices(scene, pool, lists, options, lit, second):
     never_inline()
     if scene.has.layers is not None and length(lists, _RARE) > 0:
         _scatter_rare(scene, pool, lists, options, lit, second)
-    if scene.has.media is not None and length(lists, DRIFTING) > 0:
+    if scene.has.media is not None and length(lists, MEDIUM_VERTICES) > 0:
         _scatter_in_medium(scene, pool, lists, options, lit, second)
     if length(lists, _DIFFUSE) > 0:
         _scatter_diffuse(scene, pool, lists, options, lit, second)

@@ -11,7 +11,7 @@ from renderer.arrays.rows import DIFFUSE as _LAMBERT
 from renderer.arrays.rows import LAYER_SLOTS
 from renderer.jit import device, local_floats, never_inline, subroutine
 from renderer.kernel import vec
-from renderer.kernel.backends.cpu.lists import DIFFUSE, DONE, LIT, RARE, WITHIN, append, length, row
+from renderer.kernel.backends.cpu.lists import DIFFUSE, DONE, LIT, RARE, SUBSURFACE_VERTICES, append, length, row
 from renderer.kernel.backends.cpu.rows import (
     Appearance,
     Axes,
@@ -28,10 +28,10 @@ from renderer.kernel.backends.cpu.rows import (
     time_of,
 )
 from renderer.kernel.material.material import look_up_layers
-from renderer.kernel.medium.subsurface import go_within
+from renderer.kernel.medium.subsurface import enter_subsurface
 from renderer.kernel.steps.state import PathState, Ray, with_throughput
 
-__all__ = ["scatter_within"]
+__all__ = ["trace_subsurface"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -55,14 +55,14 @@ def _store_exit(pool, path, surface, which):
 
 
 @subroutine
-def scatter_within(scene, alone, pool, lists, options):
+def trace_subsurface(scene, alone, pool, lists, options):
     """Decides for each listed path whether it enters the surface, and lists it by its scattering model there, and for light
     sampling.
     """
     never_inline()
     layers = local_floats(LAYER_SLOTS)
-    for k in range(length(lists, WITHIN)):
-        number = row(lists, WITHIN, k)
+    for k in range(length(lists, SUBSURFACE_VERTICES)):
+        number = row(lists, SUBSURFACE_VERTICES, k)
         facet, shading = gather(pool, number, Facet), gather(pool, number, Shading)
         surface, time = surface_of(pool, number, facet, shading), time_of(scene.has.motion, pool, number)
         axes, n, seen = gather(pool, number, Axes), gather(pool, number, Mapped).normal, gather(pool, number, Appearance)
@@ -75,7 +75,7 @@ def scatter_within(scene, alone, pool, lists, options):
             look_up_layers(scene, surface.material, *looked_up, frame, layers, time)
         stream = streams_of(pool, number, options)
         vertices = np.uint32(path.number)
-        within = go_within(scene, alone, surface, n, kind, seen.base, layers, wo, path.throughput, stream, vertices, time)
+        within = enter_subsurface(scene, alone, surface, n, kind, seen.base, layers, wo, path.throughput, stream, vertices, time)
         scatter(pool, number, with_throughput(path, within.throughput))
         if vec.maximum(within.throughput) <= _ZERO:
             pool[at(number, _SURVIVAL)] = _ZERO  # absorbed

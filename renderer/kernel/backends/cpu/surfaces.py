@@ -22,11 +22,11 @@ from renderer.kernel.backends.cpu.lists import (
     SCATTERING,
     SPECULAR,
     SPHERES,
+    SUBSURFACE_VERTICES,
     TRIANGLES,
-    WITHIN,
     append,
     clear,
-    eight,
+    eight_rows,
     length,
     pad,
     row,
@@ -60,10 +60,10 @@ from renderer.kernel.steps.mis import hit_weight
 from renderer.kernel.steps.pass_through import absorb, counts_emission, is_passed, pass_through
 from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.state import Crossings, PathState, Ray, no_crossings, with_throughput
-from renderer.kernel.surface.surface import shines, sphere_at
-from renderer.wide.values import any_of, lookup, nil, not_, u32, where, where3
+from renderer.kernel.surface.surface import is_emissive, sphere_at
+from renderer.wide.values import any_of, lookup, not_, u32, where, where3, zero_like
 
-__all__ = ["arrive", "miss"]
+__all__ = ["shade_hits", "shade_misses"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -76,19 +76,19 @@ _DIFFUSE, _METALLIC_ROUGHNESS, _CONDUCTOR, _UNLIT = (
 _RARE_METAL, _SCATTERS_WITHIN = np.uint32(kinds.NEEDS_TANGENT | kinds.BECKMANN), np.uint32(kinds.SCATTERS_WITHIN)
 _TRANSMITS = np.uint32(kinds.TRANSMITS)
 _TO_DIFFUSE, _TO_SPECULAR, _TO_METALLIC_ROUGHNESS, _TO_CONDUCTOR, _TO_RARE, _TO_RARE_SPECULAR, _TO_WITHIN = (
-    np.uint32(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR, WITHIN)
+    np.uint32(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR, SUBSURFACE_VERTICES)
 )
 _OVER, _THROUGH = np.uint32(DONE), np.uint32(PASSED)
 _LIST, _LIGHT_PDF = column(Shading, "list"), column(ChosenLight, "pdf")
 
 
 @subroutine
-def miss(scene, pool, lists, options, is_recorded):
-    """Adds environment and sun light to the paths that hit nothing, and ends them. is_recorded: as in `arrive`."""
+def shade_misses(scene, pool, lists, options, is_recorded):
+    """Adds environment and sun light to the paths that hit nothing, and ends them. is_recorded: as in `shade_hits`."""
     never_inline()
     count = pad(lists, MISSED)
     for k in range(0, count, 8):
-        rows = eight(lists, MISSED, k)
+        rows = eight_rows(lists, MISSED, k)
         ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
         seen, counts = emitted_by_environment(scene, ray), ray.pdf >= _ZERO
         weight = hit_weight(ray.pdf, seen.light_pdf)
@@ -124,7 +124,7 @@ def _store_appearance(scene, pool, rows, surface, through, parameters, eta, fram
     """Writes the vertices' materials and frames to the rows, in scenes with textures."""
     if scene.has.textures is not None:
         s, t, n = frame
-        none = nil(eta)
+        none = zero_like(eta)
         base, metallic, roughness, _ = parameters
         facing = where3(has_flag(scene, surface.material, _TRANSMITS), (none, none, none), n)
         if any_of(through):
@@ -139,10 +139,10 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
     """Processes the surfaces that the paths on one list have hit."""
     never_inline()
     for k in range(0, pad(lists, which), 8):
-        rows = eight(lists, which, k)
+        rows = eight_rows(lists, which, k)
         ray, path, met = gather(pool, rows, Ray), gather(pool, rows, PathState), gather(pool, rows, RowHit)
         time, passed = time_of(scene.has.motion, pool, rows), met.passed
-        none = nil(ray.pdf)
+        none = zero_like(ray.pdf)
         hit = Hit(met.t, met.primitive, met.u, met.v, met.instance, time)
         if which == TRIANGLES:
             surface = surfaces_at(scene, ray.d, hit)
@@ -151,7 +151,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         stream = streams_of(pool, rows, options)
         through = is_passed(scene, surface, stream, path.number + passed, options, time)
         path = with_throughput(path, absorb(scene, surface, through, path.throughput, gather(pool, rows, Facet).point))
-        lit, weight = shines(surface) & (ray.pdf >= _ZERO) & counts_emission(scene, surface, through), none
+        lit, weight = is_emissive(surface) & (ray.pdf >= _ZERO) & counts_emission(scene, surface, through), none
         if any_of(lit):
             seen = emitted_light(scene, surface, lit, ray, last_vertex(scene, pool, rows), time)
             weight = hit_weight(ray.pdf, seen.light_pdf)
@@ -197,7 +197,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
 
 
 @subroutine
-def arrive(scene, pool, lists, options, is_recorded):
+def shade_hits(scene, pool, lists, options, is_recorded):
     """Processes the surfaces that were hit: adds emission, and lists the paths by their scattering model.
 
     is_recorded: whether a path is being recorded.
@@ -208,7 +208,7 @@ def arrive(scene, pool, lists, options, is_recorded):
     clear(lists, LIT)
     clear(lists, PASSED)
     if scene.has.media is not None:
-        clear(lists, WITHIN)
+        clear(lists, SUBSURFACE_VERTICES)
     for which in (TRIANGLES, SPHERES):
         if length(lists, which) > 0:
             _arrive(scene, pool, lists, which, options, is_recorded)

@@ -30,10 +30,10 @@ __all__ = [
     "SHEAR",
     "STACK_SIZE",
     "TOP",
+    "load_index",
+    "load_vector",
     "new_stacks",
     "start_traversal",
-    "three",
-    "word",
 ]
 
 INVERSE, NEAR, FAR, AXES, SHEAR, ORIGIN = (
@@ -63,13 +63,13 @@ def new_stacks() -> npt.NDArray[np.float32]:
 
 
 @device
-def three(pool, place):
+def load_vector(pool, place):
     """Returns three consecutive floats of the pool from a flat index on, as a vector."""
     return pool[place], pool[place + _1], pool[place + _2]
 
 
 @device
-def word(array, place):
+def load_index(array, place):
     """Returns the integer at a flat index, as an array index."""
     return np.uintp(np.uint32(load_int(array, place)))
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.hit_keys import beyond, key_limit, least, masked, nearest, nearest_of, ranked
+from renderer.bvh.hit_keys import hit_keys, key_limit, keys_beyond, masked, minimum_key, nearest, nearest_of
 from renderer.bvh.layout import INSTANCE, NODE_SIZE, ROW_CHILD, WIDTH
-from renderer.bvh.node_test import is_nearer, meet_boxes, primitive_of, tie_of
+from renderer.bvh.node_test import intersect_boxes, is_nearer, primitive_of, tie_of
 from renderer.bvh.packet import intersect_spheres, intersect_triangles
 from renderer.bvh.prefetch import prefetch_child
 from renderer.bvh.simd import bits, load, load_int, lowest_bit, select, splat, store, store_int
@@ -43,13 +43,13 @@ from renderer.kernel.backends.cpu.traversal_state import (
     PLANES,
     SHEAR,
     TOP,
-    three,
-    word,
+    load_index,
+    load_vector,
 )
 from renderer.kernel.steps.state import Ray
 from renderer.wide.values import as_ints
 
-__all__ = ["CLOSEST", "walk"]
+__all__ = ["CLOSEST", "traverse_rays"]
 
 CLOSEST = np.bool_(True)
 _ZERO = np.float32(0.0)
@@ -73,17 +73,17 @@ _NODES, _PACKETS, _OTHERS, _ENDED = (np.uintp(k) for k in (NODES, PACKETS, OTHER
 @device
 def _lanes(pool, place):
     """Returns three consecutive floats, each in all lanes."""
-    x, y, z = three(pool, place)
+    x, y, z = load_vector(pool, place)
     return splat(x), splat(y), splat(z)
 
 
 @device
 def _boxes(node, base, pool, path, t_max):
-    """Returns `meet_boxes` of a row's ray. path: the row's flat offset."""
+    """Returns `intersect_boxes` of a row's ray. path: the row's flat offset."""
     k = path + PLANES
-    planes = word(pool, k), word(pool, k + _1), word(pool, k + _2)
+    planes = load_index(pool, k), load_index(pool, k + _1), load_index(pool, k + _2)
     inverse, near, far = _lanes(pool, path + INVERSE), _lanes(pool, path + NEAR), _lanes(pool, path + FAR)
-    return meet_boxes(node, base, planes, inverse, near, far, _ZERO, t_max)
+    return intersect_boxes(node, base, planes, inverse, near, far, _ZERO, t_max)
 
 
 @device
@@ -103,9 +103,9 @@ def _pop_nearest(node, stack, top, limit):
     while key > limit:
         top -= LEVEL
         key = load_int(stack, top + _W)
-    base = word(stack, top + _W + _1) * _NODE
+    base = load_index(stack, top + _W + _1) * _NODE
     child = load_int(node, base + _CHILDREN + np.uintp(np.uint32(key & _LANE)))
-    rest = least(beyond(load(stack, top), key))
+    rest = minimum_key(keys_beyond(load(stack, top), key))
     over = key < np.int32(0)
     store_int(stack, top + _W, select(over, key, rest))
     return child, select(rest > limit, top - LEVEL, top), over
@@ -115,7 +115,7 @@ def _pop_nearest(node, stack, top, limit):
 def _pop_any(node, stack, top):
     """Pops a pending child from a shadow ray's stack: (the child, the stack's new top, whether the stack was empty)."""
     left = np.uint32(load_int(stack, top))
-    base = word(stack, top + _1) * _NODE
+    base = load_index(stack, top + _1) * _NODE
     child = load_int(node, base + _CHILDREN + np.uintp(lowest_bit(left | _LAST)))
     rest = np.uint32(left & np.uint32(left - _BIT))
     store_int(stack, top, np.int32(rest))
@@ -126,8 +126,8 @@ def _pop_any(node, stack, top):
 def _pop(node, pool, path, stack, closest):
     """Pops a row's next child: (child, the stack's new top, whether the traversal has ended)."""
     if closest is not None:
-        return _pop_nearest(node, stack, word(pool, path + TOP), key_limit(pool[path + BEST]))
-    child, top, over = _pop_any(node, stack, word(pool, path + TOP))
+        return _pop_nearest(node, stack, load_index(pool, path + TOP), key_limit(pool[path + BEST]))
+    child, top, over = _pop_any(node, stack, load_index(pool, path + TOP))
     return child, top, over | (pool[path + OCCLUDED] != _ZERO)
 
 
@@ -155,13 +155,13 @@ def _visit_nodes(bvh, pool, stack, lists, closest):
         path = at(row(lists, NODES, k), np.uintp(0))
         this = load_int(pool, path + CHILD)
         base = np.uintp(np.uint32(this)) * _NODE
-        top = word(pool, path + TOP)
+        top = load_index(pool, path + TOP)
         above = top + LEVEL
         if closest is not None:
             best = pool[path + BEST]
             met, distance = _boxes(bvh.node, base, pool, path, best)
-            keys = ranked(met, distance)
-            key = least(keys)
+            keys = hit_keys(met, distance)
+            key = minimum_key(keys)
             store(stack, above, keys)
             store_int(stack, above + _W, key)
             store_int(stack, above + _W + _1, this)
@@ -179,7 +179,11 @@ def _visit_nodes(bvh, pool, stack, lists, closest):
 def _axes_of(pool, path):
     """Returns (rows of the axes, shear, origin) of a row's ray, for `intersect_triangles`."""
     k = path + AXES
-    return (word(pool, k), word(pool, k + _1), word(pool, k + _2)), three(pool, path + SHEAR), three(pool, path + ORIGIN)
+    return (
+        (load_index(pool, k), load_index(pool, k + _1), load_index(pool, k + _2)),
+        load_vector(pool, path + SHEAR),
+        load_vector(pool, path + ORIGIN),
+    )
 
 
 @device
@@ -265,7 +269,7 @@ def _visit_packets(bvh, motion, alone, pool, stack, lists, closest):
 def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
     """Intersects a row's ray with a packet of spheres, and updates its hit."""
     place = place_at(bvh, leaf, alone, time)
-    hit, t = intersect_spheres(place, three(pool, path + _O), three(pool, path + _D), best * MORE, None, None, None)
+    hit, t = intersect_spheres(place, load_vector(pool, path + _O), load_vector(pool, path + _D), best * MORE, None, None, None)
     distance, lane = nearest(hit, t)
     found = primitive_of(bvh.packet, leaf, lane)
     if is_nearer(distance, found, best, _tie(bvh, pool, path)):
@@ -279,7 +283,7 @@ def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
 @device
 def _meet_instance(bvh, alone, pool, path, instance, best, time):
     """Intersects a row's ray with an instance, whose tree is traversed by this ray alone, and updates its hit."""
-    o, d = three(pool, path + _O), three(pool, path + _D)
+    o, d = load_vector(pool, path + _O), load_vector(pool, path + _D)
     holder = load_int(pool, path + _INSTANCE)
     found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best, holder, time, None, FACING)
     if found[1] != NO_PRIMITIVE:
@@ -293,8 +297,8 @@ def _meet_instance(bvh, alone, pool, path, instance, best, time):
 @device
 def _occlude_by_others(bvh, alone, pool, path, leaf, time):
     """Tests a row's shadow ray against an instance, or a packet of spheres."""
-    o = three(pool, path + _START)
-    d = vec.sub(three(pool, path + _END), o)
+    o = load_vector(pool, path + _START)
+    d = vec.sub(load_vector(pool, path + _END), o)
     if bvh.instances is not None and leaf & INSTANCE:
         occluded = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, SHADOW_REACH, time)
     else:
@@ -322,7 +326,7 @@ def _visit_others(bvh, motion, alone, pool, stack, lists, closest):
 
 
 @device
-def walk(bvh, motion, alone, pool, stack, lists, closest):
+def traverse_rays(bvh, motion, alone, pool, stack, lists, closest):
     """Traces the rays on the list NODES; they end on the list ENDED.
 
     closest: CLOSEST finds their closest hits, and writes RowHit, and the distance to BEST; None tests whether shadow rays are

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.jit import device, template
 from renderer.kernel import vec
-from renderer.kernel.backends.scalar.visibility import left_between
+from renderer.kernel.backends.scalar.visibility import shadow_transmittance
 from renderer.kernel.light.lights import sample_light
 from renderer.kernel.material.material import eval_material
 from renderer.kernel.sampling.sampler import substream
@@ -19,7 +19,7 @@ from renderer.kernel.steps.pass_through import counts_emission
 from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.sample_direct_light import add_direct_light, sample_direct_light
 from renderer.kernel.steps.state import with_radiance
-from renderer.kernel.surface.surface import shines
+from renderer.kernel.surface.surface import is_emissive
 
 __all__ = ["add_direct", "add_emission", "add_environment", "has_lights"]
 
@@ -50,7 +50,7 @@ def add_environment(scene, ray, path, last, options, time, weigh_hit):
 @template
 def add_emission(scene, surface, through, ray, path, last, options, time, weigh_hit):
     """Returns the path with the light added that the surface hit emits. through: whether the path passes through the surface."""
-    if shines(surface) and ray.pdf >= _ZERO and counts_emission(scene, surface, through):
+    if is_emissive(surface) and ray.pdf >= _ZERO and counts_emission(scene, surface, through):
         seen = emitted_light(scene, surface, _YES, ray, last, time)
         weight = weigh_hit(options, ray, path, last, surface.point, seen.light_pdf)
         path = add_light(path, vec.scale(seen.radiance, weight), _YES, options)
@@ -75,7 +75,7 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
             shadow = sample_direct_light(scene, surface, path, light, wi, f, weight, crossings.medium_stack, is_surface)
             if shadow.is_cast:
                 rays += 1
-                left = left_between(scene, stack, shadow, crossings.counts, options, time)
+                left = shadow_transmittance(scene, stack, shadow, crossings.counts, options, time)
                 if vec.maximum(left) > _ZERO:
                     radiance = add_direct_light(path.radiance, shadow.brought, left, shadow.segments, options)
                     path = with_radiance(path, radiance)

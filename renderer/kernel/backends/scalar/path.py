@@ -15,9 +15,17 @@ from renderer.jit import local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import store_first_hit
 from renderer.kernel.backends.scalar.light import add_direct, add_emission, add_environment
-from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, arrive, enter_subsurface, medium_vertex, surface_vertex
+from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, medium_vertex, reach_surface, subsurface_vertex, surface_vertex
 from renderer.kernel.material.material import is_specular
-from renderer.kernel.path_trace import DIRECT, EMITTED, record_beside, record_light, record_medium, record_miss, record_surface
+from renderer.kernel.path_trace import (
+    DIRECT,
+    EMITTED,
+    record_light,
+    record_medium,
+    record_miss,
+    record_second_branch,
+    record_surface,
+)
 from renderer.kernel.steps.continue_or_end import continue_or_end, is_last
 from renderer.kernel.steps.emitted_light import add_light
 from renderer.kernel.steps.medium_event import medium_event
@@ -25,7 +33,7 @@ from renderer.kernel.steps.pass_through import pass_through
 from renderer.kernel.steps.random_blocks import draw_scattering
 from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.scatter import cross_surface, scatter
-from renderer.kernel.steps.splitting import beside, splits, turned
+from renderer.kernel.steps.splitting import second_branch_numbers, second_branch_stream, splits
 from renderer.kernel.steps.state import Crossings, LastVertex, camera_path, no_crossings, with_radiance, with_throughput
 from renderer.kernel.surface.surface import surface_at
 from renderer.prune_absent_features import where_present
@@ -60,9 +68,9 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
         light = vec.add(light, path.radiance)
         if not splits_here:
             break
-        stream, own_log = beside(stream), log[:0]
+        stream, own_log = second_branch_stream(stream), log[:0]
     if path.number > _ZERO:
-        record_beside(log, path.radiance)
+        record_second_branch(log, path.radiance)
     return light, rays
 
 
@@ -95,7 +103,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
             record_medium(log, row, vertex.surface.point, distance, ray, path)
         else:
             surface = surface_at(scene, ray.o, ray.d, hit)
-            through, path = arrive(scene, surface, path, last, row, stream, options, time)
+            through, path = reach_surface(scene, surface, path, last, row, stream, options, time)
             record_surface(log, row, surface, surface.point, through, hit.t, ray, path)
             path = add_emission(scene, surface, through, ray, path, last, options, time, weigh_hit)
             if through:
@@ -117,7 +125,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
         if is_last(path, crossings.counts, unlit, options):
             break
         if scene.has.media is not None:
-            vertex, path = enter_subsurface(scene, stack, vertex, path, stream, time)
+            vertex, path = subsurface_vertex(scene, stack, vertex, path, stream, time)
             if vec.maximum(path.throughput) <= _ZERO:
                 break
 
@@ -133,7 +141,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
         if branches > _ONE:
             dark = with_radiance(path, _BLACK)
             own_ray, second, beyond, survival = _scatter(
-                scene, vertex, ray, dark, crossings, turned(u), branches, is_surface, options, sample_bsdf
+                scene, vertex, ray, dark, crossings, second_branch_numbers(u), branches, is_surface, options, sample_bsdf
             )
             if not survival <= _ZERO:
                 other, splits_here = (own_ray, second, last, beyond, passed), _YES

@@ -9,13 +9,13 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.material.material import Material, factors_at, has_flag, material_of, parameters_at
 from renderer.kernel.material.normal_map import shading_frame
-from renderer.kernel.medium.subsurface import go_within
+from renderer.kernel.medium.subsurface import enter_subsurface
 from renderer.kernel.steps.disperse import disperse
 from renderer.kernel.steps.medium_event import medium_surface
 from renderer.kernel.steps.pass_through import absorb, is_passed
 from renderer.kernel.steps.state import Vertex, with_throughput
 
-__all__ = ["LAYER_SLOTS", "arrive", "enter_subsurface", "medium_vertex", "surface_vertex"]
+__all__ = ["LAYER_SLOTS", "medium_vertex", "reach_surface", "subsurface_vertex", "surface_vertex"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -29,7 +29,7 @@ _TRANSMITS, _SCATTERS_WITHIN = np.uint32(TRANSMITS), np.uint32(SCATTERS_WITHIN)
 
 
 @device
-def arrive(scene, surface, path, last, row, stream, options, time):
+def reach_surface(scene, surface, path, last, row, stream, options, time):
     """Returns (whether the path passes through the surface that it hit, the path with its throughput there).
 
     row: number of surfaces hit before, a float.
@@ -66,7 +66,7 @@ def medium_vertex(scene, ray, event, layers):
 
 
 @device
-def enter_subsurface(scene, stack, vertex, path, stream, time):
+def subsurface_vertex(scene, stack, vertex, path, stream, time):
     """Returns (the Vertex at which the path scatters, the path): unchanged, or the exit of a subsurface walk.
 
     The throughput is 0 where the walk was absorbed.
@@ -76,7 +76,7 @@ def enter_subsurface(scene, stack, vertex, path, stream, time):
         return vertex, path
     known = material.kind, material.base, material.layers, vertex.wo
     number = np.uint32(path.number)
-    within = go_within(scene, stack, vertex.surface, n, *known, path.throughput, stream, number, time)
+    within = enter_subsurface(scene, stack, vertex.surface, n, *known, path.throughput, stream, number, time)
     if within.enters:
         n = within.surface.shading
         s, t = vec.basis(n)

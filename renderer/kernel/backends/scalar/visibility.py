@@ -13,7 +13,7 @@ from renderer.kernel.medium.medium_stack import coefficients, crossed
 from renderer.kernel.steps.depths import is_layer, layers_left
 from renderer.kernel.surface.surface import surface_at
 
-__all__ = ["left_between", "light_left", "transmittance"]
+__all__ = ["shadow_transmittance", "transmittance", "transmittance_rgb"]
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
@@ -22,7 +22,7 @@ _WORLD = np.uint32(0)
 
 
 @subroutine
-def light_left(scene, stack, start, end, medium_stack, layers, time):
+def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time):
     """Returns the transmittance, rgb 0 ... 1, between two points, through transparent surfaces and media.
 
     Hits have the distances of `any_hit`: with those biased towards the origin (`intersect_triangles` in renderer/bvh/packet.py) a
@@ -60,17 +60,17 @@ def transmittance(scene, stack, start, end, transparent, layers, time=None):
     layers: number of such surfaces that the light passes at most, float32; infinite: no limit. time: as for `closest_hit`.
     """
     if scene.has.textures is not None and transparent:
-        return light_left(scene, stack, start, end, _WORLD, layers, time)[0]
+        return transmittance_rgb(scene, stack, start, end, _WORLD, layers, time)[0]
     way = vec.sub(end, start)
     return _ZERO if any_hit(scene.bvh, stack, start, way, SHADOW_REACH, time, shadow_root(scene.bvh)) else _ONE
 
 
 @device
-def left_between(scene, stack, shadow, counts, options, time):
+def shadow_transmittance(scene, stack, shadow, counts, options, time):
     """Returns the transmittance, rgb, of a ShadowRay. counts: of the path's Crossings; time: shutter time."""
     layers = layers_left(counts, options)
     if scene.has.media is not None and options.transparent:
-        return light_left(scene, stack, shadow.start, shadow.end, shadow.medium_stack, layers, time)
+        return transmittance_rgb(scene, stack, shadow.start, shadow.end, shadow.medium_stack, layers, time)
     share = transmittance(scene, stack, shadow.start, shadow.end, options.transparent, layers, time)
     left = share, share, share
     if scene.has.media is not None:

@@ -243,7 +243,7 @@ TEXTURED = {"base_color_texture": 0, "metallic_roughness_texture": 1}
 COATED = {"clearcoat": 0.8, "clearcoat_roughness": 0.1, "sheen_color": gray(0.4), "sheen_roughness": 0.5}
 
 FEATURES: dict[str, Feature] = {
-    # What the plain edition has
+    # What the plain variant has
     "diffuse": _of(GRAY),
     "mirror": _of(Material(kind="mirror", base_color=gray(0.9))),
     "glass": _of(Material(**GLASS)),

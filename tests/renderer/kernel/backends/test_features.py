@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderer import render
-from renderer.arrays.kernel_variant import edition_of
+from renderer.arrays.kernel_variant import variant_of
 from renderer.film import COLOR, SAMPLES, Sums
 from renderer.kernel import accumulate
 from renderer.render import RenderStats, render_frame
@@ -33,7 +33,7 @@ def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, 
         return render_frame(scene, settings, SPP, stats=stats), stats
     with monkeypatch.context() as patched:
         patched.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
-        patched.setattr(render, "has_editions", lambda _: False)
+        patched.setattr(render, "has_variants", lambda _: False)
         return render_frame(scene, settings, SPP, stats=stats), stats
 
 
@@ -48,15 +48,15 @@ def test_a_feature_has_the_same_bits_in_both_backends(name: str, monkeypatch: py
     assert pool[COLOR].any() == (name != "no light")
 
 
-def test_the_features_ask_for_all_editions() -> None:
+def test_the_features_ask_for_all_variants() -> None:
     """Otherwise the tests above would compare nothing."""
     names = list(FEATURES)
     full, moving, media = names.index("textures"), names.index(MOVING[0]), names.index(MEDIA[0])
     for k, name in enumerate(names):
         scene, settings = made(name)
-        edition = "media" if k >= media else "moving" if k >= moving else "full" if k >= full else "plain"
-        edition = "moving-media" if name == MOVING_MEDIA else edition
-        assert edition_of(scene, len(settings.views) > 0) == edition, name
+        variant = "media" if k >= media else "moving" if k >= moving else "full" if k >= full else "plain"
+        variant = "moving-media" if name == MOVING_MEDIA else variant
+        assert variant_of(scene, len(settings.views) > 0) == variant, name
 
 
 @pytest.mark.long

@@ -7,7 +7,7 @@ import pytest
 
 from renderer.arrays.scene import seal
 from renderer.jit import entry
-from renderer.kernel.light.environment import choose, choose_from, environment_light, sample_environment
+from renderer.kernel.light.environment import environment_light, sample_cdf, sample_cdf_row, sample_environment
 from renderer.scene.cutpoints import cutpoints
 from renderer.scene.description import Environment, Image, Material, SceneDescription
 from renderer.scene.environment import search_tables, tabulate_environment
@@ -35,13 +35,13 @@ def _run(which, made, given, direction, value):
 @entry
 def _choose(cdf, u, index, rest, width):
     for i in range(len(u)):
-        index[i], rest[i], width[i] = choose(cdf, u[i])
+        index[i], rest[i], width[i] = sample_cdf(cdf, u[i])
 
 
 @entry
 def _choose_from(cdf, start, u, index, rest, width):
     for i in range(len(u)):
-        index[i], rest[i], width[i] = choose_from(cdf, start, np.uint32(0), u[i])
+        index[i], rest[i], width[i] = sample_cdf_row(cdf, start, np.uint32(0), u[i])
 
 
 @functools.cache

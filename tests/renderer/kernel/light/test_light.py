@@ -10,7 +10,7 @@ from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit, new_stack
 from renderer.jit import entry
 from renderer.kernel import vec
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light
-from renderer.kernel.surface.surface import shines, surface_at
+from renderer.kernel.surface.surface import is_emissive, surface_at
 from renderer.scene.description import Environment, Material, Sky, Sphere
 from renderer.scene.lights import chosen_by
 from tests.grids import grid
@@ -46,7 +46,7 @@ def _density(made, stack, p, n, direction, pdf):
         hit = closest_hit(made.bvh, stack, o, d, np.float32(np.inf), None)
         if hit.primitive != NO_PRIMITIVE:
             surface = surface_at(made, o, d, hit)
-            if shines(surface):
+            if is_emissive(surface):
                 cosine = -vec.dot(surface.geometric, d)
                 pdf[i] += primitive_light_pdf(made, surface.light, o, (n[0], n[1], n[2]), surface.point, cosine, True, None)
 

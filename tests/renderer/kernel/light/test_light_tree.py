@@ -6,7 +6,7 @@ import pytest
 from renderer.arrays.light_rows import CHILD, CORNER_ERROR, END, NO_END
 from renderer.arrays.rows import PART_MATERIAL
 from renderer.jit import entry
-from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
+from renderer.kernel.light.light_tree import sample_light_tree, tree_probability
 from renderer.scene.description import Light, Material, Sphere
 from renderer.scene.lights import TREE_FROM, chosen_by
 from tests.renderer.builders import emitter, gray, scene, square
@@ -19,14 +19,14 @@ POINTS = 40
 def _choose(made, p, n, u, light, chance, again):
     point, normal = (p[0], p[1], p[2]), (n[0], n[1], n[2])
     for i in range(len(u)):
-        light[i], chance[i] = choose_from_tree(made.light_node, point, normal, u[i])
-        again[i] = tree_chance(made.light_node, point, normal, np.int32(light[i]))
+        light[i], chance[i] = sample_light_tree(made.light_node, point, normal, u[i])
+        again[i] = tree_probability(made.light_node, point, normal, np.int32(light[i]))
 
 
 @entry
 def _chances(made, p, n, chance):
     for light in range(len(chance)):
-        chance[light] = tree_chance(made.light_node, (p[0], p[1], p[2]), (n[0], n[1], n[2]), np.int32(light))
+        chance[light] = tree_probability(made.light_node, (p[0], p[1], p[2]), (n[0], n[1], n[2]), np.int32(light))
 
 
 def chances(made, p, n):

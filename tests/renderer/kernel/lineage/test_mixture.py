@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from renderer.jit import entry
-from renderer.kernel.lineage.mixture import aim, target_density
+from renderer.kernel.lineage.mixture import sample_towards, target_density
 from renderer.scene.description import Material, Sphere
 from tests.grids import grid
 from tests.renderer.builders import emitter, gray, scene, square
@@ -17,7 +17,7 @@ POINTS = [(0.1, -0.2, 0.3), (0.0, 0.0, 1.2), (-0.6, 0.9, -0.4)]
 @entry
 def _aim(made, primitive, p, u, direction, pdf):
     for i in range(len(u)):
-        d, pdf[i] = aim(made, primitive, (p[0], p[1], p[2]), (u[i, 0], u[i, 1]))
+        d, pdf[i] = sample_towards(made, primitive, (p[0], p[1], p[2]), (u[i, 0], u[i, 1]))
         for k in range(3):
             direction[i, k] = d[k]
 

@@ -6,7 +6,7 @@ import pytest
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit, new_stack
 from renderer.jit import entry
 from renderer.kernel import vec
-from renderer.kernel.surface.ray_origins import departure
+from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.kernel.surface.surface import surface_at
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere, Texture
@@ -27,7 +27,7 @@ def _look(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent,
         if hit.primitive == NO_PRIMITIVE:
             continue
         surface = surface_at(made, origin, direction, hit)
-        first = departure(surface, True, vec.neg(direction))
+        first = offset_ray_origin(surface, True, vec.neg(direction))
         for k in range(3):
             point[i, k] = surface.point[k]
             geometric[i, k] = surface.geometric[k]

@@ -10,7 +10,7 @@ from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, DEPTH, MATERIAL, 
 from renderer.film import in_half as in_half_of_film
 from renderer.jit import entry
 from renderer.kernel.accumulate import MAX_BAD, Batch
-from renderer.kernel.backends.cpu.accumulate_film import SUMS, accumulate_film, unfold
+from renderer.kernel.backends.cpu.accumulate_film import SUMS, accumulate_film, flush_film
 from renderer.kernel.backends.cpu.lists import DONE, LIST_SIZE, LISTS, append, clear
 from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, Sample, column
 from renderer.kernel.steps.record_first_hit import FirstHit
@@ -27,7 +27,7 @@ def _keep(pool, lists, done, film, scale, batch, bad, sums):
     for path in done:
         append(lists, DONE, path)
     bad_count = accumulate_film(pool, lists, film, scale, sums.shape[2], batch, bad, 0)
-    unfold(film, sums)
+    flush_film(film, sums)
     return bad_count
 
 

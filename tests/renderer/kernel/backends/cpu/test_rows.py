@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.bvh.simd import store
 from renderer.jit import entry
-from renderer.kernel.backends.cpu.lists import LIST_SIZE, LISTS, append, clear, eight, length, pad, row
+from renderer.kernel.backends.cpu.lists import LIST_SIZE, LISTS, append, clear, eight_rows, length, pad, row
 from renderer.kernel.backends.cpu.rows import LAYOUT, ROW, ROWS, Facet, Sample, column, gather, scatter
 from renderer.wide.fields import width_of
 from renderer.wide.values import as_floats, where
@@ -20,7 +20,7 @@ def _list(lists, which, numbers, out):
     for k in range(len(numbers)):
         append(lists, which, numbers[k])
     for k in range(0, pad(lists, which), 8):
-        store(out, np.uintp(k), as_floats(eight(lists, which, k)))
+        store(out, np.uintp(k), as_floats(eight_rows(lists, which, k)))
     return length(lists, which), row(lists, which, len(numbers) - 1)
 
 
@@ -45,7 +45,7 @@ def _rows(pool, lists, numbers, out):
     for k in range(len(numbers)):
         append(lists, 0, numbers[k])
     pad(lists, 0)
-    rows = eight(lists, 0, 0)
+    rows = eight_rows(lists, 0, 0)
     facet, sample = gather(pool, rows, Facet), gather(pool, rows, Sample)
     for c in range(3):
         store(out, np.uintp(8 * c), facet.point[c])

@@ -13,12 +13,12 @@ from renderer.bvh.simd import load_int
 from renderer.bvh.traverse import any_hit, new_stack
 from renderer.jit import entry
 from renderer.kernel import vec
-from renderer.kernel.backends.cpu.lists import ENDED, LIST_SIZE, LISTS, NODES, append, clear, eight, length, pad
+from renderer.kernel.backends.cpu.lists import ENDED, LIST_SIZE, LISTS, NODES, append, clear, eight_rows, length, pad
 from renderer.kernel.backends.cpu.rows import ROW, ROWS, Outcome, RowHit, at, column, gather, line_floats, scatter
 from renderer.kernel.backends.cpu.traversal_state import BEST, OCCLUDED, new_stacks, start_traversal
-from renderer.kernel.backends.cpu.walk import CLOSEST, walk
+from renderer.kernel.backends.cpu.walk import CLOSEST, traverse_rays
 from renderer.kernel.steps.state import Ray
-from renderer.wide.values import as_wide, nil
+from renderer.wide.values import as_wide, zero_like
 from tests.renderer.builders import icosphere, still
 from tests.renderer.bvh.rays import Hits, trace
 from tests.renderer.bvh.test_instances import directions, forest
@@ -35,13 +35,13 @@ def _together(bvh, alone, stack, pool, lists, count, out):
     for k in range(count):
         append(lists, NODES, k)
     for k in range(0, pad(lists, NODES), 8):
-        rows = eight(lists, NODES, k)
+        rows = eight_rows(lists, NODES, k)
         ray = gather(pool, rows, Ray)
-        none = nil(ray.pdf)
+        none = zero_like(ray.pdf)
         start_traversal(pool, rows, ray.o, ray.d, none + _INF, as_wide(_ROOT, none))
         nothing, number = as_wide(_NO_PRIMITIVE, none), as_wide(_NO_OBJECT, none)
         scatter(pool, rows, RowHit(none, none, none, nothing, nothing, none, number, none))
-    walk(bvh, None, alone, pool, stack, lists, CLOSEST)
+    traverse_rays(bvh, None, alone, pool, stack, lists, CLOSEST)
     for k in range(count):
         out[k, 0] = pool[at(k, BEST)]
         out[k, 1] = pool[at(k, _U)]
@@ -58,11 +58,11 @@ def _in_shade(bvh, alone, stack, pool, lists, count, out):
     for k in range(count):
         append(lists, NODES, k)
     for k in range(0, pad(lists, NODES), 8):
-        rows = eight(lists, NODES, k)
+        rows = eight_rows(lists, NODES, k)
         ray = gather(pool, rows, Outcome)
-        none = nil(ray.survival)
+        none = zero_like(ray.survival)
         start_traversal(pool, rows, ray.start, vec.sub(ray.end, ray.start), none, as_wide(_ROOT, none))
-    walk(bvh, None, alone, pool, stack, lists, None)
+    traverse_rays(bvh, None, alone, pool, stack, lists, None)
     for k in range(count):
         out[k] = pool[at(k, OCCLUDED)]
     return length(lists, ENDED)
