@@ -9,6 +9,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+import numpy as np
+import numpy.typing as npt
+
 from renderer.arrays import rows
 from renderer.errors import SceneError
 from renderer.scene.parameters import (
@@ -27,7 +30,17 @@ from renderer.scene.parameters import (
 from renderer.sentences import Sentence
 from renderer.settings import Vec3
 
-__all__ = ["ALL_REFLECTING_IOR", "MOST_DENSE", "MOST_FORWARD", "PARAMETERS", "AlphaMode", "Distribution", "Material", "check"]
+__all__ = [
+    "ALL_REFLECTING_IOR",
+    "MOST_DENSE",
+    "MOST_FORWARD",
+    "PARAMETERS",
+    "AlphaMode",
+    "Distribution",
+    "Material",
+    "check",
+    "derived_columns",
+]
 
 AlphaMode = Literal["opaque", "mask", "blend"]
 Distribution = Literal["ggx", "beckmann"]
@@ -215,3 +228,35 @@ def check(material: Material) -> None:
                     fault=fault,
                 )
             )
+
+
+def derived_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:
+    """Returns the columns of a material's row whose values differ from its parameters, or are computed from them: (first column,
+    values).
+    """
+    if m.kind == "glass":  # a principled surface that transmits everything
+        white = (1.0, 1.0, 1.0)
+        return [(rows.METALLIC, (0.0,)), (rows.TRANSMISSION, (1.0,)), (rows.SPECULAR, (1.0,)), (rows.SPECULAR_COLOR, white)]
+    if m.kind == "blinn_phong":
+        most = max(d + s for d, s in zip(m.base_color, m.specular_color, strict=True))
+        share = 1 / max(most, 1.0)  # no surface reflects more than it receives
+        diffuse, specular = (tuple(c * share for c in each) for each in (m.base_color, m.specular_color))
+        return [(rows.BASE, diffuse), (rows.SPECULAR_COLOR, specular)]
+    if m.kind == "interface":
+        return [(rows.OPACITY, (0.0,))]  # transmits all light unchanged
+    if m.kind == "conductor":
+        cosine = (np.arange(256) + 0.5) / 256
+        means = (np.mean(2 * cosine * _conductor_reflectance(cosine, e, k)) for e, k in zip(m.eta, m.k, strict=True))
+        return [(rows.MEAN_FRESNEL, tuple(map(float, means)))]
+    return []
+
+
+def _conductor_reflectance(cosine: npt.NDArray[np.float64], eta: float, k: float) -> npt.NDArray[np.float64]:
+    """Returns the Fresnel reflectance of unpolarised light at a conductor eta + i k (Born & Wolf, 14.4)."""
+    sine2 = 1 - cosine**2
+    root = np.sqrt(eta * eta - k * k - sine2 + 0j + 2j * eta * k)
+    s = (cosine - root) / (cosine + root)
+    index2 = (eta + 1j * k) ** 2
+    p = (index2 * cosine - root) / (index2 * cosine + root)
+    reflectance: npt.NDArray[np.float64] = 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2)
+    return reflectance

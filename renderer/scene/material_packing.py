@@ -11,17 +11,16 @@ from renderer.errors import SceneError
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.luminance import luminance
 from renderer.scene.description import F32, I32, Material, SceneDescription
-from renderer.scene.material import PARAMETERS, check
+from renderer.scene.material import PARAMETERS, check, derived_columns
 from renderer.scene.media import absorption, list_media
 from renderer.scene.texels import MAX_EMISSION, Texels
 from renderer.sentences import Sentence
 
-__all__ = ["Packed", "conductor_reflectance", "pack"]
+__all__ = ["Packed", "pack"]
 
 _KINDS = {kind.name: kind.number for kind in rows.KINDS}
 _FACETED = tuple(kind.number for kind in rows.KINDS if kind.faceted)
 _TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
-_SPECIAL = ("glass", "blinn_phong", "conductor", "interface")
 _SMOOTH = ("glass", "conductor")  # kinds that are smooth if no roughness is given
 _LEAST_BRUSHED = 0.031  # more than `SMOOTH_GLASS`; its square is less than `MIN_ALPHA`
 
@@ -167,48 +166,11 @@ def _columns(materials: list[Material], emission: np.ndarray, absorbing: np.ndar
     put(rows.ROTATION, [(np.cos(angle), np.sin(angle)) if angle else (1.0, 0.0) for angle in turned])
     put(rows.F0, [_at_normal_incidence(m) for m in materials])
     for row, m in zip(found, materials, strict=True):
-        if m.kind in _SPECIAL:
-            _fill(row, m)
+        for column, values in derived_columns(m):
+            row[column : column + len(values)] = values
     return found
 
 
 def _at_normal_incidence(m: Material) -> list[float]:
     reflected = ((m.ior - 1) / (m.ior + 1)) ** 2
     return [min(reflected * c, 1.0) for c in m.specular_color]
-
-
-def _fill(row: F32, m: Material) -> None:
-    """Sets the columns of a kind that differ from its parameters, e.g. glass as a principled surface that transmits fully."""
-
-    def put(column: int, *values: float) -> None:
-        row[column : column + len(values)] = values
-
-    if m.kind == "glass":  # a principled surface that transmits everything
-        put(rows.METALLIC, 0.0)
-        put(rows.TRANSMISSION, 1.0)
-        put(rows.SPECULAR, 1.0)
-        put(rows.SPECULAR_COLOR, 1.0, 1.0, 1.0)
-    if m.kind == "blinn_phong":
-        most = max(d + s for d, s in zip(m.base_color, m.specular_color, strict=True))
-        share = 1 / max(most, 1.0)  # no surface reflects more than it receives
-        put(rows.BASE, *(c * share for c in m.base_color))
-        put(rows.SPECULAR_COLOR, *(c * share for c in m.specular_color))
-    if m.kind == "interface":
-        put(rows.OPACITY, 0.0)  # transmits all light unchanged
-    if m.kind == "conductor":
-        put(rows.MEAN_FRESNEL, *_mean_reflectance(m))
-
-
-def conductor_reflectance(cosine: np.ndarray, eta: float, k: float) -> np.ndarray:
-    """Returns the Fresnel reflectance of unpolarised light at a conductor eta + i k, in float64 (Born & Wolf, 14.4)."""
-    sine2 = 1 - cosine**2
-    root = np.sqrt(eta * eta - k * k - sine2 + 0j + 2j * eta * k)
-    s = (cosine - root) / (cosine + root)
-    index2 = (eta + 1j * k) ** 2
-    p = (index2 * cosine - root) / (index2 * cosine + root)
-    return 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2)
-
-
-def _mean_reflectance(m: Material) -> list[float]:
-    cosine = (np.arange(256) + 0.5) / 256
-    return [float(np.mean(2 * cosine * conductor_reflectance(cosine, e, k))) for e, k in zip(m.eta, m.k, strict=True)]

@@ -2,7 +2,7 @@
 
 Blinn, "Models of Light Reflection for Computer Synthesized Pictures" (1977). The highlight's factor is exact for
 light along the normal, (s + 2)(s + 4) / (8 pi (2**(-s / 2) + s)) (Giesen, "Phong Normalization Factor Derivation", 2009); at
-other angles less is reflected. Where kd + ks exceeds 1, both are scaled down to a sum of 1 (scene/material_packing.py).
+other angles less is reflected. Where kd + ks exceeds 1, both are scaled down to a sum of 1 (scene/material.py).
 """
 
 from __future__ import annotations
