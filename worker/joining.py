@@ -24,7 +24,7 @@ __all__ = ["FarmJoin", "Joined", "check_redis", "free_name"]
 OF_NO_USE = (RefusedError, TokenError, NotAFarmError)
 FIRST_PAUSE_S = 0.05
 LAST_PAUSE_S = 3.0
-LONGER = 1.05  # growth per retry; small, since a service started together with this worker answers within seconds
+LONGER = 1.02  # growth per retry; small, since a service started together with this worker answers within seconds
 
 log = logging.getLogger(__name__)
 

@@ -4,6 +4,7 @@ import json
 import runpy
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 from PIL import Image
@@ -63,6 +64,11 @@ def test_the_published_schema_is_the_one_that_files_are_checked_against():
         return [bare(value) for value in part] if isinstance(part, list) else part
 
     assert bare(schema()) == bare(checked_schema())
+
+
+def test_the_schema_is_a_json_schema():
+    """The reader does not check this: it would take a quarter of a second for each scene."""
+    jsonschema.Draft202012Validator.check_schema(checked_schema())
 
 
 def test_the_schemas_choices_are_the_renderers():

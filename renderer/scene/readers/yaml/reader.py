@@ -140,9 +140,7 @@ def _named(names: list[str], views: dict[str, View | None], document: Yaml, came
 
 @functools.cache
 def _validator() -> Any:
-    document = schema()
-    jsonschema.Draft202012Validator.check_schema(document)
-    return jsonschema.Draft202012Validator(document)
+    return jsonschema.Draft202012Validator(schema())  # a test checks the schema, which takes a quarter of a second
 
 
 def _check(files: SceneFiles, main: str, document: Yaml, moving: AnimatedPaths) -> None:
