@@ -108,13 +108,13 @@ def _work(options: argparse.Namespace) -> int:
     helpers = helpers_for()  # forked before the joining thread starts
     joining = FarmJoin(link, options.redis, options.name or host, host, starting, log.info)
     joining.begin()
+    begin_launcher()  # loads its modules while kernels are compiled, and then the kernels
     get_ready(link, helpers=helpers)
     joined = joining.finish(lambda: bool(stopping))
     if joined is None or stopping:
         return 0
     cache = BlobCache(link, joined.farm, options.cache, options.cache_bytes)
     cache.check()
-    begin_launcher()
     confined, is_whole = confinement()
     log.log(logging.INFO if is_whole else logging.WARNING, confined)
     worker = WorkerContext(
