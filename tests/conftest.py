@@ -6,7 +6,7 @@ import gc
 import os
 import shutil
 import signal
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 
 import hypothesis
@@ -24,21 +24,22 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Plain HTTP needs no certificates, and every client reads all that it finds: here there are none.
 os.environ.setdefault("SSL_CERT_DIR", str(Path(__file__).parent))
 
-# Handed out in this order: first what needs no kernel, while these are compiled, then what takes longest by itself.
+# Handed out in this order: first what needs no kernel, while these are compiled.
 FIRST = (
     "test_",
     "protocol/",
     "telemetry/",
     "service/",
-    "worker/",
     "renderer/scene/",
-    "chaos/",
-    "e2e/",
-    "rayfarm/",
     "renderer/test_target",
 )
 
-# The files that use `farm` or `browser`. One process runs them all, so that there is one farm and one browser.
+# These start processes and mostly wait for them. They are spread evenly, in this order, among the others, which keep the
+# processors busy meanwhile.
+WAITING = ("worker/", "rayfarm/", "chaos/")
+
+# The files that use `farm` or `browser`. One process runs them all, so that there is one farm and one browser. They are handed
+# out first, since together they take longest.
 SHARE_A_FARM = (
     "tests/e2e/",
     "tests/rayfarm/test_with_farm.py",
@@ -106,10 +107,23 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> ByFile:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    def rank(item: pytest.Item) -> tuple[int, str]:
-        return next((n for n, name in enumerate(FIRST) if item.nodeid.startswith(f"tests/{name}")), len(FIRST)), str(item.path)
+    places = hand_out(dict.fromkeys(item.nodeid.partition("::")[0] for item in items))
+    items.sort(key=lambda item: places[item.nodeid.partition("::")[0]])
 
-    items.sort(key=rank)
+
+def hand_out(files: Iterable[str]) -> dict[str, tuple[float, str]]:
+    """Returns the place of each test file in the order of the run; `files` are relative to the root of the clone."""
+    groups: dict[str, list[tuple[int, str]]] = {"farm": [], "waiting": [], "busy": []}
+    for file in files:
+        name = file.removeprefix("tests/")
+        group = "farm" if file.startswith(SHARE_A_FARM) else "waiting" if name.startswith(WAITING) else "busy"
+        order = WAITING if group == "waiting" else FIRST
+        rank = next((n for n, prefix in enumerate(order) if name.startswith(prefix)), len(order))
+        groups[group].append((rank, file))
+    places = {file: (0.0, file) for _, file in groups.pop("farm")}
+    for members in groups.values():
+        places |= {file: ((n + 1) / len(members), file) for n, (_, file) in enumerate(sorted(members))}
+    return places
 
 
 def pytest_collection_finish() -> None:
