@@ -69,10 +69,21 @@ def pytest_configure(config: pytest.Config) -> None:
     hypothesis.settings.load_profile("ordinary")
     leave_out_long()
     if config.args == config.getini("testpaths"):
-        files = sorted(str(path) for path in Path(__file__).parent.rglob("test_*.py"))
         count = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
-        begin = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) * len(files) // count
-        config.args = [*files[begin:], *files[:begin]]
+        config.args = rotated(int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")), count)
+
+
+def rotated(process: int, count: int) -> list[str]:
+    """Returns the folders and files that process number `process` of `count` collects: all, beginning with its own share.
+
+    Folders are named where possible, since pytest lists a folder anew for each file of it that is named.
+    """
+    tests = Path(__file__).parent
+    files = [path.relative_to(tests).parts for path in sorted(tests.rglob("test_*.py"))]
+    places = [str(tests.joinpath(*parts[: 2 if parts[0] in ("renderer", "service") else 1])) for parts in files]
+    names = list(dict.fromkeys(places))
+    begin = names.index(places[process * len(places) // count])
+    return names[begin:] + names[:begin]
 
 
 @pytest.hookimpl(wrapper=True)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from tests.conftest import hand_out
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import hand_out, rotated
 
 FILES = [
     "tests/e2e/test_page.py",
@@ -29,3 +33,13 @@ def test_the_farm_comes_first_and_files_that_wait_are_spread() -> None:
 def test_the_order_does_not_depend_on_the_order_of_collection() -> None:
     """xdist requires that all processes have the same order; each collects other files first."""
     assert hand_out(FILES) == hand_out(FILES[::-1])
+
+
+@pytest.mark.parametrize("process", range(3))
+def test_each_process_collects_every_file_and_begins_with_another(process: int) -> None:
+    tests = Path(__file__).parent
+    names = rotated(process, 3)
+    assert sorted(names) == sorted(rotated(0, 1)) and len(set(names)) == len(names)
+    assert (process == 0) == (names[0] == rotated(0, 1)[0])
+    for path in tests.rglob("test_*.py"):
+        assert sum(path == Path(name) or Path(name) in path.parents for name in names) == 1, path
