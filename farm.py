@@ -227,8 +227,9 @@ def run_tests(python, arguments):
     is_long = "--long" in arguments
     arguments = [a for a in arguments if a != "--long"]
     is_whole = not arguments
-    # Kernels first, since tests wait for them; the checks get what is left.
-    beside = [Beside("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python, nice(10))] if is_whole else []
+    # Kernels first, since tests wait for them. Checks have the priority of tests: mypy takes longest of all that runs on one
+    # processor, and would otherwise run on alone when the tests have ended.
+    beside = [Beside("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python, nice(5))] if is_whole else []
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes from the same sources
     # One more than the number of processors, since a third of the tests mostly wait.
