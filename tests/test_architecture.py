@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import subprocess
 import sys
@@ -59,23 +58,22 @@ def test_the_arrows_of_the_page_point_one_way() -> None:
     assert not wrong, f"of {PAGE} each folder imports from those before it: {wrong}"
 
 
+# Parsing a thousand files takes five times as long as finding the imports in their text.
+TYPES_ONLY = re.compile(r"^if TYPE_CHECKING:\n(?:[ ]+.*\n|\n)+", re.MULTILINE)
+FROM = re.compile(r"^[ ]*from ([\w.]+) import (?:\(([^)]*)\)|([^(\n]+))", re.MULTILINE)
+IMPORT = re.compile(r"^[ ]*import ([\w.]+(?: as \w+)?(?:, [\w.]+(?: as \w+)?)*)", re.MULTILINE)
+LAZY = re.compile(r"import_module\(\s*\"([\w.]+)\"")
+
+
 def _imports(path: Path, modules: set[str]) -> set[str]:
     """Returns the modules that a file imports, in functions too, except imports for type checkers only."""
-    named: list[str] = []
-    left: list[ast.AST] = [ast.parse(path.read_text())]
-    while left:
-        node = left.pop()
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
-            left += node.orelse
-            continue
-        if isinstance(node, ast.Import):
-            named += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            inside = [f"{node.module}.{alias.name}" for alias in node.names]
-            named += [name if name in modules else str(node.module) for name in inside]
-        elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) == "import_module":
-            named += [str(each.value) for each in node.args[:1] if isinstance(each, ast.Constant)]
-        left += ast.iter_child_nodes(node)
+    text = TYPES_ONLY.sub("", path.read_text())
+    named = LAZY.findall(text)
+    for names in IMPORT.findall(text):
+        named += [name.split()[0] for name in names.split(", ")]
+    for module, several, line in FROM.findall(text):
+        inside = [f"{module}.{name.split()[0]}" for name in re.sub("#.*", "", several or line).split(",") if name.strip()]
+        named += [name if name in modules else module for name in inside]
     return set(named) & modules
 
 

@@ -1,0 +1,21 @@
+"""`rayfarm up` without spare processes (`python -m tests.without_spares`): each takes two seconds of CPU, and few tests need one."""
+
+from __future__ import annotations
+
+import sys
+
+from rayfarm import preload
+
+
+def main() -> None:
+    """Runs the command line like `python -m rayfarm`."""
+    preload.begin(sys.argv[1:])
+    from rayfarm.cli import main as run
+    from rayfarm.local import supervisor
+
+    supervisor.SPARE_AFTER_S = supervisor.SPARE_AGAIN_S = float("inf")
+    run()
+
+
+if __name__ == "__main__":
+    main()
