@@ -27,6 +27,7 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list
     return folder, found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("suffix", ["usda", "usdc", "usdz"])
 def test_a_damaged_stage_is_a_scene_or_a_sentence(said: tuple[Path, dict[str, list[str]]], suffix: str) -> None:
     folder, found = said

@@ -15,7 +15,6 @@ import pytest
 from hypothesis import strategies as st
 
 from service.errors import Unavailable
-from tests.grids import grid
 from tests.helpers import running_redis
 from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import PeerWorker
@@ -172,7 +171,8 @@ def operations(alive: Alive, share: int) -> list[tuple[str, str]]:
     return [(path, method.upper()) for path, methods in paths.items() for method in methods if path != ENDLESS][share::8]
 
 
-@grid("share", range(8), ordinary=(0,))
+@pytest.mark.long
+@pytest.mark.parametrize("share", range(8))
 def test_operations_answer_as_they_are_described(share: int, schema: Any, alive: Alive) -> None:
     for path, method in operations(alive, share):
         assert tried(path, method, schema, alive, 2)

@@ -55,16 +55,16 @@ def test_a_picture_that_is_asked_for_again_is_there_at_once_and_outlasts_the_fir
 
 def test_more_samples_go_on_from_what_is_there_to_the_bits_of_all_at_once(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
-    few = service.submit(scene, spp=64)
+    few = service.submit(scene, spp=16)
     service.wait_for(few, "finished", LONG_S)
-    many = service.submit(scene, spp=256)
+    many = service.submit(scene, spp=64)
     found = service.wait_for(many, "finished", LONG_S)
-    assert (found["taken"]["job"], found["taken"]["spp"]) == (few, 64.0)
-    assert samples_of(worker, many) == 64 * 48 * 192
-    fresh = service.submit(scene, spp=256, fresh=True)
+    assert (found["taken"]["job"], found["taken"]["spp"]) == (few, 16.0)
+    assert samples_of(worker, many) == 64 * 48 * 48
+    fresh = service.submit(scene, spp=64, fresh=True)
     assert service.wait_for(fresh, "finished", LONG_S)["taken"] is None
-    assert samples_of(worker, fresh) == 64 * 48 * 256
-    assert service.digest(many) == service.digest(fresh) == expected_digest(spp=256)
+    assert samples_of(worker, fresh) == 64 * 48 * 64
+    assert service.digest(many) == service.digest(fresh) == expected_digest(spp=64)
 
 
 @pytest.mark.long

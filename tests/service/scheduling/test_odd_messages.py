@@ -93,7 +93,7 @@ def test_whatever_workers_say_is_put_aside_and_the_picture_is_the_same(service: 
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(scene, spp=40)
 
-    @settings(suppress_health_check=list(HealthCheck), deadline=None)
+    @settings(suppress_health_check=list(HealthCheck), deadline=None, max_examples=settings.default.max_examples // 2)
     @given(st.lists(FIELDS, min_size=20, max_size=40))
     def pour(entries: list[dict[bytes, bytes]]) -> None:
         for fields in entries:
