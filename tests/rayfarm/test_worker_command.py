@@ -21,11 +21,15 @@ from tests.rayfarm.program import rayfarm
 WORKER = ("worker", "--slots=1")
 
 
-def test_a_worker_waits_for_no_library_that_it_has_no_use_for() -> None:
+@grid(
+    ("module", "without"),
+    [("rayfarm.commands.worker", "numpy httpx"), ("renderer.scene.readers.pbrt", "trimesh scipy.spatial")],
+    ordinary=("rayfarm.commands.worker",),
+)
+def test_a_worker_waits_for_no_library_that_it_has_no_use_for(module: str, without: str) -> None:
     """Imports and start-up work of the worker delay the whole farm."""
-    for module, without in (("rayfarm.commands.worker", "numpy httpx"), ("renderer.scene.readers.pbrt", "trimesh scipy.spatial")):
-        found = subprocess.check_output([sys.executable, "-c", f"import sys, {module}; print(*sys.modules)"], cwd=ROOT, text=True)
-        assert not set(without.split()) & set(found.split())
+    found = subprocess.check_output([sys.executable, "-c", f"import sys, {module}; print(*sys.modules)"], cwd=ROOT, text=True)
+    assert not set(without.split()) & set(found.split())
 
 
 @pytest.mark.long
