@@ -37,6 +37,7 @@ def opened(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], list[np.n
     return jobs, pictures
 
 
+@pytest.mark.long
 def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     _, pictures = opened(farm, page, tmp_path)

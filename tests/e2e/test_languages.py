@@ -1,4 +1,4 @@
-"""The page in all languages: headings are translated, and no view contains untranslated English."""
+"""The page in all languages, on a phone: headings are translated, no view contains untranslated English, and each fits."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from tests.e2e.conftest import SOON_CLEAR
 from tests.e2e.screen import rendered
@@ -22,6 +22,7 @@ HEADINGS = {
 # What the example scene is called, by its file and so in every language.
 NAME = "Spheres"
 CODE = "mesh-vertices-not-finite"
+PHONE: ViewportSize = {"width": 375, "height": 667}
 TEXTS = "h1, h2, button, label, legend, summary, th, dt, nav a, option, .tabs *"
 
 
@@ -35,7 +36,7 @@ def job(farm: Farm) -> str:
 @pytest.fixture(params=["de-AT", pytest.param("zh-CN", marks=pytest.mark.long)])
 def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[Page, str]]:
     """A page in a browser with another language than English."""
-    context = browser.new_context(viewport={"width": 800, "height": 480}, reduced_motion="reduce", locale=request.param)
+    context = browser.new_context(viewport=PHONE, reduced_motion="reduce", locale=request.param)
     context.set_default_timeout(20_000)
     context.add_init_script(SOON_CLEAR)
     yield context.new_page(), request.param
@@ -57,28 +58,47 @@ def assert_nothing_is_english(page: Page, locale: str) -> None:
     assert not left
 
 
+def assert_fits_and_is_named(page: Page) -> None:
+    """Checks that a view is no wider than the screen, and that every visible control and picture has a name."""
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    unnamed = page.evaluate(
+        """() => [...document.querySelectorAll("button, a[href], input, select, textarea, img, [role=slider]")]
+            .filter((element) => element.checkVisibility({ visibilityProperty: true }) && !element.closest("[aria-hidden=true]"))
+            .filter((element) => !(element.ariaLabel || element.title || element.textContent.trim() || element.labels?.length
+                || element.getAttribute("aria-labelledby") || element.placeholder || element.hasAttribute("alt")))
+            .map((element) => element.outerHTML)"""
+    )
+    assert unnamed == []
+
+
+def assert_is_fit(page: Page, locale: str) -> None:
+    assert_nothing_is_english(page, locale)
+    assert_fits_and_is_named(page)
+
+
 def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, foreign: tuple[Page, str]) -> None:
+    """On a phone's screen, where each view fits and its controls have names."""
     page, locale = foreign
     drop, render, save, jobs, tag = HEADINGS[locale]
     page.goto(farm.url)
     expect(page.get_by_role("heading", name=drop)).to_be_visible()
     expect(page.locator("html")).to_have_attribute("lang", tag)
-    assert_nothing_is_english(page, locale)
+    assert_is_fit(page, locale)
     with farm.client() as client:
         scene = client.job(job).scene
     page.goto(f"{farm.url}/#/scenes/{scene}")
     expect(page.get_by_role("button", name=render, exact=True)).to_be_visible()
-    assert_nothing_is_english(page, locale)
+    assert_is_fit(page, locale)
     page.goto(f"{farm.url}/#/jobs/{job}")
     expect(page.get_by_role("tab", name=save, exact=True)).to_be_visible()
-    assert_nothing_is_english(page, locale)
+    assert_is_fit(page, locale)
     page.goto(f"{farm.url}/#/jobs")
     expect(page.get_by_role("heading", name=jobs, exact=True, level=1)).to_be_visible()
     expect(page.locator(".job-row").first).to_be_visible()
-    assert_nothing_is_english(page, locale)
+    assert_is_fit(page, locale)
     page.goto(f"{farm.url}/#/workers")
     expect(page.locator(".machine").first).to_be_visible()
-    assert_nothing_is_english(page, locale)
+    assert_is_fit(page, locale)
 
 
 @pytest.fixture(scope="module")

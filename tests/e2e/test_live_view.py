@@ -33,67 +33,95 @@ def kept(farm: Farm) -> tuple[set[str], set[str], set[str]]:
     return jobs, films, {path.name for path in (farm.data / "blobs").rglob("*") if path.is_file()}
 
 
-def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched) -> None:
-    page = watched.page
-    page.set_viewport_size({"width": 800, "height": 480})  # rendering and drawing it take most of this test
-    scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
-    with farm.client() as client:
-        client.wait_for_scene(scene)
-    before = kept(farm)
-    sockets: list[WebSocketRoute] = []
+class LiveView:
+    """The live view of the spheres, opened in a page."""
 
-    def through(socket: WebSocketRoute) -> None:
-        sockets.append(socket)
+    def __init__(self, farm: Farm, watched: Watched) -> None:
+        scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
+        with farm.client() as client:
+            client.wait_for_scene(scene)
+        self.kept = kept(farm)
+        self.sockets: list[WebSocketRoute] = []
+        self.page = watched.page
+        self.page.set_viewport_size({"width": 800, "height": 480})  # rendering and drawing it take most of these tests
+        self.page.route_web_socket("**/viewport", self.through)
+        self.page.goto(f"{farm.url}/#/scenes/{scene}")
+        self.surface = self.page.locator(".live-view")
+        wait_until(lambda: self.samples() >= 2, 120, "the view clears up without a press of a button")
+
+    def through(self, socket: WebSocketRoute) -> None:
+        self.sockets.append(socket)
         socket.connect_to_server()
 
-    page.route_web_socket("**/viewport", through)
-    page.goto(f"{farm.url}/#/scenes/{scene}")
-    surface = page.locator(".live-view")
-    state = page.locator(".view-state")
+    def address(self) -> str:
+        return str(self.page.evaluate("location.href"))  # which lets the browser's news in
 
-    def address() -> str:
-        return str(page.evaluate("location.href"))  # which lets the browser's news in
+    def samples(self) -> int:
+        return int(self.surface.get_attribute("data-samples") or 0)
 
-    def samples() -> int:
-        return int(surface.get_attribute("data-samples") or 0)
+    def number(self) -> int:
+        """Returns the number of the view whose picture is shown."""
+        return int(self.surface.get_attribute("data-view") or 0)
 
-    wait_until(lambda: samples() >= 2, 120, "the view clears up without a press of a button")
-    expect(state).to_contain_text(re.compile(r"\d spp.*(2 slots|done)"))  # it may be clear by now
+    def turn(self) -> None:
+        """Turns the view by dragging."""
+        first = self.number()
+        box = self.surface.bounding_box()
+        assert box
+        self.page.mouse.move(box["x"] + 100, box["y"] + 100)
+        self.page.mouse.down()
+        self.page.mouse.move(box["x"] + 180, box["y"] + 120, steps=4)
+        self.page.mouse.up()
+        expect(self.page.get_by_label("Camera", exact=True)).to_have_value("\0view")
+        wait_until(lambda: self.number() > first, 60, "the turned view is seen")
+        wait_until(lambda: "view=" in self.address(), 20, "the address says the view")
 
-    def view() -> int:
-        return int(surface.get_attribute("data-view") or 0)  # the number of the one whose picture is shown
 
-    first = view()
-    box = surface.bounding_box()
-    assert box
-    page.mouse.move(box["x"] + 100, box["y"] + 100)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 180, box["y"] + 120, steps=4)
-    page.mouse.up()
-    expect(page.get_by_label("Camera", exact=True)).to_have_value("\0view")
-    wait_until(lambda: view() > first, 60, "the turned view is seen")
-    wait_until(lambda: "view=" in address(), 20, "the address says the view")
-    link = address()
+def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched) -> None:
+    view = LiveView(farm, watched)
+    page = view.page
+    expect(page.locator(".view-state")).to_contain_text(re.compile(r"\d spp.*(2 slots|done)"))  # it may be clear by now
 
+    view.turn()
+    eye = page.get_by_label("Eye x")
+
+    def is_told() -> bool:
+        x = float(view.address().split("view=")[1].split("_")[0])
+        return bool(float(eye.input_value()) == pytest.approx(x, rel=1e-4))
+
+    wait_until(is_told, 20, "the form and the address agree")
+
+    page.close()  # as one who leaves without a word
+    wait_until(lambda: "views" not in farm_views(farm), 60, "the slots are let go")
+    assert kept(farm) == view.kept, "no job, no film, no blob"
+    assert [error for error in watched.errors if "WebSocket" not in error] == []
+
+
+@pytest.mark.long
+def test_the_view_flies_survives_a_killed_slot_and_keeps_what_is_found(farm: Farm, watched: Watched) -> None:
+    view = LiveView(farm, watched)
+    page, surface = view.page, view.surface
+    view.turn()
+    link = view.address()
     surface.focus()
     page.keyboard.down("w")
-    wait_until(lambda: address() != link, 20, "W flies")
+    wait_until(lambda: view.address() != link, 20, "W flies")
     page.keyboard.up("w")
     page.evaluate("(link) => { location.hash = link.split('#')[1]; }", link)
-    wait_until(lambda: address() == link, 20, "the address of another view shows that at once")
-    eye = page.get_by_label("Eye x")
-    assert float(eye.input_value()) == pytest.approx(float(link.split("view=")[1].split("_")[0]), rel=1e-4)
+    wait_until(lambda: view.address() == link, 20, "the address of another view shows that at once")
 
     slots_of(farm)[0].kill()
-    sockets[-1].close(code=1011)
-    wait_until(lambda: bool(address()) and len(sockets) == 2, 60, "it connects again by itself")
-    number = view()
-    wait_until(lambda: view() > number or samples() >= 1, 60, "and goes on")
-    wait_until(lambda: samples() >= 2, 60, "with a slot that was killed and came back")
+    view.sockets[-1].close(code=1011)
+    wait_until(lambda: bool(view.address()) and len(view.sockets) == 2, 60, "it connects again by itself")
+    number = view.number()
+    wait_until(lambda: view.number() > number or view.samples() >= 1, 60, "and goes on")
+    wait_until(lambda: view.samples() >= 2, 60, "with a slot that was killed and came back")
 
     page.get_by_role("button", name="Keep this view").click()
     expect(page.get_by_role("button", name="View 1", exact=True)).to_be_visible()
     page.get_by_role("button", name="Pick the focus").click()
+    box = surface.bounding_box()
+    assert box
     surface.click(position={"x": box["width"] / 2, "y": 0.9 * box["height"]})
     focus = page.get_by_label("Focus distance")
     expect(focus).not_to_have_value("")
@@ -103,10 +131,6 @@ def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched
     page.get_by_label("f-number").fill("1.4")
     expect(hint).not_to_contain_text("Give the lens an aperture")
     assert float(page.get_by_label("Aperture").input_value()) > 0
-
-    page.close()  # as one who leaves without a word
-    wait_until(lambda: "views" not in farm_views(farm), 60, "the slots are let go")
-    assert kept(farm) == before, "no job, no film, no blob"
     assert [error for error in watched.errors if "WebSocket" not in error] == []
 
 

@@ -27,6 +27,7 @@ def service(tmp_path: Path) -> Iterator[Service]:
 
 def test_in_by_a_link_out_and_in_by_a_password(service: Service, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
+    page.set_viewport_size({"width": 640, "height": 480})
     token = (tmp_path / "data" / "owner-token").read_text().strip()
     with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {token}"}, verify=False) as owner:
         owner.post("/api/users", json={"name": "anna", "role": "submit"}).raise_for_status()
@@ -41,9 +42,6 @@ def test_in_by_a_link_out_and_in_by_a_password(service: Service, watched: Watche
         expect(page.get_by_role("heading", name="anna")).to_be_visible()
         assert code not in page.url
         assert page.evaluate("[document.cookie, document.referrer]") == ["", ""]
-        page.go_back()
-        page.go_forward()
-        assert code not in page.url
         page.get_by_label("New password").fill(PASSWORD)
         page.get_by_role("button", name="Change the password").click()
         expect(page.get_by_text("All other browsers are logged out.")).to_be_visible()

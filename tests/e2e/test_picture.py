@@ -37,6 +37,7 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
     expect(page.locator(".stage")).to_have_attribute("data-film", "here")
 
 
+@pytest.mark.long
 def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
     """Shows the list's JPEG until the film arrives, in one response and without further tiles."""
     page = watched.page

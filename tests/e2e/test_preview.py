@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 
 import numpy as np
+import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
 
@@ -17,6 +18,7 @@ def seen(page: Page) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(page.locator(".live-view").screenshot())).convert("RGB")).astype(int)
 
 
+@pytest.mark.long  # test_page.py has what is seen first
 def test_the_mesh_stands_in_until_there_are_samples(farm: Farm, watched: Watched) -> None:
     page = watched.page
     page.set_viewport_size({"width": 800, "height": 480})
