@@ -39,12 +39,13 @@ FIRST = (
 WAITING = ("worker/", "rayfarm/", "chaos/")
 
 # The files that use `farm` or `browser`. One process runs them all, so that there is one farm and one browser. They are handed
-# out first, since together they take longest.
+# out first, in this order, since together they take longest. The last one kills processes of the farm.
 SHARE_A_FARM = (
     "tests/e2e/",
     "tests/rayfarm/test_with_farm.py",
     "tests/rayfarm/library/test_farm_render.py",
     "tests/chaos/test_kernels",
+    "tests/chaos/test_digest",
 )
 
 # How long an example takes says more about the machine than about the code. Most properties that do not hold fail early.
@@ -128,10 +129,11 @@ def hand_out(files: Iterable[str]) -> dict[str, tuple[float, str]]:
     for file in files:
         name = file.removeprefix("tests/")
         group = "farm" if file.startswith(SHARE_A_FARM) else "waiting" if name.startswith(WAITING) else "busy"
-        order = WAITING if group == "waiting" else FIRST
+        order = {"farm": SHARE_A_FARM, "waiting": WAITING, "busy": FIRST}[group]
+        name = file if group == "farm" else name
         rank = next((n for n, prefix in enumerate(order) if name.startswith(prefix)), len(order))
         groups[group].append((rank, file))
-    places = {file: (0.0, file) for _, file in groups.pop("farm")}
+    places = {file: (0.0, f"{rank} {file}") for rank, file in groups.pop("farm")}
     for members in groups.values():
         places |= {file: ((n + 1) / len(members), file) for n, (_, file) in enumerate(sorted(members))}
     return places
@@ -165,9 +167,9 @@ def redis_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture(scope="session")
 def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
-    """A farm with two slots, shared by the tests of a process; tests that kill processes start their own."""
+    """A farm with two slots, shared by the tests of a process. Lost batches are soon handed out again."""
     get_ready("plain")  # else who waits for a picture waits for its kernel too
-    farm = start_farm(tmp_path_factory.mktemp("farm") / "data", 2)
+    farm = start_farm(tmp_path_factory.mktemp("farm") / "data", 2, module="tests.without_spares", RAYFARM_BATCH_DEADLINE="5")
     yield farm
     stop_farm(farm)
 

@@ -101,9 +101,12 @@ class Farm:
         return "\n".join(f"--- {path.name}\n{path.read_text(errors='replace')[-3000:]}" for path in files if path.exists())
 
 
-def start_farm(data: Path, workers: int, until: bytes = b"Ready", **environment: str) -> Farm:
-    """Starts `rayfarm up` on a free port; returns when it has printed `until`, by default when all slots are ready."""
-    command = [sys.executable, "-m", "rayfarm", "up", "--port=0", f"--workers={workers}", f"--data={data}", "--no-browser"]
+def start_farm(data: Path, workers: int, until: bytes = b"Ready", module: str = "rayfarm", **environment: str) -> Farm:
+    """Starts `rayfarm up` on a free port; returns when it has printed `until`, by default when all slots are ready.
+
+    module: the program, run with Python's `-m`.
+    """
+    command = [sys.executable, "-m", module, "up", "--port=0", f"--workers={workers}", f"--data={data}", "--no-browser"]
     return farm_of(command, data, ROOT, until, **environment)
 
 

@@ -1,4 +1,4 @@
-"""`rayfarm up` without spare processes (`python -m tests.without_spares`): each takes two seconds of CPU, and few tests need one."""
+"""`rayfarm up` without spare processes (`python -m tests.without_spares`), each of which takes two seconds of CPU."""
 
 from __future__ import annotations
 

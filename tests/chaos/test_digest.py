@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +23,6 @@ from tests.rayfarm.test_sequence import turning
 
 WIDTH, HEIGHT, SPP, DEPTH = 80, 64, 256, 5
 VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
-
-
-@pytest.fixture(scope="module")
-def chaos_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
-    """A farm whose processes are killed, with short timeouts, so that lost work is soon handed out again."""
-    farm = start_farm(tmp_path_factory.mktemp("chaos") / "data", 2, RAYFARM_BATCH_DEADLINE="5")
-    yield farm
-    stop_farm(farm)
 
 
 def alone(spp: int) -> str:
@@ -74,8 +66,8 @@ def half_way(farm: Farm, job: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("tile_size", [16, 64])
-def test_the_size_of_tiles_does_not_matter(chaos_farm: Farm, soon: str, tile_size: int) -> None:
-    assert finish(chaos_farm, submit(chaos_farm, SPP // 5, tile_size=tile_size)) == soon
+def test_the_size_of_tiles_does_not_matter(farm: Farm, soon: str, tile_size: int) -> None:
+    assert finish(farm, submit(farm, SPP // 5, tile_size=tile_size)) == soon
 
 
 @pytest.mark.long  # the film that it is held against is made without a farm, as that of two slots above
@@ -110,11 +102,11 @@ def kill_part(name: str) -> Callable[[Farm], None]:
         pytest.param(kill_part("redis"), id="Redis", marks=pytest.mark.long),
     ],
 )
-def test_what_is_killed_half_way_does_not_matter(chaos_farm: Farm, expected: str, kill: Callable[[Farm], None]) -> None:
-    job = submit(chaos_farm)
-    half_way(chaos_farm, job)
-    kill(chaos_farm)
-    assert finish(chaos_farm, job) == expected
+def test_what_is_killed_half_way_does_not_matter(farm: Farm, expected: str, kill: Callable[[Farm], None]) -> None:
+    job = submit(farm)
+    half_way(farm, job)
+    kill(farm)
+    assert finish(farm, job) == expected
 
 
 FRAMES = range(0, 24, 3)
@@ -172,36 +164,37 @@ def finished_frames(farm: Farm, *jobs: str) -> dict[float, str]:
 @pytest.mark.parametrize(
     "order", ["breadth-first", *(pytest.param(order, marks=pytest.mark.long) for order in ("in-turn", "centre-out"))]
 )
-def test_the_order_of_frames_does_not_matter(chaos_farm: Farm, shot: Path, few: dict[float, str], order: str) -> None:
-    assert finished_frames(chaos_farm, shoot(chaos_farm, shot, order=order, spp=FEW)) == few
+def test_the_order_of_frames_does_not_matter(farm: Farm, shot: Path, few: dict[float, str], order: str) -> None:
+    assert finished_frames(farm, shoot(farm, shot, order=order, spp=FEW)) == few
 
 
 @pytest.mark.long
-def test_a_shot_in_two_jobs_at_a_time_is_the_shot_in_one(chaos_farm: Farm, shot: Path, few: dict[float, str]) -> None:
-    jobs = [shoot(chaos_farm, shot, frames, spp=FEW) for frames in ("0-21x6", "3-21x6")]
-    assert finished_frames(chaos_farm, *jobs) == few
+def test_a_shot_in_two_jobs_at_a_time_is_the_shot_in_one(farm: Farm, shot: Path, few: dict[float, str]) -> None:
+    jobs = [shoot(farm, shot, frames, spp=FEW) for frames in ("0-21x6", "3-21x6")]
+    assert finished_frames(farm, *jobs) == few
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("kill", [pytest.param(kill_a_slot, id="a slot"), pytest.param(kill_part("service"), id="the service")])
 def test_what_is_killed_in_a_shot_does_not_matter(
-    chaos_farm: Farm, shot: Path, stills: dict[float, str], kill: Callable[[Farm], None]
+    farm: Farm, shot: Path, stills: dict[float, str], kill: Callable[[Farm], None]
 ) -> None:
-    job = shoot(chaos_farm, shot, order="breadth-first")
-    half_way(chaos_farm, job)
-    kill(chaos_farm)
-    assert finished_frames(chaos_farm, job) == stills
+    job = shoot(farm, shot, order="breadth-first")
+    half_way(farm, job)
+    kill(farm)
+    assert finished_frames(farm, job) == stills
 
 
 @pytest.mark.long
-def test_where_noise_is_evened_out_the_digests_depend_on_the_request_alone(chaos_farm: Farm, shot: Path) -> None:
+def test_where_noise_is_evened_out_the_digests_depend_on_the_request_alone(farm: Farm, shot: Path) -> None:
     request = {"order": "noisiest-first", "frames": "0-9x3"}
-    quiet = finished_frames(chaos_farm, shoot(chaos_farm, shot, **request))
-    job = shoot(chaos_farm, shot, **request)
-    half_way(chaos_farm, job)
-    kill_part("service")(chaos_farm)
-    assert finished_frames(chaos_farm, job) == quiet
+    quiet = finished_frames(farm, shoot(farm, shot, **request))
+    job = shoot(farm, shot, **request)
+    half_way(farm, job)
+    kill_part("service")(farm)
+    assert finished_frames(farm, job) == quiet
 
 
-def test_ctrl_c_leaves_nothing_of_it(chaos_farm: Farm) -> None:
-    ends_by(chaos_farm, [signal.SIGINT], 10, 2)
+def test_ctrl_c_leaves_nothing_of_it(farm: Farm) -> None:
+    """Ends the farm that all tests share, so it is the last of them."""
+    ends_by(farm, [signal.SIGINT], 10, 2)
