@@ -139,8 +139,9 @@ class BlobRef:
 class Manifest:
     """An uploaded scene: its files, the main file, a replacement environment, and the material variant of a glTF file.
 
-    environment: path of an image among the files, or a preset's name (renderer.scene.presets.is_named). base: SceneInfo, as a
-    dict, of the prepared scene that differs from this one only in its environment; None if there is none.
+    The environment is an image among the files or a preset's name (renderer.scene.presets.is_named).
+    base: a SceneInfo as a dict, of the scene that differs from this one only in its environment, if that one is prepared.
+    up: the axis of the file that becomes Y, for formats that state none; None: a guess. floor: "on" or "auto" adds the studio's.
     """
 
     scene: str
@@ -149,14 +150,20 @@ class Manifest:
     environment: str | None = None
     variant: str | None = None
     base: dict[str, Any] | None = None
+    up: str | None = None
+    floor: str | None = None
 
     @classmethod
     def from_json(cls, data: Any) -> Manifest:
-        """Parses the manifest from the JSON of `dataclasses.asdict`. Raises ValueError."""
+        """Parses the manifest from its JSON. Raises ValueError."""
         known = _fields(cls, data)
         if not (isinstance(known["main"], str) and isinstance(known["files"], list)):
             raise ValueError("Manifest names a file, and lists its files")
         return cls(**{**known, "files": [BlobRef.from_json(f) for f in known["files"]]})
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the manifest as JSON, without an up axis or floor that is null: the others stay as in earlier releases."""
+        return {name: value for name, value in asdict(self).items() if value is not None or name not in ("up", "floor")}
 
 
 @dataclass(frozen=True)
@@ -180,6 +187,8 @@ class SceneInfo:
     lights_power: float | None = None  # what its own lights send out: renderer.scene.relight needs it
     blend: dict[str, Any] | None = None  # files that Blender wrote: the name of `main`, and `files`, a BlobRef each
     preview: BlobRef | None = None  # a mesh (protocol/mesh.py) that a viewer draws until there are samples
+    up_axis: str | None = None  # the axis of the file that became Y, if its format states none
+    floor: bool = False  # whether the studio's floor was added
 
     @classmethod
     def from_json(cls, data: Any) -> SceneInfo:

@@ -17,6 +17,7 @@ __all__ = [
     "MESH_FORMATS",
     "NAMING_SUFFIXES",
     "SCENE_SUFFIXES",
+    "UP_AXES",
     "WITHOUT_BLENDER",
     "Format",
     "is_junk",
@@ -34,6 +35,7 @@ class Format(NamedTuple):
     has_variants: bool = False  # has material variants
     moves: bool = False  # may be animated
     has_lines: bool = False  # and points, rendered if given a thickness
+    up: str = ""  # the customary up axis of a format whose files state none: "y" or "z"
 
 
 # Formats that assimp reads from a single file, with maintained importers.
@@ -56,13 +58,14 @@ FORMATS = (
     Format(".dae", "collada", names_files=True, moves=True),
     Format(".blend", "blend", is_mesh_file=False, names_files=True, moves=True),
     Format(".abc", "blend", is_mesh_file=False, moves=True),
-    Format(".obj", "obj", names_files=True),
+    Format(".obj", "obj", names_files=True, up="y"),
     Format(".3mf", "threemf"),
-    Format(".ply", "ply", names_files=True),
-    Format(".stl", "stl"),
-    Format(".off", "off"),
+    Format(".ply", "ply", names_files=True, up="y"),
+    Format(".stl", "stl", up="z"),
+    Format(".off", "off", up="y"),
     *(Format(suffix, "assimp", names_files=True, moves=True) for suffix in LONG_TAIL),
 )
+UP_AXES = ("y", "z", "x", "-y", "-z", "-x")  # axes of a file that may become Y
 MESH_FORMATS = tuple(format for format in FORMATS if format.is_mesh_file)
 SCENE_SUFFIXES = tuple(format.suffix for format in FORMATS)
 ARCHIVE_SUFFIXES = (".zip",)

@@ -102,7 +102,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         lambda: (whole.environment, _image_of(whole)),
         lambda: _environment(whole),
     )
-    chance = choose_environment(environment, lights.power, stood.bounds)
+    subject = stood.bounds if description.subject is None else description.subject.astype(np.float32)
+    chance = choose_environment(environment, lights.power, subject)
     say(Sentence("progress-building-bvh", "building the BVH"), 0.5)
     keys = motion_keys.instance_keys(description, placement)
     still_spheres = stood.still_spheres
@@ -161,7 +162,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         environment=environment.radiance,
         **search,
         environment_frame=environment.frame(chance),
-        bounds=stood.bounds,
+        bounds=subject,
         key_position=geometry.keys[:, 0].reshape(-1, 3),
         key_normal=geometry.keys[:, 1].reshape(-1, 3),
         key_sphere=sphere_keys.reshape(-1, 4),
@@ -226,16 +227,21 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     with the seconds of their first and last key. objects, materials: their names by number; the film's OBJECT and MATERIAL planes
     hold number + 1.
     """
+    floor = description.subject is not None  # one mesh of two flat triangles, six vertices
+    points = _visible_points(compiled)
+    if floor:
+        low, high = compiled.bounds
+        points = points[((points >= low) & (points <= high)).all(axis=1)]
     return {
-        "cameras": camera_dicts(description, _bounds(compiled), _visible_points(compiled) + compiled.origin),
+        "cameras": camera_dicts(description, _bounds(compiled), points + compiled.origin),
         "counts": {
-            "triangles": sum(len(description.meshes[i.mesh].triangles) for i in description.instances),
-            "unique_triangles": len(compiled.triangle) - _filling(compiled),
-            "vertices": int(np.count_nonzero(compiled.normal.any(axis=1))),
+            "triangles": sum(len(description.meshes[i.mesh].triangles) for i in description.instances) - 2 * floor,
+            "unique_triangles": len(compiled.triangle) - _filling(compiled) - 2 * floor,
+            "vertices": int(np.count_nonzero(compiled.normal.any(axis=1))) - 6 * floor,
             "spheres": len(compiled.sphere),
-            "meshes": len(description.meshes),
-            "instances": len(description.instances),
-            "materials": len(description.materials),
+            "meshes": len(description.meshes) - floor,
+            "instances": len(description.instances) - floor,
+            "materials": len(description.materials) - floor,
             "textures": len(compiled.texture),
             "lights": len(compiled.light_primitive),
         },
@@ -244,6 +250,8 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         "bounds": _bounds(compiled).tolist(),
         "animations": [clip.name for clip in description.clips],
         "up": list(description.up),
+        "up_axis": description.up_axis,
+        "floor": floor,
         "fps": description.fps,
         "clips": [asdict(clip) for clip in description.clips],
         "variants": list(description.variants),

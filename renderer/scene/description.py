@@ -287,6 +287,8 @@ class SceneDescription:
     medium: Medium | None = None  # of the world; the camera is in it unless inside an object
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)
+    up_axis: str | None = None  # the axis of the file that became Y, if its format states none: one of renderer.formats.UP_AXES
+    subject: npt.NDArray[np.float64] | None = None  # bounds (2, 3) of what is not the studio's floor; None: without such a floor
     studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's
     defaults: dict[str, Any] = field(default_factory=dict)
     clips: list[Clip] = field(default_factory=list)  # the file's animations; the request selects clip and time

@@ -10,22 +10,27 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.formats import MESH_FORMATS
 from renderer.scene.animation import BETWEEN, SHUTTER, Moment, Shutter
+from renderer.scene.bounds import bounds_of
 from renderer.scene.description import F32, Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.presets import is_named, light_by_name
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.polygon_meshes import of_triangles, triangulated
+from renderer.scene.readers.up_axis import turn_up
 from renderer.scene.shutter_merge import between_files, merge_over_shutter
-from renderer.scene.studio import STUDIO_ALONE, light_studio
+from renderer.scene.studio import STUDIO_ALONE, add_floor, light_studio
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence, joined_faults, reason_of
 from renderer.settings import chosen
 
 __all__ = ["Shot", "environment_light", "read"]
+
+F64 = npt.NDArray[np.float64]
 
 _START = Moment()
 _ATTRIBUTES = ("normals", "uvs", "uvs1", "colors", "tangents")
@@ -38,9 +43,19 @@ class Shot:
     main may be a pattern such as smoke.####.obj, with one file per frame.
     """
 
-    def __init__(self, folder: Path, main: str, environment: str | None = None, variant: str | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        main: str,
+        environment: str | None = None,
+        variant: str | None = None,
+        up: str | None = None,
+        floor: str | None = None,
+    ) -> None:
         self._files = SceneFiles(folder, environment)
         self._main, self._environment, self._variant = main, environment, variant
+        self._up, self._floor = up, floor
+        self._boxes: dict[str | None, F64] = {}  # bounds at the beginning of each clip, for the height of the floor
         self._finite: dict[int, F32] = {}  # positions already checked, by identity
 
     @property
@@ -50,20 +65,38 @@ class Shot:
 
     def at(self, moment: Moment = _START) -> SceneDescription:
         """Returns the scene at a moment, independently of earlier calls. Raises SceneError, as `read` does."""
-        self._files.read_anew()
-        main, environment = self._files.at_frame(self._main, moment.frame, "."), self._environment
-        description = SceneDescription(name=PurePosixPath(main).stem, moves=main != self._main)
-        read_file(self._files, main, description, self._variant, moment=moment)
-        if main != self._main:
-            for mesh in description.meshes:
-                mesh.deforms = True
-        if environment is not None:
-            environment_light(self._files, environment, description)
-        self._check_positions(main, description)
-        _check(main, description)
+        description = self._read(moment)
+        is_lit = description.environment is not None or _emits(description)
+        if self._environment is not None:
+            environment_light(self._files, self._environment, description)
         if description.environment is None and not _emits(description):
             light_studio(description)
             description.warnings.append(STUDIO_ALONE)
+        if self._floor == "on" or (self._floor == "auto" and not is_lit):
+            add_floor(description, self._box_at_start(moment, description))
+        return description
+
+    def _box_at_start(self, moment: Moment, description: SceneDescription) -> F64:
+        """Returns the bounds of a shot at its beginning, so that the floor stays where it is while things move."""
+        if not description.moves:
+            return bounds_of(description)
+        if moment.clip not in self._boxes:
+            start = replace(moment, frame=self.start, offset=0.0)
+            self._boxes[moment.clip] = bounds_of(description if moment == start else self._read(start))
+        return self._boxes[moment.clip]
+
+    def _read(self, moment: Moment) -> SceneDescription:
+        """Returns the scene at a moment with the lights of its file alone."""
+        self._files.read_anew()
+        main = self._files.at_frame(self._main, moment.frame, ".")
+        description = SceneDescription(name=PurePosixPath(main).stem, moves=main != self._main)
+        format = read_file(self._files, main, description, self._variant, moment=moment)
+        if main != self._main:
+            for mesh in description.meshes:
+                mesh.deforms = True
+        self._check_positions(main, description)
+        _check(main, description)
+        turn_up(main, format, self._up, description, guesses=main == self._main)
         description.studio_for_accents = any(main.lower().endswith(f.suffix) for f in MESH_FORMATS)
         return description
 
@@ -142,19 +175,27 @@ class Shot:
 
 
 def read(
-    folder: Path, main: str, environment: str | None = None, variant: str | None = None, moment: Moment = _START
+    folder: Path,
+    main: str,
+    environment: str | None = None,
+    variant: str | None = None,
+    moment: Moment = _START,
+    up: str | None = None,
+    floor: str | None = None,
 ) -> SceneDescription:
     """Reads the scene in file `main` of a folder; names are relative to the folder, with forward slashes.
 
     environment: replaces the scene's own environment: an HDR image of the folder, a sky's "sky:ELEVATION[,AZIMUTH]"
     (renderer/scene/sky.py), or a preset's name (renderer/presets.py). variant: of a glTF file's materials, by name or index from
-    0. moment: the time of an animated scene; by default its beginning.
+    0. moment: the time of an animated scene; by default its beginning. up: the axis of an OBJ, PLY, STL or OFF file that becomes
+    Y (renderer/scene/readers/up_axis.py); None: a guess. floor: "on", or "auto" for scenes whose file has no light, adds a floor
+    below the scene that takes its shadows.
 
     A scene without any light gets studio lighting, with a warning; so does, when compiled, a model whose lights are only accents
     (a car's tail lights), unless it is one of our own scene files, whose author specifies the lighting. Nothing outside the
     folder is opened. Raises SceneError with a sentence that names the file and says what to do.
     """
-    return Shot(folder, main, environment, variant).at(moment)
+    return Shot(folder, main, environment, variant, up, floor).at(moment)
 
 
 def environment_light(files: SceneFiles, name: str, description: SceneDescription) -> None:

@@ -135,6 +135,7 @@ def rebased(description: SceneDescription, origin: F64, kept: ShotCache | None =
         instances=[_instance(each, origin, offsets.get(each.mesh, _WORLD)) for each in description.instances],
         spheres=[_sphere(each, origin) for each in description.spheres],
         lights=[_light(each, origin) for each in description.lights],
+        subject=None if description.subject is None else description.subject - origin,
     )
 
 

@@ -48,7 +48,8 @@ class _Shape(NamedTuple):
 
 def preview(description: SceneDescription, most: int = MOST_TRIANGLES) -> Preview | None:
     """Returns the scene's triangles, decimated to about `most`; None if it has no surface."""
-    used = [each for each in description.instances if len(description.meshes[each.mesh].triangles)]
+    shown = description.instances if description.subject is None else description.instances[:-1]  # without the studio's floor
+    used = [each for each in shown if len(description.meshes[each.mesh].triangles)]
     used = used[:: -(-len(used) // MOST_INSTANCES) or 1]
     share = most / max(sum(len(description.meshes[each.mesh].triangles) for each in used), 1)
     shapes: dict[int, _Shape] = {}

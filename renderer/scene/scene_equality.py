@@ -19,6 +19,7 @@ _ASIDE = {
     "keys",
     "moves",
     "still",
+    "up_axis",
     "variants",
     "warnings",
     "defaults",

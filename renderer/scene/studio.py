@@ -1,4 +1,4 @@
-"""The default lighting of scenes without lights: a photographer's studio, soft and neutral.
+"""The default lighting of scenes without lights: a photographer's studio, soft and neutral; and its floor.
 
 A key light from the left front, a rim light from behind on the right, and walls brighter above than below, which reveal shapes
 better than uniform white light.
@@ -7,11 +7,13 @@ better than uniform white light.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
-from renderer.scene.description import F32, Environment, Image, SceneDescription
+from renderer.scene.bounds import bounds_of
+from renderer.scene.description import F32, Environment, Image, Instance, Material, Mesh, SceneDescription
 from renderer.sentences import Sentence
 
-__all__ = ["STUDIO_ALONE", "STUDIO_NOTES", "STUDIO_TOO", "light_studio", "studio_image"]
+__all__ = ["FLOOR", "STUDIO_ALONE", "STUDIO_NOTES", "STUDIO_TOO", "add_floor", "light_studio", "studio_image"]
 
 # Warnings about it. Neither applies to a picture whose settings set its lighting.
 STUDIO_ALONE = Sentence(
@@ -19,6 +21,8 @@ STUDIO_ALONE = Sentence(
 )
 STUDIO_TOO = Sentence("scene-lights-weak", "The scene's own lights are weak: lit by a soft studio light as well.")
 STUDIO_NOTES = (STUDIO_ALONE, STUDIO_TOO)
+
+F64 = npt.NDArray[np.float64]
 
 _HEIGHT = 64
 
@@ -28,6 +32,10 @@ _LAMPS = (
     ((0.8, 0.4, -0.75), 3.0, 24.0),
 )
 _GROUND, _HORIZON, _ZENITH = 0.2, 0.5, 0.65
+
+FLOOR = "studio floor"
+_REACH = 30.0  # half of the floor's side, relative to the diagonal of the scene's bounds
+_GAP = 1e-4  # between the floor and the lowest point, likewise: surfaces at equal height would hide each other by chance
 
 
 def studio_image() -> F32:
@@ -47,3 +55,33 @@ def light_studio(description: SceneDescription) -> None:
     """Sets the studio as the scene's environment."""
     description.images.append(Image("studio", studio_image(), srgb=False))
     description.environment = Environment(image=len(description.images) - 1)
+
+
+def add_floor(description: SceneDescription, box: F64) -> None:
+    """Adds a level square below the scene that takes its shadows, and sets `subject` to the bounds of what was there before.
+
+    box: bounds (2, 3) that it lies under. In the studio's light its far end is as bright as the horizon, so its edge is not seen.
+    """
+    up = np.asarray(description.up, np.float64)
+    axis, sign = int(np.abs(up).argmax()), float(np.sign(up[np.abs(up).argmax()]))
+    size = max(float(np.linalg.norm(box[1] - box[0])), 1e-6)
+    place = np.eye(4)
+    place[:3, 3] = box.mean(axis=0)
+    place[axis, 3] = (box[0] if sign > 0 else box[1])[axis] - sign * _GAP * size
+    a, b = ((1, 2), (2, 0), (0, 1))[axis]  # their cross product is the axis
+    corners = np.zeros((4, 3), np.float32)
+    corners[:, a] = np.array([-1, sign, 1, -sign]) * _REACH * size
+    corners[:, b] = np.array([-1, -sign, 1, sign]) * _REACH * size
+    description.subject = bounds_of(description)
+    description.materials.append(Material(FLOOR, base_color=(_floor_albedo(),) * 3))
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    description.meshes.append(Mesh(FLOOR, corners, triangles, material=len(description.materials) - 1))
+    description.instances.append(Instance(len(description.meshes) - 1, place, name=FLOOR))
+
+
+def _floor_albedo() -> float:
+    """Returns the albedo with which an unshadowed floor has the radiance of the studio's horizon."""
+    cosine = np.cos((np.arange(_HEIGHT // 2) + 0.5) * np.pi / _HEIGHT)
+    weight = cosine * np.sqrt(1 - cosine**2)
+    arriving = float((studio_image()[: _HEIGHT // 2, :, 0].mean(axis=1) * weight).sum() / weight.sum())  # irradiance / pi
+    return _HORIZON / arriving

@@ -1,6 +1,7 @@
-"""Selects the scene to render for a request: the uploaded scene, or a scene derived from it with other lighting or materials.
+"""Selects the compiled scene for a request: the uploaded scene, or one derived from it.
 
-A derived scene has a row of its own, created on demand; rows that are not in use are deleted, since they can be created again.
+A derived scene has other lighting, or another material variant, up axis or floor.
+Derived scenes are separate rows, created on demand. Unused ones are deleted, since they can be created again.
 """
 
 from __future__ import annotations
@@ -74,16 +75,16 @@ class Lighting:
             row = session.get(Job, job)
             if row is None or row.lit is None or session.get(Scene, row.lit) is not None or session.get(Scene, row.scene) is None:
                 return
-        self.row(row.scene, row.request.get("environment"), row.request.get("variant"))
+        self.row(row.scene, row.request)
 
-    def scene_for(self, scene: str, environment: Mapping[str, Any] | None, kind: str, variant: str | None = None) -> Lit:
-        """Returns the scene to render for a request. If it is not yet compiled for this worker kind, starts compiling: call again
-        later.
+    def scene_for(self, scene: str, asked: Mapping[str, Any], kind: str) -> Lit:
+        """Returns the scene to render for a request. If it is not compiled for `kind` yet, starts that; call again later.
 
-        environment: as in the job's request. To use the scene afterwards, callers must hold it (`held`).
-        Raises NotFound if the scene or image does not exist, Invalid if the lighting or variant is invalid.
+        asked: `environment`, `variant`, `up` and `floor` as in the job's request; others are ignored. Callers that use the scene
+        afterwards must hold it (`held`). Raises NotFound if the scene or image does not exist, Invalid if the lighting or variant
+        does not, or if the file states which axis is up.
         """
-        found = self.row(scene, environment, variant)
+        found = self.row(scene, asked)
         ref = found.compiled.get(kind)
         is_elsewhere = ref is None and found.status == "ready"  # prepared for another worker kind only
         if is_elsewhere:
@@ -91,14 +92,13 @@ class Lighting:
         status = "preparing" if is_elsewhere else cast(Status, found.status)
         return Lit(found.id, status, found.error, ref["sha256"] if ref else None, frozenset(found.blobs))
 
-    def row(self, scene: str, environment: Mapping[str, Any] | None, variant: str | None = None) -> Scene:
-        """Returns the row of the scene to render, and creates it if needed. If the request changes nothing, this is the uploaded
-        scene.
+    def row(self, scene: str, asked: Mapping[str, Any]) -> Scene:
+        """Returns the row of the scene to render, creating it if needed; the uploaded scene itself if nothing changes.
 
         Raises as `scene_for` does.
         """
         base = self._upload(scene)
-        stored = self._wanted(base, environment, variant)
+        stored = self._wanted(base, asked)
         if stored is None or stored.id == base.id:
             return base
         with self._sessions() as session:
@@ -108,15 +108,15 @@ class Lighting:
             return found
         with self._garbage.pinned(ref.sha256 for ref in stored.files), self.held(stored.id):
             self._upload(scene)  # the scene may have been deleted meanwhile, with its files
-            self._wanted(base, environment, variant)  # and so may the image
+            self._wanted(base, asked)  # and so may the image
             made = record(stored, self._sessions, self._events, of=base.of or base.id, owner=Owner(base.project))
             self.clear()
         return made
 
-    def find_row(self, scene: str, environment: Mapping[str, Any] | None, variant: str | None = None) -> Scene | None:
-        """Returns the row that `row` would return, whether or not it failed; None if it does not exist. Creates nothing."""
+    def find_row(self, scene: str, asked: Mapping[str, Any]) -> Scene | None:
+        """Returns the same row as `row`, failed or not, but creates nothing: None if it does not exist."""
         base = self._upload(scene)
-        stored = self._wanted(base, environment, variant)
+        stored = self._wanted(base, asked)
         if stored is None or stored.id == base.id:
             return base
         with self._sessions() as session:
@@ -187,19 +187,20 @@ class Lighting:
             )
         return found
 
-    def _wanted(self, base: Scene, environment: Mapping[str, Any] | None, variant: str | None) -> Upload | None:
-        """Returns the upload with the requested lighting and variant applied; None if the request changes neither."""
-        asked = environment or {}
+    def _wanted(self, base: Scene, asked: Mapping[str, Any]) -> Upload | None:
+        """Returns the changed files of the requested scene; None if the request changes nothing."""
+        environment = asked.get("environment") or {}
         light: str | BlobRef | None = None
-        if (sky := asked.get("sky")) is not None:
+        if (sky := environment.get("sky")) is not None:
             light = sky_text(sky["elevation"], sky.get("azimuth") or 0.0)
-        elif (preset := asked.get("preset")) is not None:
+        elif (preset := environment.get("preset")) is not None:
             light = light_text(preset)
-        elif (image := asked.get("image")) is not None:
+        elif (image := environment.get("image")) is not None:
             light = self._image(image, base.project)
-        if light is None and variant is None:
+        reading = {name: asked.get(name) for name in ("variant", "up", "floor")}
+        if light is None and all(value is None for value in reading.values()):
             return None
-        return changed(base, light, variant)
+        return changed(base, light, **reading)
 
     def name_of(self, environment: Mapping[str, Any] | None) -> str | None:
         """Returns the name of the uploaded image in a request's environment, or None if there is none."""

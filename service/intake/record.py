@@ -44,6 +44,8 @@ def _write(stored: Upload, sessions: Sessions, of: str | None, owner: Owner) -> 
                 main=stored.main,
                 environment=stored.environment,
                 variant=stored.variant,
+                up=stored.up,
+                floor=stored.floor,
                 of=of,
                 files=[asdict(ref) for ref in stored.files],
                 bytes=stored.size,

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Collection, Iterable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import PurePosixPath
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from starlette.concurrency import run_in_threadpool
 
 from protocol.contract import BlobRef
 from renderer.errors import SceneError
-from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
+from renderer.formats import ARCHIVE_SUFFIXES, FORMATS, UP_AXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
 from renderer.presets import PRESETS
 from renderer.sentences import Sentence
@@ -34,6 +34,9 @@ __all__ = ["Upload", "changed", "joined_chunks", "light_text", "receive", "sky_t
 
 PIECE = 1 << 20
 SKY = "sky:"
+AUTO = "auto"
+UPS = (AUTO, *UP_AXES)
+FLOORS = ("on", AUTO, "off")
 T = TypeVar("T")
 
 
@@ -41,8 +44,9 @@ T = TypeVar("T")
 class Upload:
     """The stored files of a scene. `id`: hash of all other fields except name and notes.
 
-    environment: path of an image among the files, or a preset or sky in the notation of renderer.scene. variant: material variant
-    of a glTF file. strict: whether warnings make the scene fail.
+    environment: path of an image among the files, or a preset or sky in the notation of renderer.scene. variant: of the materials
+    of a glTF file. strict: whether warnings make the scene fail. up: the axis of the file that becomes Y; None: a guess. floor:
+    "on", "auto" for scenes without light, or None.
     """
 
     id: str
@@ -53,6 +57,8 @@ class Upload:
     notes: list[str]
     variant: str | None = None
     strict: bool = False
+    up: str | None = None
+    floor: str | None = None
 
     def as_strict(self) -> Upload:
         """Returns a copy that is strict. It has a different id, so its failure does not affect the non-strict scene."""
@@ -141,7 +147,9 @@ def store_form(
         name = title[:200] or PurePosixPath(chosen.main).stem
         with full_disk(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
             refs = _committed(chosen.files)
-            upload = Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes)
+            up, floor = _axis(_choice("up", form, UPS), chosen.main), _floor(_choice("floor", form, FLOORS))
+            id = _id(refs, chosen.main, environment, None, up, floor)
+            upload = Upload(id, name, chosen.main, environment, refs, notes, up=up, floor=floor)
             return record(upload.as_strict() if is_strict else upload)
     finally:
         form.discard()
@@ -187,14 +195,47 @@ def _added(
     with full_disk(), garbage.pinned([*hashes, *(ref.sha256 for ref in kept)]):
         find()  # the scene may have been deleted meanwhile, with its files
         refs = sorted((*kept, *_committed(files)), key=_path)
-        main, notes, variant, name = scene.main, scene.notes, scene.variant, scene.name
+        main, notes, variant, up, name = scene.main, scene.notes, scene.variant, scene.up, scene.name
         if asked:
             main, notes = _chosen([ref.path for ref in refs], asked)
-            variant = variant if main == scene.main else None
+            variant, up = (variant, up) if main == scene.main else (None, None)
             name = PurePosixPath(main).stem if name == PurePosixPath(scene.main).stem else name
-        id = _id(refs, main, scene.environment, variant)
-        upload = Upload(id, name, main, scene.environment, refs, notes, variant)
+        id = _id(refs, main, scene.environment, variant, up, scene.floor)
+        upload = Upload(id, name, main, scene.environment, refs, notes, variant, up=up, floor=scene.floor)
         return record(upload.as_strict() if (scene.strict if is_strict is None else is_strict) else upload)
+
+
+def _choice(name: str, form: Form, among: Collection[str]) -> str | None:
+    """Returns a field of a form that has fixed values, or None if it is absent or empty. Raises Invalid for other values."""
+    text = form.fields.get(name, "").strip().lower()
+    if text and text not in among:
+        raise Invalid(
+            Sentence(
+                "choice-invalid", "{name} is {value}; possible are {values}.", name=name, value=repr(text[:60]), values=[*among]
+            )
+        )
+    return text or None
+
+
+def _axis(asked: str | None, main: str) -> str | None:
+    """Returns an up axis as it is stored. Raises Invalid if files of the format of `main` state their own."""
+    if asked is None or asked == AUTO:
+        return None
+    suffix = PurePosixPath(main).suffix.lower()
+    if not any(format.suffix == suffix and format.up for format in FORMATS):
+        raise Invalid(
+            Sentence(
+                "up-axis-stated-by-file",
+                "up: {format} files state which axis is up; leave up out.",
+                format=suffix,
+            )
+        )
+    return asked
+
+
+def _floor(asked: str | None) -> str | None:
+    """Returns a floor as it is stored."""
+    return None if asked == "off" else asked
 
 
 def _flag(name: str, form: Form) -> bool | None:
@@ -230,19 +271,28 @@ def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
     return main, notes
 
 
-def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | None = None) -> Upload:
-    """Returns a scene's files with other lighting or another material variant applied.
+def changed(
+    scene: Scene,
+    light: str | BlobRef | None = None,
+    variant: str | None = None,
+    up: str | None = None,
+    floor: str | None = None,
+) -> Upload:
+    """Returns the scene's files with other lighting, or another material variant, up axis or floor.
 
     light: a preset's name, a sky, or an image as a BlobRef with its path among the files; None: unchanged.
-    variant: None: unchanged; empty: the file's default materials. Raises Invalid if the variant does not exist.
+    variant: None: unchanged; empty: the default materials of the file. up, floor: None: unchanged; "auto": a guess, and a floor
+    if the file has no light. Raises Invalid if the variant does not exist, or the file states its up axis.
     """
     files = [BlobRef(**ref) for ref in scene.files]
     environment = light.path if isinstance(light, BlobRef) else light or scene.environment
     if isinstance(light, BlobRef):
         files = sorted([*(file for file in files if file.path != light.path), light], key=lambda file: file.path)
     variant = scene.variant if variant is None else _variant_of(scene, variant)
-    id = _id(files, scene.main, environment, variant)
-    upload = Upload(id, scene.name, scene.main, environment, files, scene.notes, variant)
+    up = scene.up if up is None else _axis(up, scene.main)
+    floor = scene.floor if floor is None else _floor(floor)
+    id = _id(files, scene.main, environment, variant, up, floor)
+    upload = Upload(id, scene.name, scene.main, environment, files, scene.notes, variant, up=up, floor=floor)
     upload = upload.as_strict() if scene.strict else upload
     return replace(upload, id=id_in(scene.project, upload.id))
 
@@ -311,8 +361,17 @@ def _sky_of(text: str) -> str:
     return sky_text(elevation, azimuth)
 
 
-def _id(files: list[BlobRef], main: str, environment: str | None, variant: str | None = None) -> str:
-    content = [[asdict(ref) for ref in files], main, environment, *([] if variant is None else [variant])]
+def _id(
+    files: list[BlobRef],
+    main: str,
+    environment: str | None,
+    variant: str | None = None,
+    up: str | None = None,
+    floor: str | None = None,
+) -> str:
+    content: list[Any] = [[asdict(ref) for ref in files], main, environment, *([] if variant is None else [variant])]
+    if up is not None or floor is not None:  # so that other scenes keep the ids of earlier releases
+        content.append({"up": up, "floor": floor})
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:20]
 
 

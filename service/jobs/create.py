@@ -203,11 +203,11 @@ def _shot(request: JobIn, keys: list[int]) -> Shot:
 def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
     """Returns the id of the scene to render.
 
-    If the request changes the environment or material variant, this is a derived scene, which is created if needed.
+    For another environment, material variant, up axis or floor this is a derived scene, which may be new.
     """
-    if asked["environment"] is None and request.variant is None:
+    if all(asked[name] is None for name in ("environment", "variant", "up", "floor")):
         return request.scene
-    return farm.lighting.row(request.scene, asked["environment"], request.variant).id
+    return farm.lighting.row(request.scene, asked).id
 
 
 def _no_scene(id: str) -> NotFound:

@@ -153,6 +153,8 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         height=size.get("height"),
         environment=_light_of(job),
         variant=job.request.get("variant"),
+        up=job.request.get("up"),
+        floor=job.request.get("floor"),
         pinned=bool(job.pinned),
         taken=TakenOut(**job.taken) if job.taken else None,
         doubted=job.doubted or [],

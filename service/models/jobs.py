@@ -145,6 +145,14 @@ class JobIn(QueueIn):
         max_length=200,
         description="of the scene's materials, by name or number; empty: the file's own",
     )
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] | None = Field(
+        None, description="which axis of an OBJ, PLY, STL or OFF file is up; `auto`: a guess; null: as the scene was uploaded"
+    )
+    floor: Literal["on", "auto", "off"] | None = Field(
+        None,
+        description="a floor below the scene that takes its shadows; `auto`: if the file has no light; null: as the scene was "
+        "uploaded",
+    )
     verify: float | None = Field(
         None, ge=0, le=1, description="the share of its batches that is rendered twice and compared; empty: as the farm does"
     )
@@ -332,6 +340,8 @@ class JobOut(QueueOut):
     settings: dict[str, Any] | None
     environment: dict[str, Any] | None = Field(description="as it was asked for, and `name`: what the image is called")
     variant: str | None = Field(description="as it was asked for")
+    up: str | None = Field(description="likewise")
+    floor: str | None = Field(description="likewise")
     pinned: bool = Field(description="kept, whatever its age")
     note: str | None = Field(description="what somebody wrote about it")
     taken: TakenOut | None = Field(description="null: all of its samples were rendered for it")

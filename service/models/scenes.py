@@ -43,6 +43,12 @@ class SceneOut(Coded):
     clips: list[dict[str, Any]] = Field(description="of its animations: name, and from when to when it moves, in seconds")
     variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
     variant: str | None = Field(description="the one that is shown; null: the file's own materials")
+    up_axis: str | None = Field(
+        description="which axis of an OBJ, PLY, STL or OFF file is up; null: not known, or stated by the file"
+    )
+    up: str | None = Field(description="the axis that was asked for; null: it is guessed")
+    has_floor: bool = Field(description="whether the studio's floor lies below it")
+    floor: str | None = Field(description="as it was asked for: on, or auto: if the file has no light; null: off")
     environment: str | None = Field(description="in place of its own: an image among the files, or sky:ELEVATION,AZIMUTH")
     measured: MeasuredOut | None = Field(description="null until a picture of it was rendered")
     warnings: list[str]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -64,9 +63,10 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
     main, files = scene.main, [BlobRef(**ref) for ref in scene.files]
     if (written := written_of({"blend": blend})) is not None:
         main, files = written[0], [*written[1], *(file for file in files if file.path == scene.environment)]
-    is_alike = base is not None and base.variant == scene.variant and base.main == scene.main
+    read_alike = ("main", "variant", "up", "floor")
+    is_alike = base is not None and all(getattr(base, name) == getattr(scene, name) for name in read_alike)
     known = base.info if base is not None and is_alike else None
-    return asdict(Manifest(id, main, files, scene.environment, scene.variant, known))
+    return Manifest(id, main, files, scene.environment, scene.variant, known, scene.up, scene.floor).to_json()
 
 
 @router.get("/blobs/{sha256}", response_class=StreamingResponse)

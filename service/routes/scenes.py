@@ -45,6 +45,17 @@ UPLOAD_FORM = {
                             "type": "string",
                             "description": "an image among the files that lights the scene, or a sky as sky:ELEVATION,AZIMUTH",
                         },
+                        "up": {
+                            "type": "string",
+                            "enum": ["auto", "x", "y", "z", "-x", "-y", "-z"],
+                            "description": "which axis of an OBJ, PLY, STL or OFF file is up; auto, the default: a guess",
+                        },
+                        "floor": {
+                            "type": "string",
+                            "enum": ["on", "auto", "off"],
+                            "description": "a floor below the scene that takes its shadows; auto: if the file has no light; "
+                            "off: the default",
+                        },
                         "name": {"type": "string"},
                         "strict": {
                             "type": "boolean",

@@ -204,10 +204,9 @@ class _Viewer:
         """
         request = ask.model_dump(mode="json", exclude={"id"})
         lighting = self._farm.lighting
-        about = self._scene, request["environment"], request["variant"]
-        row = None if tries_again else lighting.find_row(*about)
+        row = None if tries_again else lighting.find_row(self._scene, request)
         if row is None and makes:
-            row = lighting.row(*about)
+            row = lighting.row(self._scene, request)
         if row is None or (row.status == "preparing" and not makes):
             return None
         if row.id != self._held:

@@ -54,7 +54,7 @@ def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
 
 
 class Scene(Base):
-    """An uploaded scene, or a scene derived from one by other lighting or another material variant.
+    """An uploaded scene, or one derived from it for a job, with other lighting, material variant, up axis or floor.
 
     The id is a hash of the content, so uploading the same files again gives the same scene. A strict scene has a different id.
     """
@@ -69,6 +69,8 @@ class Scene(Base):
     main: Mapped[str] = mapped_column(Text)
     environment: Mapped[str | None] = mapped_column(Text)
     variant: Mapped[str | None] = mapped_column(Text)
+    up: Mapped[str | None] = mapped_column(String(2))  # the axis of the file that becomes Y; None: a guess
+    floor: Mapped[str | None] = mapped_column(String(8))  # the studio's: on | auto; None: off
     project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its members see it; empty: all users
     user: Mapped[str | None] = mapped_column(String(64))  # who uploaded it; None: a farm without authentication
     key: Mapped[str | None] = mapped_column(String(20))  # id of the token that was used

@@ -9,6 +9,7 @@ import pytest
 
 from protocol.pictures import EXACT, ViewTile, encode_view
 from renderer.image import rgbe9995
+from renderer.scene.readers.up_axis import ROTATIONS
 from renderer.settings import Tile
 from tests.page.node import Node
 from tests.service.viewer import body_of, unpacked
@@ -158,3 +159,17 @@ def test_the_sun_is_where_its_highlight_meets_the_eye(node: Node) -> None:
             assert found[0] * mirrored[2] == pytest.approx(found[2] * mirrored[0], abs=1e-6), "on that side"
     sky = node.call("scene/light-math", "return m.sunFor({ direction: [0.6, 0.8, 0], normal: null });")
     assert (sky["azimuth"], sky["elevation"]) == pytest.approx((90, 53.13), abs=0.01)
+
+
+def test_a_view_follows_the_scenes_centre_when_another_axis_is_up(node: Node) -> None:
+    """By the rotations of the reader: the same direction and distance, about the centre of the turned scene."""
+    bounds = np.array([[-1.0, 0.0, 2.0], [3.0, 5.0, 4.0]])
+    centre = bounds.mean(axis=0)
+    for before, a in ROTATIONS.items():
+        for after, b in ROTATIONS.items():
+            shown = ROTATIONS["z"][:3, :3]
+            given = {"view": VIEW, "bounds": bounds.tolist(), "before": before, "after": after}
+            moved = node.call("forms/stand-fields", 'return m.withAxis(a.view, a.bounds, "z", a.before, a.after);', given)
+            step = (b[:3, :3] - a[:3, :3]) @ shown.T @ centre
+            for name in ("eye", "target"):
+                np.testing.assert_allclose(vector(moved, name), vector(VIEW, name) + step, atol=1e-12)  # type: ignore[arg-type]

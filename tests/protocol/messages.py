@@ -70,7 +70,7 @@ def encoded() -> dict[str, Any]:
     sums[3] = 7
     found = {
         "blob_ref": asdict(blob),
-        "manifest": asdict(Manifest("s1", "a.obj", [blob], "sky", None, None)),
+        "manifest": Manifest("s1", "a.obj", [blob], "sky", None, None).to_json(),
         "render_batch": _blank(batch.to_json()),
         "joint_batch": {**joint, "whole": _blank(joint["whole"])},
         "prepare_frames": asdict(frames),

@@ -48,7 +48,8 @@ def answering(
 ) -> Callable[[list[int], Send], None]:
     """Returns a function that compiles frames and sends a message for each: the result, or the error as `failed`."""
     begun = time.monotonic()
-    stage = Stage(Shot(folder, manifest.main, manifest.environment, manifest.variant), work, base, out)
+    shot = Shot(folder, manifest.main, manifest.environment, manifest.variant, manifest.up, manifest.floor)
+    stage = Stage(shot, work, base, out)
     opened_s = time.monotonic() - begun
 
     def answer(frames: list[int], send: Send) -> None:

@@ -36,7 +36,7 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
         link.send({"step": step, "fraction": fraction})
 
     progress("reading", 0.05)
-    shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant)
+    shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant, manifest.up, manifest.floor)
     description = shot.at(Moment(shot.start))
     if (shown := draw_preview(description, folder_of(out) / PREVIEW)) is not None:
         link.send({"step": "reading", "fraction": 0.3, "preview": shown})

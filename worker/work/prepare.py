@@ -124,6 +124,8 @@ def _info(worker: WorkerContext, summary: dict[str, Any], compiled: BlobRef, beg
         fps=summary.get("fps", 24.0),
         clips=summary.get("clips", []),
         lights_power=summary.get("lights_power"),
+        up_axis=summary.get("up_axis"),
+        floor=bool(summary.get("floor")),
         blend=summary.get("blend"),
         names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials")},
     )

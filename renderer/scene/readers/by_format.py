@@ -30,8 +30,8 @@ def read_file(
     formats: Sequence[Format] = FORMATS,
     moment: Moment = Moment(),
     thickness: float | None = None,
-) -> None:
-    """Adds the scene of one file to a description.
+) -> Format:
+    """Adds the scene of one file to a description; returns its format.
 
     variant: name of one of the file's material variants, or its number from 0; None for the default.
     moment: the moment of the file's animation to read. formats: the formats that are accepted. thickness: of the file's points
@@ -104,6 +104,7 @@ def read_file(
     clips = description.clips
     if moment.clip is None and clips is not before and len(clips) > 1 and clips[0].name != ALL_CLIPS:
         description.warnings.append(others_of(name, clips))
+    return format
 
 
 def _reason(error: Exception) -> str:

@@ -74,20 +74,20 @@ def test_a_view_asks_for_light_without_a_job_and_holds_it(both: tuple[Service, P
     service, worker = both
     scene = scene_of(service, b"# view\n")
     lighting = service.farm.lighting
-    assert lighting.scene_for(scene, None, worker.kind).status == "ready"
+    assert lighting.scene_for(scene, {}, worker.kind).status == "ready"
     wanted = {"preset": "studio"}
-    found = lighting.scene_for(scene, wanted, worker.kind)
+    found = lighting.scene_for(scene, {"environment": wanted}, worker.kind)
     assert found.status == "preparing" or found.compiled
     with lighting.held(found.id):
-        until(lambda: lighting.scene_for(scene, wanted, worker.kind).status == "ready", "the light is prepared")
-        ready = lighting.scene_for(scene, wanted, worker.kind)
+        until(lambda: lighting.scene_for(scene, {"environment": wanted}, worker.kind).status == "ready", "the light is prepared")
+        ready = lighting.scene_for(scene, {"environment": wanted}, worker.kind)
         assert ready.compiled in ready.blobs
         lighting.clear(kept=0)
         assert service.farm.blobs.exists(ready.compiled or "")
     lighting.clear(kept=0)
     with service.farm.sessions() as session:
         assert session.get(Scene, found.id) is None
-    elsewhere = lighting.scene_for(scene, None, "another kind")
+    elsewhere = lighting.scene_for(scene, {}, "another kind")
     assert (elsewhere.status, elsewhere.compiled) == ("preparing", None)
 
 
@@ -107,7 +107,7 @@ def test_only_so_many_stay_that_nobody_needs_and_they_go_with_their_scene(servic
     scene = scene_of(service, b"# many\n")
     before = {each.name for each in (service.options["data"] / "blobs").rglob("*") if each.is_file()}
     for elevation in range(KEPT + 3):
-        service.farm.lighting.row(scene, {"sky": {"elevation": elevation}})
+        service.farm.lighting.row(scene, {"environment": {"sky": {"elevation": elevation}}})
     service.farm.lighting.clear()
     with service.farm.sessions() as session:
         rows = session.query(Scene).filter(Scene.of.is_not(None)).count()

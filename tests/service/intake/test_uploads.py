@@ -61,7 +61,7 @@ def refused(service: Service, status: int, files: list[tuple[str, bytes]], **fie
     assert answer.headers["content-type"] == "application/problem+json"
     assert stored(service) == before
     detail = str(answer.json()["detail"])
-    assert detail[0].isupper() or detail.startswith(("main", "environment"))
+    assert detail[0].isupper() or detail.startswith(("main", "environment", "up", "floor"))
     assert detail.endswith(".")
     return detail
 
@@ -361,3 +361,16 @@ def test_another_scene_of_an_upload_is_shown_without_sending_it_again(service: S
     assert post(service, [("", b"")], base=other["id"], main="a.obj").json()["id"] == base["id"]
     for name in ("c.obj", "wood.png"):
         assert refused(service, 422, [("", b"")], base=base["id"], main=name).startswith("main: the scene has no scene file")
+
+
+def test_the_up_axis_and_the_floor_are_choices_of_a_scene(service: Service) -> None:
+    files = [("m.obj", OBJ)]
+    plain = post(service, files).json()
+    assert (plain["up"], plain["floor"]) == (None, None)
+    turned = post(service, files, up="z", floor="auto").json()
+    assert (turned["up"], turned["floor"]) == ("z", "auto")
+    assert turned["id"] != plain["id"] == post(service, files, up="auto", floor="off").json()["id"]
+    assert "possible are" in refused(service, 422, files, up="w")
+    assert "possible are" in refused(service, 422, files, floor="maybe")
+    gltf = [("m.gltf", b'{"asset": {"version": "2.0"}}')]
+    assert ".gltf files state which axis is up" in refused(service, 422, gltf, up="z")

@@ -38,6 +38,9 @@
  * @property {number[][] | null} bounds lower and upper corner
  * @property {string[]} [variants] of a glTF file's materials
  * @property {string | null} [variant] selected variant; null: the file's own
+ * @property {string | null} [up_axis] the axis of its file that is up, where its format states none
+ * @property {string | null} [up] the axis that was asked for; null: a guess
+ * @property {boolean} [has_floor] whether the studio's floor lies below it
  * @property {string | null} [environment] replaces its own light: an image among its files, or sky:ELEVATION,AZIMUTH
  * @property {Clip[]} [clips] of its animations
  * @property {number | null} [fps] the file's own, else 24
@@ -87,6 +90,8 @@
  * @property {Record<string, any> | null} settings
  * @property {EnvironmentRequest | null} [environment] as requested
  * @property {string | null} [variant] as requested
+ * @property {string | null} [up] likewise
+ * @property {string | null} [floor] likewise
  * @property {boolean} [pinned] exempt from retention rules
  * @property {string | null} [note] a user's note
  * @property {string | null} [user] its owner
@@ -170,6 +175,8 @@
  * @typedef {object} Asked
  * @property {string} scene
  * @property {string} [variant] by number; empty: the file's own materials
+ * @property {string} [up] the axis that is up, or "auto"
+ * @property {string} [floor] "on", "off" or "auto"
  * @property {string | number} [camera] by its name, or by its number
  * @property {View} [view]
  * @property {string} [name]

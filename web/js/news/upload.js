@@ -7,13 +7,16 @@ import { t } from "../base/words.js";
 /** @typedef {import("../shell/gather-files.js").NamedFile} NamedFile */
 /** @typedef {import("../base/types.js").Scene} Scene */
 
+/** A scene whose file has no light stands in the studio, on a floor. */
+const STAND = { floor: "auto" };
+
 /**
  * @param {NamedFile[]} files
  * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal, fields?: Record<string, string>}} options
  *     fields: of the form, beside the files
  * @returns {Promise<Scene>} Rejects with ApiError, or with the signal's reason when it is aborted.
  */
-export const upload = (files, options) => sendFiles(inProject(UPLOAD_URL), "files", files, options);
+export const upload = (files, options) => sendFiles(inProject(UPLOAD_URL), "files", files, { ...options, fields: { ...STAND, ...options.fields } });
 
 /**
  * @param {string} url

@@ -14,6 +14,7 @@ import { expected } from "../forms/render-presets.js";
 import { shotFields } from "../shot/shot-fields.js";
 import { settingFields } from "../forms/setting-fields.js";
 import { sizeFields } from "../forms/size-fields.js";
+import { standFields } from "../forms/stand-fields.js";
 import { variantField } from "../forms/variant-field.js";
 import { t, tn } from "../base/words.js";
 
@@ -68,6 +69,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const quality = qualityFields({ ...defaults, ...first }, () => update(), expect);
   const others = settingFields(defaults, first);
   const variant = variantField(scene, like?.variant ?? null);
+  const stand = standFields(scene, like, (moved) => camera.turn(moved(camera.view())));
   const queue = queueFold(like);
   // Not for a shot, whose camera may be animated, while a custom view is static.
   if (like?.settings && !like.shot) camera.turn(like.settings.view);
@@ -75,6 +77,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const request = () => ({
     scene: scene.id,
     ...variant.get(),
+    ...stand.get(),
     ...camera.get(),
     ...size.get(),
     spp: quality.get(),
@@ -112,6 +115,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     variant.elements,
     shot.elements,
     others.light,
+    stand.elements,
     size.elements,
     quality.elements,
     h(

@@ -1,0 +1,67 @@
+"""The floor of the default studio."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.film import mean
+from renderer.render import render_frame
+from renderer.scene.bounds import bounds_of
+from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.load import read
+from renderer.scene.preview import preview
+from renderer.scene.studio import FLOOR
+from renderer.settings import RenderSettings, View
+
+_BALL = "shapes: [{type: sphere, center: [0, 3, 0], radius: 1}]\n"
+_LIT = _BALL + "environment: {color: 1}\n"
+
+
+def _has_floor(folder: Path, text: str, floor: str | None) -> bool:
+    (folder / "s.yaml").write_text(text)
+    return any(mesh.name == FLOOR for mesh in read(folder, "s.yaml", floor=floor).meshes)
+
+
+@pytest.mark.parametrize(
+    ("text", "floor", "expected"),
+    [(_BALL, None, False), (_BALL, "auto", True), (_LIT, "auto", False), (_LIT, "on", True)],
+)
+def test_a_floor_is_added_where_it_is_asked_for(tmp_path: Path, text: str, floor: str | None, expected: bool) -> None:
+    assert _has_floor(tmp_path, text, floor) is expected
+
+
+def test_the_floor_changes_no_figure_of_the_scene(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text("v 0 1 0\nv 1 1 0\nv 0 2 0\nv 0 1 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    plain, floored = (read(tmp_path, "m.obj", floor=floor) for floor in (None, "on"))
+    shown, drawn = preview(plain), preview(floored)
+    assert shown is not None and drawn is not None and len(shown.triangles) == len(drawn.triangles)
+    before, after = (summarise(each, compile_scene(each)) for each in (plain, floored))
+    assert after["floor"] and not before["floor"]
+    for name in ("bounds", "cameras", "counts"):
+        assert after[name] == before[name]
+
+
+def test_the_floor_lies_just_below_and_stays_while_things_move(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(_BALL)
+    found = read(tmp_path, "s.yaml", floor="auto")
+    floor = found.instances[-1]
+    assert found.subject is not None and found.subject.tolist() == [[-1, 2, -1], [1, 4, 1]]
+    assert 1.999 < floor.transform[1, 3] < 2
+    assert bounds_of(found)[1, 0] > 50
+
+
+def test_the_far_floor_is_as_bright_as_the_horizon_and_darker_below_the_model(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text("shapes: [{type: sphere, center: [0, 1, 0], radius: 1}]\n")
+    compiled = compile_scene(read(tmp_path, "s.yaml", floor="auto"))
+
+    def radiance(eye: tuple[float, float, float], target: tuple[float, float, float]) -> float:
+        view = View(eye, target, (0.0, 1.0, 0.0), 2.0)
+        settings = RenderSettings(8, 8, view=view)
+        return float(np.mean(mean(render_frame(compiled, settings, 64), settings.film_exponent)))
+
+    far = radiance((0, 4, 20), (20, 0, 0))
+    assert far == pytest.approx(0.5, rel=0.05)
+    assert radiance((0, 4, 20), (0, 0, 0.5)) < 0.85 * far
