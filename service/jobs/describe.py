@@ -226,8 +226,8 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]
     if slots and all(slot.get("compiling") for slot in slots):
         return Sentence(
-            "job-waits-for-kernel",
-            "The workers compile the kernel for this scene and these settings; the first time that takes a minute or two.",
+            "kernel-compiling",
+            "Compiling renderer (first time, about 40 s)",
         )
     if (numbers := view.jobs.get(job.id)) is not None and numbers.handed_back is not None:
         return Sentence("job-retried", "{reason}. It is tried again.", reason=numbers.handed_back.rstrip("."))

@@ -323,7 +323,7 @@ class ViewScheduler:
             case "compiling":
                 self._tell(
                     session,
-                    Sentence("view-kernel-compiling", "The kernel for this scene is made ready: a minute or two, once."),
+                    Sentence("kernel-compiling", "Compiling renderer (first time, about 40 s)"),
                 )
             case "part":
                 self._hear_part(out, answer)

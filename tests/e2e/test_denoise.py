@@ -50,11 +50,13 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
 
     # Both are there to be taken away.
     page.get_by_role("tab", name="Save").click()
+    page.get_by_role("switch", name="Denoised").check()
     with page.expect_download() as download:
         page.get_by_role("link", name="PNG, denoised").click()
     assert download.value.suggested_filename.endswith("-denoised.png")
     png = np.asarray(Image.open(download.value.path()).convert("RGB")).astype(int)
     assert np.abs(png - pictures[1]).max() <= 2  # the page has it as RGB9E5
+    page.get_by_role("switch", name="Denoised").uncheck()
     with page.expect_download() as download:
         page.get_by_role("link", name="PNG", exact=True).click()
     np.testing.assert_array_equal(np.asarray(Image.open(download.value.path()).convert("RGB")), tonemap.apply(raw, 0.5, "srgb"))

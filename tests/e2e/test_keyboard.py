@@ -77,7 +77,7 @@ def test_a_picture_by_the_keyboard_alone(farm: Farm, watched: Watched) -> None:
 
     expect(page.get_by_label("Progress", exact=True).locator(".big")).to_have_text(re.compile("[1-9]"))
     expect(page.get_by_role("main")).to_be_focused()
-    keys.press("Space")
+    keys.press("p")
     tab_to(page, page.get_by_role("button", name="Resume"))
     keys.press("Enter")
     more = page.get_by_role("button", name="2,000 samples")

@@ -50,7 +50,7 @@ def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service,
         expect(alpha).to_contain_text("1 slot still finishes what it has in hand.")
         say(store, "alpha", [{}, {}])
         expect(alpha.locator(".chip")).to_have_text("Paused")
-        beta.get_by_role("button", name="Take back").click()
+        beta.get_by_role("button", name="Resume").click()
         expect(beta.locator(".chip")).to_have_text("Ready")
         until(lambda: not store.exists(pause_key("beta")), "it may take work again")
 

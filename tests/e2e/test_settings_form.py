@@ -107,7 +107,7 @@ def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Pag
 def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
     open_form(page)
     depth = page.get_by_label("Max depth", exact=True)
-    back = page.get_by_role("button", name="Back to 5")
+    back = page.get_by_role("button", name="Reset to 5")
     expect(back).to_be_hidden()
     depth.locator("xpath=..").locator("input[type=range]").fill("400")  # its end
     expect(depth).to_have_value("64")
@@ -117,7 +117,7 @@ def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
     expect(back).to_be_hidden()
     assert "max_depth" not in submitted(page)
     page.get_by_label("Filter").select_option("box")
-    page.get_by_role("button", name="Back to Blackman-Harris").click()
+    page.get_by_role("button", name="Reset to Blackman-Harris").click()
     assert "filter" not in submitted(page)
 
 

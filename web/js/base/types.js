@@ -252,7 +252,7 @@
  * @property {string} help
  * @property {string[]} values the names of a pixel's numbers
  *
- * @typedef {{settings: Setting[], view: Setting[], work: Setting[], shot: Setting[], channels: Channel[]}} SettingsTable
+ * @typedef {{settings: Setting[], view: Setting[], work: Setting[], shot: Setting[], channels: Channel[], version?: string}} SettingsTable
  *
  * @typedef {{name: string, title: string, description: string, frames: string | null, fps: number | null}} Example
  *

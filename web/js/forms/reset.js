@@ -16,8 +16,8 @@ export function addReset(element, control, own) {
     {
       class: "reset",
       type: "button",
-      title: t("Changed: back to {value}", { value: textOf(control, shown) }),
-      "aria-label": t("Back to {value}", { value: textOf(control, shown) }),
+      title: t("Reset to {value}", { value: textOf(control, shown) }),
+      "aria-label": t("Reset to {value}", { value: textOf(control, shown) }),
       onclick() {
         control.value = own;
         for (const kind of ["input", "change"]) control.dispatchEvent(new Event(kind, { bubbles: true }));

@@ -202,7 +202,7 @@ export function lookFields(display, normalise) {
       class: "icon-button exposure-reset",
       type: "button",
       "aria-label": t("Reset"),
-      title: t("Back to 0 (R)"),
+      title: t("Reset (R)"),
       onclick: () => display.update((d) => ({ ...d, exposure: 0 })),
     },
     icon("undo"),

@@ -108,7 +108,7 @@ export function jobKeys({ job, display, inShot = false }) {
     { keys: "D", does: t("Denoised: off, beside, instead"), run: denoise },
     { keys: "C", does: t("Compare with another picture"), run: compare },
     { keys: "T", does: t("Outline the tiles being rendered"), run: outline },
-    { keys: inShot ? "P" : "Space", does: inShot ? t("Pause or resume rendering") : t("Pause or resume"), run: () => pauseOrResume(job()) },
+    { keys: "P", does: t("Pause or resume rendering"), run: () => pauseOrResume(job()) },
     { keys: "M", does: t("More samples"), run: () => moreSamples(job()) },
   ];
 }

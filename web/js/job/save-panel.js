@@ -1,7 +1,7 @@
 /** Downloads: the picture as displayed, or its light; raw and denoised. */
 
 import { imageUrl } from "../news/api.js";
-import { h, setText } from "../base/dom.js";
+import { h } from "../base/dom.js";
 import { t } from "../base/words.js";
 import { downloadLink } from "./download-link.js";
 
@@ -19,35 +19,26 @@ const FORMATS = /** @type {const} */ ([
  * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void}}
  */
 export function savePanel(display, place) {
-  const raw = row(
-    "",
-    FORMATS.map(([format, hint]) => link(display, place, format, hint, false)),
-  );
-  const clean = row(
-    t("Denoised"),
-    FORMATS.map(([format, hint]) => link(display, place, format, hint, true)),
-  );
-  let can = false;
+  const clean = h("input", { type: "checkbox", role: "switch", checked: display.value.denoise !== "off", onchange: () => show() });
+  const denoised = h("label", { class: "check" }, clean, t("Denoised"));
+  const isClean = () => !denoised.hidden && clean.checked && display.value.channel === "";
+  const links = FORMATS.map(([format, hint]) => ({ format, element: link(display, place, format, hint, isClean) }));
   const show = () => {
-    // With a denoiser these keep their space for planes that are not denoised, so that nothing below moves.
-    const shown = display.value.channel === "" ? "" : "hidden";
-    setText(raw.label, t("As rendered"));
-    for (const part of [raw.label, clean.element]) {
-      part.hidden = !can;
-      part.style.visibility = shown;
-    }
+    // Planes are not denoised; the switch keeps its space, so that nothing below moves.
+    denoised.style.visibility = display.value.channel === "" ? "" : "hidden";
+    for (const { format, element } of links) element.setAttribute("aria-label", format.toUpperCase() + (isClean() ? t(", denoised") : ""));
   };
+  denoised.hidden = true;
   display.subscribe(show);
   return {
     element: h(
       "section",
       { class: "side-section stack tight", "aria-label": t("Save") },
-      h("h2", null, t("Save")),
-      raw.element,
-      clean.element,
+      h("div", { class: "row spread" }, h("h2", null, t("Save")), denoised),
+      h("div", { class: "split" }, links.map(({ element }) => element)),
     ),
     offerDenoised(now) {
-      can = now;
+      denoised.hidden = !now;
       show();
     },
   };
@@ -75,16 +66,15 @@ export function row(text, links) {
  * @param {() => import("../news/api.js").Place} place
  * @param {"png" | "exr" | "jpg"} format
  * @param {string} hint
- * @param {boolean} denoise
+ * @param {() => boolean} isClean whether the denoised picture is saved
  */
-function link(display, place, format, hint, denoise) {
-  const name = format.toUpperCase();
+function link(display, place, format, hint, isClean) {
   const address = () => {
     const { exposure, curve, channel } = display.value;
     /** @type {Record<string, string | number>} */
     const query = channel ? { aov: channel } : format === "exr" ? {} : { exposure, tonemap: curve };
-    if (denoise) query.denoise = "true";
+    if (isClean()) query.denoise = "true";
     return imageUrl(place(), format, query);
   };
-  return downloadLink(name, hint, address, { label: name + (denoise ? t(", denoised") : "") });
+  return downloadLink(format.toUpperCase(), hint, address);
 }

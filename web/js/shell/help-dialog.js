@@ -1,7 +1,8 @@
-/** The `?` dialog: the keyboard shortcuts of the current view. */
+/** The `?` dialog: documentation, version, and the keyboard shortcuts of the current view. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { table } from "../news/settings-table.js";
 import { letLettersAct, lettersAct, shortcuts } from "./shortcuts.js";
 import { t } from "../base/words.js";
 
@@ -24,7 +25,14 @@ export function showHelp() {
     h(
       "div",
       { class: "help-body" },
-      h("header", null, h("h2", { id: "help-title" }, t("Keyboard")), close),
+      h("header", null, h("h2", { id: "help-title" }, t("Help")), close),
+      h(
+        "p",
+        { class: "row wraps help-links" },
+        h("a", { href: "docs/" }, t("API documentation")),
+        table.value?.version && h("span", { class: "quiet number" }, `Rayfarm ${table.value.version}`),
+      ),
+      h("h3", null, t("Keyboard")),
       h(
         "dl",
         { class: "keys" },

@@ -63,8 +63,8 @@ export function buildShell(nav) {
       {
         class: "icon-button help-button",
         type: "button",
-        "aria-label": t("Keyboard help"),
-        title: t("Keyboard help (?)"),
+        "aria-label": t("Help"),
+        title: t("Help (?)"),
         onclick: showHelp,
       },
       "?",

@@ -40,6 +40,9 @@ export function jobRow(job, lead) {
   const name = h("a", { class: "name", href: linkTo("jobs", job.id) });
   const note = h("span", { class: "quiet small" });
   const size = h("span");
+  const also = h("span", { class: "also" }); // in columns of their own where there are some
+  const samples = h("span", { class: "quiet small number samples" });
+  const by = h("span", { class: "quiet small by" });
   const late = h("span", { class: "late", hidden: true }, icon("clock"), t("late"));
   const chip = stateChip(job.state);
   const bar = progressBar(t("Progress"));
@@ -62,9 +65,11 @@ export function jobRow(job, lead) {
     { class: "job-row" },
     lead,
     box,
-    h("div", { class: "title" }, h("div", { class: "called" }, name, note), h("div", { class: "quiet small number" }, late, size)),
+    h("div", { class: "title" }, h("div", { class: "called" }, name, note), h("div", { class: "quiet small number" }, late, size, also)),
     chip.element,
     h("div", { class: "bar" }, bar.element, far),
+    samples,
+    by,
     when,
     remove,
   );
@@ -79,9 +84,14 @@ export function jobRow(job, lead) {
       note.title = next.note ?? "";
       remove.setAttribute("aria-label", t("Delete the picture of {name}", { name: next.name }));
       setText(size, next.width && next.height ? sizeLine(next) : "");
+      setText(also, [next.width && next.height ? reached(next) : "", next.user].filter(Boolean).map((part) => ` · ${part}`).join(""));
+      setText(samples, next.width && next.height ? reached(next) : "");
+      setText(by, next.user ?? "");
+      by.title = next.user ?? "";
       late.hidden = next.late == null || !OPEN.includes(next.state);
       chip.update(next.state);
       bar.update(next.state === "finished" ? 1 : next.progress, next.state);
+      box.style.setProperty("--done", String(OPEN.includes(next.state) ? next.progress : 0));
       setText(far, progressLine(next));
       when.dataset.since = String(next.created);
       setText(when, ago(next.created));
@@ -103,14 +113,14 @@ export function jobRow(job, lead) {
 /** @param {Job} job */
 function sizeLine(job) {
   const scene = scenes.value?.find(({ id }) => id === job.scene);
-  const parts = [`${job.width}×${job.height}`, shotName(job, scene?.fps), reached(job), lightWords(job.environment, scene), ...placeWords(job)];
+  const parts = [`${job.width}×${job.height}`, shotName(job, scene?.fps), lightWords(job.environment, scene), ...placeWords(job)];
   return parts.filter(Boolean).join(" · ");
 }
 
-/** A job's queue properties that differ from the defaults: user, priority, deadline. @param {Job} job */
-function placeWords({ state, user, priority, deadline }) {
-  if (!OPEN.includes(state)) return [user];
-  return [user, priority ? t("priority {n}", { n: priority }) : "", deadline != null ? t("by {time}", { time: new Date(deadline * 1000).toLocaleString([], { weekday: "short", hour: "2-digit", minute: "2-digit" }) }) : ""];
+/** An open job's queue properties that differ from the defaults: priority, deadline. @param {Job} job */
+function placeWords({ state, priority, deadline }) {
+  if (!OPEN.includes(state)) return [];
+  return [priority ? t("priority {n}", { n: priority }) : "", deadline != null ? t("by {time}", { time: new Date(deadline * 1000).toLocaleString([], { weekday: "short", hour: "2-digit", minute: "2-digit" }) }) : ""];
 }
 
 /** @param {Job} job */

@@ -181,7 +181,7 @@ function open(page, job, life) {
  */
 function heading(job, title, chip, actions) {
   const { id, scene } = job();
-  const back = { class: "icon-button", href: linkTo("scenes", scene), "aria-label": t("Back to the scene") };
+  const back = { class: "icon-button", href: linkTo("scenes", scene), "aria-label": t("Back to the scene"), title: t("Back to the scene") };
   const compare = {
     class: "icon-button",
     href: linkTo("compare", id),
@@ -193,7 +193,7 @@ function heading(job, title, chip, actions) {
     removeJob(job());
     go("jobs");
   };
-  const bin = { class: "icon-button danger for-submit", type: "button", "aria-label": t("Delete this picture"), onclick: remove };
+  const bin = { class: "icon-button danger for-submit", type: "button", "aria-label": t("Delete this picture"), title: t("Delete this picture"), onclick: remove };
   const tools = [actions, h("a", compare, icon("compare")), h("button", bin, icon("trash"))];
   return h("header", { class: "job-head" }, h("a", back, icon("back")), title, chip, h("span", { class: "grow" }), ...tools);
 }

@@ -167,7 +167,7 @@ export function jobsView() {
     notice,
     bar.element,
     // Rows are list items, which say their values in words: the heads are for the eye.
-    h("div", { class: "list-head", "aria-hidden": "true" }, ["", t("Picture"), t("Name"), t("Status"), t("Progress"), t("Age"), ""].map((head) => h("span", null, head))),
+    h("div", { class: "list-head", "aria-hidden": "true" }, ["", t("Picture"), t("Name"), t("Status"), t("Progress"), t("Samples"), t("By"), t("Age"), ""].map((head) => h("span", null, head))),
     rows.element,
     empty,
     said,

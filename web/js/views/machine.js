@@ -95,7 +95,7 @@ export function machineCard() {
     failures.classList.toggle("bad", (worker.failures ?? 0) > 0);
     const all = Array.from({ length: worker.slots }, (_, i) => ({ key: String(i), slot: worker.current[i] ?? {} }));
     showSlots(all);
-    fill(button, icon(isPaused ? "play" : "pause"), isPaused ? t("Take back") : t("Pause"));
+    fill(button, icon(isPaused ? "play" : "pause"), isPaused ? t("Resume") : t("Pause"));
     button.title = isPaused ? t("Takes work again") : t("Finishes its current work and takes no more");
   };
   const fact = (/** @type {string} */ title, /** @type {HTMLElement[]} */ ...shown) => h("div", null, h("dt", null, title), ...shown);

@@ -77,7 +77,7 @@ function heading(scene) {
   return h(
     "header",
     { class: "scene-head" },
-    h("a", { class: "icon-button", href: linkTo(), "aria-label": t("All scenes") }, icon("back")),
+    h("a", { class: "icon-button", href: linkTo(), "aria-label": t("All scenes"), title: t("All scenes") }, icon("back")),
     h("h1", { title: scene.name }, scene.name),
     h(
       "button",
@@ -85,6 +85,7 @@ function heading(scene) {
         class: "icon-button danger for-submit",
         type: "button",
         "aria-label": t("Delete this scene"),
+        title: t("Delete this scene"),
         onclick: () => (removeScene(scene), go()),
       },
       icon("trash"),

@@ -66,7 +66,7 @@ export function workersView() {
               null,
               t("Workers do the rendering. "),
               h("code", null, "python3 farm.py up"),
-              t(" starts some beside the service; any machine that can reach it may join."),
+              t(" starts some beside the service. Other machines join by the command below."),
             ),
           ),
         );
