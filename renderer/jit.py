@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import functools
-import gc
 import hashlib
 import os
 import time
@@ -44,7 +43,6 @@ __all__ = [
     "kind",
     "local_floats",
     "never_inline",
-    "rare_collections",
     "subroutine",
     "template",
 ]
@@ -219,24 +217,11 @@ def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bo
             time.sleep(0.1)
         if fetch is not None and not done.exists():
             fetch()
-        with collect_cache_files() as files, contextlib.nullcontext() if done.exists() else rare_collections():
+        with collect_cache_files() as files:
             yield not done.exists()
         with contextlib.suppress(OSError):  # read-only folder: the next process compiles what is missing
             _list(done, {path.relative_to(folder).as_posix() for path in files})
     _ready.add(name)
-
-
-@contextlib.contextmanager
-def rare_collections() -> Iterator[None]:
-    """Context manager that makes Python's garbage collections rare while kernels compile; they take a twelfth of that time
-    (measured).
-    """
-    known = gc.get_threshold()
-    gc.set_threshold(200_000, 20, 100)
-    try:
-        yield
-    finally:
-        gc.set_threshold(*known)
 
 
 def _list(done: Path, names: set[str]) -> None:

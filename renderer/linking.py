@@ -15,7 +15,6 @@ from numba.core.compiler_machinery import AnalysisPass, register_pass
 
 __all__ = ["ChooseLibrary", "mark_never_inlined", "restore_compiled"]
 
-_APART = ".apart"  # suffix of libraries whose function is never inlined, in file names too
 _PART, _KERNEL = "part", "kernel"  # kinds of cached libraries
 _ENVIRONMENT = "_ZN08NumbaEnv"  # prefix of a function's Numba environment symbol
 
@@ -23,47 +22,48 @@ _ENVIRONMENT = "_ZN08NumbaEnv"  # prefix of a function's Numba environment symbo
 def mark_never_inlined(library: Any) -> None:
     """Marks the function of an unfinished library as never inlined into its callers."""
     if isinstance(library, _Kernel):
-        library._name += _APART
+        library.is_inlinable = False
 
 
 class _Kernel(JITCodeLibrary):
     """The code library of a function that Python calls: out-of-line callees are linked when its own code is optimised.
 
-    counts: whether it has arrays of its own, which are reference-counted. beneath: the code of out-of-line callees by name, each
-    after all of its own callees.
+    counts: whether it has arrays of its own, which are reference-counted. is_inlinable: whether LLVM may inline its function into
+    callers. beneath: the code of out-of-line callees by name, each after all of its own callees.
     _unread: the bitcode of a cached kernel that other functions would link with. It is the larger part, slow to read and hardly
     ever needed.
     """
 
     counts = False
+    is_inlinable = True
     beneath: dict[str, Any]
     _unread: bytes | None = None
+    _read: Any = None
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """Optimises each function before linking, only if it counts references: Numba's pass that removes counts runs then."""
         if self.counts:
             super()._optimize_functions(ll_module)
-        ll_module.data_layout = self._codegen._data_layout
+        ll_module.data_layout = str(super().codegen.target_data)
 
     def _optimize_final_module(self) -> None:
         if self.counts:
             super()._optimize_final_module()
             return
-        passes = self._codegen._pass_builder()
+        passes = super().codegen._pass_builder()
         passes.getModulePassManager().run(self._final_module, passes)
 
     def finalize(self) -> None:
         """Finalises the library as Numba does, but links after optimising."""
-        self._raise_if_finalized()
         self.beneath = {}
         for library in dict.fromkeys(self._linking_libraries):
             self._reload_init.update(library._reload_init)
             if isinstance(library, InlinedLibrary):
                 self.beneath.update(library.beneath)
-            if library.name.endswith(_APART):
-                self.beneath[library.own_name] = library._get_module_for_linking()
-            else:
+            if getattr(library, "is_inlinable", True):
                 self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+            else:
+                self.beneath[library.own_name] = library._get_module_for_linking()
         self._optimize_final_module()
         self._finalize_final_module()
 
@@ -93,8 +93,8 @@ class _Kernel(JITCodeLibrary):
 
     def _get_module_for_linking(self) -> Any:
         if self._unread is not None:
-            self._shared_module, self._unread = llvm.parse_bitcode(self._unread), None
-        return super()._get_module_for_linking()
+            self._read, self._unread = llvm.parse_bitcode(self._unread), None
+        return self._read if self._read is not None else super()._get_module_for_linking()
 
 
 class InlinedLibrary(_Kernel):
@@ -124,8 +124,10 @@ class InlinedLibrary(_Kernel):
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
                 self.own_name = function.name
                 function.linkage = "linkonce_odr"  # each caller has a copy, dropped if inlined
-        self._shared_module = self._final_module
         self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        return self._final_module
 
     def get_pointer_to_function(self, name: str) -> int:
         """Returns None: there is no machine code."""
@@ -134,14 +136,14 @@ class InlinedLibrary(_Kernel):
     def serialize_using_object_code(self) -> tuple[str, str, Any]:
         """Returns the state that is stored in the cache."""
         self.beneath = {name: each if isinstance(each, bytes) else each.as_bitcode() for name, each in self.beneath.items()}
-        return self.name, _PART, (self.own_name, self._final_module.as_bitcode(), self.beneath)
+        return self.name, _PART, (self.own_name, self._final_module.as_bitcode(), self.beneath, self.is_inlinable)
 
     @classmethod
     def restored(cls, codegen: Any, name: str, code: Any) -> Self:
         """Restores the library from what `serialize_using_object_code` returned."""
         library = cls(codegen, name)
-        library.own_name, own, library.beneath = code
-        library._final_module = library._shared_module = llvm.parse_bitcode(own)
+        library.own_name, own, library.beneath, library.is_inlinable = code
+        library._final_module = llvm.parse_bitcode(own)
         library._finalized = True
         return library
 

@@ -20,7 +20,7 @@ from typing import Self
 
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import example
-from renderer.jit import COMPILE_PATIENCE_S, rare_collections
+from renderer.jit import COMPILE_PATIENCE_S
 from renderer.kernel.accumulate import pool_stages
 from renderer.preparation_kernels import is_prepared, prepare_first
 from renderer.settings import RenderSettings, View
@@ -156,11 +156,10 @@ def _help(variant: str, taking: int, working: int, parent: int, is_first: bool) 
 
     is_first: this helper compiles the kernels that prepare scenes, while the parent links the kernel.
     """
-    with rare_collections():
-        has_worked = _Parts(variant).compile(taking, parent)
-        _close(working)
-        if has_worked and is_first and os.getppid() == parent and not is_prepared():
-            prepare_first()
+    has_worked = _Parts(variant).compile(taking, parent)
+    _close(working)
+    if has_worked and is_first and os.getppid() == parent and not is_prepared():
+        prepare_first()
 
 
 def _helpers() -> int:

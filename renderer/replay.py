@@ -102,11 +102,11 @@ def _vertex(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ve
     with np.errstate(invalid="ignore"):  # inf - inf
         own, seen = emitted - before, direct - emitted
     end = float(row[record.SURVIVAL])
-    is_told = int(row[record.RECORDED])
+    stage = int(row[record.RECORDED])
     return Vertex(
-        share=float(row[record.EMISSION_WEIGHT]) if is_told and np.any(own != 0) else None,
+        share=float(row[record.EMISSION_WEIGHT]) if stage and np.any(own != 0) else None,
         lamp=_lamp(row, origin) if met and row[record.LIGHT_PDF] > 0 else None,
-        survival=abs(end) if is_told == record.SCATTERED and end not in (0.0, UNCOUNTED) else None,
+        survival=abs(end) if stage == record.SCATTERED and end not in (0.0, UNCOUNTED) else None,
         kind=_KINDS[kind],
         object=int(row[record.OBJECT]) - 1 if kind in _BODIES else None,
         material=int(row[record.MATERIAL]) - 1 if kind in _BODIES else None,
@@ -132,14 +132,14 @@ def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Lamp
 
 def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:
     """Returns why a path has no vertex after this row's; None if unknown. is_last: whether no further segment was allowed."""
-    told = row[record.RECORDED]
+    stage = row[record.RECORDED]
     if row[record.KIND] == record.MISSED:
         return "missed"
-    if not told:
+    if not stage:
         return None
     if row[record.KIND] == record.PASSED:
         return "passed"
-    if told != record.SCATTERED:
+    if stage != record.SCATTERED:
         return "depth" if is_last else _BY_KIND.get(float(row[record.LIMIT]), "unlit")
     survival = row[record.SURVIVAL]
     if survival == UNCOUNTED:

@@ -36,7 +36,16 @@ def total(values, factor):
     return result
 """
 
-# What a process compiles of it; with `render`, before and after a picture.
+# A kernel that no cache has: rendering a picture may only load kernels.
+COLD = """
+from renderer import jit
+
+@jit.entry
+def fused(a, b, c):
+    return a * b + c
+"""
+
+# What a process compiles of it; with `render`, before and after a picture and the compilation of a kernel.
 PROGRAM = """
 import json, os, re, sys
 
@@ -47,6 +56,8 @@ order = sys.argv[1]
 def render():
     import rayfarm
     rayfarm.render(sys.argv[2], width=8, height=8, spp=1)
+    import cold
+    assert cold.fused(2.0, 3.0, 1.0) == 7.0 and not cold.fused.stats.cache_hits
 
 def compiled():
     from numba import njit
@@ -98,6 +109,7 @@ print(json.dumps(answer))
 def answer(tmp_path: Path) -> Any:
     """Returns a function that runs the program, and returns its output."""
     (tmp_path / "host.py").write_text(HOST)
+    (tmp_path / "cold.py").write_text(COLD)
 
     def run(order: str) -> Any:
         path = os.pathsep.join([str(tmp_path), str(ROOT)])

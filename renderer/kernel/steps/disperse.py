@@ -1,4 +1,4 @@
-"""Dispersion: a path that meets a dispersive material goes on with one colour channel."""
+"""Dispersion: at a dispersive material a path continues with one colour channel."""
 
 from __future__ import annotations
 

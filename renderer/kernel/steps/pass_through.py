@@ -1,4 +1,4 @@
-"""Surfaces that a ray passes: by alpha, as boundaries of media, as lamps without a body; and absorption on the way."""
+"""Surfaces that rays pass through: transparent ones, boundaries of media, lamps without a body; and absorption in between."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def no_hit(like):
 
 def _planes(integers: bool) -> npt.NDArray[np.uintp]:
     """Returns the (column of FirstHit, plane of the film) of all its integers, or of all its real numbers."""
-    found = []
+    found: list[tuple[int, int]] = []
     for field, planes in FIRST_HIT.items():
         if is_integer(FirstHit, field) == integers:
             numbers = range(CHANNELS)[planes] if isinstance(planes, slice) else [planes]

@@ -45,16 +45,16 @@ class Ray(NamedTuple):
 
 
 class PathState(NamedTuple):
-    """What a path has found and what it carries."""
+    """The radiance that a path has gathered, and its throughput."""
 
-    radiance: Vector  # found so far
+    radiance: Vector  # gathered so far
     depth: Float  # counted segments
     throughput: Vector
     number: Float  # count of vertices so far
 
 
 class Crossings(NamedTuple):
-    """What surfaces a path has crossed. Read only in scenes with media, or where bounces are limited by kind."""
+    """The surfaces that a path has crossed. Read only in scenes with media, or where bounces are limited by kind."""
 
     medium_stack: Int  # the media that contain it (kernel/medium/medium_stack.py)
     counts: Four  # of what it did at surfaces, by kind (depths.py)
@@ -69,7 +69,7 @@ class LastVertex(NamedTuple):
 
 
 class ShadowRay(NamedTuple):
-    """A shadow ray, and the direct light that it brings if nothing occludes it."""
+    """A shadow ray, and the direct light that is added if it is not occluded."""
 
     start: Vector
     end: Vector

@@ -56,7 +56,7 @@ _IS_CAST, _SURVIVAL = column(Outcome, "is_cast"), column(Outcome, "survival")
 
 @subroutine
 def _trace_passed(scene, alone, pool, lists):
-    """Traces the rays on the list PASSED on, each alone, beyond the surfaces that they have passed through."""
+    """Continues the rays on the list PASSED, one at a time, beyond the surfaces that they have passed through."""
     never_inline()
     for k in range(length(lists, PASSED)):
         number = row(lists, PASSED, k)

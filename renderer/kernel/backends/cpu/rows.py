@@ -55,7 +55,7 @@ SPARE = np.uint32(ROWS)  # an extra row, for writes to be discarded
 
 
 class RowHit(NamedTuple):
-    """What a row's ray hits first."""
+    """The closest hit of a row's ray."""
 
     t: Float
     u: Float
@@ -81,7 +81,7 @@ class Sample(NamedTuple):
 
 
 class Facet(NamedTuple):
-    """The vertex: where it is."""
+    """The position of the vertex, and its geometric surface."""
 
     point: Vector
     error: Float
@@ -91,7 +91,7 @@ class Facet(NamedTuple):
 
 
 class Shading(NamedTuple):
-    """The vertex: its shading normal, and what scatters there."""
+    """The shading normal of the vertex, and the number of its material."""
 
     normal: Vector
     lift: Vector
@@ -109,7 +109,7 @@ class ChosenLight(NamedTuple):
 
 
 class DirectLight(NamedTuple):
-    """What a row's shadow ray brings."""
+    """The direct light of the vertex, added if the shadow ray is not occluded."""
 
     brought: Vector
     segments: Float
@@ -119,7 +119,7 @@ class DirectLight(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """The shadow ray, and whether the path continues."""
+    """The shadow ray of the vertex, and the survival probability of the path."""
 
     start: Vector
     end: Vector
@@ -128,7 +128,7 @@ class Outcome(NamedTuple):
 
 
 class Appearance(NamedTuple):
-    """The vertex' material; only in scenes with textures. Of a vertex in a medium `roughness` is the mean cosine."""
+    """The material at the vertex; only in scenes with textures. Of a vertex in a medium `roughness` is the mean cosine."""
 
     base: Vector
     metallic: Float
@@ -138,7 +138,7 @@ class Appearance(NamedTuple):
 
 
 class Axes(NamedTuple):
-    """The axes of the vertex' shading frame; only in scenes with textures."""
+    """The tangents of the vertex's shading frame; only in scenes with textures."""
 
     s: Vector
     t: Vector
@@ -146,7 +146,7 @@ class Axes(NamedTuple):
 
 
 class Mapped(NamedTuple):
-    """The frame's normal, bent by a normal map, and LastVertex' normal; only in scenes with textures."""
+    """The normal of the shading frame after normal mapping, and that of LastVertex; only in scenes with textures."""
 
     normal: Vector
     facing: Vector
@@ -173,10 +173,10 @@ class Traversal(NamedTuple):
 
 
 class LightDescent(NamedTuple):
-    """A vertex on its way down the light tree."""
+    """The state of the descent of the light tree for a vertex."""
 
-    left: Float  # what is left of its choice
-    chance: Float  # of the way so far
+    left: Float  # the random number that chooses, rescaled to [0, 1)
+    chance: Float  # probability of the nodes chosen so far
     here: Int  # the node, or ~ light
     u: Float
     v: Float
@@ -184,7 +184,7 @@ class LightDescent(NamedTuple):
 
 
 class MediumFlight(NamedTuple):
-    """Whether a row's ray ends in its medium (not 0)."""
+    """Whether a row's path scatters in its medium before the hit: 0 or 1."""
 
     scatters: Float
 
