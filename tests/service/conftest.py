@@ -178,6 +178,12 @@ def place_database(data: Path) -> None:
         path.write_bytes(_made_database())
 
 
+def new_sqlite(folder: Path) -> str:
+    """Returns the URL of a new SQLite database with a farm's empty tables."""
+    place_database(folder)
+    return f"sqlite:///{folder / 'rayfarm.sqlite'}"
+
+
 def until(
     true: Callable[[], bool], what: str, timeout: float = 20.0, say: Callable[[], Any] = lambda: "", rarely: float = 0.1
 ) -> None:

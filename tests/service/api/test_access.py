@@ -21,7 +21,7 @@ from service.http import gate
 from service.http.access_requirements import NEEDS, WORKER, Need
 from service.settings import Settings
 from tests.helpers import running_redis
-from tests.service.conftest import TOKEN, Service, until
+from tests.service.conftest import TOKEN, Service, place_database, until
 
 PASSWORD = "four quiet words here"
 NOBODY = {"login": True, "name": None, "role": None, "kind": None, "provider": None}
@@ -397,4 +397,5 @@ def test_where_a_login_is_needed(tmp_path: Path, host: str, published: str, logi
 def test_a_token_that_everybody_knows_is_none_where_others_reach_it(tmp_path: Path) -> None:
     with pytest.raises(CannotStart, match="RAYFARM_TOKEN"):
         Farm(Settings(data=tmp_path, host="0.0.0.0", token="this-machine-only"))
+    place_database(tmp_path)
     Farm(Settings(data=tmp_path, host="0.0.0.0", published="127.0.0.1", token="this-machine-only")).stop()

@@ -16,7 +16,7 @@ from service.settings import Settings
 from tests.grids import grid
 from tests.helpers import running_redis
 from tests.many_jobs import many_jobs
-from tests.service.conftest import Databases, Service
+from tests.service.conftest import Databases, Service, place_database
 
 N = 3_000
 
@@ -28,6 +28,7 @@ def service(
     data = tmp_path_factory.mktemp("many") / "data"
     data.mkdir()
     with databases.new(request.param) as url:
+        place_database(data)
         farm = Farm(Settings(data=data, redis_url=redis_server.url, token="token", database_url=url))
         many_jobs(farm.sessions, N)
         farm.stop()

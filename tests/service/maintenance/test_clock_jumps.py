@@ -12,6 +12,7 @@ from service.maintenance import retention
 from service.maintenance.retention import DAY_S, Retention, Rules, WallClock
 from service.store.database import connect
 from service.store.models import Key
+from tests.service.conftest import new_sqlite
 
 
 def test_a_wall_clock_that_is_put_forward_is_told_from_one_that_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,7 +58,7 @@ def test_retention_waits_after_a_jump_and_after_the_start(monkeypatch: pytest.Mo
 
 
 def test_a_token_outlives_a_clock_that_was_ahead_for_a_day(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
-    engine, sessions = connect(f"sqlite:///{tmp_path}/rayfarm.sqlite")
+    engine, sessions = connect(new_sqlite(tmp_path))
     keys = Keys(sessions)
     secret, row = keys.make("token", OWNER, Role.SUBMIT, "nightly", 3600.0)
     real = time.time

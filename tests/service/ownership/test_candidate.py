@@ -16,6 +16,7 @@ from service.ownership.owner_timeout import LEAST_LOOKS
 from service.ownership.ownership import Ownership
 from service.settings import Settings
 from service.store.models import Scene
+from tests.service.conftest import new_sqlite
 
 LEASE_S = 6.0
 
@@ -37,7 +38,7 @@ def clock() -> Time:
 def candidates(tmp_path: Path, database: str, clock: Time) -> Iterator[Callable[..., Candidate]]:
     """A factory of candidates, by default in the folder `data`."""
     made: list[Candidate] = []
-    url = database or f"sqlite:///{tmp_path / 'farm.sqlite'}"
+    url = database or new_sqlite(tmp_path)
 
     def make(folder: str = "data", **settings: Any) -> Candidate:
         made.append(Candidate(Settings(data=tmp_path / folder, database_url=url, lease_s=LEASE_S, **settings), clock))

@@ -16,11 +16,12 @@ from service.errors import NoRoom, Unavailable
 from service.scheduling.records import Records
 from service.store.database import connect
 from service.store.models import Frame, FrameChange, Job, Scene, Wait
+from tests.service.conftest import new_sqlite
 
 
 @pytest.fixture
 def records(tmp_path: Path) -> Iterator[Records]:
-    engine, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    engine, sessions = connect(new_sqlite(tmp_path))
     with sessions.begin() as session:
         job = Job(id="job", scene="scene", name="", state="running", priority=0, created=0.0, active_s=0.0, request={}, spp=8)
         session.add(job)
@@ -54,7 +55,7 @@ def test_a_job_that_is_over_is_not_begun_or_failed(records: Records) -> None:
 
 
 def test_many_jobs_that_are_to_be_taken_up_are_read_by_three_queries(tmp_path: Path) -> None:
-    engine, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    engine, sessions = connect(new_sqlite(tmp_path))
     plain = {"name": "", "priority": 0, "created": 0.0, "active_s": 0.0, "request": {}, "spp": 8, "state": "queued"}
     ids = [f"job{i}" for i in range(40)]
     with sessions.begin() as session:
@@ -107,8 +108,8 @@ def test_a_database_that_another_program_holds_is_said_to_be_away(
     records: Records, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("service.store.database.LOCK_PATIENCE_S", 0.1)
-    engine, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
-    other = sqlite3.connect(tmp_path / "test.sqlite", isolation_level=None)
+    engine, sessions = connect(new_sqlite(tmp_path))
+    other = sqlite3.connect(tmp_path / "rayfarm.sqlite", isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
     with pytest.raises(Unavailable, match="database is locked"), sessions.begin() as session:
         session.get(Job, "job")

@@ -17,7 +17,7 @@ from service.store.blobs import BlobFolder
 from service.store.database import connect
 from service.store.garbage import AT_A_TIME, Garbage
 from service.store.models import Scene
-from tests.service.conftest import OBJ, TOKEN, Service, until
+from tests.service.conftest import OBJ, TOKEN, Service, new_sqlite, until
 
 ROUNDS = 25
 
@@ -83,7 +83,7 @@ def test_a_worker_that_stores_a_blob_while_others_are_deleted_keeps_nobody_waiti
 
 @pytest.fixture
 def garbage(tmp_path: Path) -> Iterator[tuple[Garbage, BlobFolder]]:
-    engine, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    engine, sessions = connect(new_sqlite(tmp_path))
     blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
     yield Garbage(sessions, blobs, patience_s=60.0), blobs
     engine.dispose()
@@ -185,7 +185,7 @@ def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolde
 
 def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_path: Path) -> None:
     """The service was suspended after deleting the rows; meanwhile the same file was uploaded to the service that took over."""
-    engine, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    engine, sessions = connect(new_sqlite(tmp_path))
     blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
 
     def stood_still() -> None:
