@@ -161,6 +161,7 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
     cell(page, 2).click()
     panel = page.get_by_role("region", name="Frame", exact=True)
     expect(panel).to_contain_text("smoke")
+    page.get_by_role("tab", name="Info").click()
     expect(page.get_by_role("button", name="Try 1 failed frame again")).to_be_visible()
     expect(page.get_by_role("region", name="Progress")).to_contain_text("of 4 frames, 1 failed")
 

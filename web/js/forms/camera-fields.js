@@ -16,6 +16,7 @@ import { t } from "../base/words.js";
  * @property {() => Pick<JobRequest, "camera" | "view">} get
  * @property {() => View} view what is chosen, in full
  * @property {(view: View) => void} turn to a view of the user's own
+ * @property {(view: View) => void} move the chosen camera, which stays chosen: its scene has moved
  * @property {(distance: number) => void} focus at this distance along the line of sight
  */
 
@@ -52,6 +53,7 @@ export function cameraFields({ cameras }, projected) {
       view.set(to);
       show();
     },
+    move: view.set,
     focus: view.focus,
   };
 }

@@ -69,7 +69,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const quality = qualityFields({ ...defaults, ...first }, () => update(), expect);
   const others = settingFields(defaults, first);
   const variant = variantField(scene, like?.variant ?? null);
-  const stand = standFields(scene, like, (moved) => camera.turn(moved(camera.view())));
+  const stand = standFields(scene, like, (moved) => camera.move(moved(camera.view())));
   const queue = queueFold(like);
   // Not for a shot, whose camera may be animated, while a custom view is static.
   if (like?.settings && !like.shot) camera.turn(like.settings.view);

@@ -64,7 +64,7 @@ function nameOf(event) {
 function isTyping(target) {
   return (
     target instanceof HTMLElement &&
-    target.matches("input:not([type=range], [type=checkbox], [type=radio]), textarea, select, [contenteditable]")
+    target.matches("input:not([type=range], [type=checkbox], [type=radio]), textarea, select, option, [contenteditable]")
   );
 }
 

@@ -1,0 +1,121 @@
+"""Time from opening the page, and from choosing a file in it, to what a person sees.
+
+    python3 farm.py bench first_picture [--cold] [--rounds 3] [FILE ...]
+
+Columns, in seconds: first contentful paint of the front page; then, from the moment a file is chosen (an example: opened), the
+model drawn by WebGL, the first path-traced samples, and the whole picture: one sample a pixel on average. Without files: a GLB
+of 1,000 and one of a million triangles, made here, and the example Still life. Warm: kernels are in the cache, and the farm
+waits; --cold: before each file a farm starts with an empty kernel cache. Each round has a new browser profile.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from tests.benchmarks.peers.files import large_file
+from tests.e2e.conftest import FLAGS
+from tests.helpers import start_farm, stop_farm
+
+EXAMPLE = "Still life"
+STAGES = ("paint", "model", "samples", "whole")
+DEADLINE_S = 600.0
+PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0]?.startTime / 1000"
+SEEN = """() => {
+  const view = document.querySelector(".live-view");
+  return {
+    model: [...document.querySelectorAll("canvas.mesh")].some((canvas) => canvas.dataset.drawn && !canvas.hidden),
+    samples: view?.dataset.view !== undefined,
+    whole: Number.parseFloat(document.querySelector(".view-state")?.textContent ?? "") >= 1,
+  };
+}"""
+
+
+def main() -> None:
+    """Measures and prints a table of medians."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="scene files, each in one file")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--slots", type=int, default=2)
+    parser.add_argument("--cold", action="store_true", help="with an empty kernel cache before each file (about a minute each)")
+    options = parser.parse_args()
+    print(f"load {os.getloadavg()[0]:.1f}; medians of {options.rounds} rounds, seconds")
+    print(f"{'':24}" + "".join(f"{stage:>10}" for stage in STAGES))
+    with tempfile.TemporaryDirectory(prefix="rayfarm-bench-") as name, sync_playwright() as playwright:
+        folder = Path(name)
+        scenes: list[Path | str] = [*options.files]
+        if not scenes:
+            sizes = {"1 k triangles": 1_000, "1 M triangles": 1_000_000}
+            scenes = [*(large_file(folder / f"{label}.glb", count) for label, count in sizes.items()), EXAMPLE]
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        if options.cold:
+            for number, scene in enumerate(scenes):
+                room = folder / f"cold-{number}"
+                with_farm(browser, room, options.slots, [scene], 1, "cold", RAYFARM_CACHE=str(folder / f"cache-{number}"))
+        with_farm(browser, folder / "warm", options.slots, scenes, options.rounds, "warm")
+        browser.close()
+
+
+def with_farm(
+    browser: Browser, data: Path, slots: int, scenes: list[Path | str], rounds: int, label: str, **environment: str
+) -> None:
+    """Prints a line for each scene, measured with a farm of its own."""
+    farm = start_farm(data, slots, **environment)
+    try:
+        if label == "warm":
+            first_picture(browser, farm.url, scenes[0])  # loads the kernels into the slots
+        for scene in scenes:
+            found = [first_picture(browser, farm.url, scene) for _ in range(rounds)]
+            title = f"{scene.stem if isinstance(scene, Path) else scene}, {label}"
+            print(f"{title:24}" + "".join(f"{statistics.median(each[s] for each in found):10.2f}" for s in STAGES), flush=True)
+    finally:
+        stop_farm(farm)
+
+
+def first_picture(browser: Browser, url: str, scene: Path | str) -> dict[str, float]:
+    """Returns the seconds to each stage. The scene is deleted afterwards, so that the next round uploads and prepares it anew."""
+    context = browser.new_context(viewport={"width": 1440, "height": 900})
+    try:
+        page = context.new_page()
+        page.goto(url)
+        page.get_by_role("button", name="Choose files").wait_for()
+        page.wait_for_function(PAINT)
+        found = {"paint": float(page.evaluate(PAINT))}
+        begun = begin(page, scene)
+        while len(found) < len(STAGES):
+            seen = page.evaluate(SEEN)
+            now = time.monotonic() - begun
+            found |= {stage: now for stage in STAGES if seen.get(stage) and stage not in found}
+            if "samples" in found:
+                found.setdefault("model", found["samples"])  # the samples were quicker than its mesh
+            if now > DEADLINE_S:
+                raise TimeoutError(f"{scene}: no whole picture after {DEADLINE_S:.0f} s; seen: {found}")
+            page.wait_for_timeout(20)
+        page.request.delete(f"{url}/api/scenes/{page.url.partition('/scenes/')[2].partition('?')[0]}")
+        return found
+    finally:
+        context.close()
+
+
+def begin(page: Page, scene: Path | str) -> float:
+    """Chooses the file, or opens the example; returns the time of that moment."""
+    if isinstance(scene, str):
+        begun = time.monotonic()
+        page.get_by_role("button", name=scene).first.click()
+        return begun
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Choose files").click()
+    begun = time.monotonic()
+    chooser.value.set_files(scene)
+    return begun
+
+
+if __name__ == "__main__":
+    main()
