@@ -1,6 +1,6 @@
 """Distinguishes a dead worker from a slow one: its heartbeat's Redis connection has a name, and closes when the process ends.
 
-A worker on an overloaded machine may miss reports for longer than a report's TTL. It keeps its leases.
+A worker on an overloaded machine may miss reports for longer than a report's TTL, but its leases stay valid.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ class Look(FromClient):
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> Look:
-        """Returns the message without validation; the service validates its fields as a request."""
+        """Returns the message with its fields unvalidated; the service validates them as a job's request."""
         return cls(dict(said))
 
     def to_json(self) -> dict[str, Any]:

@@ -109,7 +109,7 @@ def _all(
 
 
 def _asked_for() -> Iterable[str]:
-    """Returns the commands to import: the one on the command line, since importing all is slow; all if it is none of them."""
+    """Returns the commands to import: only the one on the command line, since importing all is slow; else all of them."""
     words = [word for word in sys.argv[1:] if word != "--debug"]
     name = words[0].replace("-", "_") if words else ""
     name = BESIDE.get(name, name)

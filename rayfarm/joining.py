@@ -93,7 +93,7 @@ def run(
 
 
 def _sentence(line: str) -> str:
-    """Returns the message in a log line, without time and level."""
+    """Returns the message of a JSON log line; other lines are returned unchanged."""
     with contextlib.suppress(ValueError, TypeError, KeyError):
         return str(json.loads(line)["message"])
     return line

@@ -41,7 +41,7 @@ class Blocks:
         return size[0], (size[1] + 1) // 2
 
     def forget(self) -> None:
-        """Forgets what was drawn, since the screen was cleared."""
+        """Resets the record of the drawn picture, since the screen was cleared."""
         self._rows.clear()
 
     def draw(self, picture: U8, column: int, row: int) -> bytes:

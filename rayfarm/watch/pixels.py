@@ -33,7 +33,7 @@ class Pixels:
         return -(-size[0] // self.cell[0]), -(-size[1] // self.cell[1])
 
     def forget(self) -> None:
-        """Forgets what was drawn, since the screen was cleared."""
+        """Resets the record of the drawn picture, since the screen was cleared."""
 
     def clear(self) -> bytes:
         """Returns the bytes that delete what clearing the screen does not."""

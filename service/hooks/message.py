@@ -35,8 +35,8 @@ def job_message(job: Job, public_url: str) -> dict[str, Any]:
 def quarantine_message(at: float, told: dict[str, Any]) -> dict[str, Any]:
     """Returns the message about a worker that was quarantined because its samples differ from those of other workers.
 
-    at: Unix time. told: details: the worker, the reason, the job in which it was found, and the jobs that are partly rendered
-    again.
+    at: Unix time. told: details of the event: the worker, the reason, the job in which it was found, and the jobs that are partly
+    rendered again.
     """
     return _event("worker.set-aside", at, told)
 

@@ -128,7 +128,7 @@ class OwnerClient:
     def _headers(self, scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
         """Returns the request's header fields without those in `left_out`, with the client's signed origin added.
 
-        A loopback client has an empty address in it.
+        The origin of a loopback client has an empty address.
         """
         client = (scope.get("client") or ("", 0))[0]
         origin = signed_origin(scope, "" if is_here(client) else client, self._settings.owner_token)

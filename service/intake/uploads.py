@@ -342,7 +342,7 @@ def sky_text(elevation: float, azimuth: float) -> str:
 
 
 def light_text(preset: str) -> str:
-    """Returns the canonical text of a lighting preset: its name, or the sky that it stands for."""
+    """Returns the canonical text of a lighting preset: its name, or the equivalent sky."""
     sky = PRESETS[preset].sky
     return preset if sky is None else sky_text(*sky)
 

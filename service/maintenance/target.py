@@ -41,7 +41,7 @@ class Target(Protocol):
         """Deletes files of the previous backup whose names are not in `keep`."""
 
     def scratch(self) -> AbstractContextManager[Path]:
-        """Returns a context with a folder for temporary files."""
+        """Context manager that yields a folder for temporary files."""
 
 
 class FolderTarget:

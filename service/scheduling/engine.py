@@ -189,7 +189,7 @@ class Engine:
         return self._workers.log(worker)
 
     def denoise(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
-        """Requests that a worker denoise a frame, as it is in the film now. Raises Unavailable if no worker can."""
+        """Requests that a worker denoise a frame with the samples now in its film. Raises Unavailable if no worker can."""
         wish = DenoiseFrame("", job, frame, film.width, film.height)
         return self._awaited(self._errands.denoising.want(wish, film.version(frame)))
 

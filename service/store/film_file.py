@@ -188,7 +188,7 @@ class FilmFile:
         return found[:8] if found is not None and is_whole(found[:8], found[8]) else None
 
     def remove(self, heads: Iterable[Head]) -> None:
-        """Deletes rows."""
+        """Deletes the rows with these heads."""
         with film_faults(), self._transaction():
             self._remove(heads)
 

@@ -268,5 +268,5 @@ class Trust:
 
 
 def _is_distrust(why: str) -> bool:
-    """Whether a pause's reason says that the worker's results differed from those of others."""
+    """Whether a worker was paused because its results differed from those of others. why: the reason of the pause."""
     return why.startswith(OLDER_REASON) or (isinstance(why, Sentence) and why.code == "worker-quarantined")
