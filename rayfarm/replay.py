@@ -34,7 +34,7 @@ def show_path(
     vertices = [_named(vertex._asdict(), summary) for vertex in path.vertices]
     if as_json:
         found = {"pixel": [x, y], "sample": sample, "value": path.value, "vertices": vertices}
-        print(json.dumps(_plain(found), indent=1))
+        print(json.dumps(_without_nonfinite(found), indent=1))
         return
     for line in _table(vertices):
         out.print(line, markup=False, soft_wrap=True)
@@ -76,12 +76,12 @@ def _text(value: Any) -> str:
     return "" if value is None else str(value)
 
 
-def _plain(value: Any) -> Any:
+def _without_nonfinite(value: Any) -> Any:
     """Replaces NaN and infinity by text, since JSON cannot represent them."""
     if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
+        return {key: _without_nonfinite(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
+        return [_without_nonfinite(part) for part in value]
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value

@@ -57,10 +57,10 @@ def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
         if name not in names and name not in _OWN:
             near = difflib.get_close_matches(name, [*names, *_OWN], 1)
             raise TypeError(f"{name!r} is no setting of a picture" + (f"; did you mean {near[0]!r}?" if near else ""))
-    values = {each.option.replace("-", "_"): _plain(given[name]) for name, each in names.items() if name in given}
+    values = {each.option.replace("-", "_"): _to_builtin(given[name]) for name, each in names.items() if name in given}
     for name, each in names.items():
         if given.get(name) is not None:
-            each.check(_plain(given[name]))
+            each.check(_to_builtin(given[name]))
     camera = given.get("camera")
     picture = _Wanted(
         {
@@ -83,7 +83,7 @@ def _text(value: Any) -> str | None:
     return None if value is None else str(value)
 
 
-def _plain(value: Any) -> Any:
+def _to_builtin(value: Any) -> Any:
     """Converts numpy arrays and scalars to Python values, and lists to tuples."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else tuple(value) if isinstance(value, list) else value
 
@@ -107,7 +107,7 @@ def _light(environment: Any) -> Env:
             return options.environment_of(environment)
         except CommandError as error:
             raise SettingsError(str(error).replace("--env ", "").removeprefix("is ")) from None
-    color = _plain(environment)
+    color = _to_builtin(environment)
     color = (color,) * 3 if isinstance(color, int | float) else color
     wrong = SettingsError("environment is a name, a colour of three numbers from 0, sky:ELEVATION,AZIMUTH, or an image's Path")
     try:

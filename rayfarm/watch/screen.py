@@ -50,7 +50,7 @@ class Screen:
         self._exposure = exposure
         self._curve = curve
         self._asks = False  # whether to cancel
-        self._said: str | None = None  # error message after a key press
+        self._error: str | None = None  # error message after a key press
         self._is_dirty = True
         self._not_before = 0.0
         self._spoke: list[str] = []
@@ -76,7 +76,7 @@ class Screen:
             self._terminal.write(self._surface.clear())
 
     def _quits(self, key: str) -> bool:
-        self._said = None
+        self._error = None
         if self._asks:
             self._asks = False
             if key in "yY":
@@ -116,7 +116,7 @@ class Screen:
         try:
             self._farm.change(self._live.job.id, state="cancelled")
         except ClientError as error:
-            self._said = str(error)
+            self._error = str(error)
 
     def _draw(self) -> None:
         if self._live.changes != self._changes:
@@ -159,7 +159,7 @@ class Screen:
         else:
             look = f"exposure {self._exposure:+g} · {self._curve}"
             turn = " · ←/→ frame" if job.shot is not None else ""
-            keys = self._said or f"{KEYS}{turn} · {look}"
+            keys = self._error or f"{KEYS}{turn} · {look}"
         lines = [
             fit_columns(self._live.trouble or job.error or how_far(job, with_bar=columns >= 60), columns),
             fit_columns(frame_title(job, self._live.shown), columns),

@@ -215,12 +215,12 @@ class Oidc:
             claims.validate(leeway=LEEWAY_S)
             found = dict(claims)
             if about.get("userinfo_endpoint") and not {self._name_claim, self._role_claim} <= found.keys():
-                found |= self._told(about["userinfo_endpoint"], str(token.get("access_token") or ""), found["sub"])
+                found |= self._userinfo_claims(about["userinfo_endpoint"], str(token.get("access_token") or ""), found["sub"])
         except (AuthlibBaseError, JoseError, httpx.HTTPError, ValueError, KeyError, TypeError) as error:
             raise Refused("provider", f"the provider's answer is not believed ({type(error).__name__}: {error})") from None
         return found, shown
 
-    def _told(self, url: str, token: str, subject: str) -> dict[str, Any]:
+    def _userinfo_claims(self, url: str, token: str, subject: str) -> dict[str, Any]:
         """Returns the name and role claims from the provider's userinfo endpoint. Raises httpx.HTTPError and ValueError."""
         answer = httpx.get(url, headers={"Authorization": f"Bearer {token}"}, timeout=TIMEOUT_S, verify=_trust())
         answer.raise_for_status()

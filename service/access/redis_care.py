@@ -66,7 +66,7 @@ class RedisCare:
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
         self._rounds = 0
-        self._said = ""
+        self._warned_flaw = ""
 
     def maintain(self) -> None:
         """Runs all maintenance: limits connections and memory, loads the script that older workers need, removes keys of wrong
@@ -91,9 +91,9 @@ class RedisCare:
 
     def _warn(self) -> None:
         flaw = release_of(self._redis.info("server")).flaw
-        if flaw is not None and flaw != self._said:
+        if flaw is not None and flaw != self._warned_flaw:
             log.warning("%s", flaw)
-        self._said = flaw or ""
+        self._warned_flaw = flaw or ""
 
     def _end_floods_of_connections(self) -> None:
         """Closes the connections of worker users with more than MOST_OF_CLIENTS of Redis's limit, if few connections are left."""

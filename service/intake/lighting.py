@@ -29,7 +29,7 @@ from service.store.database import Sessions
 from service.store.garbage import Garbage
 from service.store.models import ACTIVE, Environment, Job, Scene
 
-__all__ = ["Lighting", "Lit"]
+__all__ = ["Lighting", "LitScene"]
 
 KEPT = 12  # unused derived scenes that are kept: users who try lighting often return to one
 TOUCHED_S = 60.0
@@ -37,7 +37,7 @@ Status = Literal["preparing", "ready", "failed"]
 
 
 @dataclass(frozen=True)
-class Lit:
+class LitScene:
     """A scene with the requested lighting and material variant applied, and the state of its preparation.
 
     error: why the preparation failed. compiled: SHA-256 of its compiled form for the requested worker kind; None if it is not
@@ -77,12 +77,12 @@ class Lighting:
                 return
         self.row(row.scene, row.request)
 
-    def scene_for(self, scene: str, asked: Mapping[str, Any], kind: str) -> Lit:
-        """Returns the scene to render for a request. If it is not compiled for `kind` yet, starts that; call again later.
+    def scene_for(self, scene: str, asked: Mapping[str, Any], kind: str) -> LitScene:
+        """Returns the scene to render for a request. If it is not yet compiled for this worker kind, starts that; call again later.
 
-        asked: `environment`, `variant`, `up` and `floor` as in the job's request; others are ignored. Callers that use the scene
-        afterwards must hold it (`held`). Raises NotFound if the scene or image does not exist, Invalid if the lighting or variant
-        does not, or if the file states which axis is up.
+        asked: fields of the job's request, of which `environment`, `variant`, `up` and `floor` are used. To use the scene
+        afterwards, callers must hold it (`held`). Raises NotFound if the scene or image does not exist, Invalid if the lighting or
+        variant is invalid, or if `up` is given although the file states which axis is up.
         """
         found = self.row(scene, asked)
         ref = found.compiled.get(kind)
@@ -90,10 +90,10 @@ class Lighting:
         if is_elsewhere:
             self._events.publish(PreparationRequested(found.id, kind))
         status = "preparing" if is_elsewhere else cast(Status, found.status)
-        return Lit(found.id, status, found.error, ref["sha256"] if ref else None, frozenset(found.blobs))
+        return LitScene(found.id, status, found.error, ref["sha256"] if ref else None, frozenset(found.blobs))
 
     def row(self, scene: str, asked: Mapping[str, Any]) -> Scene:
-        """Returns the row of the scene to render, creating it if needed; the uploaded scene itself if nothing changes.
+        """Returns the row of the scene to render, and creates it if needed. If the request changes nothing, it is the uploaded scene.
 
         Raises as `scene_for` does.
         """
@@ -188,7 +188,7 @@ class Lighting:
         return found
 
     def _wanted(self, base: Scene, asked: Mapping[str, Any]) -> Upload | None:
-        """Returns the changed files of the requested scene; None if the request changes nothing."""
+        """Returns the upload with the requested changes applied; None if the request changes nothing."""
         environment = asked.get("environment") or {}
         light: str | BlobRef | None = None
         if (sky := environment.get("sky")) is not None:

@@ -131,7 +131,7 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
     return JobOut(
         **dict(zip(_AS_THEY_ARE, _as_they_are(job), strict=True)),
         project=job.project or "",
-        message=_message(job, view, waits) or _holes(job, about),
+        message=_message(job, view, waits) or _failed_frames_note(job, about),
         stranded=job.state in ("queued", "running") and _is_stranded(job, view.roster) and bool(view.roster.ready()),
         after=job.request.get("after") or [],
         waits_for=waits,
@@ -250,7 +250,7 @@ def _unmet(job: Job, roster: WorkerSnapshot) -> str | None:
     return needs.lacking(map(roster.offers.get, able)) if needs else None
 
 
-def _holes(job: Job, shot: ShotOut | None) -> str | None:
+def _failed_frames_note(job: Job, shot: ShotOut | None) -> str | None:
     """Returns a sentence about the frames that failed in a finished shot; None if there are none."""
     if shot is None or not shot.failed or job.state != "finished":
         return None

@@ -44,13 +44,13 @@ class JobDeleter:
 
         Frames of a long shot may be deleted later, in the background. Raises FarmError.
         """
-        long = self._condemn(ids)
+        long = self._mark_long_shots(ids)
         for job in long:
             self._events.publish(RowWritten("job", job))
             self.frames.drop_frames(job)
         return [long.get(each.id, each) for each in self._forget(ids)]
 
-    def _condemn(self, ids: Sequence[str]) -> dict[str, DeletedJob]:
+    def _mark_long_shots(self, ids: Sequence[str]) -> dict[str, DeletedJob]:
         """Cancels the long shots among these jobs, and marks their frames to be deleted in several transactions.
 
         Returns those shots.

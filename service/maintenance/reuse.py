@@ -47,7 +47,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class _Source:
+class _ReusableJob:
     """An earlier job whose samples can be reused. samples: number of samples by frame key, over all pixels, if not 0."""
 
     job: Job
@@ -90,14 +90,14 @@ class SampleReuse:
                 return {}
             if not taken:
                 return {}
-            changed = [id for id in {id for id, _ in taken.values()} if not self._is_as_it_was(sources[id])]
+            changed = [id for id in {id for id, _ in taken.values()} if not self._is_unchanged(sources[id])]
             if not changed:
                 return self._note(job, sources, taken)
             self._films.delete(job.id)  # those jobs continued meanwhile, perhaps with another goal
             sources = {id: source for id, source in sources.items() if id not in changed}
         return {}
 
-    def _take(self, job: Job, sources: Mapping[str, _Source]) -> dict[int, tuple[str, int]]:
+    def _take(self, job: Job, sources: Mapping[str, _ReusableJob]) -> dict[int, tuple[str, int]]:
         """Copies each frame from the job with most samples of it. Returns job id and sample count by frame key.
 
         Raises FarmError.
@@ -130,7 +130,7 @@ class SampleReuse:
                         break
         return found
 
-    def _sources(self, job: Job, keys: set[int]) -> dict[str, _Source]:
+    def _sources(self, job: Job, keys: set[int]) -> dict[str, _ReusableJob]:
         """Returns the jobs whose samples can be reused, by id, those with most samples first. All are of one kind of workers."""
         kinds = {report.kind for report in self._board.roster.reports.values()}
         with self._sessions() as session:
@@ -148,17 +148,17 @@ class SampleReuse:
             for id, number, count in session.execute(query.where(Frame.number.between(min(keys), max(keys)))):
                 if number in keys:
                     samples[id][number] = count
-        found = [_Source(each, samples[each.id]) for each in able if samples[each.id]]
+        found = [_ReusableJob(each, samples[each.id]) for each in able if samples[each.id]]
         found.sort(key=lambda each: -sum(each.samples.values()))
         return {each.job.id: each for each in found if each.job.kind == found[0].job.kind}
 
-    def _is_as_it_was(self, source: _Source) -> bool:
+    def _is_unchanged(self, source: _ReusableJob) -> bool:
         """Whether an earlier job still exists with unchanged goals."""
         with self._sessions() as session:
             job = session.get(Job, source.job.id)
-        return job is not None and _Source(job, {}).end == source.end
+        return job is not None and _ReusableJob(job, {}).end == source.end
 
-    def _note(self, job: Job, sources: Mapping[str, _Source], taken: Mapping[int, tuple[str, int]]) -> Begun:
+    def _note(self, job: Job, sources: Mapping[str, _ReusableJob], taken: Mapping[int, tuple[str, int]]) -> Begun:
         settings = job.settings or {}
         samples_of: dict[str, int] = defaultdict(int)
         for id, samples in taken.values():

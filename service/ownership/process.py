@@ -23,29 +23,33 @@ def this_process() -> dict[str, Any] | None:
     None if unavailable.
     """
     try:
-        return {**_where(), "pid": os.getpid(), "started": _stat(os.getpid())[STARTED]}
+        return {**_boot_and_namespace(), "pid": os.getpid(), "started": _stat(os.getpid())[STARTED]}
     except (OSError, IndexError):
         return None
 
 
-def is_gone(known: dict[str, Any] | None) -> bool:
-    """Whether a process has ended; False if unknown. known: result of `this_process` in that process."""
-    return known is not None and _is_here(known) and _state(known) in (None, "Z", "X")
+def is_gone(identity: dict[str, Any] | None) -> bool:
+    """Whether a process has ended; False if unknown. identity: result of `this_process` in that process."""
+    return identity is not None and _is_on_this_machine(identity) and _state_letter(identity) in (None, "Z", "X")
 
 
-def is_stopped(known: dict[str, Any] | None) -> bool:
-    """Whether a process is suspended (by SIGSTOP or a debugger). known: result of `this_process` in that process."""
-    return known is not None and _is_here(known) and _state(known) in ("T", "t")
+def is_stopped(identity: dict[str, Any] | None) -> bool:
+    """Whether a process is suspended (by SIGSTOP or a debugger). identity: result of `this_process` in that process."""
+    return identity is not None and _is_on_this_machine(identity) and _state_letter(identity) in ("T", "t")
 
 
-def end(known: dict[str, Any]) -> bool:
-    """Kills a process, even a suspended one. Returns whether it was killed. known: result of `this_process` in that process."""
+def end(identity: dict[str, Any]) -> bool:
+    """Kills a process, even a suspended one. Returns whether it was killed.
+
+    identity: result of `this_process` in that process.
+    """
     try:
-        handle = os.pidfd_open(known["pid"])
+        handle = os.pidfd_open(identity["pid"])
     except (OSError, AttributeError, KeyError, TypeError):
         return False
     try:
-        if not _is_here(known) or _state(known) is None:  # checked while the handle is open: the PID may have been reused
+        # Checked while the handle is open, since the PID may have been reused before.
+        if not _is_on_this_machine(identity) or _state_letter(identity) is None:
             return False
         signal.pidfd_send_signal(handle, signal.SIGKILL)
     except OSError:
@@ -55,23 +59,23 @@ def end(known: dict[str, Any]) -> bool:
     return True
 
 
-def _where() -> dict[str, str]:
+def _boot_and_namespace() -> dict[str, str]:
     """Returns the ids of the current boot and of this process's PID namespace, which differs between containers."""
     boot = (PROC / "sys" / "kernel" / "random" / "boot_id").read_text().strip()
     return {"boot": boot, "numbers": os.readlink(PROC / "self" / "ns" / "pid")}  # noqa: PTH115 - it is no path
 
 
-def _is_here(known: dict[str, Any]) -> bool:
+def _is_on_this_machine(identity: dict[str, Any]) -> bool:
     with suppress(OSError):
-        return all(known.get(name) == value for name, value in _where().items())
+        return all(identity.get(name) == value for name, value in _boot_and_namespace().items())
     return False
 
 
-def _state(known: dict[str, Any]) -> str | None:
+def _state_letter(identity: dict[str, Any]) -> str | None:
     """Returns a process's state letter from /proc; None if the process has ended, "?" if the state cannot be read."""
     try:
-        found = _stat(int(known["pid"]))
-        return found[STATE] if found[STARTED] == known["started"] else None
+        found = _stat(int(identity["pid"]))
+        return found[STATE] if found[STARTED] == identity["started"] else None
     except FileNotFoundError:
         return None
     except (OSError, IndexError, KeyError, ValueError, TypeError):

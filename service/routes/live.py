@@ -95,7 +95,7 @@ class _Watcher:
         self._rounds: deque[int] = deque()  # number of the last packet of every unacknowledged round
         self._spoke = 0.0
         self._state_at = 0.0
-        self._told: dict[int, FrameNumbers] = {}  # frame numbers of a shot, as last sent
+        self._sent_frames: dict[int, FrameNumbers] = {}  # frame numbers of a shot, as last sent
         self._frames_at = 0.0  # earliest time of the next frame update
 
     async def receive(self) -> None:
@@ -191,7 +191,7 @@ class _Watcher:
         elif state["shot"] is not None:
             job, frames, taken_s = await self._farm.shared.shared(self._job, "frames", partial(_frames, self._farm, self._job))
             self._frames_at = now + FRAMES_REST * taken_s
-            before, self._told = self._told, frames
+            before, self._sent_frames = self._sent_frames, frames
             for text in await run_in_threadpool(_frames_told, job, before, frames):
                 await self._socket.send_text(text)
         return True

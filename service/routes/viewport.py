@@ -100,9 +100,9 @@ class _Viewer:
         self._errors: deque[Refused] = deque(maxlen=16)
         self._unacknowledged: deque[int] = deque()
         self._seq = 0
-        self._told: ViewState | None = None
+        self._sent_state: ViewState | None = None
         self._told_error: Refused | None = None
-        self._told_at = 0.0
+        self._sent_at = 0.0
         self._notice: str | None = None  # why the requested view is not rendered yet
         self._rests_s = AGAIN_S
         self._held: str | None = None  # id of the scene's row
@@ -253,10 +253,10 @@ class _Viewer:
             if session.error is not None and self._told_error != (refused := Refused(id, session.error)):
                 self._told_error = refused
                 await self._socket.send_text(_text(refused))
-        has_changed = state != self._told
-        is_urgent = has_changed and state.message != (self._told and self._told.message)
-        if is_urgent or now - self._told_at > (STATE_EVERY_S if has_changed else SPEAK_EVERY_S):
-            self._told, self._told_at = state, now
+        has_changed = state != self._sent_state
+        is_urgent = has_changed and state.message != (self._sent_state and self._sent_state.message)
+        if is_urgent or now - self._sent_at > (STATE_EVERY_S if has_changed else SPEAK_EVERY_S):
+            self._sent_state, self._sent_at = state, now
             await self._socket.send_text(_text(state))
 
 

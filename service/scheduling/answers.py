@@ -52,7 +52,7 @@ from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.batch_failures import FAILURES_ALLOWED, BatchFailures
 from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.jobs.plan import Range
-from service.scheduling.jobs.tile_log import words_of
+from service.scheduling.jobs.tile_log import tile_log_line
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.trust.trust import Trust
 from telemetry.log_lines import ids
@@ -353,7 +353,7 @@ class Answers:
         said, batch = each.message, each.batch
         if batch is not None:
             seconds = sum(piece.seconds for piece in said.pieces)
-            text = words_of(", ".join(said.senders), said.first, said.count, seconds, said.took, said.lines)
+            text = tile_log_line(", ".join(said.senders), said.first, said.count, seconds, said.took, said.lines)
             self._logs.tiles.note(job.id, batch.frame, batch.tile, text)
             for line in said.lines:
                 job.history.log.add_line(f"{said.worker}, {named(batch)}: {line}")

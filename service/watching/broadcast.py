@@ -43,7 +43,7 @@ class Listener:
         self._wake.set()
 
 
-class _OfJob:
+class _JobListeners:
     """Listeners to one job, and counters of the changes of the job and its tiles."""
 
     def __init__(self, life: int) -> None:
@@ -59,7 +59,7 @@ class Broadcast:
     def __init__(self, events: Events) -> None:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._everything: set[Listener] = set()
-        self._of_job: dict[str, _OfJob] = {}
+        self._of_job: dict[str, _JobListeners] = {}
         self._lives = count(1)
         self.watchers = 0  # listeners of jobs
         self.closing = False
@@ -81,7 +81,7 @@ class Broadcast:
     def listen(self, job: str | None = None, frame: int = 0) -> Iterator[Listener]:
         """Context manager that yields a listener to one job and its tiles; job None: to all jobs, scenes and workers."""
         listener = Listener(job, frame)
-        group = self._everything if job is None else self._of_job.setdefault(job, _OfJob(next(self._lives))).listeners
+        group = self._everything if job is None else self._of_job.setdefault(job, _JobListeners(next(self._lives))).listeners
         group.add(listener)
         self.watchers += job is not None
         try:

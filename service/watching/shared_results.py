@@ -68,7 +68,7 @@ class SharedResults:
         self._packed: OrderedDict[tuple[str, int, int], _Packed] = OrderedDict()
         self._bytes = 0
         self._making: dict[tuple[str, int, int], _Making] = {}
-        self._told: dict[Hashable, tuple[tuple[int, int], float, asyncio.Task[Any]]] = {}
+        self._cached_results: dict[Hashable, tuple[tuple[int, int], float, asyncio.Task[Any]]] = {}
 
     @property
     def state_every_s(self) -> float:
@@ -110,12 +110,12 @@ class SharedResults:
     async def shared(self, job: str, what: str, make: Callable[[], T]) -> T:
         """Returns the result of `make`, cached until the job changes, at most TRUE_FOR_S seconds."""
         changes, now = self._broadcast.changes(job), time.monotonic()
-        known = self._told.get((job, what))
+        known = self._cached_results.get((job, what))
         if known is None or known[0] != changes or now - known[1] > TRUE_FOR_S or _has_failed(known[2]):
-            self._told = {key: each for key, each in self._told.items() if now - each[1] <= TRUE_FOR_S}
+            self._cached_results = {key: each for key, each in self._cached_results.items() if now - each[1] <= TRUE_FOR_S}
             task = asyncio.create_task(anyio.to_thread.run_sync(make))
             task.add_done_callback(_retrieve_exception)
-            known = self._told[job, what] = (changes, now, task)
+            known = self._cached_results[job, what] = (changes, now, task)
         said: T = await _result(known[2])
         return said
 

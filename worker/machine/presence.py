@@ -94,11 +94,11 @@ def _desktop(now: float) -> float | None:
     if program is None:
         return None
     idle: list[float] = []
-    for session in _said([program, "list-sessions", "--no-legend"]).splitlines():
+    for session in _output_of([program, "list-sessions", "--no-legend"]).splitlines():
         if not session.split():
             continue
         asked = [option for name in ("Type", "Class", "State", "IdleHint", "IdleSinceHint") for option in ("-p", name)]
-        lines = _said([program, "show-session", session.split()[0], *asked]).splitlines()
+        lines = _output_of([program, "show-session", session.split()[0], *asked]).splitlines()
         told = dict(line.partition("=")[::2] for line in lines)
         if (
             told.get("Type") not in ("wayland", "x11", "mir")
@@ -112,7 +112,7 @@ def _desktop(now: float) -> float | None:
     return min(idle, default=None)
 
 
-def _said(command: list[str]) -> str:
+def _output_of(command: list[str]) -> str:
     """Returns the output of a command; empty if it fails or takes too long."""
     try:
         return subprocess.run(command, capture_output=True, text=True, timeout=SCREEN_PATIENCE_S, check=True).stdout

@@ -35,7 +35,7 @@ AWAY_S = 5.0  # pause after a failed connection
 log = logging.getLogger(__name__)
 
 
-class _Where(NamedTuple):
+class _ReducerAddress(NamedTuple):
     address: str
     port: int
     secret: bytes
@@ -46,19 +46,19 @@ class SiteLink:
 
     def __init__(self, redis_url: str) -> None:
         self._redis = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
-        self._known: dict[str, tuple[float, _Where | None]] = {}  # until when, and where
+        self._known: dict[str, tuple[float, _ReducerAddress | None]] = {}  # until when, and where
 
     def send(self, result: Result) -> bool:
         """Sends sums to the reducer of their site. Returns False if they must be sent to the service instead."""
         run = Run.of(result.event.get("run"))
         if run is None or result.sums is None:
             return False
-        where = self._where(run.site)
+        where = self._reducer_of(run.site)
         if where is None:
             return False
         try:
             status = _post(where, result)
-            if status == http.HTTPStatus.FORBIDDEN and (where := self._where(run.site, anew=True)) is not None:
+            if status == http.HTTPStatus.FORBIDDEN and (where := self._reducer_of(run.site, anew=True)) is not None:
                 status = _post(where, result)  # it has another secret by now
         except (OSError, http.client.HTTPException) as error:
             self._leave(run.site, error)
@@ -73,7 +73,7 @@ class SiteLink:
         log.warning("sums go to the service, and not to the reducer of %s: %s", site, why)
         self._known[site] = time.monotonic() + AWAY_S, None
 
-    def _where(self, site: str, anew: bool = False) -> _Where | None:
+    def _reducer_of(self, site: str, anew: bool = False) -> _ReducerAddress | None:
         until, where = self._known.get(site, (0.0, None))
         if time.monotonic() < until and not anew:
             return where
@@ -82,14 +82,14 @@ class SiteLink:
             report, secret = list[Any](self._redis.mget([site_key(site), secret_key(site)]))
             if report is not None and secret is not None:
                 said = SiteReport.from_bytes(report)
-                where = _Where(said.address, said.port, secret)
+                where = _ReducerAddress(said.address, said.port, secret)
         except (redis.RedisError, ValueError) as error:
             log.debug("the reducer of %s is not known: %s", site, error)
         self._known[site] = time.monotonic() + (AWAY_S if where is None else KNOWN_S), where
         return where
 
 
-def _post(where: _Where, result: Result) -> int:
+def _post(where: _ReducerAddress, result: Result) -> int:
     body = result_bytes(result)
     connection = http.client.HTTPConnection(where.address, where.port, timeout=PATIENCE_S)
     try:

@@ -28,7 +28,7 @@ class BatchWarnings:
     lines: list[str] = field(default_factory=list)
     took: dict[str, float] = field(default_factory=dict)
 
-    def told(self) -> dict[str, Any]:
+    def result_fields(self) -> dict[str, Any]:
         """Returns the fields to add to the result; empty without warnings or steps."""
         said = {"lines": self.lines, "took": {name: round(seconds, 4) for name, seconds in self.took.items()}}
         return {name: value for name, value in said.items() if value}

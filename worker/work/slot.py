@@ -57,7 +57,7 @@ def at_work(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[
                 result = render(worker, work, hand.compiling)
                 if tracing.is_on():
                     result.event["traceparents"] = [str(tracing.here())]
-            result.event.update(heard.told())
+            result.event.update(heard.result_fields())
             if result.sums is not None:
                 hand.speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
             if log.isEnabledFor(logging.DEBUG):

@@ -9,7 +9,7 @@ import time
 from collections import OrderedDict
 from datetime import UTC, datetime
 
-__all__ = ["TileLogs", "words_of"]
+__all__ = ["TileLogs", "tile_log_line"]
 
 JOBS = 32
 TILES = 4096  # tiles per job; the oldest are dropped
@@ -48,12 +48,14 @@ class TileLogs:
         self._jobs.pop(job, None)
 
 
-def words_of(worker: str, first: int, count: int, seconds: float, took: dict[str, float], lines: list[str]) -> str:
+def tile_log_line(worker: str, first: int, count: int, seconds: float, step_seconds: dict[str, float], lines: list[str]) -> str:
     """Returns the log line of a batch: `attic: samples 0 to 15 in 0.41 s (open scene 0.12 s); warning: ...`.
 
-    seconds: duration of the batch. took: seconds by step; short steps are omitted. lines: warnings.
+    seconds: duration of the batch. step_seconds: seconds by step; short steps are omitted. lines: warnings.
     """
-    steps = ", ".join(f"{name} {spent:.2f} s" for name, spent in took.items() if spent >= NOTEWORTHY_S and name != "trace paths")
+    steps = ", ".join(
+        f"{name} {spent:.2f} s" for name, spent in step_seconds.items() if spent >= NOTEWORTHY_S and name != "trace paths"
+    )
     warned = "".join(f"; {line}" for line in lines)
     samples = f"samples {first} to {first + count - 1}" if count > 1 else f"sample {first}"
     return f"{worker}: {samples} in {seconds:.2f} s{f' ({steps})' if steps else ''}{warned}"

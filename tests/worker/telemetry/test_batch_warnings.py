@@ -24,7 +24,7 @@ def test_what_is_warned_of_within_is_noted_and_bounded() -> None:
         log.warning("behind")
     finally:
         logging.getLogger().removeHandler(listener)
-    said = heard.told()
+    said = heard.result_fields()
     assert said["lines"][0] == "error: the service is away (ZeroDivisionError: division by zero)"
     assert len(said["lines"]) == 10 and max(map(len, said["lines"])) == 300
     assert "took" not in said
@@ -35,7 +35,7 @@ def test_steps_are_added_up() -> None:
         for _ in range(2):
             with step("open scene"):
                 time.sleep(0.02)
-    assert heard.told()["took"]["open scene"] >= 0.04
+    assert heard.result_fields()["took"]["open scene"] >= 0.04
     with collect_warnings() as heard:
         pass
-    assert heard.told() == {}
+    assert heard.result_fields() == {}
