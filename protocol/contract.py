@@ -139,9 +139,9 @@ class BlobRef:
 class Manifest:
     """An uploaded scene: its files, the main file, a replacement environment, and the material variant of a glTF file.
 
-    The environment is an image among the files or a preset's name (renderer.scene.presets.is_named).
-    base: a SceneInfo as a dict, of the scene that differs from this one only in its environment, if that one is prepared.
-    up: the axis of the file that becomes Y, for formats that state none; None: a guess. floor: "on" or "auto" adds the studio's.
+    environment: path of an image among the files, or a preset's name (renderer.scene.presets.is_named). base: SceneInfo, as a
+    dict, of the prepared scene that differs from this one only in its environment; None if there is none. up: the file's axis
+    that becomes Y, for formats that do not state it; None: guessed. floor: "on" or "auto" adds the studio's floor.
     """
 
     scene: str
@@ -162,7 +162,7 @@ class Manifest:
         return cls(**{**known, "files": [BlobRef.from_json(f) for f in known["files"]]})
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the manifest as JSON, without an up axis or floor that is null: the others stay as in earlier releases."""
+        """Returns the manifest as JSON data. Omits `up` and `floor` if they are None, as in earlier releases."""
         return {name: value for name, value in asdict(self).items() if value is not None or name not in ("up", "floor")}
 
 

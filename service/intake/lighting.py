@@ -1,7 +1,7 @@
-"""Selects the compiled scene for a request: the uploaded scene, or one derived from it.
+"""Selects the scene to render for a request: the uploaded scene, or a scene derived from it.
 
-A derived scene has other lighting, or another material variant, up axis or floor.
-Derived scenes are separate rows, created on demand. Unused ones are deleted, since they can be created again.
+A derived scene has other lighting, or another material variant, up axis or floor. It has a row of its own, created on demand;
+rows that are not in use are deleted, since they can be created again.
 """
 
 from __future__ import annotations
@@ -78,11 +78,11 @@ class Lighting:
         self.row(row.scene, row.request)
 
     def scene_for(self, scene: str, asked: Mapping[str, Any], kind: str) -> LitScene:
-        """Returns the scene to render for a request. If it is not yet compiled for this worker kind, starts that; call again later.
+        """Returns the scene to render for a request. If it is not yet compiled for this worker kind, starts compiling it.
 
-        asked: fields of the job's request, of which `environment`, `variant`, `up` and `floor` are used. To use the scene
-        afterwards, callers must hold it (`held`). Raises NotFound if the scene or image does not exist, Invalid if the lighting or
-        variant is invalid, or if `up` is given although the file states which axis is up.
+        Call again later in that case. asked: fields of the job's request, of which `environment`, `variant`, `up` and `floor` are
+        used. To use the scene afterwards, callers must hold it (`held`). Raises NotFound if the scene or image does not exist,
+        Invalid if lighting or variant are invalid, or if `up` is given although the file states which axis is up.
         """
         found = self.row(scene, asked)
         ref = found.compiled.get(kind)
@@ -93,7 +93,7 @@ class Lighting:
         return LitScene(found.id, status, found.error, ref["sha256"] if ref else None, frozenset(found.blobs))
 
     def row(self, scene: str, asked: Mapping[str, Any]) -> Scene:
-        """Returns the row of the scene to render, and creates it if needed. If the request changes nothing, it is the uploaded scene.
+        """Returns the row of the scene to render, created if needed; the uploaded scene's if the request changes nothing.
 
         Raises as `scene_for` does.
         """
@@ -114,7 +114,7 @@ class Lighting:
         return made
 
     def find_row(self, scene: str, asked: Mapping[str, Any]) -> Scene | None:
-        """Returns the same row as `row`, failed or not, but creates nothing: None if it does not exist."""
+        """Returns the row that `row` would return, whether or not it failed; None if it does not exist. Creates nothing."""
         base = self._upload(scene)
         stored = self._wanted(base, asked)
         if stored is None or stored.id == base.id:

@@ -44,9 +44,9 @@ T = TypeVar("T")
 class Upload:
     """The stored files of a scene. `id`: hash of all other fields except name and notes.
 
-    environment: path of an image among the files, or a preset or sky in the notation of renderer.scene. variant: of the materials
-    of a glTF file. strict: whether warnings make the scene fail. up: the axis of the file that becomes Y; None: a guess. floor:
-    "on", "auto" for scenes without light, or None.
+    environment: path of an image among the files, or a preset or sky in the notation of renderer.scene. variant: material variant
+    of a glTF file. strict: whether warnings make the scene fail. up: the file's axis that becomes Y; None: guessed. floor: "on",
+    "auto" (for scenes without lights), or None.
     """
 
     id: str
@@ -206,7 +206,7 @@ def _added(
 
 
 def _choice(name: str, form: Form, among: Collection[str]) -> str | None:
-    """Returns a field of a form that has fixed values, or None if it is absent or empty. Raises Invalid for other values."""
+    """Returns a form field that has fixed values; None if it is absent or empty. Raises Invalid for any other value."""
     text = form.fields.get(name, "").strip().lower()
     if text and text not in among:
         raise Invalid(
@@ -218,7 +218,7 @@ def _choice(name: str, form: Form, among: Collection[str]) -> str | None:
 
 
 def _axis(asked: str | None, main: str) -> str | None:
-    """Returns an up axis as it is stored. Raises Invalid if files of the format of `main` state their own."""
+    """Returns an up axis in its stored form. Raises Invalid if files in the format of `main` state their up axis."""
     if asked is None or asked == AUTO:
         return None
     suffix = PurePosixPath(main).suffix.lower()
@@ -234,7 +234,7 @@ def _axis(asked: str | None, main: str) -> str | None:
 
 
 def _floor(asked: str | None) -> str | None:
-    """Returns a floor as it is stored."""
+    """Returns the value of `floor` in its stored form."""
     return None if asked == "off" else asked
 
 
@@ -278,11 +278,11 @@ def changed(
     up: str | None = None,
     floor: str | None = None,
 ) -> Upload:
-    """Returns the scene's files with other lighting, or another material variant, up axis or floor.
+    """Returns a scene's files with other lighting, or another material variant, up axis or floor, applied.
 
-    light: a preset's name, a sky, or an image as a BlobRef with its path among the files; None: unchanged.
-    variant: None: unchanged; empty: the default materials of the file. up, floor: None: unchanged; "auto": a guess, and a floor
-    if the file has no light. Raises Invalid if the variant does not exist, or the file states its up axis.
+    light: a preset's name, a sky, or an image as a BlobRef with its path among the files; None: unchanged. variant: None:
+    unchanged; empty: the file's default materials. up, floor: None: unchanged; "auto": a guessed axis, and a floor if the file
+    has no lights. Raises Invalid if the variant does not exist, or the file states its up axis.
     """
     files = [BlobRef(**ref) for ref in scene.files]
     environment = light.path if isinstance(light, BlobRef) else light or scene.environment

@@ -203,7 +203,7 @@ def _shot(request: JobIn, keys: list[int]) -> Shot:
 def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
     """Returns the id of the scene to render.
 
-    For another environment, material variant, up axis or floor this is a derived scene, which may be new.
+    If the request changes environment, material variant, up axis or floor, this is a derived scene, which is created if needed.
     """
     if all(asked[name] is None for name in ("environment", "variant", "up", "floor")):
         return request.scene

@@ -54,7 +54,7 @@ def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
 
 
 class Scene(Base):
-    """An uploaded scene, or one derived from it for a job, with other lighting, material variant, up axis or floor.
+    """An uploaded scene, or a scene derived from one by other lighting, material variant, up axis or floor.
 
     The id is a hash of the content, so uploading the same files again gives the same scene. A strict scene has a different id.
     """

@@ -23,7 +23,7 @@ __all__ = ["vectors"]
 
 
 def vectors(folder: bytes, manifest: Manifest, work: FrameVectors, result: bytes, link: Link) -> dict[str, Any]:
-    """Writes the vectors as float32 into the file `result`. Raises RayfarmError."""
+    """Writes the motion vectors as float32 to the file `result`. Raises RayfarmError."""
     shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant, manifest.up, manifest.floor)
     moment = Moment(frame_number(work.frame), work.fps, work.clip)
     read = shot.between_frames(moment)

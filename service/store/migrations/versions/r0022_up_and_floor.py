@@ -1,4 +1,4 @@
-"""Adds the up axis of a scene, and the studio's floor."""
+"""Adds the up axis of a scene, and the floor of its studio lighting."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds scenes.up and scenes.floor; existing scenes get NULL: a guessed axis, and no floor."""
+    """Adds scenes.up and scenes.floor; existing scenes get NULL: a guessed axis and no floor."""
     op.add_column("scenes", sa.Column("up", sa.String(2)))
     op.add_column("scenes", sa.Column("floor", sa.String(8)))
