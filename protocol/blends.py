@@ -17,9 +17,9 @@ __all__ = ["TAG", "WAITS", "blender_queue", "is_blend", "written_of"]
 TAG = "blender"  # tag in the offer of a worker with Blender
 WAITS = Sentence(
     "waits-for-blender-worker",
-    "Waits for a worker with Blender, which alone opens .blend and .abc files: none is "
-    "connected. Start one: `rayfarm worker --blender`, or for a farm of this machine "
-    "`rayfarm up --blender`. Or {without_blender}.",
+    "Waits for a worker with Blender, which .blend and .abc files need: none is connected. "
+    "Start one: `rayfarm worker --blender`, or for a farm on this machine `rayfarm up "
+    "--blender`. {without_blender}.",
     without_blender=WITHOUT_BLENDER,
 )
 

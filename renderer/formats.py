@@ -6,7 +6,7 @@ from pathlib import PurePosixPath
 from typing import NamedTuple
 
 from renderer.errors import SceneError
-from renderer.sentences import Sentence
+from renderer.sentences import Sentence, first_items
 
 __all__ = [
     "ARCHIVE_SUFFIXES",
@@ -73,8 +73,9 @@ NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files),
 
 # .blend and Alembic files need Blender (renderer/blender); this is the advice without it.
 BY_BLENDER = tuple(format.suffix for format in FORMATS if format.reader == "blend")
-WITHOUT_BLENDER = (
-    'in Blender, choose File > Export > glTF 2.0, with "Punctual Lights" and "Cameras" ticked, and give what that writes'
+WITHOUT_BLENDER = Sentence(
+    "advice-export-from-blender",
+    'In Blender, choose File > Export > glTF 2.0 with "Punctual Lights" and "Cameras" ticked, and give the result',
 )
 
 # Native formats of other programs, and how to export each.
@@ -126,23 +127,28 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
         for name in sorted(names):
             suffix = PurePosixPath(name).suffix.lower()
             if advice := _UNPACK if suffix == ".zip" else FOREIGN.get(suffix):  # a .zip inside another is not unpacked
-                then = "" if advice == _UNPACK else "; give what that writes"
+                shown = name[:200]
                 raise SceneError(
-                    Sentence(
-                        "format-not-readable",
-                        "{name} cannot be read here. {advice}{alternative}.",
-                        name=name[:200],
+                    Sentence("format-not-readable", "{name} cannot be read here. {advice}.", name=shown, advice=advice)
+                    if advice == _UNPACK
+                    else Sentence(
+                        "format-to-be-exported",
+                        "{name} cannot be read here. {advice}, and give the result.",
+                        name=shown,
                         advice=advice,
-                        alternative=then,
                     )
                 )
-        listed = ", ".join(sorted(names)[:5]) or "nothing"
+        formats = [*SCENE_SUFFIXES]
         raise SceneError(
             Sentence(
                 "scene-file-missing",
-                "No scene file among what was given ({files}). A scene is one of {formats}, or a .zip with one.",
-                files=listed,
-                formats=[*SCENE_SUFFIXES],
+                "None of the files is a scene ({files}). A scene is one of {formats}, or a .zip with one.",
+                files=first_items(sorted(names), 5),
+                formats=formats,
+            )
+            if names
+            else Sentence(
+                "scene-files-none", "No file was given. A scene is one of {formats}, or a .zip with one.", formats=formats
             )
         )
     found.sort(key=lambda each: (each[-1] != preferred, each))

@@ -48,7 +48,7 @@ def _parsed(text: str) -> tuple[float, ...]:
             raise SettingsError(
                 Sentence(
                     "frames-malformed",
-                    "frames is {text}; it takes numbers and ranges as 0-99 or 1-250x5,300",
+                    "frames is {text}; give numbers and ranges such as 0-99 or 1-250x5,300",
                     text=repr(text[:80]),
                 )
             )
@@ -69,7 +69,7 @@ def _parsed(text: str) -> tuple[float, ...]:
             raise SettingsError(
                 Sentence(
                     "frames-range-too-large",
-                    "frames is {text}; a range goes to {max_frame} at most, in steps from 0.5",
+                    "frames is {text}; ranges end at {max_frame} at most and have steps of at least 0.5",
                     text=repr(text[:80]),
                     max_frame=MAX_FRAME,
                 )
@@ -80,7 +80,7 @@ def _parsed(text: str) -> tuple[float, ...]:
             raise SettingsError(
                 Sentence(
                     "frames-too-many",
-                    "frames is {text}; that is more than {max_frames} frames, ask for them in parts",
+                    "frames is {text}; that is more than {max_frames} frames. Split them into several jobs",
                     text=repr(text[:80]),
                     max_frames=MAX_FRAMES,
                 )

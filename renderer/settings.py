@@ -387,14 +387,14 @@ class RenderSettings:
             raise SettingsError(
                 Sentence(
                     "views-count-wrong",
-                    "views are {count}; a camera that moves has 2 to {most}, another none",
+                    "views has {count} views; a moving camera needs 2 to {most}, a fixed one none",
                     count=len(self.views),
                     most=MOST_KEYS,
                 )
             )
         if any(view.projection != self.view.projection for view in self.views):
             raise SettingsError(
-                Sentence("views-projections-differ", "views are of different projections; nothing lies between these")
+                Sentence("views-projections-differ", "views have different projections, which cannot be interpolated; use one")
             )
 
     def to_json(self) -> dict[str, Any]:
@@ -423,7 +423,7 @@ class RenderSettings:
             raise SettingsError(
                 Sentence(
                     "settings-release-mismatch",
-                    "these settings are of another release of Rayfarm ({error})",
+                    "these settings come from another release of Rayfarm ({error})",
                     error=error,
                 )
             ) from None

@@ -153,7 +153,7 @@ class View:
         cross = (d[1] * u[2] - d[2] * u[1], d[2] * u[0] - d[0] * u[2], d[0] * u[1] - d[1] * u[0])
         if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * max(sum(c * c for c in u), 1e-300):
             raise SettingsError(
-                Sentence("view-up-parallel", "up points along the line of sight (or is zero); give another up direction")
+                Sentence("view-up-parallel", "up is parallel to the line of sight (or zero); give another up direction")
             )
 
     def middle(self, width: int, height: int) -> tuple[float, float]:
@@ -176,7 +176,7 @@ class View:
             return cls(**data)
         except TypeError as error:
             raise SettingsError(
-                Sentence("view-release-mismatch", "this view is of another release of Rayfarm ({error})", error=error)
+                Sentence("view-release-mismatch", "this view comes from another release of Rayfarm ({error})", error=error)
             ) from None
 
 

@@ -56,7 +56,7 @@ def entry_names(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) ->
         title = _TITLES.get(encoding, encoding.upper())
         guess = Sentence(
             "archive-name-encoding-guessed",
-            "The archive does not say how {count} of its names are encoded; they are read as {encoding}.",
+            "The archive does not state the encoding of {count} names; they are read as {encoding}.",
             count=len(unknown),
             encoding=title,
         )

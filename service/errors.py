@@ -109,7 +109,7 @@ class NotOwner(Unavailable):
     """Another service has taken over the farm, so this one may no longer act as its owner."""
 
     def __init__(self) -> None:
-        super().__init__(Sentence("farm-taken-over", "Another service has taken this farm over. Ask again."), 1.0)
+        super().__init__(Sentence("farm-taken-over", "Another service has taken over this farm. Try again."), 1.0)
 
 
 class Failed(FarmError):  # noqa: N818

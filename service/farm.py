@@ -175,7 +175,7 @@ class Farm:
             settings = RenderSettings.from_json(job.settings)
         except SettingsError as error:
             raise Conflict(
-                Sentence("picture-unavailable", "The picture cannot be shown: {error}. Render it anew.", error=error)
+                Sentence("picture-unavailable", "The picture cannot be shown: {error}. Render it again.", error=error)
             ) from None
         recorded = self.records.samples(job.id, frame) if job.state in FINAL else 0
         return self.films.open(job.id, settings, job.tile_size, recorded=recorded, frame=frame)

@@ -19,7 +19,7 @@ SPEAKERS = ("protocol", "service", "worker", "renderer")
 CALL = re.compile(r"(?<!class )(?<![\w.`])Sentence\((?!\))")
 PLACES = re.compile(r"\{\w+\}")
 CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
-WITH_NUMBERS = {"names-not-utf-8", "file-not-utf-8", "upload-name-not-utf-8", "upload-field-not-utf-8"}
+WITH_NUMBERS = {"file-not-utf-8", "upload-name-not-utf-8", "upload-field-not-utf-8"}
 
 
 class Said(NamedTuple):
@@ -127,3 +127,49 @@ def test_a_translation_has_the_places_of_its_sentence(language: str) -> None:
 def test_both_catalogues_have_the_same_sentences_in_order() -> None:
     german, chinese = _catalogue("de"), _catalogue("zh")
     assert list(german) == list(chinese) == sorted(german)
+
+
+READERS = ("renderer/scene", "renderer/confine")
+PROSE = re.compile(r"[A-Za-z]{2,},? [A-Za-z{]")
+FAULTS = {"SceneError", "DamagedError", "MachineError", "SettingsError", "RayfarmError", "ValueError"}
+
+
+def _trees(folders: tuple[str, ...]) -> Iterator[tuple[str, ast.Module]]:
+    for folder in folders:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            yield str(path.relative_to(ROOT)), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def _prose(node: ast.expr) -> str | None:
+    """Returns the English text of an expression outside of `Sentence`, with {} for values; None if it has none."""
+    if isinstance(node, ast.IfExp):
+        return _prose(node.body) or _prose(node.orelse)
+    if isinstance(node, ast.BoolOp):
+        return next((found for each in node.values if (found := _prose(each))), None)
+    parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+    text = "".join(str(each.value) if isinstance(each, ast.Constant) and isinstance(each.value, str) else "{}" for each in parts)
+    return text if PROSE.search(text) else None
+
+
+def test_readers_raise_sentences_with_codes() -> None:
+    plain = [
+        f"{at}:{node.lineno}: {text}"
+        for at, tree in _trees(READERS)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and getattr(node.exc.func, "id", "") in FAULTS
+        if node.exc.args and (text := _prose(node.exc.args[0]))
+    ]
+    assert not plain
+
+
+def test_parameters_are_not_prose() -> None:
+    """A phrase within a sentence is a `Sentence` of its own, so that the page translates it too."""
+    plain = [
+        f"{at}:{node.lineno}: {text}"
+        for at, tree in _trees(SPEAKERS)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Sentence"
+        for keyword in node.keywords
+        if (text := _prose(keyword.value))
+    ]
+    assert not plain

@@ -173,9 +173,7 @@ def _prepare(task: Any, scene: str) -> None:
         except Trouble as error:
             send(
                 "prepare-returned",
-                error=Sentence(
-                    "worker-returned-scene", "{worker} hands the scene back: {error}", worker=worker.name, error=error
-                ),
+                error=Sentence("worker-returned-scene", "{worker} returned the scene: {error}", worker=worker.name, error=error),
             )
         except UnfitError as error:
             send("prepare-returned", error=str(error), unfit=True)
@@ -230,7 +228,7 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
             "frames-returned",
             error=Sentence(
                 "worker-frames-request-unreadable",
-                "{worker} does not understand which frames to prepare ({error}).",
+                "{worker} cannot read which frames to prepare ({error}).",
                 worker=worker.name,
                 error=error,
             ),
@@ -254,7 +252,7 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
         except Trouble as error:
             send(
                 "frames-returned",
-                error=Sentence("worker-returned-frames", "{worker} hands frames back: {error}", worker=worker.name, error=error),
+                error=Sentence("worker-returned-frames", "{worker} returned frames: {error}", worker=worker.name, error=error),
             )
         except UnfitError as error:
             send("frames-returned", error=str(error), unfit=True)
@@ -319,7 +317,7 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
         sentence = Sentence(
             "worker-request-unreadable",
-            "{worker} does not understand the question ({error}). Run the same release of Rayfarm on all machines.",
+            "{worker} cannot read the request ({error}). Run the same release of Rayfarm on all machines.",
             worker=worker.name,
             error=error,
         )

@@ -74,7 +74,7 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
             raise SceneError(
                 Sentence(
                     "blender-importer-failed",
-                    "{file}: {ended} It may be damaged, or need more memory than it is granted; export glTF from it.",
+                    "{file}: {ended} It may be damaged, or need more memory than allowed; export glTF from it.",
                     file=main,
                     ended=ended,
                 )

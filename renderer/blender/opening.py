@@ -17,9 +17,9 @@ __all__ = ["calls_of_reader", "open_in_blender"]
 
 MISSING = Sentence(
     "blender-required",
-    "is opened by Blender, and there is none here. Install it so that `blender` is on the "
-    "PATH, or set RAYFARM_BLENDER to its program; `rayfarm worker --blender` fetches one for "
-    "a worker",
+    "needs Blender, which is not installed here. Install it so that `blender` is on the PATH, "
+    "or set RAYFARM_BLENDER to its program; `rayfarm worker --blender` downloads it for a "
+    "worker",
 )
 SECONDS = 540.0
 
@@ -37,7 +37,7 @@ def open_in_blender(root: Path, name: str, out: Path) -> str:
         raise SceneError(
             Sentence(
                 "blender-missing-alternative",
-                "{file}: {fault}. Or {alternative}.",
+                "{file}: {fault}. {alternative}.",
                 file=name,
                 fault=MISSING,
                 alternative=WITHOUT_BLENDER,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from renderer.cache_folders import private_folder
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 
 __all__ = ["BPY", "NAMED", "Blender", "BlenderError", "environment_python", "find", "inspect_blender"]
@@ -83,17 +84,23 @@ def inspect_blender(path: str) -> Blender:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise BlenderError(
-            Sentence("blender-not-startable", "{program} does not start ({error}).", program=program, error=error)
+            Sentence(
+                "blender-not-startable", "{program} does not start ({error}).", program=program, error=library_message(error)
+            )
         ) from None
     lines = done.stdout.strip().splitlines()
     if done.returncode != 0 or not lines:
-        what = Sentence("blender-without-bpy", "has no module bpy") if is_module else "is no Blender"
         raise BlenderError(
             Sentence(
-                "blender-program-invalid",
-                "{program} {fault}. Give the path of Blender's program, or of a Python that has bpy.",
+                "blender-without-bpy",
+                "{program} has no module bpy. Give the path of Blender's program, or of a Python that has bpy.",
                 program=program,
-                fault=what,
+            )
+            if is_module
+            else Sentence(
+                "blender-program-invalid",
+                "{program} is not Blender. Give the path of Blender's program, or of a Python that has bpy.",
+                program=program,
             )
         )
     if is_module:
@@ -105,7 +112,7 @@ def inspect_blender(path: str) -> Blender:
         raise BlenderError(
             Sentence(
                 "blender-too-old",
-                "{program} is Blender {version}; .blend files are opened by {least_major}.{least_minor} and later.",
+                "{program} is Blender {version}; .blend files need {least_major}.{least_minor} or later.",
                 program=program,
                 version=version or "?",
                 least_major=LEAST[0],

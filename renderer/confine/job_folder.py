@@ -11,6 +11,7 @@ from pathlib import Path
 
 from renderer.confine.limits import available_memory
 from renderer.errors import MachineError
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 
 __all__ = ["temporary_folder"]
@@ -39,12 +40,18 @@ def _made(prefix: str, where: Path | None) -> Path:
         try:
             return Path(tempfile.mkdtemp(prefix=prefix, dir=parent)).resolve()
         except OSError as error:
-            tried.append(f"{parent or os.environ.get('TMPDIR') or 'the default folder'}: {error.strerror}")
+            folder = parent or os.environ.get("TMPDIR")
+            reason = library_message(error)
+            tried.append(
+                Sentence("folder-with-reason", "{folder}: {reason}", folder=folder, reason=reason)
+                if folder
+                else Sentence("default-folder-with-reason", "the default folder: {reason}", reason=reason)
+            )
     raise MachineError(
         Sentence(
             "temporary-folder-missing",
-            "this machine has no folder for temporary files that can be written ({tried}). Set TMPDIR to one.",
-            tried="; ".join(tried),
+            "this machine has no writable folder for temporary files ({tried}). Set TMPDIR to one.",
+            tried=tried,
         )
     )
 

@@ -26,6 +26,8 @@ from typing import Any
 
 from renderer.confine import reader
 from renderer.errors import MachineError
+from renderer.library_messages import library_message
+from renderer.sentences import Sentence, encoded
 
 __all__ = ["MOST_REQUEST", "main"]
 
@@ -107,7 +109,13 @@ class _Launcher:
             except MachineError as error:
                 return str(error)
             except (MemoryError, OSError, ImportError) as error:
-                return f"{name} cannot be loaded here ({type(error).__name__}: {error})"
+                return Sentence(
+                    "module-not-loadable",
+                    "{name} cannot be loaded here ({kind}: {error})",
+                    name=name,
+                    kind=type(error).__name__,
+                    error=library_message(error),
+                )
             self._done[name] = ""
             gc.freeze()
         return ""
@@ -118,7 +126,7 @@ class _Launcher:
         try:
             pid = os.fork()
         except OSError as error:
-            return f"it cannot start another process ({error.strerror})"
+            return Sentence("process-not-startable", "it cannot start another process ({error})", error=library_message(error))
         if pid == 0:
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -156,7 +164,7 @@ class _Launcher:
 
 def _report(status: int, message: dict[str, Any]) -> None:
     with contextlib.suppress(OSError):
-        os.write(status, json.dumps(message).encode())
+        os.write(status, json.dumps(encoded(message)).encode())
     os.close(status)
 
 

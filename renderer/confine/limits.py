@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from renderer.sentences import Sentence
+
 __all__ = [
     "amount",
     "at_most",
@@ -27,9 +29,9 @@ _GRACE_S = 5  # between SIGXCPU and SIGKILL
 
 # Limits by their names in a shell; each as (resource, unit in bytes or seconds, what it limits).
 _NAMED = {
-    "-v": (resource.RLIMIT_AS, "address space"),
-    "-t": (resource.RLIMIT_CPU, "processor time"),
-    "-f": (resource.RLIMIT_FSIZE, "file size"),
+    "-v": (resource.RLIMIT_AS, Sentence("limit-address-space", "address space")),
+    "-t": (resource.RLIMIT_CPU, Sentence("limit-processor-time", "processor time")),
+    "-f": (resource.RLIMIT_FSIZE, Sentence("limit-file-size", "file size")),
 }
 
 
@@ -151,7 +153,13 @@ def callers_limit(option: str) -> str | None:
     if value is None:
         return None
     size = f"{value} s" if option == "-t" else amount(value)
-    return f"its limit on {_NAMED[option][1]} (ulimit {option}) of {size}"
+    return Sentence(
+        "machine-limit",
+        "its limit on {resource} (ulimit {option}) of {size}",
+        resource=_NAMED[option][1],
+        option=option,
+        size=size,
+    )
 
 
 def amount(value: int) -> str:

@@ -30,6 +30,7 @@ from typing import Any, NoReturn
 from renderer.confine import faults, rules
 from renderer.confine.limits import set_limits
 from renderer.errors import MachineError, RayfarmError, SceneError
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence, decoded, encoded
 
 __all__ = ["Job", "Link", "Send", "call", "error_message", "is_of_machine", "is_reader", "run_reader"]
@@ -205,7 +206,7 @@ def error_message(error: BaseException) -> dict[str, Any]:
             "error": Sentence(
                 "machine-files-unusable",
                 "this machine cannot use its files ({error}: {where})",
-                error=error.strerror,
+                error=library_message(error),
                 where=where,
             ),
             "machine": True,
@@ -224,7 +225,7 @@ def error_message(error: BaseException) -> dict[str, Any]:
     return {
         "error": Sentence(
             "file-read-failed",
-            "cannot be read ({name}: {error}). It may be damaged; export it anew.",
+            "cannot be read ({name}: {error}). It may be damaged; export it again.",
             name=type(error).__name__,
             error=error,
         ),

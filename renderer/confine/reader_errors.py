@@ -29,8 +29,8 @@ class Bounds:
 
     memory_bytes: int
     seconds: float
-    subject: str = "The file"
-    granted: str = "that this machine has free"
+    subject: str = Sentence("subject-file", "The file")
+    granted: str = Sentence("memory-free-here", "that this machine has free")
     longer: str = Sentence("advice-shrink-or-split", "Make it smaller, or split it into several.")
     smaller: str = Sentence("advice-simplify", "Simplify it.")
 
@@ -109,7 +109,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
         return SceneError(
             Sentence(
                 "importer-ended-without-result",
-                "{subject} cannot be read: its importer ended without a result. It may be damaged; export it anew.",
+                "{subject} cannot be read: its importer ended without a result. It may be damaged; export it again.",
                 subject=subject,
             )
         )
@@ -129,7 +129,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
         return MachineError(
             Sentence(
                 "reader-killed",
-                "{subject} cannot be read on this machine: its reader was killed (signal 9), as when memory runs out.",
+                "{subject} cannot be read on this machine: its reader was killed (signal 9); memory may have run out.",
                 subject=subject,
             )
         )
@@ -152,7 +152,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
     return SceneError(
         Sentence(
             "importer-crashed",
-            "{subject} cannot be read: its importer crashed (signal {number}). It may be damaged; export it anew.",
+            "{subject} cannot be read: its importer crashed (signal {number}). It may be damaged; export it again.",
             subject=subject,
             number=f"{number}, {name}" if name else number,
         )

@@ -29,7 +29,8 @@ from renderer.confine.reader import TAKEN, Job, Link, Send
 from renderer.confine.reader_errors import Bounds, TooLargeError, error_of, error_of_exit, too_slow
 from renderer.confine.rules import available
 from renderer.errors import MachineError, RayfarmError, SceneError
-from renderer.sentences import Sentence, decoded, encoded
+from renderer.library_messages import library_message
+from renderer.sentences import Sentence, decoded, encoded, joined
 
 __all__ = ["Bounds", "Reader", "TooLargeError", "begin_launcher", "confinement", "error_of", "error_of_exit", "run"]
 
@@ -40,6 +41,7 @@ _PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "RAYFARM_AVX512", "TZ", "NUMB
 _PASSED_ENDINGS = ("_NUM_THREADS",)
 _MOST_MESSAGE = 256 << 20  # bytes
 _MOST_FILES = 10_000  # whose sizes are compared
+_UNKNOWN_CALL = Sentence("reader-call-unknown", "is not possible while a scene is read")
 _ENDING_S = 10.0  # within which a reader that has closed its pipe must end
 _READY_S = 600.0  # for a launcher that compiles kernels first
 
@@ -55,7 +57,9 @@ class _Launcher:
         except OSError as error:
             raise MachineError(
                 Sentence(
-                    "machine-file-handles-exhausted", "this machine has no file left to open ({error})", error=error.strerror
+                    "machine-file-handles-exhausted",
+                    "this machine cannot open another file ({error})",
+                    error=library_message(error),
                 )
             ) from error
         self._words = _words_file()
@@ -78,7 +82,7 @@ class _Launcher:
                     Sentence(
                         "machine-processes-exhausted",
                         "this machine cannot start another process ({error})",
-                        error=error.strerror,
+                        error=library_message(error),
                     )
                 ) from error
         # Not waited for: it ends with its callers, and is often the child of another one than the last of them.
@@ -252,7 +256,7 @@ class Reader:
                 raise SceneError(
                     Sentence(
                         "reader-output-too-large",
-                        "{subject} cannot be read: its reader sends more than it should.",
+                        "{subject} cannot be read: its reader sent too much data.",
                         subject=self.bounds.subject,
                     )
                 )
@@ -266,7 +270,7 @@ class Reader:
                     raise SceneError(
                         Sentence(
                             "reader-output-malformed",
-                            "{subject} cannot be read: its reader sends what is no message.",
+                            "{subject} cannot be read: its reader sent an invalid message.",
                             subject=self.bounds.subject,
                         )
                     )
@@ -283,11 +287,11 @@ class Reader:
     def _answer(self, message: dict[str, Any]) -> None:
         call = self._calls.get(str(message.pop("call")))
         try:
-            reply = {"reply": call(**message)} if call is not None else {"error": "cannot be done while a scene is read"}
+            reply = {"reply": call(**message)} if call is not None else {"error": _UNKNOWN_CALL}
         except SceneError as error:
-            reply = encoded({"error": str(error)})
+            reply = {"error": str(error)}
         with contextlib.suppress(BrokenPipeError):
-            self._write(json.dumps(reply).encode() + b"\n")
+            self._write(json.dumps(encoded(reply)).encode() + b"\n")
 
     def _ended(self) -> RayfarmError:
         ended = self._status()
@@ -297,20 +301,19 @@ class Reader:
     def _sentence(self, ended: dict[str, Any]) -> RayfarmError:
         bounds = self.bounds
         if "failed" in ended:
-            limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
-            more = f" It has {' and '.join(limits)}: raise it." if limits else ""
             return MachineError(
-                Sentence(
-                    "file-unreadable-on-machine",
-                    "{subject} cannot be read on this machine: {fault}.{advice}",
-                    subject=bounds.subject,
-                    fault=ended["failed"],
-                    advice=more,
+                _with_limits(
+                    Sentence(
+                        "file-unreadable-here",
+                        "{subject} cannot be read on this machine: {fault}.",
+                        subject=bounds.subject,
+                        fault=ended["failed"],
+                    )
                 )
             )
         if "status" not in ended:
             _give_up(self._launcher)
-            return _no_launcher(self._launcher, "it has ended")
+            return _no_launcher(self._launcher, Sentence("launcher-ended", "it has ended"))
         return error_of_exit(int(ended["status"]), bounds, self._room, importer_memory(_largest_file(self._reads)))
 
     def _status(self) -> dict[str, Any]:
@@ -321,7 +324,7 @@ class Reader:
             found = json.loads(os.read(self._reporting, 1 << 16) or b"{}")
         except ValueError:
             return {}
-        return found if isinstance(found, dict) else {}
+        return decoded(found) if isinstance(found, dict) else {}
 
     def close(self) -> None:
         """Ends the process and waits for it."""
@@ -365,16 +368,21 @@ def _largest_file(paths: Sequence[Path]) -> int:
 
 
 def _no_launcher(launcher: _Launcher, why: str) -> MachineError:
-    limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
-    more = f" Raise {' and '.join(limits)}." if limits else ""
     return MachineError(
-        Sentence(
-            "reader-not-startable",
-            "this machine cannot run the process that reads scenes ({error}).{advice}",
-            error=launcher.why() or why,
-            advice=more,
+        _with_limits(
+            Sentence(
+                "reader-not-startable",
+                "this machine cannot run the process that reads scenes ({error}).",
+                error=launcher.why() or why,
+            )
         )
     )
+
+
+def _with_limits(sentence: str) -> str:
+    """Returns a sentence, with advice about the limits of memory and time that this process was started with."""
+    limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
+    return joined(sentence, Sentence("advice-raise-limit", "Raise {limit}.", limit=limits)) if limits else sentence
 
 
 def _readable(descriptor: int, seconds: float) -> bool:

@@ -39,7 +39,7 @@ def format_of(path: str | Path) -> str:
         raise SettingsError(
             Sentence(
                 "picture-file-format-unknown",
-                "{name}: pictures are written as .{formats}; end the name with one of these",
+                "{name}: pictures are written as .{formats}; use one of these suffixes",
                 name=Path(path).name,
                 formats=", .".join(FORMATS),
             )

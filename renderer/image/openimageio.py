@@ -47,7 +47,7 @@ class Limits(NamedTuple):
             raise SceneError(
                 Sentence(
                     "image-too-large",
-                    "{name}: is {width} x {height} pixels; at most {million} million fit. Give a smaller image",
+                    "{name}: is {width} x {height} pixels; at most {million} million are allowed. Give a smaller image",
                     name=name,
                     width=width,
                     height=height,
@@ -73,7 +73,7 @@ def through_openimageio(data: bytes, name: str, suffix: str, limits: Limits, str
             raise SceneError(
                 Sentence(
                     "image-damaged-or-misnamed",
-                    "{name}: the image is damaged or not what its name says ({error}); export it again",
+                    "{name}: the image is damaged or of another format than its name says ({error}); export it again",
                     name=name,
                     error=_error(oiio, path),
                 )
@@ -88,11 +88,11 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
     colour, spec = _chosen(source, name, suffix)
     notes: list[str] = []
     if colour.others:
-        others = ", ".join(sorted({f'"{other}"' for other in colour.others}))[:200]
+        others = [f'"{other[:60]}"' for other in sorted(set(colour.others))[:8]]
         notes.append(
             Sentence(
                 "image-several-layers",
-                '{name}: holds several layers; "{layer}" is shown, not {others}. Name one of them Combined, or drop them',
+                '{name}: has several layers; "{layer}" is shown, not {others}. Name one of them Combined, or remove the others',
                 name=name,
                 layer=colour.layer,
                 others=others,
@@ -119,8 +119,8 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
         notes.append(
             Sentence(
                 "image-reduced",
-                "{name}: its {width} x {height} pixels are averaged to {new_width} x {new_height}, as at most "
-                "{million} million are kept; give it in that size to save time",
+                "{name}: its {width} x {height} pixels are reduced to {new_width} x {new_height}, as at "
+                "most {million} million are kept; give it in that size to save time",
                 name=name,
                 width=width,
                 height=height,
@@ -142,7 +142,7 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
             notes.append(
                 Sentence(
                     "image-pixels-not-finite",
-                    "{name}: {count} of its pixels are not finite; they are black, or as bright as can be",
+                    "{name}: {count} pixels are not finite; they are black, or as bright as possible",
                     name=name,
                     count=odd,
                 )

@@ -15,6 +15,7 @@ from renderer.errors import SceneError
 from renderer.image.kinds import IMAGE_SUFFIXES, KTX2, PILLOW, is_deep_png, suffix_of, targa_alpha
 from renderer.image.openimageio import Decoded, Limits, straightened, through_openimageio
 from renderer.image.unread import of_pillow
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 
 __all__ = ["IMAGE_SUFFIXES", "MAX_PIXELS", "Decoded", "decode", "read"]
@@ -42,7 +43,7 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
         raise SceneError(
             Sentence(
                 "image-format-unknown",
-                "{name}: is no image of a known format; give one of {formats}",
+                "{name}: is not an image of a known format; give one of {formats}",
                 name=name,
                 formats=[*IMAGE_SUFFIXES],
             )
@@ -60,7 +61,7 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
         raise SceneError(
             Sentence(
                 "image-pixels-too-many",
-                "{name}: has too many pixels; at most {million} million fit. Give a smaller image",
+                "{name}: has too many pixels; at most {million} million are allowed. Give a smaller image",
                 name=name,
                 million=MAX_PIXELS >> 20,
             )
@@ -69,9 +70,9 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
         raise SceneError(
             Sentence(
                 "image-damaged-or-misnamed",
-                "{name}: the image is damaged or not what its name says ({error}); export it again",
+                "{name}: the image is damaged or of another format than its name says ({error}); export it again",
                 name=name,
-                error=error,
+                error=library_message(error),
             )
         ) from error
     pixels = found.pixels
@@ -101,8 +102,8 @@ def _through_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> Deco
                 notes.append(
                     Sentence(
                         "image-reduced",
-                        "{name}: its {width} x {height} pixels are averaged to {new_width} x {new_height}, as at most "
-                        "{million} million are kept; give it in that size to save time",
+                        "{name}: its {width} x {height} pixels are reduced to {new_width} x {new_height}, as at "
+                        "most {million} million are kept; give it in that size to save time",
                         name=name,
                         width=source.width,
                         height=source.height,

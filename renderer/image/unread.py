@@ -29,7 +29,7 @@ def of_pillow(source: Image.Image, name: str) -> list[str]:
         notes.append(
             Sentence(
                 "image-gamma-ignored",
-                "{name}: its gamma of {gamma} is not taken over; it is read as sRGB, whose gamma is {srgb_gamma}",
+                "{name}: its gamma of {gamma} is ignored; it is read as sRGB, whose gamma is {srgb_gamma}",
                 name=name,
                 gamma=f"{gamma:g}",
                 srgb_gamma=f"{_SRGB_GAMMA:g}",
@@ -39,7 +39,7 @@ def of_pillow(source: Image.Image, name: str) -> list[str]:
         notes.append(
             Sentence(
                 "image-cmyk-without-profile",
-                "{name}: its inks (CMYK) are read as red, green and blue without a colour profile; give it in RGB",
+                "{name}: its CMYK is converted to RGB without a colour profile; give it in RGB",
                 name=name,
             )
         )
@@ -47,16 +47,16 @@ def of_pillow(source: Image.Image, name: str) -> list[str]:
         frames, turned = getattr(source, "n_frames", 1), source.getexif().get(_ORIENTATION, 1)
     except Exception:  # on damaged metadata Pillow raises nearly every type; the pixels may be whole
         frames, turned = 1, 1
-        notes.append(Sentence("image-metadata-damaged", "{name}: its metadata is damaged, and not read", name=name))
+        notes.append(Sentence("image-metadata-damaged", "{name}: its metadata is damaged and not read", name=name))
     if frames > 1:
         notes.append(
-            Sentence("image-frames-dropped", "{name}: has {frames} frames, of which the first is shown", name=name, frames=frames)
+            Sentence("image-frames-dropped", "{name}: has {frames} frames; only the first is shown", name=name, frames=frames)
         )
     if turned not in (0, 1):
         notes.append(
             Sentence(
                 "image-orientation-ignored",
-                "{name}: says that it is to be turned (Exif orientation {orientation}), which is not taken over; save it turned",
+                "{name}: its Exif orientation {orientation} is ignored; save it rotated",
                 name=name,
                 orientation=turned,
             )
@@ -72,13 +72,19 @@ def of_profile(profile: Any, name: str) -> list[str]:
         opened = ImageCms.ImageCmsProfile(io.BytesIO(bytes(profile)))
         title = ImageCms.getProfileDescription(opened).strip()
     except (OSError, ImageCms.PyCMSError, TypeError, ValueError):
-        title = "damaged"
+        return [
+            Sentence(
+                "image-colour-profile-damaged",
+                "{name}: its colour profile is damaged; its colours are read as sRGB. Convert it to sRGB",
+                name=name,
+            )
+        ]
     if "srgb" in title.lower().replace(" ", ""):
         return []
     return [
         Sentence(
             "image-colour-profile-ignored",
-            '{name}: its colour profile "{profile}" is not taken over; its colours are read as sRGB. Convert it to sRGB',
+            '{name}: its colour profile "{profile}" is ignored; its colours are read as sRGB. Convert it to sRGB',
             name=name,
             profile=title[:80],
         )
@@ -93,7 +99,12 @@ def of_primaries(chromaticities: Any, name: str) -> list[str]:
         return []
     listed = " ".join(f"{value:.4g}" for value in chromaticities)
     return [
-        f"{name}: its primaries ({listed}) are not Rec.709's; its colours are read as if they were. Convert it to linear Rec.709"
+        Sentence(
+            "image-primaries-ignored",
+            "{name}: its primaries ({primaries}) are not those of Rec.709, but are read as such. Convert it to linear Rec.709",
+            name=name,
+            primaries=listed,
+        )
     ]
 
 
@@ -114,7 +125,7 @@ def of_header(data: bytes, name: str) -> list[str]:
             notes.append(
                 Sentence(
                     "image-scale-ignored",
-                    "{name}: its values are {scales} times the radiance ({key}); they are read as they are",
+                    "{name}: its values are {scales} times the radiance ({key}), which is ignored",
                     name=name,
                     scales=listed,
                     key=key,

@@ -87,7 +87,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     emitters = with_area(all_emitters, geometry)
     if left_out := max(len(all_emitters.triangle) - len(emitters.triangle), _dark_lamps(description, packed.emitted)):
         description.warnings.append(
-            Sentence("emitters-without-area", "Triangles that emit and have no area give no light: {count}.", count=left_out)
+            Sentence("emitters-without-area", "Emitting triangles without an area give no light: {count}.", count=left_out)
         )
     sphere_keys = motion_keys.sphere_keys(description, stood.spheres[stood.still_spheres :])
     even = is_uniform_emitter(packed, geometry)

@@ -72,7 +72,7 @@ def load(path: Path, find: Find | None = None) -> CompiledScene:
             raise SceneError(
                 Sentence(
                     "compiled-scene-too-short",
-                    "{name} is no compiled scene: it has only {size} bytes",
+                    "{name} is not a compiled scene: it has only {size} bytes",
                     name=path.name,
                     size=size,
                 )
@@ -84,7 +84,7 @@ def load(path: Path, find: Find | None = None) -> CompiledScene:
         raise SceneError(
             Sentence(
                 "compiled-scene-damaged",
-                "{name} is damaged or no compiled scene: {error}. Prepare the scene again",
+                "{name} is damaged or not a compiled scene: {error}. Prepare the scene again",
                 name=path.name,
                 error=error,
             )
@@ -98,7 +98,7 @@ def _of_parts(path: Path, manifest: bytes, find: Find | None) -> CompiledScene:
         raise SceneError(
             Sentence(
                 "compiled-scene-damaged",
-                "{name} is damaged or no compiled scene: {error}. Prepare the scene again",
+                "{name} is damaged or not a compiled scene: {error}. Prepare the scene again",
                 name=path.name,
                 error=error,
             )
@@ -132,11 +132,11 @@ def _views(mapped: mmap.mmap, size: int) -> dict[str, Any]:
                 raise SceneError(Sentence("compiled-array-entry-wrong", "the entry of {name} is wrong", name=name))
             end = stop
             if 8 + length + stop > size:
-                raise SceneError(Sentence("compiled-file-cut-off", "it ends before {name} does", name=name))
+                raise SceneError(Sentence("compiled-file-cut-off", "it ends before {name}", name=name))
             arrays[name] = np.frombuffer(mapped, dtype, count, 8 + length + start).reshape(shape)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SceneError(Sentence("compiled-header-unreadable", "its header cannot be read")) from error
     if 8 + length + end != size:
-        raise SceneError(Sentence("compiled-file-too-long", "it is longer than its arrays"))
+        raise SceneError(Sentence("compiled-file-too-long", "it is longer than the sum of its arrays"))
     check(arrays)
     return arrays

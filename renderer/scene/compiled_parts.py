@@ -120,7 +120,7 @@ def save_changed(data: bytes, scene: CompiledScene, names: Collection[str], fold
     pieces = {name: list(pieces) for name, (_, pieces) in known.items()}
     changed = sorted({part for name in names for part, *_ in pieces[name]})
     if any(not pieces[name] or len(pieces[name]) > 1 for name in names):
-        raise SceneError(Sentence("compiled-changes-misplaced", "what changes of it is in no part, or in several"))
+        raise SceneError(Sentence("compiled-changes-misplaced", "its changes are in no part, or in several"))
     for number in changed:
         inside = sorted((at, name, i) for name in pieces for i, (part, at, _) in enumerate(pieces[name]) if part == number)
         slices: dict[str, Array] = {}
@@ -211,14 +211,14 @@ def load_parts(data: bytes, find: Find) -> CompiledScene:
     files = [find(*part) for part in parts]
     for part, path in zip(parts, files, strict=True):
         if path.stat().st_size != part.size:
-            raise SceneError(Sentence("compiled-part-size-wrong", "a part of it has another size"))
+            raise SceneError(Sentence("compiled-part-size-wrong", "one of its parts has the wrong size"))
     found: dict[str, Array] = {}
     unchecked: dict[str, Array] = {}
     for name, (dtype, _) in LAYOUT.items():
         shape, pieces = arrays[name]
         size = int(np.prod(shape, dtype=object)) * np.dtype(dtype).itemsize
         if size != sum(length for *_, length in pieces):
-            raise SceneError(Sentence("compiled-piece-count-wrong", "the pieces of {name} are too few or too many", name=name))
+            raise SceneError(Sentence("compiled-piece-count-wrong", "the number of pieces of {name} is wrong", name=name))
         found[name] = np.frombuffer(_mapped(pieces, parts, files), dtype, size // np.dtype(dtype).itemsize).reshape(shape)
         if name in _CUT and name not in _VERTICES and size:
             unchecked[name] = np.concatenate(list(_extremes_of(name, found[name], parts, pieces)))

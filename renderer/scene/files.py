@@ -21,6 +21,7 @@ from urllib.parse import unquote, unquote_to_bytes
 from renderer.confine.faults import is_of_machine
 from renderer.errors import SceneError
 from renderer.frames import frame_name, numbers_of
+from renderer.library_messages import library_message
 from renderer.scene.text_encoding import is_readable, readings
 from renderer.sentences import Sentence
 
@@ -46,7 +47,7 @@ class SceneFiles:
             raise SceneError(
                 Sentence(
                     "scene-folder-missing",
-                    "{name}: is no folder; give the folder that holds the scene's files",
+                    "{name}: is not a folder; give the folder of the scene's files",
                     name=folder.name,
                 )
             )
@@ -98,7 +99,7 @@ class SceneFiles:
             raise SceneError(
                 Sentence(
                     "path-outside-scene-folder",
-                    "{name}: leads out of the scene's folder; put the file beside the scene and name it so",
+                    "{name}: leads out of the scene's folder; put the file beside the scene",
                     name=name[:200],
                 )
             )
@@ -109,7 +110,7 @@ class SceneFiles:
             raise SceneError(
                 Sentence(
                     "scene-file-too-large",
-                    "{name}: is {gib} GiB; a file of a scene has at most {most_gib} GiB",
+                    "{name}: is {gib} GiB; a file of a scene may have at most {most_gib} GiB",
                     name=name,
                     gib=f"{size / 2**30:.1f}",
                     most_gib=MAX_FILE_BYTES >> 30,
@@ -129,7 +130,7 @@ class SceneFiles:
             if is_of_machine(error):
                 raise
             raise SceneError(
-                Sentence("file-os-error", "{name}: could not be read ({error})", name=name, error=error.strerror)
+                Sentence("file-os-error", "{name}: could not be read ({error})", name=name, error=library_message(error))
             ) from error
 
     def at_frame(self, pattern: str, frame: float, beside: str) -> str:
@@ -302,7 +303,7 @@ def data_uri(uri: str, where: str) -> bytes:
         raise SceneError(
             Sentence(
                 "data-uri-too-large",
-                "{place}: its data URI is {mib} MiB; keep such data in a file beside the scene",
+                "{place}: its data URI has {mib} MiB; put such data in a file beside the scene",
                 place=where,
                 mib=len(body) >> 20,
             )
@@ -317,6 +318,6 @@ def data_uri(uri: str, where: str) -> bytes:
                 "data-uri-damaged",
                 "{place}: its data URI is damaged ({error}); export the file again",
                 place=where,
-                error=error,
+                error=library_message(error),
             )
         ) from error

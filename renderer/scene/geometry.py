@@ -177,22 +177,29 @@ def check_size(description: SceneDescription, sharing: Sharing) -> None:
     """Raises SceneError if there are more than MAX_TRIANGLES."""
     meshes = [description.meshes[description.instances[n].mesh] for n in sharing.copied + sharing.loose]
     meshes += [description.meshes[m] for group in sharing.groups + sharing.bodies for m in group.meshes]
-    for total, limit, what in (
-        (sum(len(m.triangles) for m in meshes), MAX_TRIANGLES, "triangles"),
-        (sum(len(m.positions) for m in meshes), 3 * MAX_TRIANGLES, "vertices"),
-    ):
-        if total > limit:
-            raise SceneError(
-                Sentence(
-                    "scene-geometry-too-large",
-                    "{name}: has {million} million {kind}, repeated meshes counted once; at most {most_million} "
-                    "million fit. Simplify its meshes",
-                    name=description.name,
-                    million=f"{total / 1000000.0:.0f}",
-                    kind=what,
-                    most_million=limit // 10**6,
-                )
+    triangles, vertices = sum(len(m.triangles) for m in meshes), sum(len(m.positions) for m in meshes)
+    if triangles > MAX_TRIANGLES:
+        raise SceneError(
+            Sentence(
+                "scene-mesh-triangles-too-many",
+                "{name}: has {million} million triangles, repeated meshes counted once; at most {most} million are "
+                "possible. Simplify its meshes",
+                name=description.name,
+                million=f"{triangles / 1e6:.0f}",
+                most=MAX_TRIANGLES // 10**6,
             )
+        )
+    if vertices > 3 * MAX_TRIANGLES:
+        raise SceneError(
+            Sentence(
+                "scene-mesh-vertices-too-many",
+                "{name}: has {million} million vertices, repeated meshes counted once; at most {most} million are "
+                "possible. Simplify its meshes",
+                name=description.name,
+                million=f"{vertices / 1e6:.0f}",
+                most=3 * MAX_TRIANGLES // 10**6,
+            )
+        )
 
 
 def _copy(description: SceneDescription, number: int, object: int, team: Team, whole: bool = False) -> _Part:

@@ -25,7 +25,7 @@ from renderer.scene.readers.up_axis import turn_up
 from renderer.scene.shutter_merge import between_files, merge_over_shutter
 from renderer.scene.studio import STUDIO_ALONE, add_floor, light_studio
 from renderer.scene.textures import TextureShelf
-from renderer.sentences import Sentence, joined_faults, reason_of
+from renderer.sentences import Sentence, first_items, joined_faults, reason_of
 from renderer.settings import chosen
 
 __all__ = ["Shot", "environment_light", "read"]
@@ -104,12 +104,12 @@ class Shot:
         known, self._finite = self._finite, {}
         for i, mesh in enumerate(description.meshes):
             if id(mesh.positions) not in known and not np.isfinite(mesh.positions).all():
-                title = f"{main}: mesh {mesh.name}"
+                title = Sentence("mesh-of-file", "{file}: mesh {name}", file=main, name=mesh.name[:120])
                 if mesh.deforms or mesh.keys or not len(mesh.triangles):
                     raise SceneError(
                         Sentence(
                             "scene-positions-not-finite",
-                            "{title} holds positions that are not finite numbers; export the file again",
+                            "{title} contains positions that are not finite numbers; export the file again",
                             title=title,
                         )
                     )
@@ -133,9 +133,16 @@ class Shot:
                     continue
                 self._finite[id(values)] = values
         for name, meshes in left_out.items():
-            named = ", ".join(meshes[:_REASONS]) + (", ..." if len(meshes) > _REASONS else "")
-            words = f"{main}: {name} that are not finite numbers are left out ({len(meshes)}): {named[:200]}."
-            description.warnings.append(words)
+            description.warnings.append(
+                Sentence(
+                    "mesh-attribute-not-finite",
+                    "{file}: values of {name} that are not finite numbers are left out, in {count} meshes: {meshes}.",
+                    file=main,
+                    name=name,
+                    count=len(meshes),
+                    meshes=first_items((each[:60] for each in meshes), _REASONS),
+                )
+            )
 
     def over_shutter(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
         """Returns the scene while the shutter is open, with keys for moving objects.
@@ -228,16 +235,16 @@ def _check(main: str, description: SceneDescription) -> None:
     shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances) + len(description.spheres)
     if shown:
         return
-    what = Sentence("scene-empty-at-frame", "shows no surface at this frame; a picture needs one, however far away")
+    what = Sentence("scene-empty-at-frame", "has no surface at this frame; choose a frame with triangles or spheres")
     if not description.moves:
-        what = Sentence("scene-empty", "shows no surface: no triangles and no spheres. Export it with its meshes")
+        what = Sentence("scene-empty", "has no surface: no triangles and no spheres. Export it with its meshes")
     reasons = [warning.rstrip(".") for warning in description.warnings[:_REASONS]]
     if not reasons:
         raise SceneError(Sentence("file-fault", "{file}: {fault}", file=main, fault=what))
     raise SceneError(
         Sentence(
             "file-fault-with-omissions",
-            "{file}: {fault}. What was left out: {omissions}",
+            "{file}: {fault}. Left out: {omissions}",
             file=main,
             fault=what,
             omissions=reduce(joined_faults, reasons),

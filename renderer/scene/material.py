@@ -222,7 +222,7 @@ def check(material: Material) -> None:
             raise SceneError(
                 Sentence(
                     "material-parameter-invalid",
-                    "Material {name}: its {parameter} {fault}. Mend it in the file",
+                    "Material {name}: its {parameter} {fault}. Correct it in the file",
                     name=material.name,
                     parameter=parameter.in_file,
                     fault=fault,

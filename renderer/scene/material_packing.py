@@ -68,7 +68,7 @@ def pack(description: SceneDescription) -> Packed:
                 raise SceneError(
                     Sentence(
                         "material-layers-not-taken",
-                        "Material {name}: its {slot} has layers, which that slot does not take; give it one texture",
+                        "Material {name}: its {slot} has layers, which are not supported there; give it one texture",
                         name=m.name,
                         slot=parameter.name,
                     )

@@ -57,7 +57,7 @@ def list_media(description: SceneDescription) -> Media:
         raise SceneError(
             Sentence(
                 "scene-media-too-many",
-                "The scene has {count} different media; {most} are the most. Let materials share theirs",
+                "The scene has {count} different media; at most {most} are supported. Let materials share media",
                 count=len(found),
                 most=rows.MOST_MEDIA - 1,
             )
@@ -71,7 +71,7 @@ def _check(world: Medium) -> None:
             raise SceneError(
                 Sentence(
                     "world-medium-value-invalid",
-                    "The world's medium: its {name} is {values}; it takes three numbers from 0 to {most}",
+                    "The world's medium: its {name} is {values}; it needs three numbers from 0 to {most}",
                     name=name,
                     values=values,
                     most=f"{MOST_DENSE:g}",
@@ -81,7 +81,7 @@ def _check(world: Medium) -> None:
         raise SceneError(
             Sentence(
                 "world-medium-g-invalid",
-                "The world's medium: its g is {g}; it takes numbers from {least} to {most}",
+                "The world's medium: its g is {g}; it must be from {least} to {most}",
                 g=f"{world.g:g}",
                 least=f"{-MOST_FORWARD:g}",
                 most=f"{MOST_FORWARD:g}",

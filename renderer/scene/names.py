@@ -52,14 +52,21 @@ def make_readable(description: SceneDescription, files: SceneFiles, main: str) -
     ]
     found = common[0][1] if common else 0
     if changed or found:
-        count = max(len(changed), found)
-        how = f"{title(encoding)}, in which {found} files are found" if encoding else "Latin-1, which is a guess"
+        count, name = max(len(changed), found), PurePosixPath(main).name
         description.warnings.append(
             Sentence(
-                "names-not-utf-8",
-                "{name}: {count} names are not in UTF-8; they are read as {encoding}.",
-                name=PurePosixPath(main).name,
+                "names-encoding-guessed",
+                "{name}: {count} names are not in UTF-8; they are read as {encoding}, which finds {found} of the files.",
+                name=name,
                 count=count,
-                encoding=how,
+                encoding=title(encoding),
+                found=found,
+            )
+            if encoding
+            else Sentence(
+                "names-read-as-latin",
+                "{name}: {count} names are not in UTF-8; they are read as Latin-1, which is a guess.",
+                name=name,
+                count=count,
             )
         )

@@ -74,9 +74,13 @@ class Parameter:
         if value is None and self.default is None:
             return None
         if self.form == "texture":
-            return None if isinstance(value, int) else f"is {value!r}, and no texture's number"
+            if isinstance(value, int):
+                return None
+            return Sentence("texture-number-invalid", "is {value}; it must be the number of a texture", value=repr(value))
         if self.form == "flag":
-            return None if isinstance(value, bool) else f"is {value!r}; it is true or false"
+            if isinstance(value, bool):
+                return None
+            return Sentence("flag-invalid", "is {value}; it must be true or false", value=repr(value))
         if self.form == "choice":
             return (
                 None
@@ -86,16 +90,16 @@ class Parameter:
         count = {"color": 3, "radiance": 3, "triple": 3, "pair": 2}.get(self.form)
         numbers = [value] if count is None else list(value)
         if count is not None and len(numbers) != count:
-            return Sentence("numbers-count-wrong", "has {found} numbers; it takes {count}", found=len(numbers), count=count)
+            return Sentence("numbers-count-wrong", "has {found} numbers; it needs {count}", found=len(numbers), count=count)
         for number in numbers:
             if not self.low <= number <= self.high or (self.above and number == self.low):
                 if self.above:
                     return Sentence(
-                        "number-too-small", "is {number}; it takes numbers above {low}", number=f"{number:g}", low=f"{self.low:g}"
+                        "number-too-small", "is {number}; it must be above {low}", number=f"{number:g}", low=f"{self.low:g}"
                     )
                 return Sentence(
                     "number-out-of-range",
-                    "is {number}; it takes numbers from {low} to {high}",
+                    "is {number}; it must be from {low} to {high}",
                     number=f"{number:g}",
                     low=f"{self.low:g}",
                     high=f"{self.high:g}",

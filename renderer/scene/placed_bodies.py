@@ -143,7 +143,7 @@ def _spheres(description: SceneDescription, order: list[int]) -> F32:
         raise SceneError(
             Sentence(
                 "sphere-out-of-number-range",
-                "{name}: a sphere's place or size is beyond what numbers hold; give it a sane one",
+                "{name}: the position or size of a sphere is too large for 32-bit numbers; correct it",
                 name=description.name,
             )
         )
@@ -170,7 +170,7 @@ def _bounds(name: str, sections: tuple[Section, Section, Section], placement: Pl
         raise SceneError(
             Sentence(
                 "instance-out-of-number-range",
-                "{name}: an instance's place is beyond what numbers hold; give it a sane transform",
+                "{name}: the position of an instance is too large for 32-bit numbers; correct its transform",
                 name=name,
             )
         )

@@ -142,7 +142,7 @@ def _placed_points(mesh: Mesh, transform: npt.NDArray[np.float64], team: Team) -
         raise SceneError(
             Sentence(
                 "mesh-out-of-number-range",
-                "Mesh {name}: its place in the world is beyond what numbers hold; give it a sane transform",
+                "Mesh {name}: its position is too large for 32-bit numbers; correct its transform",
                 name=mesh.name,
             )
         )

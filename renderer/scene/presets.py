@@ -49,7 +49,7 @@ def light_by_name(name: str, description: SceneDescription) -> None:
         raise SceneError(
             Sentence(
                 "light-preset-unknown",
-                "There is no light called {name}; there are {presets}",
+                "There is no light preset {name}; known are {presets}",
                 name=repr(name[:60]),
                 presets=[*PRESETS],
             )

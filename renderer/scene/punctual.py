@@ -102,7 +102,7 @@ def _check(light: Light) -> bool:
         raise SceneError(
             Sentence(
                 "light-kind-unknown",
-                "The light {name} is of kind {kind}; known are {kinds}",
+                "The light {name} has the kind {kind}; known are {kinds}",
                 name=repr(light.name),
                 kind=repr(light.kind),
                 kinds=[*_KINDS],
@@ -113,7 +113,7 @@ def _check(light: Light) -> bool:
         raise SceneError(
             Sentence(
                 "light-value-not-finite",
-                "The light {name} has a number that is infinite or none; give it a sane one",
+                "The light {name} has a number that is not finite; correct it",
                 name=repr(light.name),
             )
         )
@@ -121,7 +121,7 @@ def _check(light: Light) -> bool:
         raise SceneError(
             Sentence(
                 "light-intensity-out-of-range",
-                "The light {name} has the intensity {intensity}; it lies between 0 and 1e15",
+                "The light {name} has the intensity {intensity}; it must be from 0 to 1e15",
                 name=repr(light.name),
                 intensity=light.intensity,
             )
@@ -130,7 +130,7 @@ def _check(light: Light) -> bool:
         raise SceneError(
             Sentence(
                 "light-distant-with-picture",
-                "The light {name} is far away and has a picture or a profile; only points and spots have one",
+                "The light {name} is directional and has a picture or profile; only point and spot lights may have one",
                 name=repr(light.name),
             )
         )
@@ -138,7 +138,7 @@ def _check(light: Light) -> bool:
         raise SceneError(
             Sentence(
                 "light-direction-missing",
-                "The light {name} has no direction; give it the one in which it shines",
+                "The light {name} has no direction; give one",
                 name=repr(light.name),
             )
         )
@@ -146,7 +146,7 @@ def _check(light: Light) -> bool:
         raise SceneError(
             Sentence(
                 "light-radius-out-of-range",
-                "The light {name} has the radius {radius}; it lies between 0 and 1e15",
+                "The light {name} has the radius {radius}; it must be from 0 to 1e15",
                 name=repr(light.name),
                 radius=f"{light.radius:g}",
             )
@@ -155,7 +155,7 @@ def _check(light: Light) -> bool:
         raise SceneError(
             Sentence(
                 "light-angle-out-of-range",
-                "The light {name} spans {angle} degrees; that lies between 0 and 180",
+                "The light {name} spans {angle} degrees; it must be from 0 to 180",
                 name=repr(light.name),
                 angle=f"{light.angle:g}",
             )
@@ -164,7 +164,7 @@ def _check(light: Light) -> bool:
         raise SceneError(
             Sentence(
                 "light-visibility-unknown",
-                "The light {name} is seen {value}; known are {choices}",
+                "The light {name} has the visibility {value}; known are {choices}",
                 name=repr(light.name),
                 value=repr(light.seen),
                 choices=[*_SUNS],
@@ -184,8 +184,8 @@ def _check(light: Light) -> bool:
         raise SceneError(
             Sentence(
                 "spot-cones-out-of-range",
-                "The spot {name} has cones of {inner_cone} and {outer_cone} degrees; the inner one lies "
-                "between 0 and the outer one, and that between it and 180",
+                "The spot {name} has cones of {inner_cone} and {outer_cone} degrees; the inner must be "
+                "from 0 to the outer, and the outer at most 180",
                 name=repr(light.name),
                 inner_cone=f"{light.inner_cone:g}",
                 outer_cone=f"{light.outer_cone:g}",

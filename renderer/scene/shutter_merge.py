@@ -84,7 +84,7 @@ def _merged_as_keys(middle: SceneDescription, found: Sequence[SceneDescription])
     if any(thing.keys for thing in things):
         moving.keys = len(found)
     still: list[str] = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)]
-    still += [Sentence("motion-textures-still", "textures, but for how they lie")] * changes + changed
+    still += [Sentence("motion-textures-still", "textures other than their placement")] * changes + changed
     if still:
         moving.warnings.append(_not_blurred(still))
     return moving
@@ -128,8 +128,8 @@ def _mixed(mesh: Mesh, other: Mesh, share: float) -> tuple[np.ndarray, np.ndarra
     return near * mesh.positions + part * other.positions, normals
 
 
-def _not_blurred(things: list[str]) -> str:
-    return Sentence("motion-not-blurred", "Shown as in the middle of the shutter, not blurred: {things}.", things=things)
+def _not_blurred(parts: list[str]) -> str:
+    return Sentence("motion-not-blurred", "Shown as in the middle of the shutter, not blurred: {parts}.", parts=parts)
 
 
 def _changes(mesh: Mesh) -> str:

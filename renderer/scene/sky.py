@@ -48,7 +48,7 @@ def parse_sky(text: str) -> Environment:
         raise SceneError(
             Sentence(
                 "sky-malformed",
-                "The sky is {text}; give the sun's elevation and, if you like, its azimuth, as sky:30,120",
+                "The sky is {text}; give the sun's elevation and optionally its azimuth, as sky:30,120",
                 text=repr(text[:60]),
             )
         )
@@ -143,7 +143,7 @@ def _check(sky: Sky) -> None:
             raise SceneError(
                 Sentence(
                     "sky-value-out-of-range",
-                    "The sky's {name} is {value}; it lies between {least} and {most}",
+                    "The sky's {name} is {value}; it must be from {least} to {most}",
                     name=name,
                     value=f"{value:g}",
                     least=f"{least:g}",
@@ -154,7 +154,7 @@ def _check(sky: Sky) -> None:
         raise SceneError(
             Sentence(
                 "sky-ground-albedo-invalid",
-                "The sky's ground_albedo is {ground_albedo}; it lies between 0 and 1",
+                "The sky's ground_albedo is {ground_albedo}; it must be from 0 to 1",
                 ground_albedo=sky.ground_albedo,
             )
         )

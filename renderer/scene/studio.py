@@ -19,7 +19,7 @@ __all__ = ["FLOOR", "STUDIO_ALONE", "STUDIO_NOTES", "STUDIO_TOO", "add_floor", "
 STUDIO_ALONE = Sentence(
     "scene-without-light", "The scene has no light: lit by a soft studio light. Give an environment to change that."
 )
-STUDIO_TOO = Sentence("scene-lights-weak", "The scene's own lights are weak: lit by a soft studio light as well.")
+STUDIO_TOO = Sentence("scene-lights-weak", "The scene's own lights are weak: a soft studio light is added.")
 STUDIO_NOTES = (STUDIO_ALONE, STUDIO_TOO)
 
 F64 = npt.NDArray[np.float64]

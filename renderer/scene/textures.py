@@ -65,9 +65,7 @@ class TextureShelf:
                 self._images[key] = self.add(Image(name, pixels))
             except SceneError as error:
                 self._images[key] = None
-                self.warn_of_surface(
-                    Sentence("environment-left-out", "{error}; the light from all around is left out.", error=error)
-                )
+                self.warn_of_surface(Sentence("environment-left-out", "{error}; the environment is left out.", error=error))
         return self._images[key]
 
     def image_bytes(self, name: str, data: bytes, srgb: bool = True) -> int | None:
@@ -207,7 +205,7 @@ class TextureShelf:
         self.warn_of_surface(
             Sentence(
                 "texture-file-missing",
-                "{user}: its texture {texture} is not among the files; add it. Rendered in the base colour meanwhile.",
+                "{user}: its texture {texture} is not among the files; add it. Rendered in the base colour until then.",
                 user=user,
                 texture=wanted[:120],
             )

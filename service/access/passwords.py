@@ -43,7 +43,7 @@ def check_strength(password: str, name: str) -> None:
         raise Invalid(
             Sentence(
                 "password-too-short",
-                "The password has {length} characters. Take at least {least}: a few words are best.",
+                "The password has {length} characters. Choose at least {least}: a few words are best.",
                 length=len(password),
                 least=SHORTEST,
             )
@@ -52,7 +52,7 @@ def check_strength(password: str, name: str) -> None:
         raise Invalid(
             Sentence(
                 "password-too-long",
-                "The password is longer than {most} characters. Take a shorter one.",
+                "The password is longer than {most} characters. Choose a shorter one.",
                 most=LONGEST,
             )
         )
@@ -60,7 +60,7 @@ def check_strength(password: str, name: str) -> None:
         raise Invalid(
             Sentence(
                 "password-too-easy",
-                "The password is too easily guessed. Take a few words that have nothing to do with the name.",
+                "The password is too easy to guess. Choose a few words that have nothing to do with the name.",
             )
         )
 

@@ -149,7 +149,7 @@ class Projects:
             raise Invalid(
                 Sentence(
                     "project-name-invalid",
-                    "{name} cannot be a project's name. Take small letters, digits and . _ @ - (at most 63).",
+                    "{name} cannot be a project's name. Use small letters, digits and . _ @ - (at most 63).",
                     name=repr(name[:64]),
                 )
             )
@@ -158,7 +158,7 @@ class Projects:
                 session.add(Project(name=name, created=time.time()))
         except IntegrityError:
             raise Conflict(
-                Sentence("project-exists", "There is a project {name} already. Take another name.", name=repr(name))
+                Sentence("project-exists", "There is a project {name} already. Choose another name.", name=repr(name))
             ) from None
         return self.find(name)
 
@@ -274,7 +274,7 @@ def project_not_found(name: str) -> NotFound:
     return NotFound(
         Sentence(
             "project-not-found",
-            "There is no project {name}, or you are none of its members. GET /api/projects lists yours.",
+            "There is no project {name}, or you are not a member of it. GET /api/projects lists yours.",
             name=repr(name[:64]),
         )
     )
@@ -285,7 +285,7 @@ def read_only_project(name: str) -> NotAllowed:
     return NotAllowed(
         Sentence(
             "project-read-only",
-            "In the project {name} you may look and change nothing. Ask who runs the farm.",
+            "You may view the project {name} but not change it. Ask who runs the farm.",
             name=repr(name),
         )
     )

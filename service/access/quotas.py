@@ -131,8 +131,8 @@ class Quotas:
                     raise NoRoom(
                         Sentence(
                             "quota-bytes-exceeded",
-                            "{owner} uploads and films take {used} of the {limit} that they may, and this would be {more} more. "
-                            "Delete jobs or scenes, or ask who runs the farm for more.",
+                            "{owner} uploads and films use {used} of {limit}, and this needs {more} more. Delete jobs "
+                            "or scenes, or ask who runs the farm for more.",
                             owner=_whose(whose),
                             used=_in_mb(used),
                             limit=_in_mb(limits.bytes),
@@ -141,8 +141,8 @@ class Quotas:
                         if more
                         else Sentence(
                             "quota-bytes-full",
-                            "{owner} uploads and films take {used} of the {limit} that they may. Delete jobs or scenes, or ask "
-                            "who runs the farm for more.",
+                            "{owner} uploads and films use {used} of {limit}. Delete jobs or scenes, or ask who runs "
+                            "the farm for more.",
                             owner=_whose(whose),
                             used=_in_mb(used),
                             limit=_in_mb(limits.bytes),
@@ -162,8 +162,8 @@ class Quotas:
                 raise OverQuota(
                     Sentence(
                         "quota-jobs-full",
-                        "{owner} unfinished jobs are {count}, and {limit} may be at a time. Wait until one is finished, cancel "
-                        "one, or ask who runs the farm for more.",
+                        "{owner} number of unfinished jobs is {count}; the limit is {limit}. Wait until one is "
+                        "finished, cancel one, or ask who runs the farm for more.",
                         owner=_whose(whose),
                         count=count,
                         limit=limits.jobs,
@@ -176,8 +176,8 @@ class Quotas:
                     raise OverQuota(
                         Sentence(
                             "quota-samples-exceeded",
-                            "{owner} jobs of the last 24 hours come to {used} samples, and {limit} a day may be rendered; this "
-                            "asks for {more} more. Ask for fewer, wait, or ask who runs the farm for more.",
+                            "{owner} jobs of the last 24 hours used {used} of {limit} samples a day, and this needs "
+                            "{more} more. Ask for fewer, wait, or ask who runs the farm for more.",
                             owner=_whose(whose),
                             used=f"{used:,}",
                             limit=f"{limits.samples_day:,}",
@@ -186,8 +186,8 @@ class Quotas:
                         if samples
                         else Sentence(
                             "quota-samples-full",
-                            "{owner} jobs of the last 24 hours come to {used} samples, and {limit} a day may be rendered. Ask "
-                            "for fewer, wait, or ask who runs the farm for more.",
+                            "{owner} jobs of the last 24 hours used {used} of {limit} samples a day. Ask for fewer, "
+                            "wait, or ask who runs the farm for more.",
                             owner=_whose(whose),
                             used=f"{used:,}",
                             limit=f"{limits.samples_day:,}",

@@ -102,7 +102,7 @@ class RedisUsers:
                 raise Unavailable(
                     Sentence(
                         "redis-user-not-created",
-                        "Redis makes no user for this worker ({error}). It is tried again.",
+                        "Redis cannot create a user for this worker ({error}). It will be retried.",
                         error=error,
                     )
                 ) from None
@@ -110,7 +110,7 @@ class RedisUsers:
             return url
         except (redis.RedisError, OSError) as error:
             raise Unavailable(
-                Sentence("redis-silent-retrying", "Redis does not answer ({error}). It is tried again.", error=error)
+                Sentence("redis-silent-retrying", "Redis does not answer ({error}). It will be retried.", error=error)
             ) from None
         parts = urlsplit(url)
         return parts._replace(netloc=f"{name}:{self._password(name)}@{parts.netloc.rpartition('@')[2]}").geturl()

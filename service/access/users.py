@@ -34,7 +34,7 @@ class Users:
             raise Invalid(
                 Sentence(
                     "user-name-invalid",
-                    "{name} cannot be a user's name. Take small letters, digits and . _ @ - (at most 63), and not {owner}.",
+                    "{name} cannot be a user's name. Use small letters, digits and . _ @ - (at most 63), and not {owner}.",
                     name=repr(name[:64]),
                     owner=repr(OWNER),
                 )
@@ -46,7 +46,7 @@ class Users:
                 raise Conflict(
                     Sentence(
                         "user-exists",
-                        "There is a user {name} already. Change its role or password, or take another name.",
+                        "There is a user {name} already. Change its role or password, or choose another name.",
                         name=repr(name),
                     )
                 )

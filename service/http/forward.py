@@ -32,9 +32,7 @@ CONNECT_S = 3.0
 GOING_DOWN = 1012  # a WebSocket's close code: the client should reconnect
 NO_CODE = (None, 1005, 1006)
 T = TypeVar("T")
-NO_PATH = Problem(
-    400, Sentence("request-path-invalid", "What is asked for is no path. It begins with /, and is shorter than 64 KiB.")
-)
+NO_PATH = Problem(400, Sentence("request-path-invalid", "The path is invalid. It must begin with / and be shorter than 64 KiB."))
 # Fields of one connection only (RFC 9110, 7.6.1), and those that the next server sets.
 HOP = {"connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade"}
 SERVERS = {"date", "server"}  # also set by this server
@@ -222,5 +220,5 @@ async def _until(over: asyncio.Event, doing: Coroutine[Any, Any, T], *others: as
 
 def _unreachable_owner(why: str) -> Unavailable:
     return Unavailable(
-        Sentence("owner-not-reachable", "The service that works as the farm does not answer ({error}).", error=why), 1.0
+        Sentence("owner-not-reachable", "The service that runs the farm does not answer ({error}).", error=why), 1.0
     )

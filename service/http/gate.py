@@ -34,18 +34,18 @@ __all__ = ["LOG_IN", "AuthorizationMiddleware", "cookie_name"]
 
 LOG_IN = Sentence(
     "login-required",
-    "Log in first: on the page, by the link that `rayfarm up` printed or `rayfarm user link` "
-    "prints; a program shows a token: Authorization: Bearer TOKEN.",
+    "Log in first: on the page, or with the link that `rayfarm up` or `rayfarm user link` "
+    "prints; programs send a token: Authorization: Bearer TOKEN.",
 )
 OWNERS = Sentence(
     "owner-token-required",
-    "This says who else is let in, so it wants to know who asks: show the token that lies in "
-    "owner-token in the data folder (Authorization: Bearer TOKEN). `rayfarm user` and "
-    "`rayfarm token` do so if RAYFARM_DATA names that folder.",
+    "This needs an administrator: send the token from the file owner-token in the data folder "
+    "(Authorization: Bearer TOKEN). `rayfarm user` and `rayfarm token` do so if RAYFARM_DATA "
+    "names that folder.",
 )
 WORKERS = Sentence(
     "worker-token-required",
-    "Workers show the farm's token or one of their own: Authorization: Bearer TOKEN. `rayfarm up` prints it.",
+    "Workers need the farm's token or one of their own: Authorization: Bearer TOKEN. `rayfarm up` prints it.",
 )
 log = logging.getLogger(__name__)
 
@@ -55,7 +55,7 @@ AGAIN_S = 5.0
 LOG_IN_AGAIN = 4401  # a WebSocket's close codes
 NOT_THERE = 4404
 LONGEST_REASON = 120
-CLOSED_SINCE = Sentence("project-membership-ended", "It is no longer yours to see: you are no member of its project any more.")
+CLOSED_SINCE = Sentence("project-membership-ended", "You can no longer see this: you are not a member of its project any more.")
 
 
 class AuthorizationMiddleware:

@@ -195,7 +195,7 @@ def install(app: FastAPI) -> None:
         log.exception("fault in %s %s", request.method, request.url.path, exc_info=error)
         sentence = Sentence(
             "service-fault",
-            "The service has a fault and wrote it into its log. Try again; if it stays, report it.",
+            "The service failed; its log has details. Try again; if it stays, report it.",
         )
         return response(500, sentence, {"Connection": "close"})  # uvicorn closes the connection, so the client must know
 

@@ -73,7 +73,7 @@ class SecurityMiddleware:
                 400,
                 Sentence(
                     "request-host-malformed",
-                    "The header Host is not the name or address of a machine. Send it once, like localhost:8000.",
+                    "The Host header is not a valid name or address. Send one, such as localhost:8000.",
                 ),
             )
         if not self._hosts.is_accepted(name):
@@ -81,15 +81,15 @@ class SecurityMiddleware:
                 421,
                 Sentence(
                     "request-host-not-allowed",
-                    "The service does not answer to the name {name}. Open it as localhost or by its address; "
-                    "to let it answer to this name too, start it with --allow-host {name} "
+                    "The service is not allowed to answer to the name {name}. Open it as localhost or by its "
+                    "address; to allow this name, start it with --allow-host {name} "
                     "(RAYFARM_ALLOWED_HOSTS='[\"{name}\"]').",
                     name=name[:80],
                 ),
             )
         if "\0" in scope["path"]:
             return Problem(
-                404, Sentence("request-name-null-character", "There is nothing there: no name has the character 0 in it.")
+                404, Sentence("request-name-null-character", "Nothing has this name: names cannot contain the character 0.")
             )
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if changes and any(_host_of(origin) != hosts[0].lower() for origin in headers.getlist("origin")):

@@ -67,7 +67,7 @@ class StandbyMiddleware:
             await refuse(Problem(503, life.why, AGAIN), scope, receive, send)
         elif path == "/readyz":
             if not await self._forward.is_ready(owner, life.taken):
-                raise Unavailable(Sentence("standby-not-ready", "That one is not ready."))
+                raise Unavailable(Sentence("standby-not-ready", "The standby service is not ready."))
             await JSONResponse({"status": "stands by"})(scope, receive, send)
         elif scope["type"] == "http":
             await self._forward.request(owner, life.taken, scope, receive, send)

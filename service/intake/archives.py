@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, BinaryIO, cast
 
 from renderer.formats import is_junk
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from renderer.zip_names import entry_names
 from renderer.zips import DAMAGED
@@ -23,7 +24,7 @@ __all__ = ["expand"]
 RATIO_FREE_BYTES = 16 << 20  # smaller files may have any compression ratio
 DIRECTORY_BYTES_A_FILE = 512  # average size of a file's entry in the zip's directory
 
-UNPACKED = Sentence("archive-advice-unpack", "If it is none, unpack it and upload the folder.")
+UNPACKED = Sentence("archive-advice-unpack", "If it is not one, unpack it and upload the folder.")
 
 
 def expand(
@@ -76,7 +77,7 @@ class _Archive:
         self._limit = max(2 * CHUNK, max_files * DIRECTORY_BYTES_A_FILE)
         self._refusal = Sentence(
             "archive-directory-too-large",
-            "The archive {name} has a directory of far more files than the {most} that are taken.",
+            "The archive {name} lists far more than the {most} files allowed. Pack fewer files.",
             name=name,
             most=max_files,
         )
@@ -95,9 +96,9 @@ def _damaged(name: str, error: Exception) -> Invalid:
     return Invalid(
         Sentence(
             "archive-unreadable",
-            "The archive {name} is damaged or of an unknown kind ({error}). Pack it again as a plain zip.",
+            "The archive {name} is damaged or of an unknown format ({error}). Pack it again as a plain zip.",
             name=name,
-            error=error,
+            error=library_message(error),
         )
     )
 
@@ -111,7 +112,7 @@ def _check_entries(entries: list[zipfile.ZipInfo], name: str, max_files: int, ma
         raise TooLarge(
             Sentence(
                 "archive-files-too-many",
-                "The archive {name} has {count} files; at most {most} are taken.",
+                "The archive {name} has {count} files; at most {most} are allowed.",
                 name=name,
                 count=len(entries),
                 most=max_files,
@@ -141,7 +142,7 @@ def _check_entries(entries: list[zipfile.ZipInfo], name: str, max_files: int, ma
         raise TooLarge(
             Sentence(
                 "archive-too-large",
-                "The archive {name} unpacks to {size} bytes; at most {most} are taken.",
+                "The archive {name} unpacks to {size} bytes; at most {most} are allowed.",
                 name=name,
                 size=total,
                 most=max_bytes,
@@ -181,7 +182,7 @@ def _extract(
                 raise TooLarge(
                     Sentence(
                         "archive-size-misdeclared",
-                        "The archive {name} unpacks to more than it says, as zip bombs do. {advice}",
+                        "The archive {name} unpacks to more than its stated size, as zip bombs do. {advice}",
                         name=name,
                         advice=UNPACKED,
                     )

@@ -72,13 +72,13 @@ async def read_form(
                 raise TooLarge(
                     Sentence(
                         "upload-too-large",
-                        "The upload is larger than the {most} bytes that are taken. Leave files out, or ask who runs the farm.",
+                        "The upload is larger than the {most} bytes allowed. Leave files out, or ask who runs the farm.",
                         most=max_bytes,
                     )
                 )
             await run_in_threadpool(take, piece)
         if not reader.ended:
-            raise Invalid(Sentence("upload-interrupted", "The upload ended in the middle. Send it again."))
+            raise Invalid(Sentence("upload-interrupted", "The upload was interrupted. Send it again."))
     except FormParserError as error:
         reader.discard()
         raise Invalid(
@@ -139,7 +139,9 @@ class _Reader:
             ) from None
         if filename is None:
             if len(self.form.fields) >= MAX_FIELDS:
-                raise TooLarge(Sentence("upload-fields-too-many", "The form has more than {most} fields.", most=MAX_FIELDS))
+                raise TooLarge(
+                    Sentence("upload-fields-too-many", "The form has more than {most} fields. Send fewer.", most=MAX_FIELDS)
+                )
             return
         if len(self.form.files) >= self._max_files:
             raise TooLarge(
@@ -159,7 +161,7 @@ class _Reader:
             raise TooLarge(
                 Sentence(
                     "upload-field-too-long",
-                    "The field {field} is longer than {most} bytes.",
+                    "The field {field} is longer than {most} bytes. Shorten it.",
                     field=repr(self._field[:60]),
                     most=MAX_FIELD,
                 )
@@ -191,7 +193,7 @@ class _Reader:
             raise TooLarge(
                 Sentence(
                     "upload-header-too-long",
-                    "A header in the upload is longer than {most} bytes.",
+                    "A header in the upload is longer than {most} bytes. Shorten the file names.",
                     most=MAX_HEADER,
                 )
             )

@@ -22,7 +22,7 @@ def safe_name(name: str) -> str:
         raise Invalid(
             Sentence(
                 "file-name-missing",
-                "A file came without a name. Give every file its name, with its folders if it has any.",
+                "A file has no name. Give every file its name, with folders if it has any.",
             )
         )
     if "\\" in name:
@@ -54,17 +54,17 @@ def safe_name(name: str) -> str:
         raise Invalid(
             Sentence(
                 "file-name-outside-upload",
-                "The file name {name} climbs out of the upload with '..'. Move the file beside the scene.",
+                "The file name {name} leads out of the upload with '..'. Move the file beside the scene.",
                 name=shown,
             )
         )
     if not parts:
-        raise Invalid(Sentence("file-name-empty", "The file name {name} names no file.", name=shown))
+        raise Invalid(Sentence("file-name-empty", "The file name {name} is empty. Rename the file.", name=shown))
     if len(name.encode()) > MAX_NAME or any(len(part.encode()) > MAX_PART for part in parts):
         raise Invalid(
             Sentence(
                 "file-name-too-long",
-                "The file name {name} is too long; {most_part} bytes a part and {most} in all are possible.",
+                "The file name {name} is too long; at most {most_part} bytes per part and {most} in total are allowed.",
                 name=shown,
                 most_part=MAX_PART,
                 most=MAX_NAME,

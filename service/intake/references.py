@@ -94,7 +94,7 @@ def _read(image: Path, name: str, film: Path) -> dict[str, object]:
         MEMORY,
         SECONDS,
         name,
-        "that reading an image may take",
+        Sentence("memory-granted-to-image", "that reading an image may take"),
         Sentence("advice-shrink", "Make it smaller."),
         Sentence("advice-shrink", "Make it smaller."),
     )

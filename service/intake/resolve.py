@@ -48,7 +48,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         raise SettingsError(
             Sentence(
                 "frame-pixels-too-many",
-                "width x height is {pixels} pixels; at most {most} are rendered",
+                "width x height is {pixels} pixels; at most {most} are allowed",
                 pixels=width * height,
                 most=max_pixels,
             )
@@ -61,7 +61,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         raise SettingsError(
             Sentence(
                 "tiles-too-many",
-                "tile_size is {tile_size}, which makes {tiles} tiles of a frame; at most {most} are kept in mind",
+                "tile_size is {tile_size}, which makes {tiles} tiles per frame; at most {most} are allowed",
                 tile_size=job.tile_size,
                 tiles=tiles,
                 most=MOST_TILES,
@@ -78,7 +78,7 @@ def refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
 
     The warning about missing lights is ignored if the request sets an environment.
     """
-    said = [w for w in warnings if not (request.get("environment") and "lit by a soft studio light" in w)]
+    said = [w for w in warnings if not (request.get("environment") and "a soft studio light" in w)]
     if said:
         raise SettingsError(refusal(said))
 
@@ -87,10 +87,10 @@ def refusal(warnings: Sequence[str]) -> str:
     """Returns the error message for a strict scene or job with these warnings, without the final full stop."""
     listed = " ".join(warnings).rstrip(".")
     if len(warnings) == 1:
-        return Sentence("strict-scene-warning", "strict makes the scene's 1 warning an error: {warning}", warning=listed)
+        return Sentence("strict-scene-warning", "strict turns the scene's warning into an error: {warning}", warning=listed)
     return Sentence(
         "strict-scene-warnings",
-        "strict makes the scene's {count} warnings errors: {warnings}",
+        "strict turns the scene's {count} warnings into errors: {warnings}",
         count=len(warnings),
         warnings=listed,
     )

@@ -134,7 +134,7 @@ def store_form(
         sent = _expanded(form, store, settings, check_disk, notes)
         for name, writer in sent:
             if name in files:
-                raise Invalid(Sentence("upload-file-duplicate", "The file {name} is there twice. Send it once.", name=name))
+                raise Invalid(Sentence("upload-file-duplicate", "The file {name} is sent twice. Send it once.", name=name))
             files[name] = writer
         _refuse_files_as_folders(files)
         if find is not None and "base" in form.fields:
@@ -171,7 +171,7 @@ def _added(
     find: returns the scene; raises an error if it was deleted. asked: the main file in the form; empty: unchanged.
     """
     if not asked and all(writer.size == 0 for writer in files.values()):
-        raise Invalid(Sentence("upload-without-files", "The upload is empty. Choose the files that are to be added."))
+        raise Invalid(Sentence("upload-without-files", "The upload is empty. Choose the files to add."))
     scene = find()
     kept = [ref for ref in (BlobRef(**ref) for ref in scene.files) if ref.path not in files]
     if len(kept) + len(files) > settings.max_upload_files:
@@ -186,7 +186,7 @@ def _added(
         raise TooLarge(
             Sentence(
                 "scene-size-too-large",
-                "With these the scene is larger than the {most} bytes that are taken.",
+                "With these files the scene is larger than the {most} bytes allowed. Leave some out.",
                 most=settings.max_upload_bytes,
             )
         )
@@ -243,7 +243,7 @@ def _flag(name: str, form: Form) -> bool | None:
     text = form.fields.get(name, "").strip().lower()
     if text not in ("", "true", "false", "1", "0"):
         raise Invalid(
-            Sentence("boolean-invalid", "{name} is {value}; true and false are possible.", name=name, value=repr(text[:60]))
+            Sentence("boolean-invalid", "{name} is {value}; it must be true or false.", name=name, value=repr(text[:60]))
         )
     return text in ("true", "1") if text else None
 
@@ -314,7 +314,7 @@ def _variant_of(scene: Scene, asked: str) -> str | None:
     sentence = (
         Sentence("scene-variants-are", "its variants are {variants}", variants=listed)
         if names
-        else Sentence("scene-variants-none", "it has none, as most files have")
+        else Sentence("scene-variants-none", "it has none")
     )
     raise Invalid(
         Sentence(
@@ -335,7 +335,7 @@ def sky_text(elevation: float, azimuth: float) -> str:
         raise Invalid(
             Sentence(
                 "environment-sun-out-of-range",
-                "environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.",
+                "environment: the sun's elevation must be from -90 to 90 degrees, its azimuth from -360 to 360.",
             )
         )
     return f"{SKY}{elevation:g},{azimuth % 360.0:g}"
@@ -354,7 +354,7 @@ def _sky_of(text: str) -> str:
         raise Invalid(
             Sentence(
                 "environment-sky-invalid",
-                "environment: {text} is no sky; give the sun's elevation and azimuth as sky:30,120.",
+                "environment: {text} is not a sky; give the sun's elevation and azimuth as sky:30,120.",
                 text=repr(text[:60]),
             )
         ) from None
@@ -423,9 +423,7 @@ def _expanded(
 def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
     """Returns the path of the main file, and the environment: an image's path, a preset or a sky. Raises Invalid."""
     if not files or all(writer.size == 0 for writer in files.values()):
-        raise Invalid(
-            Sentence("upload-without-scene", "The upload is empty. Choose a scene file, and the textures that it needs.")
-        )
+        raise Invalid(Sentence("upload-without-scene", "The upload is empty. Choose a scene file and its textures."))
     main = form.fields.get("main", "").strip()
     if main:
         main = safe_name(main)
@@ -434,7 +432,7 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
             raise Invalid(
                 Sentence(
                     "main-file-sequence-missing",
-                    "main: there is no file {file} in the upload, nor one with a number for #.",
+                    "main: there is no file {file} in the upload, nor one with a number in place of #.",
                     file=main,
                 )
                 if "#" in main

@@ -74,9 +74,7 @@ def _apply(
             farm.quotas.check_job(visit.caller, session, of_shot.samples, is_new=state in FINAL)
         is_long = of_shot.give(job, session)
     elif job.shot is None and patch.is_of_frames:
-        raise Conflict(
-            Sentence("job-has-no-frames", "The job is a still: it has no frames to choose from. Make a new job, with frames.")
-        )
+        raise Conflict(Sentence("job-has-no-frames", "The job is a still without frames. Make a new job with frames."))
     elif job.shot is None and (patch.spp is not None or patch.more is not None):
         frame = session.get(Frame, (job.id, 0))
         set_samples(job, patch.spp, patch.more, frame.samples if frame else 0)

@@ -83,7 +83,9 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
         job = find_job(id, farm)
         if job.state in FINAL:
             raise Conflict(
-                Sentence("job-not-finished", "The job is {state}; only one that is not over begins anew.", state=job.state)
+                Sentence(
+                    "job-not-finished", "The job is {state}; only a job that is not over can be started again.", state=job.state
+                )
             )
         request = _current_request(job)
         set_state(session.get_one(Job, id, with_for_update=True), "cancelled", is_anew=False)  # cancelled jobs count in no quota
@@ -232,7 +234,7 @@ def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
         raise Invalid(
             Sentence(
                 "frame-pixels-too-many",
-                "width x height is {pixels} pixels; at most {most} are rendered.",
+                "width x height is {pixels} pixels; at most {most} are allowed.",
                 pixels=width * height,
                 most=farm.settings.max_pixels,
             ),

@@ -206,21 +206,21 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     if job.needs and (why := _unmet(job, view.roster)):
         return why
     if job.lit in view.preparing:
-        return Sentence("job-waits-for-light", "Its scene is prepared under its light.")
+        return Sentence("job-waits-for-light", "Its scene is being prepared with its light.")
     if job.shot is not None and view.roster.frame_preparing_kind() is None:
         return Sentence(
             "job-waits-for-release",
-            "Waits for a worker of this release: those that are connected prepare no frames of shots.",
+            "Waits for a worker of this release: those connected cannot prepare frames of shots.",
         )
     if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.open_shutter_kind() is None:
         return Sentence(
             "job-waits-for-motion-blur",
-            "Waits for workers of this release: of those that are connected some blur nothing that moves.",
+            "Waits for workers of this release: some of those connected do not support motion blur.",
         )
     if _is_stranded(job, view.roster):
         return Sentence(
             "job-waits-for-worker-kind",
-            "Waits for a worker of the kind {kind}, with which it began. Start one, or cancel the job and begin anew.",
+            "Waits for a worker of the kind {kind}, on which it was begun. Start one, or cancel the job and start again.",
             kind=job.kind,
         )
     slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]
@@ -230,7 +230,7 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
             "Compiling renderer (first time, about 40 s)",
         )
     if (numbers := view.jobs.get(job.id)) is not None and numbers.handed_back is not None:
-        return Sentence("job-retried", "{reason}. It is tried again.", reason=numbers.handed_back.rstrip("."))
+        return Sentence("job-retried", "{reason}. It will be retried.", reason=numbers.handed_back.rstrip("."))
     if ahead := view.ahead.get(job.id):
         if ahead == 1:
             return Sentence("job-waits-for-priority-one", "Waits for 1 job of a higher priority.")
@@ -273,11 +273,11 @@ def why_nothing_runs(roster: WorkerSnapshot) -> str | None:
     if all(report.state == "paused" or name in roster.orders for name, report in roster.reports.items()):
         rest = any(offer.why for name, offer in roster.offers.items() if name in roster.reports and name not in roster.orders)
         return (
-            Sentence("job-waits-workers-resting", "Waits: all workers rest or are paused.")
+            Sentence("job-waits-workers-resting", "Waits: all workers are resting or paused.")
             if rest
             else Sentence("job-waits-workers-paused", "Waits: all workers are paused.")
         )
     return Sentence(
         "job-waits-for-kernel-load",
-        "Waits for the workers to load their kernels; the first time that takes half a minute or more.",
+        "Waits for the workers to load their kernels; the first time this takes half a minute or more.",
     )

@@ -46,7 +46,7 @@ def repeat(found: Job, asked: dict[str, object], farm: Farm, sight: ProjectVisib
         raise Conflict(
             Sentence(
                 "idempotency-key-reused",
-                "This Idempotency-Key was used for another request. Take a new key for a new job.",
+                "This Idempotency-Key was used for another request. Use a new key for a new job.",
             )
         )
     with farm.sessions() as session:

@@ -92,7 +92,7 @@ def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
         return Conflict(
             Sentence(
                 "job-film-gone",
-                "The film of this job is gone. Set the job to running: its picture is then rendered again.",
+                "The film of this job is missing. Set the job to running to render it again.",
             )
         )
     if job.state in FINAL:
@@ -101,7 +101,7 @@ def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
             Sentence("job-ended-without-picture", "The job ended without a picture. {reason}.", reason=why.rstrip("."))
         )
     return Conflict(
-        Sentence("picture-without-samples", "The picture has no samples yet. Try again when its first tiles are there.")
+        Sentence("picture-without-samples", "The picture has no samples yet. Try again when its first tiles are rendered.")
     )
 
 
@@ -117,7 +117,7 @@ def frame_not_found(frame: float) -> NotFound:
     return NotFound(
         Sentence(
             "job-frame-not-found",
-            "The job has no frame {frame}. Its own are listed at /api/jobs/{id}/frames.",
+            "The job has no frame {frame}. GET /api/jobs/{id}/frames lists its frames.",
             frame=frame_text(frame),
         )
     )

@@ -38,7 +38,7 @@ def _wish(job: Job, n: float, film: Film, farm: Farm) -> FrameVectors:
     with farm.sessions() as session:
         scene = session.get(Scene, job.scene)
     if scene is None or not scene.info:
-        raise Conflict(Sentence("job-scene-preparing", "The job's scene is still being prepared. Try again when it is."))
+        raise Conflict(Sentence("job-scene-preparing", "The job's scene is still being prepared. Try again later."))
     shot = Shot.of(job.shot) or Shot()
     return FrameVectors(
         work="",

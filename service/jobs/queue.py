@@ -38,10 +38,10 @@ def warning_of(job: Job, expected: float | None, now: float) -> str | None:
     if now > job.deadline:
         return Sentence("deadline-passed", "Its deadline passed {time} ago.", time=_roughly(now - job.deadline))
     if expected is None or expected <= job.deadline:
-        return Sentence("deadline-at-risk", "By the forecast it is ready after its deadline.")
+        return Sentence("deadline-at-risk", "It is expected to finish after its deadline.")
     return Sentence(
         "deadline-at-risk-by",
-        "By the forecast it is ready {time} after its deadline.",
+        "It is expected to finish {time} after its deadline.",
         time=_roughly(expected - job.deadline),
     )
 
@@ -57,7 +57,7 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
             raise NotFound(
                 Sentence(
                     "after-job-not-found",
-                    "after: there is no job {id}. A job can come after those that are there.",
+                    "after: there is no job {id}. Choose an existing job.",
                     id=repr(id[:60]),
                 )
             )
@@ -67,7 +67,7 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
             raise Conflict(
                 Sentence(
                     "after-job-ended",
-                    "after: the job {id} ({name}) has {state}. Nothing can come after it.",
+                    "after: the job {id} ({name}) has {state}. Choose a job that is not over.",
                     id=id,
                     name=other.name,
                     state=_ended(other.state),
@@ -83,7 +83,7 @@ def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
         raise Conflict(
             Sentence(
                 "after-job-not-removable",
-                "after: the job does not wait for {jobs}. One that is there can only wait for fewer.",
+                "after: the job does not wait for {jobs}. Dependencies of an existing job can only be removed.",
                 jobs=repr(unknown[0][:60]),
             )
         )

@@ -28,6 +28,7 @@ from pathlib import Path
 from sqlalchemy import select
 
 from renderer import __version__
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from service.errors import FarmError, Invalid, NotFound
 from service.locations import sqlite_url
@@ -72,7 +73,7 @@ class Manifest:
                     "backup-manifest-unreadable",
                     "{manifest} of the backup cannot be read ({error}).",
                     manifest=MANIFEST,
-                    error=error,
+                    error=library_message(error),
                 )
             ) from None
 
@@ -98,7 +99,7 @@ def back_up(data: Path, target: Target, progress: Progress = lambda done, total,
         raise NotFound(
             Sentence(
                 "backup-source-without-farm",
-                "{data} holds no farm: there is no {database} in it. Name a data folder with --data.",
+                "{data} contains no farm: there is no {database} in it. Name a data folder with --data.",
                 data=data,
                 database=DATABASE,
             )
@@ -197,7 +198,7 @@ class _Run:
                 raise Invalid(
                     Sentence(
                         "backup-blob-damaged",
-                        "the upload or compiled scene {sha256} is not what was stored: the disk has damaged it",
+                        "the upload or compiled scene {sha256} was damaged by the disk",
                         sha256=sha256[:12],
                     )
                 )

@@ -15,6 +15,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, cast
 
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from service.errors import Conflict, Invalid, NotFound
 from service.maintenance.backup import MANIFEST, Manifest, Progress
@@ -44,7 +45,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
         raise Conflict(
             Sentence(
                 "restore-target-not-empty",
-                "{folder} is not empty. Name a new folder with --data: a farm is never restored over another.",
+                "{folder} is not empty. Name a new folder with --data: a backup is not restored over an existing farm.",
                 folder=data,
             )
         )
@@ -58,7 +59,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
             raise Invalid(
                 Sentence(
                     "backup-incomplete",
-                    "{source} is no complete backup: it has no {manifest}. Was it cut off? Make it again.",
+                    "{source} is incomplete: it has no {manifest}. Back up again.",
                     source=source,
                     manifest=MANIFEST,
                 )
@@ -69,7 +70,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
                 raise Invalid(
                     Sentence(
                         "backup-file-missing",
-                        "{source} is damaged: it lacks {name}. Take another backup.",
+                        "{source} is damaged: {name} is missing. Use another backup.",
                         source=source,
                         name=name,
                     )
@@ -78,7 +79,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
                 raise Invalid(
                     Sentence(
                         "backup-file-damaged",
-                        "{source} is damaged: {name} is not what was backed up. Take another backup.",
+                        "{source} is damaged: {name} differs from what was backed up. Use another backup.",
                         source=source,
                         name=name,
                     )
@@ -115,7 +116,7 @@ def _copy(
             raise Invalid(
                 Sentence(
                     "backup-file-unexpected",
-                    "The backup has a file {name}, which no backup has. It is not restored.",
+                    "The backup contains an unexpected file {name}. It is not restored.",
                     name=repr(name[:100]),
                 )
             )
@@ -157,7 +158,7 @@ def _opened(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, Opener
         raise Invalid(
             Sentence(
                 "backup-path-invalid",
-                "{source} is no backup: that is a folder, or a file that ends with {endings}.",
+                "{source} is not a backup: a backup is a folder, or a file that ends with {endings}.",
                 source=source,
                 endings=[*ARCHIVES],
             )
@@ -169,9 +170,9 @@ def _opened(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, Opener
         raise Invalid(
             Sentence(
                 "backup-damaged",
-                "{source} is damaged or was cut off ({error}). Take another backup.",
+                "{source} is damaged or cut off ({error}). Use another backup.",
                 source=source,
-                error=error,
+                error=library_message(error),
             )
         ) from error
 
@@ -182,7 +183,7 @@ def _members(tar: tarfile.TarFile) -> Iterator[tuple[str, int, Opener]]:
             raise Invalid(
                 Sentence(
                     "backup-entry-not-file",
-                    "The backup has {name}, which is no file. It is not restored.",
+                    "The backup contains {name}, which is not a file. It is not restored.",
                     name=repr(member.name[:100]),
                 )
             )

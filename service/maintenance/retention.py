@@ -156,7 +156,7 @@ class Retention:
                 raise Conflict(
                     Sentence(
                         "retention-already-running",
-                        "A deletion by rules is running already. GET /api/retention says how far it is.",
+                        "A cleanup is already running. GET /api/retention shows its progress.",
                     )
                 )
             run = self.latest = Run()
@@ -252,7 +252,7 @@ class Retention:
                     job.state = "cancelled"
                     job.error = Sentence(
                         "film-released",
-                        "{film} was let go ({reason}). Set the job to running, and it is rendered again.",
+                        "{film} was deleted ({reason}). Set the job to running to render it again.",
                         film=FILM,
                         reason=item.why,
                     )

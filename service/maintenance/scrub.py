@@ -55,7 +55,7 @@ def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: 
         raise FilmDamaged(
             Sentence(
                 "film-lacks-samples",
-                "{film} lacks samples of {count} of {total} frames.",
+                "{film} lacks samples in {count} of {total} frames.",
                 film=FILM,
                 count=len(lacking),
                 total=len(recorded),
@@ -205,7 +205,7 @@ class Scrubber:
             if session.get(Scene, row.stage) is None:
                 row.error = Sentence(
                     "film-damaged-scene-deleted",
-                    "{film} was damaged, and its scene was deleted: what is missing cannot be rendered again.",
+                    "{film} was damaged, and its scene was deleted: the missing samples cannot be rendered again.",
                     film=FILM,
                 )
                 log.warning("%s: %s", row.id, row.error)

@@ -53,7 +53,7 @@ class FolderTarget:
             raise Invalid(
                 Sentence(
                     "backup-target-occupied",
-                    "{folder} holds something else than a backup. Name an empty folder, or a new one.",
+                    "{folder} contains other files than a backup. Name an empty or a new folder.",
                     folder=folder,
                 )
             )
@@ -109,9 +109,7 @@ class TarTarget:
 
     def __init__(self, path: Path) -> None:
         if path.exists():
-            raise Invalid(
-                Sentence("backup-target-exists", "{path} is there already. Name another file, or remove it.", path=path)
-            )
+            raise Invalid(Sentence("backup-target-exists", "{path} exists already. Name another file, or remove it.", path=path))
         path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
         self._part = path.with_name(f".{path.name}.part")

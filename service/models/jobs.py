@@ -55,7 +55,7 @@ def _frames_text(value: str | int | float) -> str:
             raise SettingsError(
                 Sentence(
                     "frames-text-too-long",
-                    "frames has {length} characters; at most 10000 are read, and {most} frames",
+                    "frames has {length} characters; at most 10000 characters and {most} frames are allowed",
                     length=len(text),
                     most=MAX_FRAMES,
                 )

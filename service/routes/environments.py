@@ -134,9 +134,7 @@ def environment_thumbnail(id: _Id, farm: FarmDependency) -> Response:
 def delete_environment(id: _Id, farm: FarmDependency) -> None:
     """Deletes an uploaded environment. Finished pictures stay; 409 if unfinished jobs need it."""
     if id in PRESETS:
-        raise Conflict(
-            Sentence("environment-not-deletable", "This light is made by a formula and takes no room: it cannot be deleted.")
-        )
+        raise Conflict(Sentence("environment-not-deletable", "This environment is built in and cannot be deleted."))
 
     def forget(session: Session) -> set[str]:
         found = session.get(Environment, id, with_for_update=True)

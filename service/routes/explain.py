@@ -179,7 +179,7 @@ def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
         raise Conflict(
             Sentence(
                 "pixel-scene-deleted",
-                "The job's scene is not here any more, so that nothing can be followed through it. Upload it again.",
+                "The job's scene was deleted, so no paths can be traced through it. Upload it again.",
             )
         )
     return scene, row
@@ -198,7 +198,7 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
             return kind
     farm.events.publish(PreparationRequested(scene.id, kinds[0]))
     raise Unavailable(
-        Sentence("pixel-scene-preparing", "The scene is prepared for the workers that are here. Ask again in a moment."),
+        Sentence("pixel-scene-preparing", "The scene is being prepared for the connected workers. Try again in a moment."),
         5.0,
     )
 
@@ -228,7 +228,7 @@ def _question(
             raise Conflict(
                 Sentence(
                     "pixel-frame-not-prepared",
-                    "The frame is not prepared yet, so that nobody knows what its pixels see. Try again when it is.",
+                    "The frame is not prepared yet, so its pixels cannot be explained. Try again later.",
                 )
             )
         settings = row.settings
@@ -256,7 +256,7 @@ def _question(
         raise Conflict(
             Sentence(
                 "pixel-paths-unavailable",
-                "The picture's paths cannot be followed: {error}. Render it anew.",
+                "The paths of this picture cannot be traced: {error}. Render it again.",
                 error=error,
             )
         ) from None

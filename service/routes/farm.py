@@ -96,7 +96,7 @@ def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], 
     found = find_job(job, farm)
     film = farm.film(found)
     if film is None or not farm.records.has_frame(job, frame):
-        raise NotFound(Sentence("job-picture-not-available", "The job has no such picture yet."))
+        raise NotFound(Sentence("job-picture-not-available", "The job does not have this picture yet."))
     version, samples = film.version(frame), film.samples(frame)
     handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
     try:
@@ -119,7 +119,9 @@ def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], 
 async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Response:
     """Stores a blob. Its content must have the hash in the path."""
     if not is_sha256(sha256):
-        raise Invalid(Sentence("blob-name-invalid", "A blob's name is the SHA-256 of its bytes in lower-case hexadecimal."))
+        raise Invalid(
+            Sentence("blob-name-invalid", "The name of a blob must be the SHA-256 of its bytes in lower-case hexadecimal.")
+        )
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
 
     def take(piece: bytes) -> None:
@@ -147,7 +149,7 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
                 raise Invalid(
                     Sentence(
                         "blob-hash-mismatch",
-                        "The bytes do not have the hash that they are to be stored under. Send them again.",
+                        "The uploaded bytes do not match their SHA-256. Send them again.",
                     )
                 )
             await run_in_threadpool(keep)

@@ -135,14 +135,14 @@ async def image(
         raise Invalid(
             Sentence(
                 "tonemap-unknown",
-                "tonemap: {name} is no curve; known are {curves}.",
+                "tonemap: {name} is not a tone curve; known are {curves}.",
                 name=repr(tonemap_curve[:60]),
                 curves=[*tonemap.CURVES],
             )
         )
     planes, in_layers = _planes(aov)
     if denoise and planes:
-        raise Invalid(Sentence("denoise-only-colour", "denoise: only colour is denoised; leave aov out."))
+        raise Invalid(Sentence("denoise-only-colour", "denoise: only the colour can be denoised; leave aov out."))
     PictureWish(extension, planes, in_layers, width=width).check()
     job = await run_in_threadpool(find_job, id, farm)
     film, version, samples = await run_in_threadpool(_picture, id, n, farm)

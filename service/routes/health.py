@@ -26,7 +26,7 @@ PATIENCE_S = 2.0  # seconds, timeout of the database check
 async def healthz(farm: FarmDependency) -> dict[str, str]:
     """Reports whether the process is healthy; if not, restart it. Uses no thread, database or disk, so it never blocks."""
     if not farm.engine.is_alive:
-        raise Unavailable(Sentence("engine-ended", "The engine has ended. Restart the service."))
+        raise Unavailable(Sentence("engine-ended", "The scheduler has stopped. Restart the service."))
     return {"status": "ok"}
 
 
@@ -40,7 +40,7 @@ async def readyz(farm: FarmDependency) -> dict[str, str]:
         raise Unavailable(
             Sentence(
                 "database-health-failed",
-                "The database does not answer ({error}). Look at RAYFARM_DATABASE_URL.",
+                "The database does not answer ({error}). Check RAYFARM_DATABASE_URL.",
                 error=type(error).__name__,
             )
         ) from error

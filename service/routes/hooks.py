@@ -39,7 +39,7 @@ def test_hook(number: int, farm: FarmDependency) -> Response:
     try:
         farm.outbox.tell(farm.outbox.hooks[number], f"msg_{uuid.uuid4().hex}", test_message(time.time()))
     except UndeliveredError as error:
-        raise Unavailable(Sentence("hook-message-failed", "The message did not arrive. {error}", error=error)) from None
+        raise Unavailable(Sentence("hook-message-failed", "The message was not delivered. {error}", error=error)) from None
     return Response(status_code=204)
 
 

@@ -35,7 +35,7 @@ def get_kernels(name: str, farm: FarmDependency, visit: VisitDependency, request
     """Returns the kernels with this name. For names and signatures see renderer/kernel_file.py."""
     path = farm.kernels.find(name)
     if path is None:
-        raise NotFound(Sentence("kernels-not-found", "The farm has no kernels of this name; compile them, and hand them in."))
+        raise NotFound(Sentence("kernels-not-found", "The farm has no kernels of this name; compile and upload them."))
     if not _has_own_token(visit):
         return FileResponse(path, media_type="application/octet-stream")
     data = farm.kernels.signed_for(name, shown_secret(request.headers))
@@ -51,7 +51,7 @@ async def put_kernels(name: str, request: Request, farm: FarmDependency, visit: 
     async for chunk in request.stream():
         data += chunk
         if len(data) > MAX_BYTES:
-            raise TooLarge(Sentence("kernels-too-large", "Kernels have at most {most} bytes.", most=MAX_BYTES))
+            raise TooLarge(Sentence("kernels-too-large", "Kernels may have at most {most} bytes.", most=MAX_BYTES))
     with full_disk():
         await run_in_threadpool(farm.kernels.put, name, bytes(data))
     return Response(status_code=204)

@@ -172,7 +172,7 @@ class _Watcher:
                 await asyncio.sleep(self._farm.settings.live_interval)
             else:
                 await self._listener.wait(self._farm.shared.state_every_s if self._listener.changed else 1.0)
-        await self._socket.close(1012, Sentence("service-stopping", "The service is going down."))
+        await self._socket.close(1012, Sentence("service-stopping", "The service is shutting down."))
 
     def _is_state_due(self, now: float) -> bool:
         if now - self._spoke > SPEAK_EVERY_S:

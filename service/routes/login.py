@@ -99,7 +99,7 @@ def _log_in(asked: LoginIn, request: Request, response: Response, visit: Visit, 
                 401,
                 Sentence(
                     "login-link-invalid",
-                    "This link was used already, is over a day old, or was withdrawn. Ask for a new one: `rayfarm user link`.",
+                    "This link was already used, is older than a day, or was withdrawn. Ask for a new one: `rayfarm user link`.",
                 ),
             )
         role = Role.ADMIN if name == OWNER else Role.of(access.users.find(name).role)
@@ -140,7 +140,7 @@ def _change_password(asked: PasswordIn, visit: Visit, farm: Farm) -> None:
         raise Conflict(
             Sentence(
                 "password-change-not-possible",
-                "Only a user who is logged in on the page has a password to change. `rayfarm user` changes others'.",
+                "Only a user who is logged in on the page can change a password. `rayfarm user` changes those of others.",
             )
         )
     if access.users.find(caller.name).password is not None:
@@ -169,9 +169,7 @@ def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[st
     user = access.users.log_in(name, password)
     if user is None:
         access.audit.add(name, "login refused", kind="password", address=address, status=401)
-        raise Problem(
-            401, Sentence("login-password-wrong", "The name or the password is not right. Look at both, and try again.")
-        )
+        raise Problem(401, Sentence("login-password-wrong", "The name or the password is wrong. Check both and try again."))
     access.attempts.succeeded(address, name)
     return user.name, Role.of(user.role)
 

@@ -106,7 +106,7 @@ def _oidc(farm: Farm) -> Oidc:
         raise NotFound(
             Sentence(
                 "openid-not-configured",
-                "This farm knows no OpenID provider. Log in with a name and a password, or by a link.",
+                "This farm has no OpenID provider. Log in with name and password, or with a link.",
             )
         )
     return farm.access.oidc

@@ -129,7 +129,7 @@ async def reference_image(
         raise Invalid(
             Sentence(
                 "tonemap-unknown",
-                "tonemap: {name} is no curve; known are {curves}.",
+                "tonemap: {name} is not a tone curve; known are {curves}.",
                 name=repr(tonemap_curve[:60]),
                 curves=[*tonemap.CURVES],
             )

@@ -78,7 +78,7 @@ def retention_run(farm: FarmDependency) -> RetentionOut:
         raise NotFound(
             Sentence(
                 "retention-never-run",
-                "No deletion by rules was asked for since the service started. POST /api/retention begins one.",
+                "No cleanup was started since the service started. POST /api/retention starts one.",
             )
         )
     return _out(run)

@@ -94,7 +94,7 @@ def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
         raise Invalid(
             Sentence(
                 "share-invalid",
-                "share: there is no {share}. It is {everybody}, user:NAME or project:NAME.",
+                "share: there is no {share}. Possible are {everybody}, user:NAME and project:NAME.",
                 share=repr(share[:60]),
                 everybody=EVERYBODY,
             )

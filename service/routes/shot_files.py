@@ -71,7 +71,7 @@ async def frames_zip(
     if which != "coming" and not any(_is_wanted(frame, which) for frame in found.values()):
         raise Conflict(
             Sentence(
-                "shot-without-finished-frame", "No frame is finished yet. Ask for which=all, or wait for each by which=coming."
+                "shot-without-finished-frame", "No frame is finished yet. Ask for which=all, or wait for each with which=coming."
             )
         )
     if which != "coming" and await run_in_threadpool(lambda: film.is_empty):
@@ -170,7 +170,7 @@ def _curve(name: str) -> str:
         raise Invalid(
             Sentence(
                 "tonemap-unknown",
-                "tonemap: {name} is no curve; known are {curves}.",
+                "tonemap: {name} is not a tone curve; known are {curves}.",
                 name=repr(name[:60]),
                 curves=[*tonemap.CURVES],
             )
@@ -196,7 +196,7 @@ def _film(job: Job, farm: Farm) -> Film:
             Sentence(
                 "job-without-picture",
                 "The job has no picture yet: {error}",
-                error=job.error or "its scene is still being prepared.",
+                error=job.error or Sentence("picture-scene-preparing", "its scene is still being prepared."),
             )
         )
     return film

@@ -85,7 +85,7 @@ async def snapshot_image(
         raise Invalid(
             Sentence(
                 "tonemap-unknown",
-                "tonemap: {name} is no curve; known are {curves}.",
+                "tonemap: {name} is not a tone curve; known are {curves}.",
                 name=repr(tonemap_curve[:60]),
                 curves=[*tonemap.CURVES],
             )
@@ -132,7 +132,7 @@ def _no_snapshot(spp: int) -> NotFound:
     return NotFound(
         Sentence(
             "snapshot-not-found",
-            "Nothing is kept of this picture at {spp} samples. GET /api/jobs/{id}/snapshots lists what is.",
+            "There is no snapshot of this picture at {spp} samples. GET /api/jobs/{id}/snapshots lists them.",
             spp=spp,
         )
     )

@@ -91,7 +91,7 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
         raise Conflict(
             Sentence(
                 "token-cannot-create-tokens",
-                "A token cannot make tokens. Log in on the page, or use `rayfarm token` on the farm's machine.",
+                "A token cannot create tokens. Log in on the page, or use `rayfarm token` on the farm's machine.",
             )
         )
     name = plain_title(asked.name)
@@ -102,7 +102,7 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
                 403,
                 Sentence(
                     "worker-token-needs-admin",
-                    "Only administrators let workers in. Ask one of them for a worker's token.",
+                    "Only administrators may add workers. Ask one of them for a worker's token.",
                 ),
             )
         secret, row = farm.access.keys.make("worker", caller.name, Role.NOBODY, name, lasts_s)
@@ -113,7 +113,7 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
                 403,
                 Sentence(
                     "token-role-too-high",
-                    "Your role is {own_role}: a token of yours cannot have {role}.",
+                    "Your role is {own_role}: you cannot create a token with the role {role}.",
                     own_role=caller.role.word,
                     role=asked.role,
                 ),
@@ -129,7 +129,7 @@ def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> Non
     if caller.kind == "token" and caller.role < Role.SUBMIT and id != caller.key:
         raise Problem(
             403,
-            Sentence("token-read-only", "This token may look and change nothing: it can withdraw itself, and no other."),
+            Sentence("token-read-only", "This token is read-only: it can withdraw itself, but no other."),
         )
     is_admin = caller.role >= Role.ADMIN
     if is_admin and farm.access.keys.is_there("worker", id):

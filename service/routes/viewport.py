@@ -45,8 +45,8 @@ AGAIN_S = 1.0  # seconds between attempts to render a view
 MOST_BYTES = 1 << 16  # of a message
 NOT_UNDERSTOOD = Sentence(
     "view-message-invalid",
-    'The message is not understood. Send a view, {"pick": [x, y]}, {"ack": seq} or '
-    '{"paused": true}, as a JSON object of at most {most} characters.',
+    'The message is invalid. Send a view, {"pick": [x, y]}, {"ack": seq} or {"paused": true}, '
+    "as a JSON object of at most {most} characters.",
     most=MOST_BYTES,
 )
 
@@ -182,9 +182,9 @@ class _Viewer:
             if view is None:
                 of_light = self._held != self._scene
                 self._notice = (
-                    Sentence("progress-scene-light", "The scene is prepared for this light.")
+                    Sentence("progress-scene-light", "The scene is being prepared with this light.")
                     if of_light
-                    else Sentence("progress-scene", "The scene is prepared.")
+                    else Sentence("progress-scene", "The scene is being prepared.")
                 )
                 self._rests_s = PREPARING_S
                 return False
@@ -240,7 +240,7 @@ class _Viewer:
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(self._changed.wait(), WAIT_S)
                 self._changed.clear()
-        await self._socket.close(1012, Sentence("service-stopping", "The service is going down."))
+        await self._socket.close(1012, Sentence("service-stopping", "The service is shutting down."))
 
     async def _send_state(self) -> None:
         session, now = self.session, time.monotonic()

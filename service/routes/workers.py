@@ -53,7 +53,7 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
             raise Conflict(
                 Sentence(
                     "worker-only-pausable",
-                    "The worker {name} is of an older release: it can only be paused. Run this release there.",
+                    "The worker {name} is of an older release and can only be paused. Run this release there.",
                     name=name,
                 )
             )
@@ -89,7 +89,7 @@ def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
         raise Unavailable(
             Sentence(
                 "worker-log-unavailable",
-                "The worker does not tell its log: it is still starting, is of an older release, or hangs.",
+                "The worker did not send its log: it is still starting, is of an older release, or hangs.",
             )
         )
     return lines

@@ -59,7 +59,7 @@ from telemetry.log_lines import ids
 
 __all__ = ["Answers"]
 
-REMEDY = Sentence("advice-resume", "Then let it go on.")  # by a worker of another release
+REMEDY = Sentence("advice-resume", "Then resume it.")  # by a worker of another release
 UNREAD_EVERY_S = 0.5  # interval of counting unread results
 
 
@@ -246,7 +246,7 @@ class Answers:
             message.scene, message.kind
         ):
             sentence = Sentence(
-                "scene-answers-unusable", "What workers answered about this scene cannot be used ({reason}).", reason=why
+                "scene-answers-unusable", "The workers' answers about this scene cannot be used ({reason}).", reason=why
             )
             self._lifecycle.prepare_failed(message.scene, message.kind, sentence)
 
@@ -336,7 +336,7 @@ class Answers:
             batch = whole._replace(first=piece.first, count=piece.count)
             sender, is_suspect = piece.worker or message.worker, number == 0 and len(message.senders) == 1
             said = Sentence(
-                "worker-message-unusable", "What {sender} sent of it cannot be used ({reason}).", sender=sender, reason=why
+                "worker-message-unusable", "A message of {sender} about it cannot be used ({reason}).", sender=sender, reason=why
             )
             trouble = self._scheduler.failed(job, piece.batch, batch, sender, said, None, is_suspect=is_suspect)
             if trouble is not None:

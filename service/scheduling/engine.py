@@ -250,7 +250,7 @@ class Engine:
     def _own_fault(self, error: Exception) -> str:
         sentence = Sentence(
             "engine-error",
-            "The engine has a fault ({name}: {error}); the log says more.",
+            "The scheduler failed ({name}: {error}); see the log.",
             name=type(error).__name__,
             error=error,
         )

@@ -221,7 +221,7 @@ class Records:
             raise Conflict(
                 Sentence(
                     "frame-record-damaged",
-                    "The record of a frame of this job is damaged. Have its frames rendered again.",
+                    "The record of a frame of this job is damaged. Render its frames again.",
                 )
             )
         return RenderSettings.from_json(found)

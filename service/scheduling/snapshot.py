@@ -88,7 +88,7 @@ class Snapshot:
         if age > STUCK_S:
             return Sentence(
                 "engine-slow",
-                "The engine has been busy with one thing for {age} s: a disk, the database or Redis is slow to answer.",
+                "The scheduler has been busy with one step for {age} s: a disk, the database or Redis is slow.",
                 age=f"{age:.0f}",
             )
         if self.fault is not None:
@@ -96,7 +96,7 @@ class Snapshot:
         paused = {id for id, job in self.jobs.items() if job.state == "paused"}
         waits = [why for id, why in self.waits.items() if id not in paused]
         if waits and self.jobs.keys() - paused <= self.waits.keys():
-            return Sentence("engine-stalled", "Nothing goes on. {reason}", reason=waits[0])
+            return Sentence("engine-stalled", "The scheduler is stalled. {reason}", reason=waits[0])
         return None
 
 

@@ -68,8 +68,8 @@ class DependencyTracker:
                 job,
                 Sentence(
                     "after-job-failed",
-                    "It was to come after the job {name}, which {state} before it was finished. Setting "
-                    "this job to running renders it all the same.",
+                    "It depends on the job {name}, which {state} before it was finished. Set this job to "
+                    "running to render it anyway.",
                     name=called,
                     state=ended,
                 ),

@@ -168,7 +168,7 @@ class BlobFolder:
 
 def blob_not_found() -> NotFound:
     """Returns the NotFound error for a blob that does not exist."""
-    return NotFound(Sentence("blob-not-found", "There is no blob of this hash; its scene may have been deleted."))
+    return NotFound(Sentence("blob-not-found", "There is no blob with this hash; its scene may have been deleted."))
 
 
 def _chunks(file: BinaryIO) -> Iterator[bytes]:

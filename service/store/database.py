@@ -132,7 +132,7 @@ def close_database(engine: Engine) -> None:
 
     def refuse(*_: Any) -> None:
         raise Unavailable(
-            Sentence("service-stopping", "The service is going down."),
+            Sentence("service-stopping", "The service is shutting down."),
             advice=Sentence("advice-retry-when-back", "Try again when it is back."),
         )
 
@@ -173,7 +173,7 @@ def faults() -> Iterator[None]:
             raise Invalid(
                 Sentence(
                     "database-value-invalid",
-                    "What is asked for has a character or a number that the database cannot have. Leave it out.",
+                    "The request contains a character or number that the database cannot store. Leave it out.",
                 )
             ) from error
         if isinstance(error, OperationalError):

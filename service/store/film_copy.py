@@ -54,7 +54,7 @@ class FilmCopy:
         try:
             if kind is None and self._has_any:
                 if self._made.with_name(f"{self._made.name}-wal").exists():
-                    raise FilmWaits(Sentence("film-copy-failed", "{film} cannot be copied now.", film=FILM))
+                    raise FilmWaits(Sentence("film-copy-failed", "{film} cannot be copied at the moment.", film=FILM))
                 move_whole(self._made, self._target)
         finally:
             self._remove()

@@ -15,7 +15,7 @@ from service.errors import FilmDamaged, FilmLost, FilmWaits, NotFound
 __all__ = ["FILM", "FilmClosed", "damaged", "film_faults", "incomplete", "owned_elsewhere"]
 
 FILM = Sentence("film-of-job", "The film of this job")  # first words of all these error messages
-AGAIN = Sentence("advice-set-running", "Set the job to running, and it is rendered again.")
+AGAIN = Sentence("advice-set-running", "Set the job to running to render it again.")
 
 # SQLite's primary result codes of temporary faults, each with the end of its message.
 _LOCKED = Sentence("film-locked", "The film of this job is locked by another program")
@@ -23,12 +23,12 @@ PASSES: dict[int, str] = {
     sqlite3.SQLITE_BUSY: _LOCKED,
     sqlite3.SQLITE_LOCKED: _LOCKED,
     sqlite3.SQLITE_PROTOCOL: _LOCKED,
-    sqlite3.SQLITE_NOMEM: Sentence("film-memory-exhausted", "The film of this job does not fit into the memory that is free"),
-    sqlite3.SQLITE_INTERRUPT: Sentence("film-access-interrupted", "The film of this job was interrupted"),
-    sqlite3.SQLITE_IOERR: Sentence("film-io-error", "The film of this job cannot be written or read now"),
-    sqlite3.SQLITE_CANTOPEN: Sentence("film-not-openable", "The film of this job cannot be opened now"),
+    sqlite3.SQLITE_NOMEM: Sentence("film-memory-exhausted", "The film of this job does not fit into the free memory"),
+    sqlite3.SQLITE_INTERRUPT: Sentence("film-access-interrupted", "Access to the film of this job was interrupted"),
+    sqlite3.SQLITE_IOERR: Sentence("film-io-error", "The film of this job cannot be read or written at the moment"),
+    sqlite3.SQLITE_CANTOPEN: Sentence("film-not-openable", "The film of this job cannot be opened at the moment"),
     sqlite3.SQLITE_READONLY: Sentence(
-        "film-read-only", "The film of this job cannot be written: it or its disk is read-only. Make it writable"
+        "film-read-only", "The film of this job cannot be written: the file or its disk is read-only. Make it writable"
     ),
     sqlite3.SQLITE_FULL: Sentence(
         "film-disk-full",
@@ -49,7 +49,7 @@ class FilmClosed(NotFound):
     """Raised if the film is closed during a read: its job was deleted or restarted, or the service stops."""
 
     def __init__(self) -> None:
-        super().__init__(Sentence("film-job-changed", "The job was deleted, or is rendered again, while its picture was read."))
+        super().__init__(Sentence("film-job-changed", "The job was deleted or restarted while its picture was read."))
 
 
 @contextmanager
@@ -82,7 +82,7 @@ def incomplete(has: int, recorded: int) -> FilmDamaged:
     return FilmDamaged(
         Sentence(
             "film-samples-missing",
-            "{film} has only {found} of its {recorded} samples. Set the job to running for the rest.",
+            "{film} has only {found} of its {recorded} samples. Set the job to running to render the rest.",
             film=FILM,
             found=has,
             recorded=recorded,
@@ -102,7 +102,7 @@ def _classified(code: int, message: str) -> FilmWaits | FilmLost:
         return FilmWaits(
             joined(
                 _with_why(PASSES[primary], why),
-                Sentence("advice-job-continues", "The job goes on when this has passed."),
+                Sentence("advice-job-continues", "The job continues once this is resolved."),
             )
         )
     if primary in STAYS or code == MOVED:

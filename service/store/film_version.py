@@ -56,8 +56,8 @@ def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
         raise FilmLost(
             Sentence(
                 "film-version-newer",
-                "The film of this job is of version {version}, and this release of Rayfarm reads films "
-                "up to version {newest}. Start the newer release again, or make a new job.",
+                "The film of this job has version {version}, but this release of Rayfarm reads films up "
+                "to version {newest}. Start the newer release, or make a new job.",
                 version=version,
                 newest=VERSION,
             )

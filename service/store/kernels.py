@@ -38,7 +38,7 @@ class KernelStore:
         path = self.find(name)
         data = b"" if path is None else path.read_bytes()
         if not is_signed(io.BytesIO(data), self._token):
-            raise NotFound(Sentence("kernels-incomplete", "The farm has no whole kernels of this name; compile them."))
+            raise NotFound(Sentence("kernels-incomplete", "The farm has no complete kernels of this name; compile them."))
         return signed_anew(data, key)
 
     def put(self, name: str, data: bytes) -> None:
@@ -47,7 +47,7 @@ class KernelStore:
         Raises Invalid for an invalid name or signature.
         """
         if not is_name(name):
-            raise Invalid(Sentence("kernels-name-invalid", "This is no name of kernels: see renderer/kernel_file.py."))
+            raise Invalid(Sentence("kernels-name-invalid", "This is not a name of kernels: see renderer/kernel_file.py."))
         if not is_signed(io.BytesIO(data), self._token):
             raise Invalid(
                 Sentence(

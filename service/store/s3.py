@@ -73,7 +73,7 @@ class S3Blobs:
             raise Unavailable(
                 Sentence(
                     "object-store-bucket-missing",
-                    "There is no bucket {bucket}. Make it, or set RAYFARM_BLOBS to another.",
+                    "There is no bucket {bucket}. Create it, or set RAYFARM_BLOBS to another.",
                     bucket=self._bucket,
                 )
             ) from None
@@ -145,7 +145,7 @@ class S3Blobs:
             raise Unavailable(
                 Sentence(
                     "object-store-failed",
-                    "The object store does not answer as it should ({reason}). Try again; see RAYFARM_BLOBS and AWS_*.",
+                    "The object store failed ({reason}). Try again; check RAYFARM_BLOBS and AWS_*.",
                     reason=why,
                 )
             ) from error

@@ -41,7 +41,7 @@ class Turns:
                 if not self._free.wait_for(lambda: not self._is_taken and self._line[0] == ticket, patience_s):
                     sentence = Sentence(
                         "database-write-timeout",
-                        "The database does not answer (others have written for {seconds} s).",
+                        "The database does not answer (it was locked for {seconds} s).",
                         seconds=f"{patience_s:g}",
                     )
                     raise Unavailable(sentence, advice=Sentence("advice-retry", "Try again."))

@@ -61,15 +61,14 @@ class PixelExplainer:
             raise Unavailable(
                 Sentence(
                     "pixel-needs-worker",
-                    "Explaining a pixel needs a worker, and none is ready. Start one, or resume one that is "
-                    "paused, then ask again.",
+                    "Explaining a pixel needs a worker, but none is ready. Start one, or resume a paused one, then try again.",
                 )
             )
         if not kinds:
             raise Unavailable(
                 Sentence(
                     "pixel-workers-too-old",
-                    "The connected workers are of an older release, which explains no pixels. Start newer ones.",
+                    "The connected workers are of an older release, which cannot explain pixels. Start newer ones.",
                 )
             )
         return kinds
@@ -97,7 +96,7 @@ class PixelExplainer:
                         raise Failed(unfit.sentence(work.job, "explain this pixel"))
                     queue = place.queue
             raise Unavailable(
-                Sentence("pixel-worker-lost", "The worker was lost while it followed the pixel's paths. Try again."),
+                Sentence("pixel-worker-lost", "The worker was lost while it traced the pixel's paths. Try again."),
                 2.0,
             )
         except (redis.RedisError, QueueError) as error:
@@ -122,7 +121,7 @@ class PixelExplainer:
                     raise Unavailable(
                         Sentence(
                             "pixel-kernel-compiling",
-                            "{worker} makes the kernel for it ready: a minute or two, once. Ask again then.",
+                            "{worker} is compiling the kernel for it; this takes a minute or two, once. Try again then.",
                             worker=holder,
                         ),
                         15.0,
@@ -130,7 +129,7 @@ class PixelExplainer:
                 late = (
                     Sentence("pixel-worker-timeout", "{worker} did not answer in time.", worker=holder)
                     if holder
-                    else Sentence("pixel-slots-busy", "No worker had time for it; all slots are busy.")
+                    else Sentence("pixel-slots-busy", "No worker was free; all slots are busy.")
                 )
                 raise TooLate(
                     Sentence("pixel-not-explained-late", "The pixel could not be explained: {reason} Try again.", reason=late)
@@ -165,7 +164,7 @@ class PixelExplainer:
                     raise Failed(
                         Sentence("pixel-not-explained", "The pixel could not be explained: {reason}.", reason=_why(answer))
                     )
-        raise Unavailable(Sentence("service-stopping-retry", "The service is going down. Try again when it is back."))
+        raise Unavailable(Sentence("service-stopping-retry", "The service is shutting down. Try again when it is back."))
 
 
 def _understood(data: bytes) -> dict[str, Any]:

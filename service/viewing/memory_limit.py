@@ -10,9 +10,7 @@ from service.viewing.session import ViewSession
 __all__ = ["FULL", "MAX_PIXELS", "fits_in_memory"]
 
 MAX_PIXELS = 1 << 24  # about 1 GB
-FULL = Sentence(
-    "view-slots-exhausted", "So many look at scenes now that another view has no room. It comes when one of them leaves."
-)
+FULL = Sentence("view-slots-exhausted", "There are too many live views at the moment. Yours starts when another one ends.")
 
 
 def fits_in_memory(pixels: int, sessions: Iterable[ViewSession]) -> bool:

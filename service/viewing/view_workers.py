@@ -34,7 +34,7 @@ class ViewWorkers:
         ready = [report for report in self._board.roster.ready() if report.views]
         if ready:
             self._events.publish(PreparationRequested(request.scene, ready[0].kind))
-            return Sentence("view-scene-preparing", "The scene is prepared for the workers that are here.")
+            return Sentence("view-scene-preparing", "The scene is being prepared for the connected workers.")
         if self._board.roster.ready():
-            return Sentence("view-workers-too-old", "The workers are of an older release, which shows no views.")
+            return Sentence("view-workers-too-old", "The workers are of an older release, which cannot show live views.")
         return Sentence("view-waits-for-worker", "Waits for a worker.")

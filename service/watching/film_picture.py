@@ -27,7 +27,7 @@ def radiance_of(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
         words = decode_film(data).words
     except (zlib.error, ValueError) as error:
         raise Failed(
-            Sentence("picture-snapshot-damaged", "What was kept of this picture is damaged ({error}).", error=error)
+            Sentence("picture-snapshot-damaged", "The snapshot of this picture is damaged ({error}).", error=error)
         ) from error
     return rgbe9995.unpack(words)
 

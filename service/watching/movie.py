@@ -103,7 +103,7 @@ def _stream(container: Any, kind: str, shape: tuple[int, ...], fps: Fraction) ->
     raise SettingsError(
         Sentence(
             "video-codec-missing",
-            ".{kind}: the FFmpeg of this machine has none of {codecs}",
+            ".{kind}: the FFmpeg of this machine supports none of {codecs}",
             kind=kind,
             codecs=[name for name, _ in _CODECS[kind]],
         )

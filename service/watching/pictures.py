@@ -63,19 +63,19 @@ class PictureWish:
             raise Invalid(
                 Sentence(
                     "aov-one-plane-only",
-                    "aov: a .{format} holds one plane; ask for one, or for image.exr.",
+                    "aov: a .{format} holds one channel; ask for one, or for image.exr.",
                     format=self.extension,
                 )
             )
         if self.planes and self.extension == "rgb9e5":
-            raise Invalid(Sentence("aov-rgb9e5-colour-only", "aov: rgb9e5 holds colour alone; ask for image.exr or image.png."))
+            raise Invalid(Sentence("aov-rgb9e5-colour-only", "aov: rgb9e5 holds colour only; ask for image.exr or image.png."))
         if aovs.MOTION in self.planes and self.width is not None:
             raise Invalid(
                 Sentence("aov-motion-with-width", "width: motion vectors are in pixels of the whole picture; leave width out.")
             )
         if self.planes == (aovs.MOTION,) and self.extension == "hdr":
             raise Invalid(
-                Sentence("aov-motion-not-hdr", "aov: motion has four values a pixel, and a .hdr three; ask for image.exr.")
+                Sentence("aov-motion-not-hdr", "aov: motion has four values per pixel, but .hdr has three; ask for image.exr.")
             )
 
     @property

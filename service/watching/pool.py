@@ -81,7 +81,7 @@ class Pool:
             raise Unavailable(
                 Sentence(
                     "picture-requests-too-many",
-                    "{count} other pictures that you asked for are not made yet. Try again in a moment.",
+                    "{count} other pictures that you asked for are not ready yet. Try again in a moment.",
                     count=own,
                 ),
                 retry_after_s=min(math.ceil(wait_s / 2) + 1, MOST_RETRY_S),

@@ -120,7 +120,7 @@ class BlobCache:
                     raise WorkError(
                         Sentence(
                             "cache-part-damaged",
-                            "a part of the compiled scene is not what its name says; prepare the scene again",
+                            "a part of the compiled scene does not match its hash; prepare the scene again",
                         )
                     )
 
@@ -171,7 +171,7 @@ class BlobCache:
                 raise MachineError(
                     Sentence(
                         "cache-disk-full",
-                        "there is no room for a scene in {folder}. Free some, or set RAYFARM_CACHE to a larger disk.",
+                        "there is no room for a scene in {folder}. Free some space, or set RAYFARM_CACHE to a larger disk.",
                         folder=self.folder,
                     )
                 ) from error
@@ -179,8 +179,7 @@ class BlobCache:
             raise MachineError(
                 Sentence(
                     "cache-folder-unusable",
-                    "the cache {folder} cannot be used ({reason}). Let this user write there, or set "
-                    "RAYFARM_CACHE to another folder.",
+                    "the cache {folder} cannot be used ({reason}). Make it writable, or set RAYFARM_CACHE to another folder.",
                     folder=self.folder,
                     reason=why,
                 )

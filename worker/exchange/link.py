@@ -62,21 +62,21 @@ class Link:
             raise RefusedError(
                 Sentence(
                     "worker-token-missing",
-                    "A worker shows the farm's token, and RAYFARM_TOKEN is empty. Set it to the one that `rayfarm up` shows.",
+                    "RAYFARM_TOKEN is empty, but a worker needs the farm's token. Set it to the one that `rayfarm up` shows.",
                 )
             )
         if not (token.isascii() and token.isprintable()):
             raise RefusedError(
                 Sentence(
                     "worker-token-malformed",
-                    "The token has characters that no token has. Take the one that `rayfarm up` shows.",
+                    "The token has invalid characters. Use the one that `rayfarm up` shows.",
                 )
             )
         if not is_address(self.service):
             raise RefusedError(
                 Sentence(
                     "service-address-invalid",
-                    "{service} is no address of a service; give one as http://host:8000",
+                    "{service} is not an address of a service; give one such as http://host:8000",
                     service=repr(service),
                 )
             )
@@ -129,7 +129,7 @@ class Link:
             raise NotAFarmError(
                 Sentence(
                     "service-manifest-unreadable",
-                    "{service} sends a manifest that cannot be read ({error})",
+                    "{service} sent a manifest that cannot be read ({error})",
                     service=self.service,
                     error=error,
                 )
@@ -146,7 +146,7 @@ class Link:
             raise DamagedError(
                 Sentence(
                     "blob-download-damaged",
-                    "blob {sha256} arrived damaged from {service}",
+                    "blob {sha256} arrived damaged from {service}; it is fetched again",
                     sha256=sha256[:12],
                     service=self.service,
                 )
@@ -159,7 +159,7 @@ class Link:
                 about = response.headers[VERSION_HEADER], int(response.headers[SAMPLES_HEADER])
             except (KeyError, ValueError) as error:
                 raise NotAFarmError(
-                    Sentence("service-length-missing", "{service} does not say of what its means are", service=self.service)
+                    Sentence("service-length-missing", "{service} does not state the length of its answer", service=self.service)
                 ) from error
             for chunk in response.iter_bytes(CHUNK):
                 out.write(chunk)
@@ -237,7 +237,7 @@ class Link:
                 raise LinkError(
                     Sentence(
                         "service-answer-timeout",
-                        "{service} takes longer than {seconds} s for a short answer",
+                        "{service} takes longer than {seconds} s to answer",
                         service=self.service,
                         seconds=f"{ANSWER_S:.0f}",
                     )
@@ -280,8 +280,8 @@ class Link:
             raise NotAFarmError(
                 Sentence(
                     "service-redirects-worker",
-                    "{service} sends workers on to {address}. Give the address that `rayfarm up` shows; where a "
-                    "login stands before the farm, it must let /api/farm/ through.",
+                    "{service} redirects workers to {address}. Give the address that `rayfarm up` shows; a "
+                    "login in front of the farm must let /api/farm/ through.",
                     service=self.service,
                     address=repr(response.headers.get("Location", "another address")),
                 )

@@ -121,7 +121,7 @@ class TermsKeeper:
         return (
             Sentence(
                 "worker-machine-in-use",
-                "Somebody works at this machine; it begins when nobody has for {minutes} minutes.",
+                "Somebody is using this machine; it begins after {minutes} minutes without use.",
                 minutes=f"{terms.idle_minutes:g}",
             )
             if left > 0
@@ -154,7 +154,7 @@ class TermsKeeper:
             except PermissionError:
                 self.trouble = Sentence(
                     "worker-nice-not-lowerable",
-                    "{nice} stays at {current}: only root may lower it. Start it anew.",
+                    "{nice} stays at {current}: only root may lower it. Restart the worker.",
                     nice=NICE,
                     current=os.getpriority(os.PRIO_PROCESS, 0),
                 )

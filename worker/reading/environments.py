@@ -32,8 +32,7 @@ def _pixels(folder: Path, path: str) -> np.ndarray:
         raise SceneError(
             Sentence(
                 "environment-not-equirectangular",
-                "{path}: is {width}x{height}; an environment shows all directions, and so is twice as "
-                "wide as high (equirectangular, also called latitude-longitude)",
+                "{path}: is {width}x{height}; an environment must be equirectangular (latitude-longitude), twice as wide as high",
                 path=path,
                 width=width,
                 height=height,
@@ -42,7 +41,9 @@ def _pixels(folder: Path, path: str) -> np.ndarray:
     if pixels.dtype != np.float32:
         pixels = (pixels[..., :3].astype(np.float32) / np.iinfo(pixels.dtype).max) ** 2.2
     if not np.isfinite(pixels[..., :3]).any() or not pixels[..., :3].any():
-        raise SceneError(Sentence("environment-black", "{path}: is black all over; it lights nothing", path=path))
+        raise SceneError(
+            Sentence("environment-black", "{path}: is completely black and gives no light; give another image", path=path)
+        )
     return np.asarray(pixels[..., :3])
 
 

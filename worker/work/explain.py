@@ -65,7 +65,7 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
             worker,
             work.message,
             "returned",
-            error=Sentence("worker-returned-request", "{worker} hands it back: {error}", worker=worker.name, error=error),
+            error=Sentence("worker-returned-request", "{worker} returned the request: {error}", worker=worker.name, error=error),
         )
     except RefusedError as error:
         send_answer(
@@ -94,7 +94,7 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
             "failed",
             error=Sentence(
                 "worker-paths-failed",
-                "{worker} could not follow it ({kind}: {error})",
+                "{worker} could not trace its paths ({kind}: {error})",
                 worker=worker.name,
                 kind=type(error).__name__,
                 error=error,

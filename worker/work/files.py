@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from protocol.contract import Manifest
 from renderer.confine.limits import available_memory
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.apply_terms import memory_limit
@@ -28,9 +29,7 @@ def _place(blob: Path, folder: Path, name: str) -> None:
     """Links or copies a blob to its uploaded name, encoded as UTF-8 in any locale, as readers expect."""
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\0" in name:
-        raise WorkError(
-            Sentence("file-path-outside-upload", "{name} is a path that climbs out of the upload; rename it.", name=repr(name))
-        )
+        raise WorkError(Sentence("file-path-outside-upload", "{name} leads out of the upload; rename it.", name=repr(name)))
     target = folder.joinpath(*(os.fsdecode(part.encode("utf-8", "surrogateescape")) for part in parts))
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -42,15 +41,15 @@ def _place(blob: Path, folder: Path, name: str) -> None:
             raise MachineError(
                 Sentence(
                     "cache-files-evicted",
-                    "the scene's files do not stay in the cache while they are needed; give it more room",
+                    "the cache is too small to keep the scene's files while they are needed; give it more room",
                 )
             ) from error
         raise WorkError(
             Sentence(
                 "file-name-not-possible",
-                "{name} cannot be the name of a file here ({error}); rename it.",
+                "{name} is not a possible file name here ({error}); rename it.",
                 name=repr(name),
-                error=error.strerror,
+                error=library_message(error),
             )
         ) from error
 

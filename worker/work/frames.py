@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from protocol.contract import FrameInfo, Manifest, PrepareFrames
+from renderer.library_messages import library_message
 from renderer.scene.compiled import CompiledScene, load
 from renderer.scene.compiled_parts import parts_of
 from renderer.sentences import Sentence
@@ -99,7 +100,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
             raise WorkError(
                 Sentence(
                     "reader-frame-unexpected",
-                    "{file}: its reader answers for frame {frame}, which it was not asked for",
+                    "{file}: its reader answered for frame {frame}, which was not requested",
                     file=manifest.main,
                     frame=str(frame)[:20],
                 )
@@ -140,8 +141,8 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
         raise MachineError(
             Sentence(
                 "machine-file-storage-failed",
-                "this machine cannot keep a scene's files ({error}: {path})",
-                error=error.strerror,
+                "this machine cannot store a scene's files ({error}: {path})",
+                error=library_message(error),
                 path=error.filename,
             )
         ) from error

@@ -15,6 +15,7 @@ from renderer import jit
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.blender.convert import convert
 from renderer.blender.program import find
+from renderer.library_messages import library_message
 from renderer.render import kernel_name, warm_up
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
@@ -60,8 +61,8 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Progress,
         raise MachineError(
             Sentence(
                 "machine-file-storage-failed",
-                "this machine cannot keep a scene's files ({error}: {path})",
-                error=error.strerror,
+                "this machine cannot store a scene's files ({error}: {path})",
+                error=library_message(error),
                 path=error.filename,
             )
         ) from error
@@ -101,7 +102,7 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, sho
         raise WorkError(
             Sentence(
                 "reader-summary-incomplete",
-                "{file}: its reader's summary lacks what belongs there ({error})",
+                "{file}: the summary of its reader is incomplete ({error})",
                 file=manifest.main,
                 error=error,
             )
@@ -153,7 +154,7 @@ def _opened(manifest: Manifest, room: Room) -> list[str]:
             raise WorkError(
                 Sentence(
                     "worker-without-blender",
-                    "{file}: this worker has no Blender any more; start it anew with --blender",
+                    "{file}: this worker has no Blender any more; restart it with --blender",
                     file=manifest.main,
                 )
             )

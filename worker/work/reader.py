@@ -134,7 +134,7 @@ class Room:
             memory_budget() if memory is None else memory,
             seconds,
             subject,
-            "that this worker grants one scene",
+            Sentence("memory-granted-to-scene", "that this worker grants one scene"),
             Sentence("advice-shrink-or-split", "Make it smaller, or split it into several."),
         )
         more = [_ALL_PREPARING] if jit.is_cached(kernel_name(variant=FULL)) else []  # do not wait while it is compiled
@@ -160,7 +160,7 @@ class Room:
                 raise WorkError(
                     Sentence(
                         "reader-file-name-invalid",
-                        "the scene's reader names a file as none is named: {name}",
+                        "the scene's reader gave an invalid file name: {name}",
                         name=repr(str(name)[:100]),
                     )
                 )
@@ -200,7 +200,7 @@ class Room:
                     raise WorkError(
                         Sentence(
                             "reader-part-not-file",
-                            "the scene's reader wrote a part that is no file: {sha256}",
+                            "the scene's reader wrote a part that is not a file: {sha256}",
                             sha256=part.sha256,
                         )
                     )

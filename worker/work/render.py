@@ -61,7 +61,7 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
         return returned(
             worker,
             batch,
-            Sentence("worker-returned-batch", "{worker} hands a batch back: {error}", worker=worker.name, error=error),
+            Sentence("worker-returned-batch", "{worker} returned a batch: {error}", worker=worker.name, error=error),
         )
     except RefusedError as error:
         return failure(
@@ -106,7 +106,7 @@ def not_understood(worker: WorkerContext, batch: dict[str, Any], error: Exceptio
     event = {key: batch.get(key) for key in ("batch", "job", "frame", "tile", "first", "count")}
     sentence = Sentence(
         "worker-batch-unreadable",
-        "{worker} does not understand the batch ({error}). Run the same release of Rayfarm on all machines.",
+        "{worker} cannot read the batch ({error}). Run the same release of Rayfarm on all machines.",
         worker=worker.name,
         error=error,
     )

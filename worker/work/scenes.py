@@ -11,6 +11,7 @@ from pathlib import Path
 
 from protocol.contract import BlobRef
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.compiled import CompiledScene, load
 from renderer.scene.compiled_parts import Part, parts_of
 from renderer.sentences import Sentence
@@ -60,7 +61,9 @@ def _from_cache(worker: WorkerContext, part: Part) -> Path:
     try:
         return worker.cache.path(part.sha256, part.size)
     except RefusedError as error:
-        raise MachineError(Sentence("compiled-part-gone", "a part of a compiled scene is gone; it is compiled again")) from error
+        raise MachineError(
+            Sentence("compiled-part-gone", "a part of a compiled scene is missing; it is compiled again")
+        ) from error
 
 
 def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
@@ -79,7 +82,7 @@ def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
         if not is_of_machine(error):
             raise
         raise MachineError(
-            Sentence("cached-scene-unreadable", "the cached scene cannot be read ({error})", error=error.strerror)
+            Sentence("cached-scene-unreadable", "the cached scene cannot be read ({error})", error=library_message(error))
         ) from error
     return load(cache.path(sha256), cache.path)
 

@@ -97,7 +97,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
     except Trouble as error:
         answering.send(
             "returned",
-            error=Sentence("worker-returned-view", "{worker} hands a view back: {error}", worker=worker.name, error=error),
+            error=Sentence("worker-returned-view", "{worker} returned a view: {error}", worker=worker.name, error=error),
         )
     except RefusedError as error:
         answering.send(
@@ -151,7 +151,7 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
     except (Trouble, RefusedError) as error:
         answering.send(
             "returned",
-            error=Sentence("worker-returned-frame", "{worker} hands a frame back: {error}", worker=worker.name, error=error),
+            error=Sentence("worker-returned-frame", "{worker} returned a frame: {error}", worker=worker.name, error=error),
         )
     except Exception as error:
         log.exception("a frame of a view failed")

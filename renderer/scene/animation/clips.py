@@ -24,12 +24,20 @@ class Clip:
 def others_of(file: str, clips: Sequence[Clip]) -> str:
     """Returns the sentence that lists a file's further animations, beside the first."""
     others = [clip.name[:60] for clip in clips[1:]]
-    more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+    shown, listed = repr(clips[0].name[:60]), others[:_NAMED]
+    if len(others) <= _NAMED:
+        return Sentence(
+            "animation-clip-chosen",
+            "{file}: shows the animation {name}. Other clips: {others}.",
+            file=file,
+            name=shown,
+            others=listed,
+        )
     return Sentence(
-        "animation-clip-chosen",
-        "{file}: shows the animation {name}; as its clip you may choose {others}{more}.",
+        "animation-clip-chosen-of-many",
+        "{file}: shows the animation {name}. Other clips: {others} and {count} more.",
         file=file,
-        name=repr(clips[0].name[:60]),
-        others=[*others[:_NAMED]],
-        more=more,
+        name=shown,
+        others=listed,
+        count=len(others) - _NAMED,
     )

@@ -34,7 +34,7 @@ class Moment:
             raise SettingsError(
                 Sentence(
                     "frame-number-invalid",
-                    "frame is {frame}; it takes numbers from 0 to {max_frame} in steps of a half",
+                    "frame is {frame}; it must be from 0 to {max_frame} in steps of a half",
                     frame=f"{self.frame:g}",
                     max_frame=MAX_FRAME,
                 )
@@ -43,7 +43,7 @@ class Moment:
             raise SettingsError(
                 Sentence(
                     "fps-out-of-range",
-                    "fps is {fps}; it takes numbers from {least} to {most}",
+                    "fps is {fps}; it must be from {least} to {most}",
                     fps=f"{self.fps:g}",
                     least=f"{LEAST_FPS:g}",
                     most=f"{MOST_FPS:g}",

@@ -10,6 +10,7 @@ from typing import Any
 from renderer.confine.faults import is_of_machine
 from renderer.errors import RayfarmError, SceneError
 from renderer.formats import FORMATS, Format
+from renderer.library_messages import library_message
 from renderer.scene.animation import Moment
 from renderer.scene.animation.clips import others_of
 from renderer.scene.animation.moment import ALL_CLIPS
@@ -44,7 +45,7 @@ def read_file(
         raise SceneError(
             Sentence(
                 "scene-format-unknown",
-                "{name}: is no scene file that is read here; give one of {formats}",
+                "{name}: is not a supported scene file; give one of {formats}",
                 name=name[:120],
                 formats=known,
             )
@@ -53,21 +54,23 @@ def read_file(
         raise SceneError(
             Sentence(
                 "format-without-variants",
-                "{name}: has no variants, as only glTF and USD files have; leave the variant out",
+                "{name}: has no variants; only glTF and USD files have them. Leave the variant out",
                 name=name,
             )
         )
     if moment.clip is not None and not format.moves:
         raise SceneError(
             Sentence(
-                "format-without-clips", "{name}: has no clips, as glTF, USD and FBX files have; leave the clip out", name=name
+                "format-without-clips",
+                "{name}: has no clips; only glTF, USD and FBX files have them. Leave the clip out",
+                name=name,
             )
         )
     if thickness is not None and not format.has_lines:
         raise SceneError(
             Sentence(
                 "format-without-thickness",
-                "{name}: has no points and lines to give a thickness, as glTF files have; leave the thickness out",
+                "{name}: has no points or lines; only glTF files have them. Leave the thickness out",
                 name=name,
             )
         )
@@ -108,4 +111,7 @@ def read_file(
 
 
 def _reason(error: Exception) -> str:
-    return f"{type(error).__name__}: {str(error).splitlines()[0][:200]}" if str(error) else type(error).__name__
+    said = library_message(error)
+    if isinstance(said, Sentence) or said == type(error).__name__:
+        return said
+    return f"{type(error).__name__}: {said}"

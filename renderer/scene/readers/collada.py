@@ -47,7 +47,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         assimp.read(files, main, description, moment, scale=1 / (metres or 1.0), change=lambda _: whole)
         if metres is None:
             description.warnings.append(
-                Sentence("collada-unit-not-length", "{file}: its unit is not a length; it is read as a metre.", file=main)
+                Sentence("collada-unit-not-length", "{file}: its unit is not a length; a metre is assumed.", file=main)
             )
         for what, count in own.unread.items():
             description.warnings.append(
@@ -59,7 +59,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
             description.warnings.append(
                 Sentence(
                     "collada-camera-aspect-guessed",
-                    "{file}: {count} cameras have a width and no aspect ratio; 16:9 is taken for their height.",
+                    "{file}: {count} cameras have a width and no aspect ratio; 16:9 is assumed.",
                     file=main,
                     count=own.guessed,
                 )
@@ -92,7 +92,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         description.warnings.append(
             Sentence(
                 "collada-read-partially",
-                "{file}: is read without its cameras, lights and animation, as not all of it is Collada.",
+                "{file}: is read without its cameras, lights and animation, since parts of it are not Collada.",
                 file=main,
             )
         )
@@ -143,7 +143,7 @@ def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
                 raise SceneError(
                     Sentence(
                         "collada-index-invalid",
-                        "{file}: a list of corners (<p>) holds {word}, which is no index; export the file again",
+                        "{file}: a list of corners (<p>) contains {word}, which is not an index; export the file again",
                         file=main,
                         word=repr(word),
                     )

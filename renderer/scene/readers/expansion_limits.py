@@ -41,7 +41,7 @@ def check_expansion(
                 raise SceneError(
                     Sentence(
                         "node-references-too-many",
-                        "{file}: its references to nodes show more than {most} of them; fewer fit",
+                        "{file}: its node references show more than {most} nodes; reduce them",
                         file=file,
                         most=most,
                     )
@@ -56,7 +56,7 @@ def check_expansion(
             raise SceneError(
                 Sentence(
                     "nodes-contain-each-other",
-                    "{file}: its nodes contain each other without end; export it again",
+                    "{file}: its nodes contain each other; export it again",
                     file=file,
                 )
             )
@@ -65,7 +65,7 @@ def check_expansion(
                 raise SceneError(
                     Sentence(
                         "nodes-nested-too-deep",
-                        "{file}: its nodes are nested more than {most} deep. Flatten its hierarchy",
+                        "{file}: its nodes are nested more than {most} levels deep. Flatten its hierarchy",
                         file=file,
                         most=MAX_DEPTH,
                     )

@@ -36,6 +36,20 @@ _FINEST = 0.25  # degrees between rows if the angles have no larger common step
 _CLOSE = 0.011  # degrees
 _LEAST_STEP = 1e-4  # degrees
 
+_LAMP_GEOMETRY = Sentence("ies-lamp-geometry", "lamp geometry")
+_TILT_ANGLES = Sentence("ies-tilt-angles", "tilt angles")
+_TILT_ANGLE_COUNT = Sentence("ies-tilt-angle-count", "number of tilt angles")
+_TILT_FACTORS = Sentence("ies-tilt-factors", "tilt factors")
+_LAMPS = Sentence("ies-lamps", "lamps")
+_VERTICAL_ANGLES = Sentence("ies-vertical-angles", "vertical angles")
+_VERTICAL_COUNT = Sentence("ies-vertical-angle-count", "number of vertical angles")
+_HORIZONTAL_ANGLES = Sentence("ies-horizontal-angles", "horizontal angles")
+_HORIZONTAL_COUNT = Sentence("ies-horizontal-angle-count", "number of horizontal angles")
+_PHOTOMETRIC_TYPE = Sentence("ies-photometric-type", "photometric type")
+_SIZE = Sentence("ies-size", "size of the luminous opening")
+_BALLAST = Sentence("ies-ballast", "ballast factors")
+_CANDELA = Sentence("ies-candela", "candela values")
+
 
 class Photometry(NamedTuple):
     """A profile. Of its tilt only the factors for the upright position are used."""
@@ -66,7 +80,7 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
         raise SceneError(
             Sentence(
                 "ies-file-too-large",
-                "{name}: has {mib} MiB; an IES profile has some kilobytes",
+                "{name}: has {mib} MiB; an IES profile has a few kilobytes",
                 name=name,
                 mib=len(data) >> 20,
             )
@@ -77,7 +91,7 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
         raise SceneError(
             Sentence(
                 "ies-tilt-line-missing",
-                "{name}: is no IES profile: it has no line TILT=; export it again as IES LM-63",
+                "{name}: is not an IES profile: it has no line TILT=; export it again as IES LM-63",
                 name=name,
             )
         )
@@ -85,34 +99,34 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
     factor = 1.0
     kind = tilt.group(1).strip().upper()
     if kind == "INCLUDE":
-        numbers.take(1, "lamp geometry")
-        count = numbers.count("tilt angles")
-        angles, factors = numbers.take(count, "tilt angles"), numbers.take(count, "tilt factors")
+        numbers.take(1, _LAMP_GEOMETRY)
+        count = numbers.count(_TILT_ANGLES, _TILT_ANGLE_COUNT)
+        angles, factors = numbers.take(count, _TILT_ANGLES), numbers.take(count, _TILT_FACTORS)
         factor = float(np.interp(0.0, angles, factors)) if count else 1.0
         if count and not np.allclose(factors, factor):
-            notes.append(Sentence("ies-tilt-ignored", "{name}: shines as it does upright, however it is tilted", name=name))
+            notes.append(Sentence("ies-tilt-ignored", "{name}: its tilt is ignored; it emits as if upright", name=name))
     elif kind not in ("NONE", ""):
         notes.append(
             Sentence(
                 "ies-tilt-file-ignored",
-                "{name}: its tilt is in another file, {file}, and left out",
+                "{name}: its tilt is in another file, {file}, and is left out",
                 name=name,
                 file=kind[:60],
             )
         )
-    _, _, multiplier = numbers.take(3, "lamps")
-    vertical, horizontal = numbers.count("vertical angles"), numbers.count("horizontal angles")
-    goniometry = _TYPES.get(float(numbers.take(1, "photometric type")[0]))
+    _, _, multiplier = numbers.take(3, _LAMPS)
+    vertical, horizontal = numbers.count(_VERTICAL_ANGLES, _VERTICAL_COUNT), numbers.count(_HORIZONTAL_ANGLES, _HORIZONTAL_COUNT)
+    goniometry = _TYPES.get(float(numbers.take(1, _PHOTOMETRIC_TYPE)[0]))
     if goniometry is None:
         raise SceneError(
             Sentence(
                 "ies-photometric-type-unknown",
-                "{name}: its photometric type is none of 1 (C), 2 (B) and 3 (A); export it again",
+                "{name}: its photometric type is not 1 (C), 2 (B) or 3 (A); export it again",
                 name=name,
             )
         )
-    numbers.take(4, "size")
-    ballast, other, _ = numbers.take(3, "ballast")
+    numbers.take(4, _SIZE)
+    ballast, other, _ = numbers.take(3, _BALLAST)
     # In the 2019 standard this field is the file's origin; in earlier ones a factor.
     factor *= multiplier * ballast * (1.0 if re.match(r"\s*IES:\s*LM-63-", text, re.IGNORECASE) else other)
     if vertical * horizontal > _MOST_VALUES:
@@ -126,21 +140,21 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
                 most=_MOST_VALUES,
             )
         )
-    found = numbers.take(vertical, "vertical angles"), numbers.take(horizontal, "horizontal angles")
-    candela = numbers.take(vertical * horizontal, "candela").reshape(horizontal, vertical) * factor
-    for angles, what in zip(found, ("vertical", "horizontal"), strict=True):
+    found = numbers.take(vertical, _VERTICAL_ANGLES), numbers.take(horizontal, _HORIZONTAL_ANGLES)
+    candela = numbers.take(vertical * horizontal, _CANDELA).reshape(horizontal, vertical) * factor
+    for angles, what in zip(found, (_VERTICAL_ANGLES, _HORIZONTAL_ANGLES), strict=True):
         if len(angles) == 0 or not (np.diff(angles) > _LEAST_STEP).all() or not abs(angles).max() <= 360:
             raise SceneError(
                 Sentence(
                     "ies-angles-not-ascending",
-                    "{name}: its {axis} angles do not ascend within 360 degrees; export it again",
+                    "{name}: its {angles} do not ascend within 360 degrees; export it again",
                     name=name,
-                    axis=what,
+                    angles=what,
                 )
             )
     if not abs(candela).max() <= _MOST_CANDELA:
         raise SceneError(
-            Sentence("ies-candela-out-of-range", "{name}: its candela are out of all bounds; export it again", name=name)
+            Sentence("ies-candela-out-of-range", "{name}: its candela values are beyond all bounds; export it again", name=name)
         )
     return _Web(goniometry, *found, np.maximum(candela, 0.0))
 
@@ -159,7 +173,7 @@ class _Numbers:
             raise SceneError(
                 Sentence(
                     "ies-file-cut-off",
-                    "{name}: ends where its {values} are to be; give the whole file",
+                    "{name}: ends before its {values}; give the whole file",
                     name=self._name,
                     values=what,
                 )
@@ -170,7 +184,7 @@ class _Numbers:
                 raise SceneError(
                     Sentence(
                         "ies-values-out-of-range",
-                        "{name}: its {values} are out of all bounds; export it again",
+                        "{name}: its {values} have numbers beyond all bounds; export it again",
                         name=self._name,
                         values=what,
                     )
@@ -180,15 +194,15 @@ class _Numbers:
             raise SceneError(
                 Sentence(
                     "ies-values-not-numbers",
-                    "{name}: has something else than numbers where its {values} are to be; export it again",
+                    "{name}: its {values} are not numbers; export it again",
                     name=self._name,
                     values=what,
                 )
             ) from None
 
-    def count(self, what: str) -> int:
-        """Returns the next number as a count. Raises SceneError."""
-        number = float(self.take(1, f"number of {what}")[0])
+    def count(self, what: str, how_many: str) -> int:
+        """Returns the next number as a count. what, how_many: what it counts, and what it is called. Raises SceneError."""
+        number = float(self.take(1, how_many)[0])
         if not (0 <= number <= _MOST_VALUES and number == int(number)):
             raise SceneError(
                 Sentence(
@@ -209,7 +223,7 @@ def _of_type_c(web: _Web, name: str) -> EmissionMap:
         raise SceneError(
             Sentence(
                 "ies-vertical-angles-wrong",
-                "{name}: its vertical angles go from {top} to {bottom}; of type C they lie within 0 to 180",
+                "{name}: its vertical angles go from {top} to {bottom}; type C allows 0 to 180. Export it again",
                 name=name,
                 top=f"{top:g}",
                 bottom=f"{bottom:g}",
@@ -242,7 +256,8 @@ def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
         raise SceneError(
             Sentence(
                 "ies-horizontal-angles-wrong",
-                "{name}: its horizontal angles go from {first} to {last}; of type C they are 0, or go from 0 to 90, 180 or 360",
+                "{name}: its horizontal angles go from {first} to {last}; type C allows only 0, or 0 to "
+                "90, 180 or 360. Export it again",
                 name=name,
                 first=f"{first:g}",
                 last=f"{last:g}",
@@ -270,14 +285,14 @@ def _step(angles: F64, most: int) -> float:
 def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
     """Resamples a type A or B web by angles about its axis. Angles that begin at 0 are mirrored."""
     angles = []
-    for own, what in ((web.horizontal, "horizontal"), (web.vertical, "vertical")):
+    for own, what in ((web.horizontal, _HORIZONTAL_ANGLES), (web.vertical, _VERTICAL_ANGLES)):
         if not -90 <= own[0] <= 0 <= own[-1] <= 90:
             raise SceneError(
                 Sentence(
                     "ies-angles-out-of-range",
-                    "{name}: its {axis} angles go from {first} to {last}; of type {type} within -90 to 90",
+                    "{name}: its {angles} go from {first} to {last}; type {type} allows -90 to 90. Export it again",
                     name=name,
-                    axis=what,
+                    angles=what,
                     first=f"{own[0]:g}",
                     last=f"{own[-1]:g}",
                     type=web.goniometry,

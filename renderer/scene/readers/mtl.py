@@ -48,7 +48,7 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
     for keyword, value in _lines(text):
         if keyword == "newmtl":
             if value in found:
-                found[value].notes.add(Sentence("mtl-names-clash", "the name of another; they are read as one"))
+                found[value].notes.add(Sentence("mtl-names-clash", "the name of another material; they are merged"))
             current = found.setdefault(value, _Statements(value, name, shelf, files))
         elif current is not None:
             current.values[keyword] = value
@@ -126,7 +126,7 @@ class _Statements:
         self.shelf.warn_of_surface(
             Sentence(
                 "mtl-statement-unknown",
-                "{file}: material {name}: {keyword} {arguments} is not understood and left out.",
+                "{file}: material {name}: {keyword} {arguments} is unknown and left out.",
                 file=self.file,
                 name=self.name,
                 keyword=keyword,
@@ -193,7 +193,7 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
     if material.base_color_texture is not None and (max(diffuse) == 0 or "kd" not in said.values):
         material.base_color = (1.0, 1.0, 1.0)  # some exporters write 0 if the map replaces the colour
         if "kd" in said.values:
-            said.notes.add(Sentence("mtl-black-kd-with-map", "a black Kd beside map_Kd, which is read as white"))
+            said.notes.add(Sentence("mtl-black-kd-with-map", "a black Kd beside map_Kd, read as white"))
     _decal(said, material, diffuse)
     material.emission_texture = said.texture("map_ke", "map_emissive", srgb=True)
     if material.emission_texture is not None and max(material.emission) == 0:
@@ -203,22 +203,24 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
     material.ior = index if index > 1.0 else 1.5  # exporters write 1 if the index is unknown
     shade(said, material)
     if index <= 1.0 and material.kind in ("glass", "metallic_roughness") and material.metallic < 1:
-        said.notes.add(Sentence("mtl-ior-too-low", "an index of refraction (Ni) of at most 1, which is read as 1.5"))
+        said.notes.add(Sentence("mtl-ior-too-low", "an index of refraction (Ni) of at most 1, read as 1.5"))
     if material.kind not in ("glass", "mirror"):
         _opacity(said, material)
     if left := said.unread():
         said.shelf.warn_of_surface(
             Sentence(
                 "mtl-textures-dropped",
-                "Material {name}: not read and left out: the textures of {textures}.",
+                "Material {name}: not supported and left out: the textures of {textures}.",
                 name=said.name,
                 textures=[*left],
             )
         )
     if unused := said.unused():
-        listed = ", ".join(f"{keyword} {said.values[keyword]}"[:40] for keyword in unused)
+        listed = [f"{keyword} {said.values[keyword]}"[:40] for keyword in unused]
         said.shelf.warn_of_surface(
-            Sentence("material-parts-dropped", "Material {name}: not read and left out: {parts}.", name=said.name, parts=listed)
+            Sentence(
+                "material-parts-dropped", "Material {name}: not supported and left out: {parts}.", name=said.name, parts=listed
+            )
         )
     return material
 
@@ -262,7 +264,7 @@ def _decal(said: _Statements, material: Material, color: Vec3) -> None:
         said.shelf.warn_of_surface(
             Sentence(
                 "mtl-decal-without-map",
-                "Material {name}: its decal has no map_Kd that it would show, and is left out.",
+                "Material {name}: its decal is left out, since there is no map_Kd.",
                 name=said.name,
             )
         )
@@ -319,12 +321,12 @@ def _normals(said: _Statements, material: Material) -> None:
         texture = bump.find(said.shelf, said.file, Sentence("label-material", "Material {name}", name=said.name))
         if texture is not None and holds_normals(said.shelf.image_of(texture)):
             material.normal_texture, material.normal_scale = texture, clamped(bump.strength, -100.0, 100.0)
-            said.notes.add(Sentence("mtl-bump-read-as-normal", "a bump map of mostly blue pixels, which is read as a normal map"))
+            said.notes.add(Sentence("mtl-bump-read-as-normal", "a bump map of mostly blue pixels, read as a normal map"))
         elif texture is not None:
             said.shelf.warn_of_surface(
                 Sentence(
                     "material-bump-heights-dropped",
-                    "Material {name}: its bump map holds heights and is left out; bake it to a normal map.",
+                    "Material {name}: its bump map contains heights and is left out; bake it to a normal map.",
                     name=said.name,
                 )
             )
@@ -336,7 +338,7 @@ def _opacity(said: _Statements, material: Material) -> None:
     if 0 < opacity < 1:  # some exporters write 0 for opaque
         material.opacity, material.alpha_mode = opacity, "blend"
     elif opacity <= 0:
-        said.notes.add(Sentence("mtl-opacity-zero", "an opacity of 0 (d 0 or Tr 1), which is read as opaque"))
+        said.notes.add(Sentence("mtl-opacity-zero", "an opacity of 0 (d 0 or Tr 1), read as opaque"))
     mask = said.texture("map_d", "map_opacity", "map_tr")
     if mask is not None:
         material.base_color_texture = with_opacity(said.shelf, material.base_color_texture, mask)

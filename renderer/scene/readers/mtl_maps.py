@@ -65,7 +65,7 @@ class Map(NamedTuple):
             shelf.warn_of_surface(
                 Sentence(
                     "mtl-map-options-dropped",
-                    "{user}: not read and left out: the options {options} of {file}.",
+                    "{user}: not supported and left out: the options {options} of {file}.",
                     user=user,
                     options=[*self.unread],
                     file=self.file,

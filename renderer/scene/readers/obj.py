@@ -61,8 +61,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         description.warnings.append(
             Sentence(
                 "obj-decimal-commas",
-                "{file}: {count} lines have decimal commas, or words in place of numbers; they are "
-                "read as what they seem to mean.",
+                "{file}: {count} lines have decimal commas or words in place of numbers; they are read as far as possible.",
                 file=main,
                 count=changed,
             )
@@ -74,7 +73,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             shelf.warn_of_surface(
                 Sentence(
                     "obj-painted-colours-too-few",
-                    "{file}: its painted colours (#MRGB) are fewer than its vertices, and are left out.",
+                    "{file}: has fewer painted colours (#MRGB) than vertices; they are left out.",
                     file=main,
                 )
             )
@@ -86,8 +85,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         shelf.warn(
             Sentence(
                 "obj-corner-references-dropped",
-                "{file}: corners of faces name {count} normals or texture coordinates that are not in the "
-                "file or not finite; they are read without them.",
+                "{file}: {count} corners of faces refer to normals or texture coordinates that are "
+                "missing or not finite; they are read without them.",
                 file=main,
                 count=said.lost,
             )
@@ -131,7 +130,7 @@ def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
         shelf.warn_of_surface(
             Sentence(
                 "obj-vertices-without-colour",
-                "{file}: {count} of {total} vertices have no colour; they are white.",
+                "{file}: {count} of {total} vertices have no colour; they are shown white.",
                 file=main,
                 count=count,
                 total=len(colors),
@@ -143,7 +142,7 @@ def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
         shelf.warn_of_surface(
             Sentence(
                 "obj-vertex-colours-scaled",
-                "{file}: its vertices have colours up to {highest}; they are read as parts of {scale}.",
+                "{file}: its vertex colours go up to {highest}; they are divided by {scale}.",
                 file=main,
                 highest=f"{highest:g}",
                 scale=f"{most:g}",

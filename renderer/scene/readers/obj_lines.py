@@ -65,7 +65,7 @@ def parse(data: bytes, file: str) -> Statements:
             raise SceneError(
                 Sentence(
                     "obj-vertex-out-of-range",
-                    "{file}: a face names v {index} where the file has {count}; export it again",
+                    "{file}: a face refers to vertex {index}, but there are {count}; export it again",
                     file=file,
                     index=highest + 1,
                     count=len(table),
@@ -99,7 +99,7 @@ def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -
         return SceneError(
             Sentence(
                 "obj-face-reference-invalid",
-                "{file}, line {line}: a face names element {index} where {count} stand before it",
+                "{file}, line {line}: a face refers to element {index}, but {count} are defined before it",
                 file=file,
                 line=line,
                 index=value,
@@ -111,7 +111,7 @@ def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -
         return SceneError(
             Sentence(
                 "obj-face-corner-malformed",
-                "{file}, line {line}: {word} is no corner of a face; write it as v/vt/vn",
+                "{file}, line {line}: {word} is not a corner of a face; write it as v/vt/vn",
                 file=file,
                 line=line,
                 word=repr(word[:40]),
@@ -121,7 +121,7 @@ def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -
     return SceneError(
         Sentence(
             "obj-line-too-few-numbers",
-            "{file}, line {line}: '{text}' does not hold {count} numbers; export the file again",
+            "{file}, line {line}: '{text}' does not contain {count} numbers; export the file again",
             file=file,
             line=line,
             text=row[:60],

@@ -35,7 +35,7 @@ class Materials:
                 shelf.warn_of_surface(
                     Sentence(
                         "obj-material-library-missing",
-                        "{file}: its materials {libraries} are not among the files; add them. Rendered in grey meanwhile.",
+                        "{file}: its material files {libraries} are not among the files; add them. Rendered in grey until then.",
                         file=file,
                         libraries=library[:120],
                     )
@@ -46,13 +46,13 @@ class Materials:
         if (is_missing or (not said.libraries and wanted)) and (guess := self._guessed(said)):
             self._take(guess)
             why = (
-                Sentence("obj-libraries-missing", "its materials {libraries} are missing", libraries=said.libraries[0][:120])
+                Sentence("obj-libraries-missing", "its material files {libraries} are missing", libraries=said.libraries[0][:120])
                 if is_missing
                 else Sentence("obj-library-unnamed", "names no material file")
             )
             shelf.warn_of_surface(
                 Sentence(
-                    "obj-library-guessed", "{file}: {reason}; {library} is taken instead.", file=file, reason=why, library=guess
+                    "obj-library-guessed", "{file}: {reason}; {library} is used instead.", file=file, reason=why, library=guess
                 )
             )
         self._bare = not said.libraries and not self._found
@@ -61,7 +61,7 @@ class Materials:
             shelf.warn_of_surface(
                 Sentence(
                     "obj-material-files-missing",
-                    "{file}: its faces name {count} materials, but no material file is among the files; add it.",
+                    "{file}: its faces use {count} materials, but there is no material file; add it.",
                     file=file,
                     count=count,
                 )
@@ -112,7 +112,7 @@ class Materials:
                 self._shelf.warn_of_surface(
                     Sentence(
                         "obj-material-undefined",
-                        "{file}: no material file describes {name}; it is grey.",
+                        "{file}: no material file defines {name}; it is shown grey.",
                         file=self._file,
                         name=name[:120],
                     )
@@ -139,7 +139,7 @@ class Materials:
             self._shelf.warn_of_surface(
                 Sentence(
                     "obj-image-guessed",
-                    "{file}: names no material; the one image beside it, {image}, is taken as its texture.",
+                    "{file}: names no material; the only image beside it, {image}, is used as its texture.",
                     file=self._file,
                     image=images[0],
                 )

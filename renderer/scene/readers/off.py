@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
@@ -55,7 +56,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         raise SceneError(
             Sentence(
                 "off-kind-unsupported",
-                "{file}: is of the kind {kind}, which is not read; export it as OFF in text",
+                "{file}: is of the kind {kind}, which is not supported; export it as plain OFF text",
                 file=main,
                 kind=found[0].strip(),
             )
@@ -80,9 +81,9 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         raise SceneError(
             Sentence(
                 "off-words-among-numbers",
-                "{file}: holds words among its numbers ({error}); export it again",
+                "{file}: contains words among its numbers ({error}); export it again",
                 file=main,
-                error=str(error)[:80],
+                error=library_message(error),
             )
         ) from None
     _add(head, rows, polygons, main, shelf, description)
@@ -94,18 +95,19 @@ def _counts(lines: list[str], main: str) -> tuple[int, int]:
         raise SceneError(
             Sentence(
                 "off-counts-missing",
-                "{file}: is damaged or no .off file (it has no counts of vertices and faces); export it again",
+                "{file}: is damaged or not an .off file (the counts of vertices and faces are missing); export it again",
                 file=main,
             )
         )
     vertices, faces = int(words[0]), int(words[1])
     if not vertices:
-        raise SceneError(Sentence("off-vertices-missing", "{file}: holds no vertices; export it again", file=main))
+        raise SceneError(Sentence("off-vertices-missing", "{file}: contains no vertices; export it again", file=main))
     if vertices + faces > len(lines) - 1:
         raise SceneError(
             Sentence(
                 "off-file-cut-off",
-                "{file}: has {found} of {declared} lines of vertices and faces; the file was cut, take it again",
+                "{file}: has {found} of {declared} lines of vertices and faces; the upload or download "
+                "was interrupted, repeat it",
                 file=main,
                 found=len(lines) - 1,
                 declared=vertices + faces,
@@ -122,7 +124,7 @@ def _vertices(lines: list[str], count: int, main: str) -> F64:
         raise SceneError(
             Sentence(
                 "off-vertex-number-count-wrong",
-                "{file}: its vertices are not {width} numbers each; export it again",
+                "{file}: its vertices do not have {width} numbers each; export it again",
                 file=main,
                 width=max(width, 3),
             )
@@ -135,7 +137,7 @@ def _faces(lines: list[str], count: int, main: str) -> _Faces:
     counts = np.array([int(row[0]) for row in words], np.int64)
     if any(size < 0 or len(row) <= size for size, row in zip(counts.tolist(), words, strict=True)):
         raise SceneError(
-            Sentence("off-face-incomplete", "{file}: a face has fewer corners than it says; export it again", file=main)
+            Sentence("off-face-incomplete", "{file}: a face has fewer corners than declared; export it again", file=main)
         )
     corners = np.array([int(word) for row in words for word in row[1 : int(row[0]) + 1]], np.int64)
     rest = [row[int(row[0]) + 1 :] for row in words]
@@ -183,7 +185,7 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
         shelf.warn_of_surface(
             Sentence(
                 "off-vertex-numbers-as-colours",
-                "{file}: its vertices have {count} further numbers that no prefix names; they are taken as colours.",
+                "{file}: its vertices have {count} more numbers than the header declares; they are read as colours.",
                 file=main,
                 count=further,
             )
@@ -192,7 +194,7 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
         shelf.warn_of_surface(
             Sentence(
                 "off-vertex-numbers-dropped",
-                "{file}: {count} further numbers of each vertex are not read and left out.",
+                "{file}: {count} additional numbers per vertex are left out.",
                 file=main,
                 count=further,
             )
@@ -201,7 +203,7 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
         shelf.warn_of_surface(
             Sentence(
                 "off-colour-map-dropped",
-                "{file}: {count} faces have colours of a colour map, which are left out.",
+                "{file}: {count} faces have colours from a colour map, which are left out.",
                 file=main,
                 count=faces.mapped,
             )
@@ -218,7 +220,7 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
             shelf.warn_of_surface(
                 Sentence(
                     "off-faces-without-colour",
-                    "{file}: {count} of {total} faces have no colour; they are white.",
+                    "{file}: {count} of {total} faces have no colour; they are shown white.",
                     file=main,
                     count=faces.uncolored,
                     total=len(faces.counts),
@@ -243,7 +245,7 @@ def _columns(rows: F64, at: int, count: int, main: str) -> F64:
         raise SceneError(
             Sentence(
                 "off-vertex-numbers-too-few",
-                "{file}: its vertices have {found} numbers, fewer than its first line says; export it again",
+                "{file}: its vertices have {found} numbers, fewer than the header declares; export it again",
                 file=main,
                 found=rows.shape[1],
             )

@@ -56,7 +56,7 @@ def read_data(
     vertex = next((each for each in found if each.name == "vertex"), None)
     if vertex is None or not vertex.count or any(name not in vertex.columns for name in "xyz"):
         raise SceneError(
-            Sentence("ply-vertices-missing", "{file}: holds no vertices with x, y and z; export it again", file=main)
+            Sentence("ply-vertices-missing", "{file}: contains no vertices with x, y and z; export it again", file=main)
         )
     positions = exact(_positions(vertex))
     faces = _faces(found, positions, main, shelf)
@@ -90,7 +90,7 @@ def _by_picture(
             shelf.warn_of_surface(
                 Sentence(
                     "ply-pictures-several",
-                    "{file}: names {count} pictures and not which faces each is on; the first is taken.",
+                    "{file}: names {count} images but not which faces use them; the first is used.",
                     file=main,
                     count=len(named),
                 )
@@ -101,7 +101,7 @@ def _by_picture(
         shelf.warn_of_surface(
             Sentence(
                 "ply-triangle-picture-invalid",
-                "{file}: {count} triangles name a picture that is not among its {pictures}; they have none.",
+                "{file}: {count} triangles refer to an image that is not among its {pictures}; they have none.",
                 file=main,
                 count=lost.sum(),
                 pictures=len(named),
@@ -139,7 +139,7 @@ def _faces(found: Iterable[Element], positions: F32, main: str, shelf: TextureSh
             raise SceneError(
                 Sentence(
                     "ply-face-index-not-integer",
-                    "{file}: a face names a vertex by what is no number; export the file again",
+                    "{file}: a face has an index that is not an integer; export the file again",
                     file=main,
                 )
             )
@@ -189,7 +189,7 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
         shelf.warn_of_surface(
             Sentence(
                 "ply-face-uvs-incomplete",
-                "{file}: its faces have texture coordinates for some corners only; they are left out.",
+                "{file}: its faces have texture coordinates for only some corners; they are left out.",
                 file=main,
             )
         )
@@ -246,7 +246,7 @@ def _colors(element: Element, owner: str, attribute: str, main: str, shelf: Text
         shelf.warn_of_surface(
             Sentence(
                 "ply-values-clamped",
-                "{file}: {count} values of {attribute} are not between 0 and 1; they are cut there.",
+                "{file}: {count} values of {attribute} are outside of 0 to 1 and clamped.",
                 file=main,
                 count=odd,
                 attribute=attribute[:60],

@@ -89,7 +89,7 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
         raise SceneError(
             Sentence(
                 "ply-header-missing",
-                "{file}: is damaged or no .ply file (it has no whole header); export it again",
+                "{file}: is damaged or not a .ply file (its header is incomplete); export it again",
                 file=file,
             )
         )
@@ -103,7 +103,7 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
         raise SceneError(
             Sentence(
                 "ply-format-unknown",
-                "{file}: is a .ply file of the format {format}; export it as binary or ascii",
+                "{file}: is a .ply file of format {format}; export it as binary or ascii",
                 file=file,
                 format=repr(way[:40]),
             )
@@ -126,7 +126,7 @@ def _declared(header: str, file: str) -> tuple[str, _Declared]:
             raise SceneError(
                 Sentence(
                     "ply-header-line-unknown",
-                    "{file}: its header says {line}, which is not understood; export it again",
+                    "{file}: its header has an unknown line {line}; export it again",
                     file=file,
                     line=repr(line.strip()[:60]),
                 )
@@ -135,7 +135,7 @@ def _declared(header: str, file: str) -> tuple[str, _Declared]:
         raise SceneError(
             Sentence(
                 "ply-properties-too-many",
-                "{file}: has rows of more than {most} properties; export it with fewer",
+                "{file}: has rows with more than {most} properties; export it with fewer",
                 file=file,
                 most=_MOST_PROPERTIES,
             )
@@ -153,7 +153,7 @@ def _cut(file: str, element: str) -> SceneError:
     return SceneError(
         Sentence(
             "ply-file-cut-off",
-            "{file}: ends within its {element} rows, or has damaged ones; the file was cut, take it again",
+            "{file}: ends within its {element} rows, or has damaged ones; the upload or download was interrupted, repeat it",
             file=file,
             element=element[:40],
         )
@@ -190,7 +190,7 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
     warn(
         Sentence(
             "ply-row-numbers-dropped",
-            "{file}: {count} rows have more numbers than the header declares; the further ones are left out.",
+            "{file}: {count} rows have more numbers than the header declares; these are left out.",
             file=file,
             count=longer,
         )
@@ -317,7 +317,7 @@ class _Text:
                 raise SceneError(
                     Sentence(
                         "ply-words-among-numbers",
-                        "{file}: is damaged or no .ply file (it holds words among its numbers); export it again",
+                        "{file}: is damaged or not a .ply file (it contains words among its numbers); export it again",
                         file=file,
                     )
                 ) from None

@@ -95,7 +95,7 @@ def add_points(
         raise SceneError(
             Sentence(
                 "mesh-positions-not-finite",
-                "{file}: holds positions that are not finite numbers; export the file again",
+                "{file}: contains positions that are not finite numbers; export the file again",
                 file=main,
             )
         )
@@ -106,13 +106,13 @@ def add_points(
     mesh.material = len(description.materials) - 1
     description.meshes.append(mesh)
     description.instances.append(Instance(len(description.meshes) - 1, place, name=mesh.name))
-    some = f"{len(rows)} of {count}" if step > 1 else f"{count}"
     shelf.warn(
         Sentence(
             "points-shown-as-spheres",
-            "{file}: has points and no faces; {count} points are shown as balls of radius {radius}.",
+            "{file}: has points and no faces; {shown} of {count} points are shown as spheres of radius {radius}.",
             file=main,
-            count=some,
+            shown=len(rows),
+            count=count,
             radius=f"{radius:.3g}",
         )
     )

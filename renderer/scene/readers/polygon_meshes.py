@@ -29,7 +29,7 @@ def triangulated(counts: Array, corners: Array, positions: npt.NDArray[np.floati
         raise SceneError(
             Sentence(
                 "face-vertex-out-of-range",
-                "{name}: a face names vertex {vertex} where there are {count}; export the file again",
+                "{name}: a face refers to vertex {vertex}, but there are {count}; export the file again",
                 name=main,
                 vertex=odd,
                 count=len(positions),
@@ -46,7 +46,7 @@ def triangulated(counts: Array, corners: Array, positions: npt.NDArray[np.floati
             raise SceneError(
                 Sentence(
                     "mesh-positions-not-finite",
-                    "{file}: holds positions that are not finite numbers; export the file again",
+                    "{file}: contains positions that are not finite numbers; export the file again",
                     file=main,
                 )
             )
@@ -54,7 +54,7 @@ def triangulated(counts: Array, corners: Array, positions: npt.NDArray[np.floati
         shelf.warn(
             Sentence(
                 "mesh-vertices-not-finite",
-                "{file}: {count} vertices have positions that are not finite; {faces} faces need them and are left out.",
+                "{file}: {count} vertices have positions that are not finite; {faces} faces that use them are left out.",
                 file=main,
                 count=(~finite).sum(),
                 faces=(~shown).sum(),
@@ -73,7 +73,7 @@ def triangulated(counts: Array, corners: Array, positions: npt.NDArray[np.floati
         shelf.warn(
             Sentence(
                 "mesh-concave-polygons-uncut",
-                "{file}: {count} concave polygons are filled as if convex, as they have too many corners to cut.",
+                "{file}: {count} concave polygons have too many corners and are filled as if convex.",
                 file=main,
                 count=cut.unfilled,
             )

@@ -55,7 +55,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         shelf.warn_of_surface(
             Sentence(
                 "stl-attributes-not-colours",
-                "{file}: {count} of {total} triangles have attributes that are no colours; they are left out.",
+                "{file}: {count} of {total} triangles have attributes that are not colours; they are left out.",
                 file=main,
                 count=odd,
                 total=count,
@@ -92,7 +92,7 @@ def _triangles_of(data: bytes, main: str) -> int | None:
         raise SceneError(
             Sentence(
                 "stl-file-cut-off",
-                "{file}: has {found} of {declared} triangles; the upload or download was cut, take it again",
+                "{file}: has {found} of {declared} triangles; the upload or download was interrupted, repeat it",
                 file=main,
                 found=there,
                 declared=said,

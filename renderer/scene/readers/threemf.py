@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.deduplicate import used_among
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Wrap
 from renderer.scene.files import SceneFiles
@@ -144,7 +145,7 @@ class _Model:
                     "{file}: its part {path} is damaged ({error}); export it again",
                     file=file,
                     path=path[:80],
-                    error=str(error)[:120],
+                    error=library_message(error),
                 )
             ) from error
 
@@ -152,7 +153,7 @@ class _Model:
         raise SceneError(
             Sentence(
                 "xml-entities-forbidden",
-                "{file}: declares XML entities, which no scene needs; remove its DOCTYPE",
+                "{file}: declares XML entities, which are not allowed; remove its DOCTYPE",
                 file=self._file,
             )
         )
@@ -173,7 +174,7 @@ class _Model:
             made.triangles += int(said["v1"]), int(said["v2"]), int(said["v3"]), *corners
             made.groups.append(said.get("pid"))
             if len(said) > 3 and any(key.endswith(PAINTED) for key in said):
-                self.left_out.add("colours painted in a slicer")
+                self.left_out.add(Sentence("3mf-painted-colours", "colours painted in a slicer"))
         elif name == "object":
             index = int(said.get("pindex", -1))
             self._object = _Object(said.get("name", ""), said.get("type", "model"), said.get("pid", ""), index)
@@ -193,7 +194,7 @@ class _Model:
             self._group.values.append((float(said["u"]), float(said["v"])))
         elif name == "texture2d":
             words = [said.get(key, "wrap") for key in ("tilestyleu", "tilestylev")]
-            self.odd[Sentence("3mf-tile-styles", "tile styles that are unknown and read as wrap")] += sum(
+            self.odd[Sentence("3mf-tile-styles", "unknown tile styles, read as wrap")] += sum(
                 word not in _WRAPS for word in words
             )
             ways = [_WRAPS.get(word, "repeat") for word in words]
@@ -212,7 +213,9 @@ class _Model:
 
     def _color(self, word: str) -> tuple[int, int, int, int]:
         found = _color(word)
-        self.odd[Sentence("3mf-colours-malformed", "colours that are not #RRGGBB or #RRGGBBAA, which are white")] += found is None
+        self.odd[Sentence("3mf-colours-malformed", "colours that are not #RRGGBB or #RRGGBBAA and are shown white")] += (
+            found is None
+        )
         return found or _WHITE
 
     def _placed(self, said: dict[str, str]) -> tuple[str, str, F64]:
@@ -244,9 +247,9 @@ class _Reader:
             raise SceneError(
                 Sentence(
                     "3mf-file-damaged",
-                    "{file}: is damaged or no 3MF file ({error}); export it again",
+                    "{file}: is damaged or not a 3MF file ({error}); export it again",
                     file=main,
-                    error=str(error)[:120],
+                    error=library_message(error),
                 )
             ) from error
         self._names = {name.lower().lstrip("/"): name for name in self._package.namelist()}
@@ -273,7 +276,7 @@ class _Reader:
         self._description.meshes[first:] = smoothed_together(self._description.meshes[first:], surfaces=self._surfaces)
         left = sorted({words for model in self._models.values() for words in model.left_out})
         if parts := self._not_solid.left_out:
-            listed = ", ".join(f"{count} {kind}" for kind, count in sorted(parts.items()))
+            listed = [amount(count, kind) for kind, count in sorted(parts.items())]
             self._shelf.warn(
                 Sentence(
                     "3mf-objects-not-printed",
@@ -296,16 +299,16 @@ class _Reader:
                     contents=[amount(count, what) for what, count in odd.items()],
                 )
             )
-        for what, is_damaged in (("filaments", self._filaments.is_damaged), ("parts", self._not_solid.is_damaged)):
-            if is_damaged:
-                self._shelf.warn(
-                    Sentence(
-                        "3mf-slicer-data-damaged",
-                        "{file}: what its slicer says of {part} is damaged, and left out.",
-                        file=self._main,
-                        part=what,
-                    )
+        if self._filaments.is_damaged:
+            self._shelf.warn(
+                Sentence(
+                    "3mf-filaments-damaged", "{file}: the slicer's data of filaments is damaged and left out.", file=self._main
                 )
+            )
+        if self._not_solid.is_damaged:
+            self._shelf.warn(
+                Sentence("3mf-parts-damaged", "{file}: the slicer's data of parts is damaged and left out.", file=self._main)
+            )
 
     def _check_expansion(self, shown: list[tuple[str, str]]) -> None:
         """Raises SceneError if nested components expand to too many objects, before any is added."""
@@ -325,7 +328,7 @@ class _Reader:
                     return target
         found = [name for name in self._names if name.endswith(".model")]
         if not found:
-            raise SceneError(Sentence("3mf-model-missing", "{file}: holds no model; export the file again", file=self._main))
+            raise SceneError(Sentence("3mf-model-missing", "{file}: contains no model; export the file again", file=self._main))
         return min(found, key=len)
 
     def _bytes(self, path: str) -> bytes:
@@ -355,7 +358,7 @@ class _Reader:
             raise SceneError(
                 Sentence(
                     "3mf-part-zip-bomb",
-                    "{file}: its part {path} unpacks to {ratio} times its size, as zip bombs do",
+                    "{file}: its part {path} unpacks to {ratio} times its size, as zip bombs do; pack it again",
                     file=self._main,
                     path=path[:120],
                     ratio=times,
@@ -370,7 +373,7 @@ class _Reader:
                     "{file}: its part {path} is damaged ({error}); export it again",
                     file=self._main,
                     path=path[:120],
-                    error=str(error)[:80],
+                    error=library_message(error),
                 )
             ) from error
 
@@ -389,9 +392,17 @@ class _Reader:
         model = self._model(path)
         found = model.objects.get(number)
         if found is None or depth > 64:
-            what = "names an object that is not there" if found is None else "has components within components without end"
             raise SceneError(
-                Sentence("file-fault-export-again", "{file}: {fault}; export the file again", file=self._main, fault=what)
+                Sentence(
+                    "3mf-object-missing",
+                    "{file}: refers to object {number}, which does not exist; export it again",
+                    file=self._main,
+                    number=number[:20],
+                )
+                if found is None
+                else Sentence(
+                    "3mf-components-too-deep", "{file}: its components contain each other; export it again", file=self._main
+                )
             )
         if self._not_solid.is_left_out(number, parent, found.type, found.true):
             return
@@ -408,7 +419,7 @@ class _Reader:
                 raise SceneError(
                     Sentence(
                         "3mf-objects-too-many",
-                        "{file}: places more than {most} objects; fewer fit",
+                        "{file}: places more than {most} objects; reduce them",
                         file=self._main,
                         most=MAX_INSTANCES,
                     )
@@ -421,7 +432,7 @@ class _Reader:
             raise SceneError(
                 Sentence(
                     "3mf-vertex-out-of-range",
-                    "{file}: a triangle names vertex {vertex} where there are {count}; export it again",
+                    "{file}: a triangle refers to vertex {vertex}, but there are {count}; export it again",
                     file=self._main,
                     vertex=corners.max(),
                     count=len(points),
@@ -463,7 +474,7 @@ class _Reader:
             self._odd[
                 Sentence(
                     "3mf-triangle-property-invalid",
-                    "triangles whose property is beyond the end of its group, and read as the last one",
+                    "triangles whose property index is out of range, read with the last property of the group",
                 )
             ] += beyond
         chosen = np.clip(chosen, 0, count - 1)

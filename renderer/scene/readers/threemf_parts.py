@@ -16,20 +16,28 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.readers.threemf_slicers import MODELS
 from renderer.scene.readers.xml import refuse_entities
+from renderer.sentences import Sentence
 
 __all__ = ["NotSolid"]
 
-_TYPES = {"support": "supports", "solidsupport": "supports", "other": "objects of the type other"}
-_KINDS = {
-    "negative": "negative parts",
-    "modifier": "modifiers",
-    "enforcer": "support enforcers",
-    "blocker": "support blockers",
+_SUPPORTS = Sentence("3mf-supports", "supports")
+_MODIFIERS = Sentence("3mf-modifiers", "modifiers")
+_BLOCKERS = Sentence("3mf-support-blockers", "support blockers")
+_TYPES: dict[str, str] = {
+    "support": _SUPPORTS,
+    "solidsupport": _SUPPORTS,
+    "other": Sentence("3mf-other-objects", "objects of the type other"),
+}
+_KINDS: dict[str, str] = {
+    "negative": Sentence("3mf-negative-parts", "negative parts"),
+    "modifier": _MODIFIERS,
+    "enforcer": Sentence("3mf-support-enforcers", "support enforcers"),
+    "blocker": _BLOCKERS,
     # of Cura
-    "cutting_mesh": "modifiers",
-    "infill_mesh": "modifiers",
-    "anti_overhang_mesh": "support blockers",
-    "support_mesh": "supports",
+    "cutting_mesh": _MODIFIERS,
+    "infill_mesh": _MODIFIERS,
+    "anti_overhang_mesh": _BLOCKERS,
+    "support_mesh": _SUPPORTS,
 }
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.kernel.text.rows import read_rows
+from renderer.sentences import Sentence
 
 __all__ = ["MARK", "Rows", "cut_out", "transform_of"]
 
@@ -108,6 +109,6 @@ def transform_of(words: str) -> npt.NDArray[np.float64]:
     if words.strip():
         numbers = [float(word) for word in words.split()]
         if len(numbers) != 12 or not all(math.isfinite(n) for n in numbers):
-            raise ValueError("a transform is not twelve finite numbers")
+            raise ValueError(Sentence("3mf-transform-malformed", "a transform is not twelve finite numbers"))
         found[:3] = np.array(numbers).reshape(4, 3).T
     return found

@@ -16,6 +16,7 @@ from PIL import Image, PngImagePlugin
 
 from renderer.confine.faults import is_of_machine
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
@@ -52,14 +53,13 @@ def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, descriptio
     except Exception as error:  # trimesh's readers raise nearly every type on damaged files
         if is_of_machine(error):
             raise
-        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
         raise SceneError(
             Sentence(
                 "file-damaged-or-misnamed",
-                "{name}: is damaged or no {format} file ({reason}); export it again",
+                "{name}: is damaged or not a {format} file ({reason}); export it again",
                 name=main,
                 format=suffix,
-                reason=reason,
+                reason=library_message(error),
             )
         ) from error
     _add(scene, main, _upright(suffix, data), shelf, description)

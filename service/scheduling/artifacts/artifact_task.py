@@ -208,7 +208,7 @@ class ArtifactTask(ABC, Generic[Wish]):
                 TooLate(
                     Sentence(
                         "artifact-timeout",
-                        "No worker gave the {artifact} in time; they may be busy. Try again.",
+                        "No worker delivered the {artifact} in time; they may be busy. Try again.",
                         artifact=self._name,
                     )
                 ),

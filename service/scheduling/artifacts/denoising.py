@@ -36,12 +36,12 @@ class Denoising(ArtifactTask[DenoiseFrame]):
             return Unavailable(
                 Sentence(
                     "denoising-needs-worker",
-                    "Denoising needs a worker, and none is ready. Start one, or resume one that is paused, then ask again.",
+                    "Denoising needs a worker, but none is ready. Start one, or resume a paused one, then try again.",
                 )
             )
         return Unavailable(
             Sentence(
                 "denoising-needs-oidn",
-                "No worker has Open Image Denoise. Install it beside one (pip install 'pyoidn>=2.5,<3'), and start that anew.",
+                "No worker has Open Image Denoise. Install it for one (pip install 'pyoidn>=2.5,<3'), and restart that worker.",
             ),
         )

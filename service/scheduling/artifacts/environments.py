@@ -36,14 +36,14 @@ class Environments(ArtifactTask[ShowEnvironment]):
             return Unavailable(
                 Sentence(
                     "environment-workers-too-old",
-                    "The workers are of an older release, which knows no environments. Update them, then upload it again.",
+                    "The workers are of an older release without environments. Update them, then upload it again.",
                 )
             )
         return Unavailable(
             Sentence(
                 "environment-needs-worker",
-                "Checking an environment needs a worker, and none is ready. Start one, or resume one "
-                "that is paused, then upload it again.",
+                "Checking an environment needs a worker, but none is ready. Start one, or resume a paused "
+                "one, then upload it again.",
             )
         )
 

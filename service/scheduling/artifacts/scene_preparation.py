@@ -143,7 +143,7 @@ class ScenePreparations:
                 if unfit is not None:
                     self._unfit.add(scene, unfit)
                     why = str(unfit)
-                self.progress[scene] = Progress(joined(why, Sentence("advice-retried-automatically", "It is tried again.")), 0.0)
+                self.progress[scene] = Progress(joined(why, Sentence("advice-retried-automatically", "It will be retried.")), 0.0)
 
     def unusable(self, scene: str, kind: str) -> bool:
         """Ends the lease of a scene after an unusable answer, so that the scene is sent again.

@@ -34,12 +34,12 @@ class Vectors(ArtifactTask[FrameVectors]):
             return Unavailable(
                 Sentence(
                     "motion-vectors-need-worker",
-                    "Motion vectors need a worker, and none is ready. Start one, or resume one that is paused, then ask again.",
+                    "Motion vectors need a worker, but none is ready. Start one, or resume a paused one, then try again.",
                 )
             )
         return Unavailable(
             Sentence(
                 "motion-vectors-workers-too-old",
-                "The connected workers are of an older release, which makes no motion vectors. Start newer ones.",
+                "The connected workers are of an older release without motion vectors. Start newer ones.",
             )
         )

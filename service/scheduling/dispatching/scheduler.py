@@ -352,7 +352,7 @@ class Scheduler:
             log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
             why = Sentence(
                 "worker-quarantined-failures",
-                "Set aside: {failures} of its batches failed while others rendered theirs. Look into its log, then let it go on.",
+                "Set aside: {failures} of its batches failed while other workers rendered theirs. Check its log, then resume it.",
                 failures=failures,
             )
             self.set_aside(worker, why)
@@ -382,8 +382,8 @@ class Scheduler:
             where = job.film.tiles[batch.tile][:2]
             sentence = Sentence(
                 "samples-lost-repeatedly",
-                "The samples {first} to {last} of the tile at {where} did not come back {losses} "
-                "times. Look into the workers' logs; setting the job to running tries again.",
+                "The samples {first} to {last} of the tile at {where} were lost {losses} times. Check the "
+                "workers' logs; set the job to running to try again.",
                 first=batch.first,
                 last=batch.first + batch.count - 1,
                 where=where,

@@ -131,7 +131,7 @@ class Bulkheads:
                 step,
                 Sentence(
                     "service-machine-error",
-                    "The service's machine has trouble ({name}: {error}).",
+                    "The service's machine has a problem ({name}: {error}).",
                     name=type(error).__name__,
                     error=error,
                 ),
@@ -196,12 +196,12 @@ class Bulkheads:
         if isinstance(error, FarmError):
             sentence = str(error)
         elif isinstance(error, SettingsError):
-            sentence = Sentence("job-not-continuable", "This job cannot go on: {error}. Make a new one.", error=error)
+            sentence = Sentence("job-not-continuable", "This job cannot continue: {error}. Make a new one.", error=error)
         else:
             log.error("%s cannot go on (%s)", id, step, exc_info=error, extra=ids(owner=id))
             sentence = Sentence(
                 "job-service-fault",
-                "This job met a fault of the service ({name}: {error}), whose log says more. Setting it to running tries again.",
+                "The service failed on this job ({name}: {error}); see its log. Set the job to running to try again.",
                 name=type(error).__name__,
                 error=error,
             )

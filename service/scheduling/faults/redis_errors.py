@@ -18,12 +18,12 @@ RedisTrouble = tuple[str, str]  # fact and remedy
 ANSWERS: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     (
         r"\bBUSY\b|running a script",
-        lambda error: Sentence("redis-script-hanging", "Redis is busy with a script that does not end ({error}).", error=error),
+        lambda error: Sentence("redis-script-hanging", "Redis is blocked by a script that does not end ({error}).", error=error),
         Sentence("redis-script-hanging-advice", "End it: redis-cli SCRIPT KILL."),
     ),
     (
         r"\bREADONLY\b|read only (replica|slave)",
-        lambda error: Sentence("redis-replica", "Redis takes no writes: it is a replica of another ({error}).", error=error),
+        lambda error: Sentence("redis-replica", "Redis accepts no writes: it is a replica ({error}).", error=error),
         Sentence(
             "redis-replica-advice",
             "Point RAYFARM_REDIS_URL at the primary, or make this one the primary: redis-cli REPLICAOF NO ONE.",
@@ -31,7 +31,7 @@ ANSWERS: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     ),
     (
         r"\bNOREPLICAS\b",
-        lambda error: Sentence("redis-replicas-missing", "Redis takes no writes without replicas ({error}).", error=error),
+        lambda error: Sentence("redis-replicas-missing", "Redis accepts no writes without replicas ({error}).", error=error),
         Sentence("redis-replicas-missing-advice", "Start them, or set min-replicas-to-write to 0."),
     ),
     (
@@ -42,38 +42,38 @@ ANSWERS: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     (
         r"\bMISCONF\b",
         lambda error: Sentence(
-            "redis-save-failed", "Redis cannot save to its disk, and takes no writes for that ({error}).", error=error
+            "redis-save-failed", "Redis cannot save to its disk and so accepts no writes ({error}).", error=error
         ),
-        Sentence("redis-save-failed-advice", 'Make room on its disk, or turn saving off (save "").'),
+        Sentence("redis-save-failed-advice", 'Free space on its disk, or turn saving off (save "").'),
     ),
     (
         r"\bLOADING\b|loading the dataset",
-        lambda error: Sentence("redis-loading", "Redis is reading its memory from disk ({error}).", error=error),
-        Sentence("redis-loading-advice", "It goes on by itself."),
+        lambda error: Sentence("redis-loading", "Redis is loading its data from disk ({error}).", error=error),
+        Sentence("redis-loading-advice", "The farm continues when it is done."),
     ),
     (
         r"\bNOAUTH\b|\bWRONGPASS\b|[Aa]uthentication required|invalid password|invalid username",
-        lambda error: Sentence("redis-password-refused", "Redis refuses the service's password ({error}).", error=error),
+        lambda error: Sentence("redis-password-refused", "Redis rejects the service's password ({error}).", error=error),
         Sentence("redis-password-refused-advice", "Correct RAYFARM_REDIS_URL: redis://:PASSWORD@HOST:PORT/0."),
     ),
     (
         r"\bNOPERM\b|no permissions",
         lambda error: Sentence(
-            "redis-permission-denied", "The service's user of Redis may not do what the farm needs ({error}).", error=error
+            "redis-permission-denied", "The service's Redis user lacks permissions that the farm needs ({error}).", error=error
         ),
         Sentence("redis-permission-denied-advice", "Give it all commands and keys: ACL SETUSER NAME on ~* &* +@all."),
     ),
     (
         r"\bNOSCRIPT\b|No matching script",
-        lambda error: Sentence("redis-script-missing", "Redis has forgotten a script ({error}).", error=error),
-        Sentence("redis-script-missing-advice", "It is sent again by itself."),
+        lambda error: Sentence("redis-script-missing", "A script is missing in Redis ({error}).", error=error),
+        Sentence("redis-script-missing-advice", "It is sent again automatically."),
     ),
     (
         r"\bWRONGTYPE\b",
         lambda error: Sentence(
-            "redis-key-type-wrong", "A key in Redis is of another type than the farm's ({error}).", error=error
+            "redis-key-type-wrong", "A key in Redis has another type than the farm expects ({error}).", error=error
         ),
-        Sentence("redis-key-type-wrong-advice", "It is deleted by itself."),
+        Sentence("redis-key-type-wrong-advice", "It is deleted automatically."),
     ),
     (
         r"\bCLUSTERDOWN\b|\bMOVED\b|\bCROSSSLOT\b|cluster support",
@@ -83,14 +83,14 @@ ANSWERS: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     (
         r"max number of clients",
         lambda error: Sentence(
-            "redis-connections-exhausted", "Redis has as many connections as it takes ({error}).", error=error
+            "redis-connections-exhausted", "Redis has reached its limit of connections ({error}).", error=error
         ),
-        Sentence("redis-connections-exhausted-advice", "Raise maxclients, or end programs that do not belong here."),
+        Sentence("redis-connections-exhausted-advice", "Raise maxclients, or close other programs' connections."),
     ),
     (
         r"unknown command",
         lambda error: Sentence(
-            "redis-command-unknown", "Redis does not know a command that the farm needs ({error}).", error=error
+            "redis-command-unknown", "Redis does not support a command that the farm needs ({error}).", error=error
         ),
         Sentence("redis-command-unknown-advice", "Run Redis 6.2 or newer, or Valkey, with no commands renamed."),
     ),
@@ -110,17 +110,17 @@ def redis_fault(error: BaseException) -> RedisTrouble:
         if isinstance(cause, redis.ResponseError):
             return (
                 Sentence("redis-command-refused", "Redis refuses a command ({error}).", error=cause),
-                Sentence("redis-command-refused-advice", "Look at how it is set up."),
+                Sentence("redis-command-refused-advice", "Check its configuration."),
             )
     return (
         Sentence("redis-not-reachable", "Redis does not answer ({error}).", error=error),
-        Sentence("redis-not-reachable-advice", "Start it, or look at RAYFARM_REDIS_URL."),
+        Sentence("redis-not-reachable-advice", "Start it, or check RAYFARM_REDIS_URL."),
     )
 
 
 def redis_unavailable(error: BaseException) -> Unavailable:
     """Returns the error for a request that needs Redis while it is unavailable."""
-    return Unavailable(redis_fault(error)[0], advice=Sentence("advice-retry-later", "Try again when that is over."))
+    return Unavailable(redis_fault(error)[0], advice=Sentence("advice-retry-later", "Try again when that is done."))
 
 
 _CODES: dict[type[BaseException], str] = {

@@ -87,23 +87,23 @@ class Needs:
             if len(missing) == 1:
                 return Sentence(
                     "job-waits-for-tag",
-                    "Waits for a worker with the tag {tag}: none that is connected has it.",
+                    "Waits for a worker with the tag {tag}: none is connected.",
                     tag=missing[0],
                 )
             return Sentence(
                 "job-waits-for-tags",
-                "Waits for a worker with the tags {tags}: none that is connected has them.",
+                "Waits for a worker with the tags {tags}: none is connected.",
                 tags=missing,
             )
         if most < self.memory_gb * 1e9:
             return Sentence(
                 "job-waits-for-memory",
-                "Waits for a worker with {needed} GB of memory: the most that one offers is {most} GB.",
+                "Waits for a worker with {needed} GB of memory: the largest has {most} GB.",
                 needed=f"{self.memory_gb:g}",
                 most=f"{most / 1000000000.0:.1f}",
             )
         return Sentence(
             "job-waits-for-properties",
-            "Waits for a worker that has all of {properties}: none that is connected does.",
+            "Waits for a worker with all of {properties}: none is connected.",
             properties=[*self.texts],
         )

@@ -25,7 +25,7 @@ from service.scheduling.fleet.speeds import Speeds
 
 __all__ = ["BY_A_PERSON", "WorkerSnapshot", "Workers"]
 
-BY_A_PERSON = Sentence("worker-paused-by-user", "Paused by a person.")
+BY_A_PERSON = Sentence("worker-paused-by-user", "Paused by a user.")
 
 LOOK_EVERY_S = 1.0
 LATE_S = 2.5 * HEARTBEAT_EVERY_S

@@ -29,8 +29,8 @@ __all__ = ["Forecast", "Forecaster", "JobLines", "RemainingWork"]
 RENEWED_EVERY_S = 1.0
 RESTS = 20  # validity of a computation, as a multiple of its duration
 
-NO_SLOTS = Sentence("forecast-without-worker", "No worker that could render it takes work now.")
-NO_COST = Sentence("forecast-speed-unknown", "Nobody knows yet how long a sample of it takes.")
+NO_SLOTS = Sentence("forecast-without-worker", "No worker is available to render it.")
+NO_COST = Sentence("forecast-speed-unknown", "Its rendering speed is not known yet.")
 
 
 @dataclass(frozen=True)

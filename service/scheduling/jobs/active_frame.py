@@ -48,13 +48,17 @@ class FrameRow(NamedTuple):
     has_settings: bool
 
 
+def _ignore(key: int) -> None:
+    """Ignores the change of a frame that belongs to no job."""
+
+
 class ActiveFrame:
     """A frame of an active job. Changed only by the engine's thread."""
 
     __slots__ = (
         *("_due", "_focus", "_is_measured", "_is_told_anew", "_json", "_measured", "_plan", "_recorded", "_share", "_sums"),
         *("bad_samples", "ceiling", "compiled", "error", "film", "is_idle", "is_preparing", "key", "noise", "noise_asked"),
-        *("_settings", "_stored", "on_change", "own", "spp", "state"),
+        *("_on_change", "_settings", "_stored", "own", "spp", "state"),
     )
 
     def __init__(
@@ -67,6 +71,7 @@ class ActiveFrame:
         noise: float | None,
         is_measured: bool = False,
         share: int | None = None,
+        on_change: Callable[[int], None] = _ignore,
     ) -> None:
         """Creates the frame from its row.
 
@@ -75,6 +80,7 @@ class ActiveFrame:
         noise: target noise; None without a target.
         is_measured: whether to estimate the noise while rendering, even without a target.
         share: expected samples per pixel, if `spp` is only the upper limit.
+        on_change: called with the frame's number when its state or numbers may have changed.
         """
         self.key = row.number
         self.film = film
@@ -101,7 +107,7 @@ class ActiveFrame:
         self._focus: Tile | None = None
         self._sums: tuple[int, int] | None = None  # samples and target; None after a change of the plan
         self._json: tuple[RenderSettings, dict[str, Any]] | None = None
-        self.on_change: Callable[[int], None] = lambda key: None  # called when the state or numbers may have changed
+        self._on_change = on_change
 
     @property
     def settings(self) -> RenderSettings | None:
@@ -290,7 +296,7 @@ class ActiveFrame:
 
     def _changed(self) -> None:
         self._sums = None
-        self.on_change(self.key)
+        self._on_change(self.key)
 
     @property
     def settings_json(self) -> dict[str, Any] | None:

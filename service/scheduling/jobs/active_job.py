@@ -81,6 +81,7 @@ class ActiveJob:
         self.frames: dict[int, ActiveFrame] = {}
         self.focus = row.focus
         self.agenda: Agenda  # created by `begin`
+        self._is_begun = False
         self._goals: dict[int, int] = {}  # frames with their own number of samples
         self._totals: Totals
         self.tally = FrameProgress(self.frames)
@@ -121,8 +122,7 @@ class ActiveJob:
         self.agenda.first = self.shot.first if self.shot else None
         self._totals = Totals(self.frames)
         yield
-        for frame in self.frames.values():
-            frame.on_change = self._note
+        self._is_begun = True
         for kind in self.compiled:
             self.agenda.turns.expect(kind)
         while not self.agenda.turns.look(AT_A_TIME):
@@ -135,7 +135,7 @@ class ActiveJob:
     def _frame(self, row: FrameRow) -> ActiveFrame:
         assert self.spp is not None
         if self.shot is None:
-            frame = ActiveFrame(row, self.film, self.settings, self.compiled, self.spp, self.noise, True)
+            frame = ActiveFrame(row, self.film, self.settings, self.compiled, self.spp, self.noise, True, on_change=self._note)
             frame.state = "queued"  # the job has the state of a still's frame
             if self.film.has_file:  # a plan takes kilobytes, and thousands of jobs may wait
                 frame.plan  # noqa: B018 - a film that cannot be read is found out now
@@ -148,8 +148,8 @@ class ActiveJob:
             row = row._replace(state="queued")  # the film lost its latest samples in a power failure
         if self.shot.order == "noisiest-first":
             most = min(MAX_SPP, max(64 * self.spp, self.spp))
-            return ActiveFrame(row, self.film, settings, own, most, self.noise, True, share=min(self.spp, most))
-        return ActiveFrame(row, self.film, settings, own, row.spp or self.spp, self.noise, True)
+            return ActiveFrame(row, self.film, settings, own, most, self.noise, True, min(self.spp, most), self._note)
+        return ActiveFrame(row, self.film, settings, own, row.spp or self.spp, self.noise, True, on_change=self._note)
 
     @property
     def done(self) -> bool:
@@ -239,6 +239,9 @@ class ActiveJob:
         self._note(frame.key)
 
     def _note(self, key: int) -> None:
+        """Marks a frame as changed; before `begin` has counted the frames there is nothing to mark."""
+        if not self._is_begun:
+            return
         self._totals.note(key)
         self.agenda.turns.note(key)
         self.tally.note(key)

@@ -24,16 +24,14 @@ def set_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
     Replaces a goal by noise or time. has: number of samples in the film, over all pixels. Raises Invalid and Conflict.
     """
     if spp is not None and more is not None:
-        raise Invalid(
-            Sentence("spp-and-more-given", "spp: give either spp, for all samples of a pixel, or more, for those on top.")
-        )
+        raise Invalid(Sentence("spp-and-more-given", "spp: give either spp (the total per pixel) or more (additional samples)."))
     is_by_samples = job.noise is None and job.seconds is None
     now = job.spp if is_by_samples else has // _pixels(job)
     if now is None:
         raise Conflict(
             Sentence(
                 "more-scene-preparing",
-                "more: the scene is still being prepared, and how many samples it asks for is not known. Give spp.",
+                "more: the scene is still being prepared, so its number of samples is not known. Give spp.",
             )
         )
     wanted = now + more if more is not None else spp
@@ -42,7 +40,7 @@ def set_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
         raise Invalid(
             Sentence(
                 "more-spp-too-high",
-                "more: that is {spp} samples a pixel; at most {most} are rendered.",
+                "more: that makes {spp} samples per pixel; at most {most} are allowed.",
                 spp=wanted,
                 most=MAX_SPP,
             )
@@ -51,7 +49,7 @@ def set_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
         raise Conflict(
             Sentence(
                 "job-spp-lowered",
-                "spp: the job has {spp} samples a pixel already; samples are added, never taken away.",
+                "spp: the job has {spp} samples per pixel already; samples can only be added.",
                 spp=now,
             )
         )
@@ -105,7 +103,7 @@ def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
         raise Conflict(
             Sentence(
                 "job-focus-not-rendering",
-                "The job is {state}; only of one that is rendered a part can come first.",
+                "The job is {state}; a part can only be rendered first while a job is rendered.",
                 state=job.state,
             )
         )
@@ -115,7 +113,7 @@ def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
         raise Invalid(
             Sentence(
                 "job-focus-outside-picture",
-                "focus: {focus} lies beside the picture, which is {width} x {height}.",
+                "focus: {focus} is outside of the picture, which is {width} x {height}.",
                 focus=list(focus),
                 width=width,
                 height=height,

@@ -136,19 +136,17 @@ def _ask_for_samples(
             raise Invalid(
                 Sentence(
                     "shot-frames-without-change",
-                    "frames: say what of these frames: spp, or more. Those to render anew are `again`, new ones `extend`.",
+                    "frames: give spp or more for these frames. Use `again` to render frames anew and `extend` for new ones.",
                 )
             )
         return [], False
     if request.spp is not None and request.more is not None:
-        raise Invalid(
-            Sentence("spp-and-more-given", "spp: give either spp, for all samples of a pixel, or more, for those on top.")
-        )
+        raise Invalid(Sentence("spp-and-more-given", "spp: give either spp (the total per pixel) or more (additional samples)."))
     if request.frames is not None and shot.order == NOISIEST:
         raise Conflict(
             Sentence(
                 "shot-spp-with-noisiest",
-                "frames: noisiest first lays out the samples by itself. Give spp for the shot, or choose another order.",
+                "frames: the order noisiest chooses the samples of each frame. Give spp for the shot, or choose another order.",
             )
         )
     if request.frames is None:
@@ -172,7 +170,7 @@ def _more(now: int | None, request: ShotRequest, what: str) -> int:
         raise Conflict(
             Sentence(
                 "shot-more-spp-unknown",
-                "more: how many samples {what} has is not known, as noise or time ends it. Give spp.",
+                "more: the samples of {what} are not known in advance, since noise or time ends it. Give spp.",
                 what=what,
             )
         )
@@ -181,7 +179,7 @@ def _more(now: int | None, request: ShotRequest, what: str) -> int:
         raise Invalid(
             Sentence(
                 "more-spp-too-high",
-                "more: that is {spp} samples a pixel; at most {most} are rendered.",
+                "more: that makes {spp} samples per pixel; at most {most} are allowed.",
                 spp=wanted,
                 most=MAX_SPP,
             )
@@ -190,7 +188,7 @@ def _more(now: int | None, request: ShotRequest, what: str) -> int:
         raise Conflict(
             Sentence(
                 "shot-spp-lowered",
-                "spp: {what} has {spp} samples a pixel already; samples are added, never taken away.",
+                "spp: {what} has {spp} samples per pixel already; samples can only be added.",
                 what=what,
                 spp=now,
             )

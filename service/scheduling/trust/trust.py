@@ -165,8 +165,8 @@ class Trust:
             check.job: (
                 Sentence(
                     "worker-results-disputed",
-                    "{workers} rendered the same batch differently, and no other worker is there to decide. "
-                    "Start a third of the same kind, or pause the one that you do not trust.",
+                    "{workers} rendered the same batch differently, and no other worker can decide. Start a "
+                    "third of the same kind, or pause the one that you do not trust.",
                     workers=" and ".join(sorted(check.votes.workers)),
                 )
             )
@@ -197,7 +197,7 @@ class Trust:
         right = sorted(check.votes.workers - check.votes.wrong)
         for worker in check.votes.wrong:
             self._mark_wrong(
-                worker, check, Sentence("worker-outvoted", "as {workers} rendered them", workers=" and ".join(right))
+                worker, check, Sentence("worker-outvoted", "since {workers} agree on another result", workers=" and ".join(right))
             )
         self._close(check)
 
@@ -207,7 +207,7 @@ class Trust:
         paused = {worker for worker in check.votes.workers if orders.get(worker) == BY_A_PERSON}
         if paused and paused != check.votes.workers:
             for worker in paused:
-                self._mark_wrong(worker, check, Sentence("worker-distrusted-by-user", "because it was paused by hand"))
+                self._mark_wrong(worker, check, Sentence("worker-distrusted-by-user", "since it was paused by a user"))
             self._close(check)
 
     def _mark_wrong(self, worker: str, check: _Check, how: str) -> None:
@@ -222,7 +222,7 @@ class Trust:
         )
         why = Sentence(
             "worker-results-differ",
-            "Set aside: it rendered something else than other workers ({samples}), {verdict}",
+            "Set aside: its results differ from those of other workers ({samples}), {verdict}",
             samples=where,
             verdict=how,
         )
@@ -231,7 +231,7 @@ class Trust:
     def _pause(self, worker: str, why: str) -> None:
         sentence = Sentence(
             "worker-quarantined",
-            "{reason}. All that it has sent of unfinished jobs is rendered again. Test its memory, then let it go on.",
+            "{reason}. All its results of unfinished jobs are rendered again. Test its memory, then resume it.",
             reason=why,
         )
         with suppress(redis.RedisError):  # its results are rejected meanwhile

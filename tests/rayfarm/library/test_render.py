@@ -78,7 +78,7 @@ def test_a_trimesh_is_a_scene() -> None:
 
 
 def test_a_cloud_of_points_is_shown_as_balls() -> None:
-    with pytest.warns(rayfarm.SceneWarning, match="points are shown as balls"):
+    with pytest.warns(rayfarm.SceneWarning, match="points are shown as spheres"):
         image = rayfarm.render(trimesh.PointCloud(np.eye(3)), spp=1, environment="even-white", **SMALL)
     assert (image["object"] > 0).any()
 

@@ -78,8 +78,8 @@ def test_the_bytes_say_the_format_not_the_name():
     ("data", "name", "said"),
     [
         (b"", "empty.png", "empty.png"),
-        (b"hello", "note.txt", "no image of a known format"),
-        (b"%!PS-Adobe-3.0 EPSF-3.0", "drawing.eps", "no image of a known format"),
+        (b"hello", "note.txt", "is not an image of a known format; give one of"),
+        (b"%!PS-Adobe-3.0 EPSF-3.0", "drawing.eps", "is not an image of a known format; give one of"),
         (png((RGB * 60).astype(np.uint8))[:-60], "cut.png", "damaged"),
         (b"\x76\x2f\x31\x01" + bytes(40), "broken.exr", "damaged"),
     ],
@@ -104,7 +104,7 @@ def test_what_pillow_takes_for_a_bomb_is_too_large_and_not_damaged():
     """A texture of 16384 x 16384 is a valid file, so the error must not ask to export it again."""
     header = b"VP8X" + (10).to_bytes(4, "little") + bytes(4) + (16383).to_bytes(3, "little") * 2
     webp = b"RIFF" + (4 + len(header)).to_bytes(4, "little") + b"WEBP" + header
-    with pytest.raises(SceneError, match=r"too many pixels; at most 64 million fit\. Give a smaller image"):
+    with pytest.raises(SceneError, match=r"has too many pixels; at most 64 million are allowed. Give a smaller image"):
         read.read(webp, "large.webp")
 
 

@@ -97,7 +97,7 @@ def test_the_layer_that_is_taken_of_several_is_named(tmp_path):
     names = [f"{layer}.{channel}" for layer in ("first", "second") for channel in "RGB"]
     found = read.decode(written(tmp_path, ".exr", np.ones((4, 4, 6), np.float32), names), "image.exr")
     assert found.notes == [
-        'image.exr: holds several layers; "first" is shown, not "second". Name one of them Combined, or drop them'
+        'image.exr: has several layers; "first" is shown, not "second". Name one of them Combined, or remove the others'
     ]
 
 
@@ -268,6 +268,6 @@ def test_a_large_environment_becomes_smaller_and_says_so(tmp_path, monkeypatch, 
     expected = pixels.reshape(16, 2, 32, 2, 3).mean(axis=(1, 3))
     assert found.pixels.shape[:2] == (16, 32)
     np.testing.assert_allclose(found.pixels[..., :3], expected, rtol=1e-2 if suffix == ".hdr" else 1e-4, atol=2e-2)
-    assert "64 x 32 pixels are averaged to 32 x 16" in found.notes[0]
+    assert "64 x 32 pixels are reduced to 32 x 16" in found.notes[0]
     with pytest.raises(SceneError, match="at most"):
         read.read(data, "texture")

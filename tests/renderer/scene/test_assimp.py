@@ -325,7 +325,7 @@ def test_animations_that_stand_beside_a_model_are_named(scene):
         "\ttri 0 0 1 2\n\tnumweights 3\n\tweight 0 0 1 ( 0 0 0 )\n\tweight 1 0 1 ( 1 0 0 )\n\tweight 2 0 1 ( 0 1 0 )\n}\n"
     )
     assert not warned(scene("a.md5mesh", mesh), "frames")
-    assert warned(scene("a.md5mesh", mesh, {"walk.md5anim": b"MD5Version 10"}), "1 frames, of which the first is shown")
+    assert warned(scene("a.md5mesh", mesh, {"walk.md5anim": b"MD5Version 10"}), "1 frames; only the first is shown")
 
 
 def test_an_empty_file_is_said_to_be_empty_whatever_was_read_before(scene):

@@ -94,7 +94,7 @@ def test_positions_that_are_not_finite(scene):
 def test_indices_beyond_the_vertices(scene):
     g = Gltf()
     g.mesh(indices=np.array([0, 1, 7], np.uint16))
-    with pytest.raises(SceneError, match="index 7 where there are 3"):
+    with pytest.raises(SceneError, match="index 7, but there are 3"):
         scene("a.glb", g.glb())
 
 
@@ -312,7 +312,7 @@ def test_names_that_no_text_can_hold_are_mended_or_refused(scene):
     assert description.variants == ["\ufffd" * 200]  # and a name is no book
     json.dumps(summarise(description, compile_scene(description)), ensure_ascii=False).encode()
     for text in ('shapes: [{type: quad, name: "\\ud800"}]', 'materials: {"\\udfff": {}}\nshapes: [{type: quad}]'):
-        with pytest.raises(SceneError, match=r"a\.yaml, line 1: is no YAML: found invalid Unicode"):
+        with pytest.raises(SceneError, match=r"a\.yaml, line 1: is not valid YAML: found invalid Unicode"):
             scene("a.yaml", text)
 
 

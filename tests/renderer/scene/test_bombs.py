@@ -40,7 +40,7 @@ PBRT = {
     "a file again and again": (
         'Include "b.pbrt"\n' * 40,
         {"b.pbrt": "#" + "x" * (1 << 20) + "\n"},
-        "more than 16 MiB are included that were included before",
+        "repeated includes come to more than 16 MiB; make an object of what is shown many times (ObjectBegin)",
     ),
     "a packed file": (
         'Include "b.pbrt.gz"\n',
@@ -71,7 +71,7 @@ def test_pbrts_levels_are_as_many_as_fit(scene, monkeypatch):
     description = scene("a.pbrt", world(LOOP * 6))
     counts = [len(mesh.triangles) for mesh in description.meshes]
     assert counts == [4**7] * 3 + [4**4] * 3
-    assert any("and not 1000000000, so that it does not grow too large" in warning for warning in description.warnings)
+    assert any("times in place of 1000000000, to limit its size" in warning for warning in description.warnings)
 
 
 def test_pbrts_round_shapes_that_are_alike_are_made_once_and_very_many_coarser(scene):
@@ -101,7 +101,7 @@ MITSUBA = {
             for i in range(8)
         )
         + '<shape type="instance"><ref id="g8"/></shape></scene>',
-        "show more than 500000 of them",
+        "its node references show more than 500000 nodes; reduce them",
     ),
 }
 
@@ -160,7 +160,7 @@ def test_usd_arcs_that_double_are_counted_before_they_are_composed(tmp_path, arc
     doubling = (f'class Xform "L{i + 1}" {{\n{prim("a", i)}{prim("b", i)}}}\n' for i in range(30))
     text = usda(f'def Xform "W" {{\n{prim("a", 30)}}}\nclass Xform "L0" {{\n{MESH}}}\n' + "".join(doubling))
     (tmp_path / "a.usda").write_text(text)
-    with pytest.raises(SceneError, match="show more than 4000000 of them"):
+    with pytest.raises(SceneError, match="its node references show more than 4000000 nodes; reduce them"):
         read_usd(tmp_path / "a.usda")
 
 
@@ -185,7 +185,7 @@ THREEMF = {
             f'<object id="{i + 2}"><components>' + f'<component objectid="{i + 1}"/>' * 10 + "</components></object>"
             for i in range(9)
         ),
-        "show more than 500000 of them",
+        "its node references show more than 500000 nodes; reduce them",
     ),
     "components within themselves": (
         '<object id="10"><components><component objectid="10"/><component objectid="10"/></components></object>',
@@ -216,7 +216,11 @@ USED = doubled(GROUP, '<Group DEF="g{0}"><Group USE="g{1}"/><Group USE="g{1}"/><
 XML = {
     "Collada's nodes that double": ("a.dae", with_nodes(NODES, "n30"), "more than 500000"),
     "a Collada node in itself": ("a.dae", with_nodes('<node id="p"><instance_node url="#p"/></node>', "p"), "contain each other"),
-    "Collada's nodes very deep": ("a.dae", with_nodes(f'<node id="p">{DEEP}</node>', "p"), "nested more than 500 deep"),
+    "Collada's nodes very deep": (
+        "a.dae",
+        with_nodes(f'<node id="p">{DEEP}</node>', "p"),
+        "its nodes are nested more than 500 levels deep. Flatten its hierarchy",
+    ),
     "Collada's entities": ("a.dae", collada().replace("<COLLADA", entities() + "<COLLADA"), "declares XML entities"),
     "X3D's groups that double": ("a.x3d", f"<X3D><Scene>{USED}</Scene></X3D>", "more than 500000"),
     "an X3D group in itself": (

@@ -120,7 +120,7 @@ WRONG_HEADERS = {
 @pytest.mark.parametrize("fault", WRONG_HEADERS)
 def test_a_wrong_header_is_refused(path, fault):
     rewritten(path, WRONG_HEADERS[fault])
-    with pytest.raises(SceneError, match="damaged or no compiled scene"):
+    with pytest.raises(SceneError, match="is damaged or not a compiled scene"):
         load(path)
 
 
@@ -128,7 +128,7 @@ def test_a_header_that_is_no_json_and_a_file_that_is_no_scene_are_refused(path):
     data = bytearray(path.read_bytes())
     data[8:20] = b"not json...."
     path.write_bytes(data)
-    with pytest.raises(SceneError, match="Prepare the scene again"):
+    with pytest.raises(SceneError, match="is damaged or not a compiled scene"):
         load(path)
     for junk in (b"\x89PNG\r\n\x1a\n" + bytes(100), b"\xff" * 100, bytes(100)):
         path.write_bytes(junk)

@@ -106,7 +106,7 @@ def test_a_manifest_that_is_wrong_is_an_error(tmp_path, spoil):
     manifest = json.loads(path.read_bytes())
     spoil(manifest)
     path.write_text(json.dumps(manifest))
-    with pytest.raises(SceneError, match="Prepare the scene again"):
+    with pytest.raises(SceneError, match="is damaged or not a compiled scene"):
         load(path)
 
 

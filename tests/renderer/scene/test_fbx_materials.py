@@ -111,7 +111,7 @@ def test_depth_dispersion_film_and_a_coats_colour_of_arnold(scene):
     assert (found.attenuation_distance, found.dispersion) == pytest.approx((0.1, 0.5))
     assert found.base_color == pytest.approx((1, 0.6, 0.5))
     assert (found.iridescence, found.iridescence_thickness) == (1, (400, 400))
-    assert any("the roughness of the matt part" in w for w in description.warnings)
+    assert any("diffuse roughness" in w for w in description.warnings)
 
 
 @pytest.mark.parametrize("is_textured", [False, True])
@@ -160,7 +160,7 @@ def test_textures_of_phongs_highlights_are_read_and_others_are_named(scene, png)
     assert shown.specular_color == (0.5, 0.5, 0.5)
     assert found.images[found.textures[shown.specular_color_texture].image].pixels[0, 0].tolist() == [255, 0, 0, 255]
     assert [w for w in found.warnings if "not read" in w] == [
-        "Material p: not read and left out: the texture of ReflectionFactor."
+        "Material p: not supported and left out: the texture of ReflectionFactor."
     ]
 
 

@@ -188,7 +188,7 @@ def test_an_unknown_clip_is_told_which_there_are(scene):
     g.mesh()
     with pytest.raises(SceneError, match=r"a\.glb: has no clips; leave the clip out"):
         scene("a.glb", g.glb(), moment=at(0, "walk"))
-    with pytest.raises(SceneError, match=r"a\.obj: has no clips, as glTF, USD and FBX files have"):
+    with pytest.raises(SceneError, match=r"a.obj: has no clips; only glTF, USD and FBX files have them. Leave the clip out"):
         scene("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", moment=at(0, "walk"))
 
 
@@ -242,7 +242,7 @@ def test_what_cannot_move_is_named_in_one_warning(scene):
     description = scene("odd.glb", g.glb(), moment=at(1))
     told = [w for w in description.warnings if "animated" in w]
     named = "/materials/0/extras/mood, /materials/7/alphaCutoff, /materials/0/normalTexture/scale, /nodes/x/translation, nonsense"
-    assert told == [f"What is animated but not read here, or not there, stands still: {named}, /nodes/1/translation."]
+    assert told == [f"Animated properties that are missing or not supported stand still: {named}, /nodes/1/translation."]
 
 
 def test_what_is_damaged_is_said(scene):
@@ -265,9 +265,9 @@ def test_what_is_damaged_is_said(scene):
 
     for change, what, place in (
         (fewer, "has 5 values for 2 times", "samplers[1].output"),
-        (back, "has times that do not grow", "samplers[1].input"),
+        (back, "has times that do not ascend", "samplers[1].input"),
         (odd, "is 'WOBBLY'; known are STEP, LINEAR, CUBICSPLINE", "samplers[1].interpolation"),
-        (beyond, "is 99, which points outside of what the file holds", "samplers[1].output"),
+        (beyond, "is 99; valid are 0 to 6", "samplers[1].output"),
     ):
         warnings = scene("arm.glb", spoiled(change)).warnings
         assert any("1 unusable part is left out" in w and what in w and place in w for w in warnings), warnings

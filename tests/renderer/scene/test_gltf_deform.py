@@ -82,7 +82,7 @@ def test_what_is_wrong_is_said(scene):
     g = bony([(2, 0, 0, 0)] * 3, [(1, 0, 0, 0)] * 3)
     description = scene("a.glb", g.glb())
     assert len(description.instances) == 1
-    assert any("has 2 joints where the mesh names 3" in warning for warning in description.warnings)
+    assert any("has 2 joints, but the mesh refers to 3" in warning for warning in description.warnings)
     g.root["skins"] = [{"joints": []}]
     description = scene("a.glb", g.glb())
     assert len(description.instances) == 1

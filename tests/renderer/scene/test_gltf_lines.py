@@ -53,5 +53,5 @@ def test_without_a_thickness_a_note_says_how(scene):
 
 def test_what_has_no_lines_takes_no_thickness(scene):
     text = json.dumps({"shapes": [{"type": "mesh", "file": "a.obj", "thickness": 1}]})
-    with pytest.raises(SceneError, match="leave the thickness out"):
+    with pytest.raises(SceneError, match="has no points or lines"):
         scene("s.yaml", text, {"a.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"})

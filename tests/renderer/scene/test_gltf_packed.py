@@ -56,8 +56,8 @@ def test_meshopt_gives_what_was_packed(scene, name):
     [
         ("mode", "LINES", "is not known"),
         ("filter", "BLUR", "is not known"),
-        ("count", 41, "do not give the view's"),
-        ("byteLength", 1 << 20, "reads past its buffer's end"),
+        ("count", 41, "and byteStride do not match the"),
+        ("byteLength", 1 << 20, "reaches beyond the end of its buffer"),
         ("byteLength", 20, "is damaged"),
     ],
 )

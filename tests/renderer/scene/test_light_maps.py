@@ -99,10 +99,16 @@ def test_a_light_that_turns_keeps_its_profile(scene):
         ("{type: point, position: [0, 1, 0], picture: bad.ies}", r"lights\[0\].picture: could not be read"),
         ("{type: point, position: [0, 1, 0], up: [0, 1, 0]}", "up: means nothing for a point light without"),
         ("{type: directional, direction: [0, -1, 0], profile: a.ies}", "profile: means nothing for a directional"),
-        ("{type: projector, position: [0, 1, 0], direction: [0, -1, 0]}", "a projector has a picture"),
-        ("{type: point, position: [0, 1, 0], profile: a.ies, picture: slide.exr}", "and a profile do not go together"),
+        ("{type: projector, position: [0, 1, 0], direction: [0, -1, 0]}", "a projector needs a picture"),
+        (
+            "{type: point, position: [0, 1, 0], profile: a.ies, picture: slide.exr}",
+            "cannot be combined with a profile; leave one of them out",
+        ),
         ("{type: spot, position: [0, 1, 0], direction: [0, -1, 0], outer_cone: 90, picture: slide.exr}", "narrower"),
-        ("{type: point, position: [0, 1, 0], direction: [0, -1, 0], picture: slide.exr}", "leads where the light shines"),
+        (
+            "{type: point, position: [0, 1, 0], direction: [0, -1, 0], picture: slide.exr}",
+            "is parallel to the light's direction; give the up direction of its picture",
+        ),
     ],
 )
 def test_what_a_scene_file_gets_wrong_is_said(scene, light, said):

@@ -31,9 +31,9 @@ def obj(mtl):
         ),
         ("bump n.png", "2 materials have a bump map of mostly blue pixels, which is read as a normal map"),
         ("illum 7\nmap_Kd t.png", "2 materials have a texture (map_Kd) on glass, which is left out"),
-        ("Kd 1 1 1\nTf .5 1 1", "Material a: not read and left out: tf .5 1 1."),
-        ("illum 7\nd 0.25", "Material b: not read and left out: d 0.25."),
-        ("map_Kd -t 1 1 1 -cc on t.png", "Material a: not read and left out: the options -t, -cc on of t.png"),
+        ("Kd 1 1 1\nTf .5 1 1", "Material a: not supported and left out: tf .5 1 1."),
+        ("illum 7\nd 0.25", "Material b: not supported and left out: d 0.25."),
+        ("map_Kd -t 1 1 1 -cc on t.png", "Material a: not supported and left out: the options -t, -cc on of t.png"),
         ("map_Kd -imfchan z t.png", "the options -imfchan z of t.png"),
     ],
 )
@@ -63,7 +63,7 @@ def test_materials_of_the_same_name_and_files_that_are_missing(scene):
     assert any("1 material has the name of another; they are read as one" in w for w in found.warnings)
     assert any("gone.mtl is not among the files" in w for w in found.warnings)
     bare = scene("b.obj", "usemtl red\n" + FACE + "f 1 2\nusemtl blue\nf 3 2 1\n")
-    assert any("name 2 materials, but no material file is among the files" in w for w in bare.warnings)
+    assert any("its faces use 2 materials, but there is no material file; add it" in w for w in bare.warnings)
     assert any("1 faces have fewer than three corners and are left out" in w for w in bare.warnings)
 
 
@@ -92,14 +92,14 @@ def morph(made):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda g: None, "2 values are out of range and brought into it: materials[0].pbrMetallicRoughness.baseColorFactor, "),
-        (lambda g: None, "1 value is 5, which is unknown, and taken as repeated: samplers[0].wrapS"),
-        (lambda g: None, "1 value is 6, which is unknown, and taken as linear: samplers[0].magFilter"),
+        (lambda g: None, "2 values are out of range and clamped: materials[0].pbrMetallicRoughness.baseColorFactor, "),
+        (lambda g: None, "1 value is unknown (5) and replaced by REPEAT: samplers[0].wrapS"),
+        (lambda g: None, "1 value is unknown (6) and replaced by LINEAR: samplers[0].magFilter"),
         (lambda g: None, "(end with 1 of a triangle's three): meshes[0].primitives[0].indices"),
         (lambda g: g.root["scenes"].append({}), "1 of its 2 scenes are left out"),
-        (camera, "1 value is missing and taken as 40 degrees: cameras[0].perspective.yfov"),
+        (camera, "1 value is missing and replaced by 40 degrees: cameras[0].perspective.yfov"),
         (lambda g: g.mesh(JOINTS_0=np.zeros((3, 4), np.uint16)), "joints without weights"),
-        (morph, "is a displacement of texture coordinates or colours, which are not moved"),
+        (morph, "displaces texture coordinates or colours, which is not supported"),
     ],
 )
 def test_values_of_gltf_files(scene, png, change, said):
@@ -137,14 +137,14 @@ def test_properties_of_3mf_files(scene):
     assert "1 triangles whose property is beyond the end of its group, and read as the last one" in sentences
     damaged = package(model(solid(), build), **{"Metadata__model_settings.config": "<config"})
     sentences = " ".join(scene("b.3mf", damaged).warnings)
-    assert "what its slicer says of filaments is damaged, and left out" in sentences
-    assert "what its slicer says of parts is damaged, and left out" in sentences
+    assert "the slicer's data of filaments is damaged and left out" in sentences
+    assert "the slicer's data of parts is damaged and left out" in sentences
 
 
 def test_units_and_surfaces_of_collada_files(scene):
     text = document(SQUARE + HOLES[0], ["4 5 6 7"])
     unit = text.replace("<library_geometries>", '<asset><unit meter="yard"/></asset><library_geometries>')
-    assert any("its unit is not a length; it is read as a metre" in w for w in scene("a.dae", unit).warnings)
+    assert any("its unit is not a length; a metre is assumed" in w for w in scene("a.dae", unit).warnings)
     other = "<library_geometries><geometry id='h'><spline/></geometry><geometry id='i'><brep/></geometry>"
     found = scene("b.dae", text.replace("<library_geometries>", other))
     assert any("1 splines are left out" in w for w in found.warnings)
@@ -180,8 +180,8 @@ def test_parts_of_usd_stages(tmp_path):
         "Shapes without a size are left out (1): /ball",
         "Lights without an area are left out (1): lamp",
         "1 points without a finite place or a width are left out (1): /dust",
-        "Points whose widths are fewer or more than they have the width 1 (1): /grains",
+        "Points whose number of widths is wrong are shown with width 1 (1): /grains",
         "1 instances without a prototype or a finite place are left out (1): /many",
-        "Prototypes that are not in the stage are left out, 1 times (1): /gone",
+        "Prototypes that are missing in the stage are left out, 1 times (1): /gone",
     ):
         assert said in sentences, (said, sentences)

@@ -123,9 +123,9 @@ def test_what_a_reader_lets_through_stops_at_the_packing(parameter):
 def test_other_faults_are_told_too():
     for fields, sentence in (
         ({"kind": "velvet"}, "its kind is 'velvet'; known are diffuse, mirror"),
-        ({"double_sided": 1}, "its double_sided is 1; it is true or false"),
-        ({"sheen_color": (0.1, 0.2)}, "its sheen_color has 2 numbers; it takes 3"),
-        ({"attenuation_distance": 0.0}, "its attenuation_distance is 0; it takes numbers above 0"),
+        ({"double_sided": 1}, "its double_sided is 1; it must be true or false"),
+        ({"sheen_color": (0.1, 0.2)}, "its sheen_color has 2 numbers; it needs 3"),
+        ({"attenuation_distance": 0.0}, "its attenuation_distance is 0; it must be above 0"),
     ):
         with pytest.raises(SceneError, match=sentence):
             row(Material("odd", **fields))

@@ -53,7 +53,9 @@ def test_small_instances_are_placed_together_as_one_by_one(monkeypatch, odd):
         description.instances[7].transform[0, 3] = 1e30
         for many in (True, False):
             monkeypatch.setattr(geometry, "CROWD", 8 if many else 10**9)
-            with pytest.raises(geometry.SceneError, match="Mesh m7: its place"):
+            with pytest.raises(
+                geometry.SceneError, match="Mesh m7: its position is too large for 32-bit numbers; correct its transform"
+            ):
                 geometry.make_still(description, *sharing(description))
         return
     together = geometry.make_still(description, *sharing(description))

@@ -91,17 +91,26 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
     ("inside", "sentence"),
     [
         (BALL.format('<bsdf type="hair"/>'), r"bsdf \(hair\) is rendered as a glossy surface in its colour"),
-        (BALL.format('<bsdf type="normalmap"><bsdf type="diffuse"/></bsdf>'), "Normal maps are not darkened by a shadowing"),
+        (
+            BALL.format('<bsdf type="normalmap"><bsdf type="diffuse"/></bsdf>'),
+            "Normal maps have no shadowing function here; to compare, set it to false in Mitsuba",
+        ),
         (BALL.format("") + '<shape type="sdfgrid"/>' * 2, r"sdfgrid.* left out \(2 times\)"),
         (BALL.format("") + '<emitter type="volumelight"/>', "volumelight.* no light that is read"),
         (BALL.format("") + '<integrator type="bdpt"/>', "bdpt.* rendered by path tracing"),
-        (BALL.format('<bsdf type="conductor"><string name="material" value="Xx"/></bsdf>'), "the metal Xx is not known"),
+        (
+            BALL.format('<bsdf type="conductor"><string name="material" value="Xx"/></bsdf>'),
+            "the metal Xx is unknown; rendered as aluminium",
+        ),
         (
             BALL.format('<bsdf type="plastic"><float name="specular_reflectance" value="0.5"/></bsdf>') * 2,
             r"^specular_reflectance of .*plastic.*\(2 t",
         ),
-        (BALL.format("") + '<sensor type="perspective"><float name="far_clip" value="0.5"/></sensor>', "beyond its far_clip"),
-        (BALL.format('<bsdf type="principled"><float name="sheen" value="1"/></bsdf>'), "its sheen is rendered as glTF's"),
+        (BALL.format("") + '<sensor type="perspective"><float name="far_clip" value="0.5"/></sensor>', "its far_clip is ignored"),
+        (
+            BALL.format('<bsdf type="principled"><float name="sheen" value="1"/></bsdf>'),
+            "its sheen is rendered with the sheen model of glTF",
+        ),
         (
             BALL.format("") + '<sensor type="perspective"><film type="hdrfilm"><rfilter type="lanczos"/></film></sensor>',
             "lanczos.*tent",
@@ -110,7 +119,7 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
             BALL.format('<bsdf type="roughplastic"><string name="distribution" value="phong"/></bsdf>') * 2,
             r"its distribution 'phong' is rendered as Beckmann's with the same alpha \(2 times\)",
         ),
-        (BALL.format('<medium type="gas" name="interior"/>'), r"medium \(gas\) is no medium that is read: it is left out"),
+        (BALL.format('<medium type="gas" name="interior"/>'), r"medium \(gas\) is not supported as a medium: it is left out"),
         (BALL.format('<emitter type="directionalarea"/>'), r"The emitter \(directionalarea\) of a shape \(sphere\) is not"),
         (BALL.format('<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="plastic"/></bsdf>'), "for each side"),
     ],
@@ -125,29 +134,32 @@ def test_what_is_not_taken_over_is_named(inside: str, sentence: str, tmp_path: P
     ("inside", "sentence"),
     [
         ('<sensor type="perspective"><film type="hdrfilm"><float name="gain" value="2"/></film></sensor>', "gain of films"),
-        ('<sensor type="perspective"><film type="specfilm"/></sensor>', "film (specfilm): an image of red"),
+        ('<sensor type="perspective"><film type="specfilm"/></sensor>', "film (specfilm): is replaced by a film of linear RGB"),
         ('<sensor type="perspective"><film><string name="pixel_format" value="luminance"/></film></sensor>', "pixel_format lum"),
-        ('<sensor type="perspective"><sampler type="magic"/></sensor>', "sampler (magic) is not known"),
+        ('<sensor type="perspective"><sampler type="magic"/></sensor>', "sampler (magic) is unknown; rendered as aluminium"),
         (
             '<sensor type="perspective"><film><rfilter type="box"><float name="radius" value="2"/></rfilter></film></sensor>',
             "of 2 is",
         ),
         ('<sensor type="perspective"><float name="aperture_radius" value="2"/></sensor>', "aperture_radius of sensors"),
         ('<integrator type="path"/><integrator type="direct"/>', "more than one integrator"),
-        ('<float name="gain" value="2"/>', "gain of scenes is not taken over"),
-        ('<film type="hdrfilm"/>', "The film (hdrfilm) of the scene is not taken over"),
+        ('<float name="gain" value="2"/>', "gain of scenes is ignored"),
+        ('<film type="hdrfilm"/>', "<film type='hdrfilm'> in <scene> is ignored"),
         (BALL.format('<bsdf type="diffuse"/><bsdf type="conductor"/>'), "The bsdf (conductor) of a shape (sphere) is not"),
-        (BALL.format('<sensor type="irradiancemeter"/>'), "The sensor (irradiancemeter) of a shape (sphere)"),
-        (BALL.format('<medium name="around" type="homogeneous"/>'), "The medium (homogeneous) of a shape (sphere)"),
-        (BALL.format('<bsdf type="null"><float name="gain" value="2"/></bsdf>'), "gain of bsdfs of the type null"),
+        (BALL.format('<sensor type="irradiancemeter"/>'), "<sensor type='irradiancemeter'> in <shape type='sphere'> is ignored"),
+        (
+            BALL.format('<medium name="around" type="homogeneous"/>'),
+            "<medium type='homogeneous'> in <shape type='sphere'> is ignored",
+        ),
+        (BALL.format('<bsdf type="null"><float name="gain" value="2"/></bsdf>'), "The property gain of <bsdf type='null'>"),
         (BALL.format('<bsdf type="mask"><rgb name="opacity" value="1,0,0"/><bsdf type="diffuse"/></bsdf>'), "its opacity is a"),
         (
             BALL.format('<float name="radius" value="1"/><float name="radius" value="2"/>'),
             "radius of shape (sphere) is given more",
         ),
-        (BALL.format('<float name="radius" value="1" unit="m" scale="2"/>'), "The attribute scale of <float> is not taken"),
+        (BALL.format('<float name="radius" value="1" unit="m" scale="2"/>'), "The attribute scale of <float> is ignored"),
         (BALL.format('<transform name="to_world"><scale value="2" pivot="1"/></transform>'), "The attribute pivot of <scale>"),
-        ('<shape type="sphere" hidden="true"/>', "The attribute hidden of <shape> is not taken over"),
+        ('<shape type="sphere" hidden="true"/>', "The attribute hidden of <shape> is ignored"),
         ('<shape type="sphere" id="a"/><shape type="sphere" id="a"/>', "has the id of another object"),
     ],
 )
@@ -173,7 +185,7 @@ def test_references_forward_and_by_another_name(tmp_path: Path) -> None:
         + BALL.format('<ref id="other"/>'),
     )  # fmt: skip
     assert {found.materials[s.material].base_color for s in found.spheres} == {(0.1, 0.2, 0.3)}
-    assert not any("not taken over" in w for w in found.warnings)
+    assert not any("is ignored: RGB is rendered" in w for w in found.warnings)
 
 
 def test_spectra_that_are_plugins(tmp_path: Path) -> None:
@@ -209,11 +221,11 @@ def test_a_leaf_is_cut_out_by_its_mask(tmp_path: Path, png: Callable[..., bytes]
         ('<include filename="../../secret.xml"/>', "includes secret.xml, which is not among"),
         ('<include filename="scene.xml"/>', "include each other"),
         (BALL.format('<ref id="nowhere"/>'), "refers to 'nowhere'"),
-        (BALL.format('<float name="radius" value="wide"/>'), "<float name='radius'>: 'wide' are no numbers"),
+        (BALL.format('<float name="radius" value="wide"/>'), "<float name='radius'>: 'wide' is not a list of numbers"),
         (BALL.format('<float name="radius" value="$r"/>'), r"\$r has no value"),
-        (BALL.format('<transform name="to_world"><shear x="1"/></transform>'), "shear is no step"),
+        (BALL.format('<transform name="to_world"><shear x="1"/></transform>'), "shear is not a known step"),
         ("<shape", "is no XML"),
-        ("", "shows no surface"),
+        ("", "has no surface at this frame; choose a frame with triangles or spheres"),
     ],
 )
 def test_what_is_no_scene_is_refused(inside: str, sentence: str, tmp_path: Path) -> None:
@@ -457,7 +469,7 @@ def test_an_attribute_that_a_mesh_lacks_or_that_is_out_of_range_is_named(tmp_pat
     assert found.meshes[0].colors is None
     assert "no attribute vertex_cold" in " ".join(found.warnings)
     found = with_attribute(tmp_path, _ATTRIBUTES["vertex_heat"], "vertex_heat", (7.0,))
-    assert "3 values of vertex_heat are not between 0 and 1" in " ".join(found.warnings)
+    assert "3 values of vertex_heat are outside of 0 to 1 and clamped" in " ".join(found.warnings)
     found = with_attribute(tmp_path, (*_ATTRIBUTES["vertex_heat"], ("vertex", "heat_1")), "vertex_heat", (0.5, 0.5))
     assert "no attribute vertex_heat" in " ".join(found.warnings), "two channels are none"
 

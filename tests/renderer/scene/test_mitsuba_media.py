@@ -55,7 +55,7 @@ def test_each_filling_is_a_material_of_its_own(tmp_path: Path) -> None:
     found = scene_of(tmp_path, SMOKE + '<bsdf type="dielectric" id="g"/>' + shared)
     assert close(of(found)[1], HELD)
     assert of(found, 1)[1] == Medium()
-    assert named(found, "Glass that names no medium is clear inside")
+    assert named(found, "Glass without a medium is clear inside; in Mitsuba the surrounding medium continues")
 
 
 @pytest.mark.parametrize(
@@ -108,21 +108,21 @@ def test_the_sensors_medium_fills_the_world_unless_a_shape_around_it_is_filled_s
     [
         (
             BALL.format(NULL + '<medium type="homogeneous" name="interior"><volume name="albedo" type="gridvolume"/></medium>'),
-            "albedo is not the same",
+            "albedo varies in space, which is not supported: the medium is left out",
         ),
         (
             BALL.format(NULL + '<medium type="heterogeneous" name="interior"><phase type="sggx"/></medium>'),
             "sggx.* no phase function",
         ),
-        (SMOKE + BALL.format('<bsdf type="thindielectric"/>' + within()), "is thin: no medium fills it"),
+        (SMOKE + BALL.format('<bsdf type="thindielectric"/>' + within()), "its medium is ignored: its material is thin"),
         (
             SMOKE + BALL.format(f'<bsdf type="mask">{GLASS}</bsdf>' + within()).replace("dielectric", "diffuse"),
-            "has holes: no medium",
+            "its medium is ignored: its material has holes",
         ),
-        (SMOKE + BALL.format(GLASS + within("exterior")), "The medium around shape .sphere. fills no shape"),
+        (SMOKE + BALL.format(GLASS + within("exterior")), "The medium around shape .sphere. is ignored"),
         (
             BALL.format(NULL + '<subsurface type="dipole"/>'),
-            "light beneath the surface is not followed",
+            "its subsurface scattering is not supported",
         ),
     ],
 )

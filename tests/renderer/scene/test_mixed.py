@@ -49,4 +49,7 @@ def test_pbrts_mix(scene):
     assert made.materials[0].specular == pytest.approx(0.3)
     assert len(made.warnings) == 1  # it has no light
     left = scene("scene.pbrt", world(f'{parts} Material "mix" "string materials" ["a" "c"] {BALL}', HEAD))
-    assert any("mixes what ours cannot as one" in each for each in left.warnings)
+    assert any(
+        "blends materials that cannot be blended here: the one with the larger weight is rendered" in each
+        for each in left.warnings
+    )

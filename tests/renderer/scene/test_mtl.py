@@ -86,7 +86,7 @@ def test_a_decal_with_opacity_and_one_without_a_map(material):
     assert description.images[description.textures[layer.texture].image].pixels.tolist() == [[[0, 0, 0, 246]]]
     description, found = material("Kd 0.5 0.5 0.5\ndecal shape.png", files)
     assert (found.base_color_texture, found.base_color) == (None, (0.5, 0.5, 0.5))
-    assert any("its decal has no map_Kd" in w for w in description.warnings)
+    assert any("its decal is left out, since there is no map_Kd" in w for w in description.warnings)
 
 
 def test_a_gain_beyond_all_light_ends_at_the_most(material):
@@ -151,7 +151,7 @@ def test_a_bump_map_is_taken_where_it_holds_normals(material, png):
     assert (found.normal_scale, description.textures[found.normal_texture].image) == (0.5, 0)
     description, found = material("map_Bump heights.png", {"heights.png": png(90, 90, 90)})
     assert found.normal_texture is None
-    assert any("m: its bump map holds heights" in w for w in description.warnings)
+    assert any("m: its bump map contains heights and is left out; bake it to a normal map" in w for w in description.warnings)
 
 
 @pytest.mark.parametrize(("faces", "thin"), [(TETRAHEDRON, False), (TRIANGLE + "usemtl m\nf 1 2 3\n", True)])
@@ -177,7 +177,7 @@ def test_a_map_of_highlights_is_read_and_other_maps_are_named(material, png):
     texture = description.textures[plastic.specular_color_texture]
     assert description.images[texture.image].pixels[0, 0].tolist() == [90, 40, 20, 255]
     assert [w for w in description.warnings if "not read" in w] == [
-        "Material m: not read and left out: the textures of map_ns, disp."
+        "Material m: not supported and left out: the textures of map_ns, disp."
     ]
     _, metal = material("Kd 0 0 0\nKs 0.9 0.9 0.9\nNs 300\nmap_Ks s.png", files)
     assert (metal.base_color_texture, metal.specular_color_texture) == (0, None)

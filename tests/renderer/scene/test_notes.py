@@ -29,8 +29,12 @@ def missing_texture():
 @pytest.mark.parametrize(
     ("file", "data", "note"),
     [
-        ("a.obj", TILE, "the one image beside it, skin.png, is taken as its texture"),
-        ("b.obj", "mtllib gone.mtl\nusemtl a\n" + TILE, "its materials gone.mtl are not among the files"),
+        ("a.obj", TILE, "names no material; the only image beside it, skin.png, is used as its texture"),
+        (
+            "b.obj",
+            "mtllib gone.mtl\nusemtl a\n" + TILE,
+            "its material files gone.mtl are not among the files; add them. Rendered in grey until then",
+        ),
         ("c.obj", "mtllib c.mtl\nusemtl other\n" + TILE, "no material file describes other"),
         ("d.obj", "mtllib d.mtl\nusemtl a\n" + TILE, "kd bright is not understood"),
         ("e.glb", missing_texture(), "its texture gone.png is not among the files"),

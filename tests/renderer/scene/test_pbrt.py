@@ -58,14 +58,14 @@ def test_what_is_not_said_is_as_in_pbrt(pbrt):
     ("head", "sentence"),
     [
         ('PixelFilter "mitchell"', "filtered by a tent"),
-        ('PixelFilter "triangle"', "two pixels wide here, and not 4 by 4"),
-        ('Film "spectral"', "an image of red, green and blue"),
+        ('PixelFilter "triangle"', "is rendered two pixels wide, not 4 by 4"),
+        ('Film "spectral"', "is replaced by a film of linear RGB"),
         ('Film "rgb" "float whitebalance" 4500', "strongly coloured surfaces"),
-        ('Option "bool forcediffuse" true', "forcediffuse is not taken over"),
-        ('Option "disable-pixel-jitter" true', "disablepixeljitter is not taken over"),
-        ('Option "string colour" "warm"', "option 'string colour' is not known"),
-        ('Sampler "magic" "integer pixelsamples" 4', "sampler 'magic' is no sampler of pbrt's"),
-        ('Sampler "sobol" "float blur" 4', "'blur' of sampler 'sobol' is not taken over"),
+        ('Option "bool forcediffuse" true', "forcediffuse is ignored"),
+        ('Option "disable-pixel-jitter" true', "disablepixeljitter is ignored"),
+        ('Option "string colour" "warm"', "The option 'string colour' is unknown and ignored"),
+        ('Sampler "magic" "integer pixelsamples" 4', "sampler 'magic' is unknown: only its sample count is used"),
+        ('Sampler "sobol" "float blur" 4', "'blur' of sampler 'sobol' is ignored"),
     ],
 )
 def test_what_stands_before_the_world_is_named(pbrt, head, sentence):
@@ -177,20 +177,23 @@ def test_what_moves_while_the_shutter_is_open(tmp_path):
             'Material "interface"\n' * 2 + BALL + '\nMaterial "diffuse"' + BALL,
             "line 11: A surface without a material, and with no",
         ),
-        (BALL + ' "float bogus" 3', "'bogus' of shape 'sphere' is not taken over"),
-        ('PixelFilter "box" "float xradius" 3 ' + BALL, "'xradius' of filter 'box' is not taken over"),
-        ('Texture "n" "spectrum" "marble" Material "diffuse" "texture reflectance" "n"' + BALL, "'marble' is not read"),
+        (BALL + ' "float bogus" 3', "'bogus' of shape 'sphere' is ignored"),
+        ('PixelFilter "box" "float xradius" 3 ' + BALL, "'xradius' of filter 'box' is ignored"),
+        (
+            'Texture "n" "spectrum" "marble" Material "diffuse" "texture reflectance" "n"' + BALL,
+            "'marble' is not supported: a constant value is used",
+        ),
         (
             'Texture "t" "spectrum" "imagemap" "string filename" "gone.png" Material "diffuse" "texture reflectance" "t"' + BALL,
             "gone.png",
         ),
-        (BALL + ' "float radius" [1 2]', "'radius' of shape 'sphere' has 2 numbers: the first 1 count"),
+        (BALL + ' "float radius" [1 2]', "'radius' of shape 'sphere' has 2 numbers: the first 1 are used"),
         (BALL + ' "float radius" 1 "float radius" 2', "'radius' of shape 'sphere' is given more than once: the last"),
-        ('Attribute "shape" "float radios" 2 ' + BALL, "'radios' of Attribute 'shape' is not taken over"),
+        ('Attribute "shape" "float radios" 2 ' + BALL, "'radios' of Attribute 'shape' is ignored"),
         ('MakeNamedMaterial "m" "string type" "diffuse"\n' * 2 + BALL, "line 10: The material 'm' is made again"),
         ('Texture "t" "float" "constant"\n' * 2 + BALL, "line 10: The texture 't' is made again"),
         ('MakeNamedMedium "m" "string type" "homogeneous"\n' * 2 + BALL, "line 10: The medium 'm' is made again"),
-        ('Shape "curve" "point3 P" [0 0 0 1 0 0 1 1 0 2 1 0] "float width" .1', "curves of the type flat"),
+        ('Shape "curve" "point3 P" [0 0 0 1 0 0 1 1 0 2 1 0] "float width" .1', "curves of type flat"),
     ],
 )
 def test_what_is_not_taken_over_is_named_with_its_line(pbrt, inside, sentence):
@@ -212,33 +215,39 @@ def test_of_what_no_shape_shows_nothing_is_said(pbrt):
         ('Include "scene.pbrt"', "begun before|include each other"),
         ('Shape "plymesh" "string filename" "/etc/passwd"', "line 9: 'passwd' is not among the files"),
         ('NamedMaterial "steel"', "line 9: there is no material 'steel'"),
-        ('\nMaterial "diffuse" "texture reflectance" "t"' + BALL, "line 10: .* no spectrum texture of this name stands before"),
-        (BALL + ' "float radius" [1 2', "does not end; close it with"),
-        (BALL + ' "float radius" 2 wide', "'wide' is no directive"),
-        (BALL + ' "float radius" [ wide ]', "line 9: 'wide' is no number"),
+        (
+            '\nMaterial "diffuse" "texture reflectance" "t"' + BALL,
+            "line 10: .* no spectrum texture of this name is defined before it",
+        ),
+        (BALL + ' "float radius" [1 2', "a list in brackets is not closed; close it with ]"),
+        (BALL + ' "float radius" 2 wide', "'wide' is not a directive of pbrt-v4; convert older scenes with `pbrt --upgrade`"),
+        (BALL + ' "float radius" [ wide ]', "line 9: 'wide' is not a number; correct it"),
         (BALL + ' "float radius" [ 1e999 ]', "infinite"),
-        (BALL + ' "float radius" [' + " 1" * 2000 + " wide 2 ]", "line 9: 'wide' is no number"),
-        (BALL + ' "float radius" [' + " 1" * 2000 + " nan ]", "infinite, or none"),
+        (BALL + ' "float radius" [' + " 1" * 2000 + " wide 2 ]", "line 9: 'wide' is not a number; correct it"),
+        (BALL + ' "float radius" [' + " 1" * 2000 + " nan ]", "a number is infinite or NaN; correct it"),
         (BALL + ' "float radius" "2"', "takes numbers"),
-        (BALL + ' "point3 radius" [1 2 3]', "'radius' of shape 'sphere' is of type point3"),
-        (BALL + ' "radius" 2', "takes a type and a name"),
+        (BALL + ' "point3 radius" [1 2 3]', "'radius' of shape 'sphere' has the type point3"),
+        (BALL + ' "radius" 2', 'is not a parameter; write a type and a name, such as "float radius"'),
         (BALL + ' "float radius"', "a parameter without a value"),
-        ("Shape", "line 9: Shape takes 1 name in quotes"),
-        (SQUARE.replace("0 2 3]", "0 2 4]"), "has the index 4 where there are 4 points"),
+        ("Shape", 'line 9: Shape needs 1 name in quotes, such as "diffuse"'),
+        (SQUARE.replace("0 2 3]", "0 2 4]"), "has the index 4, but only 4 points"),
         (SQUARE.replace("0 2 3]", "0 2]"), "a multiple of 3"),
         ("Translate 1 2", "line 9: Translate takes 3 numbers"),
         ("Scale 1 0 1 " + BALL, "a scale is 0"),
         ("AttributeBegin" + " " + BALL, "AttributeBegin has no end"),
         ("AttributeEnd", "has no AttributeBegin"),
         ('ObjectInstance "a"', "there is no object 'a'"),
-        ('ObjectBegin "a" ObjectBegin "b"', "cannot stand in another"),
-        ("WorldBegin", "has begun before"),
-        ("Sphere 1 -1 1 360", "'Sphere' is no directive of pbrt-v4"),
-        ('ColorSpace "prophoto"', "no colour space"),
-        ('LightSource "point" "blackbody I" -3', "a black body has a temperature above 0"),
-        ('Material "conductor" "spectrum eta" "metal-Unobtainium-eta" ' + BALL, "no spectrum that is known"),
+        ('ObjectBegin "a" ObjectBegin "b"', "an object cannot be defined within another; end the first one before"),
+        ("WorldBegin", "has a second WorldBegin; remove it"),
+        ("Sphere 1 -1 1 360", "'Sphere' is not a directive of pbrt-v4; convert older scenes with `pbrt --upgrade`"),
+        ('ColorSpace "prophoto"', "is not a colour space of pbrt; known are"),
+        ('LightSource "point" "blackbody I" -3', "the temperature of a blackbody must be above 0 kelvin"),
+        (
+            'Material "conductor" "spectrum eta" "metal-Unobtainium-eta" ' + BALL,
+            "is neither a known spectrum nor a file of the scene; add the file",
+        ),
         ("\x00", "line 9: "),
-        ("", "shows no surface"),
+        ("", "has no surface at this frame; choose a frame with triangles or spheres"),
     ],
 )
 def test_what_is_no_scene_is_refused(pbrt, inside, sentence):
@@ -249,9 +258,9 @@ def test_what_is_no_scene_is_refused(pbrt, inside, sentence):
 def test_a_file_without_a_world_is_refused(scene):
     with pytest.raises(SceneError, match="no WorldBegin"):
         scene("scene.pbrt", 'Film "rgb"')
-    with pytest.raises(SceneError, match="line 1: Shape stands before WorldBegin"):
+    with pytest.raises(SceneError, match="line 1: Shape comes before WorldBegin; move it behind"):
         scene("scene.pbrt", BALL)
-    with pytest.raises(SceneError, match="is it a scene of pbrt"):
+    with pytest.raises(SceneError, match="in place of a directive"):
         scene("scene.pbrt", "12 13")
     with pytest.raises(SceneError, match="could not be unpacked"):
         scene("scene.pbrt", world('Include "a.pbrt.gz"'), {"a.pbrt.gz": b"nothing packed"})

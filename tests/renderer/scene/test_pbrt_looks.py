@@ -286,6 +286,6 @@ def test_what_is_made_of_textures_lies_as_they_do_and_several_ways_are_named(pbr
         other = f'Texture "f" "float" "checkerboard" "string mapping" "{mapping}" '
         found = pbrt(other + mixed + BALL)
         assert found.meshes[0].uvs1 is not None
-        assert any("in several ways" in warning for warning in found.warnings) == says
-    with pytest.raises(SceneError, match="mapping 'odd'; there are uv, planar"):
+        assert any("uses textures with different mappings: all use one" in warning for warning in found.warnings) == says
+    with pytest.raises(SceneError, match="has the mapping 'odd'; known are uv, planar, spherical and cylindrical"):
         pbrt(LAID.format("odd", "") + BALL)

@@ -89,15 +89,15 @@ def test_named_substances_are_a_millimetres(pbrt):
             'MakeNamedMedium "fog" "string type" "uniformgrid" ' + INTO + GLASS + BALL,
             "'fog' is not the same everywhere .uniformgrid",
         ),
-        (FOG.replace('g" 0.3', 'g" 0.3 "rgb Le" [1 1 1]') + INTO + GLASS + BALL, "does not shine"),
-        (FOG + INTO + 'Material "thindielectric"' + BALL, "is thin: no medium fills it"),
-        (FOG + 'MediumInterface "" "fog"' + GLASS + BALL, "'fog' is said to be around a shape, but fills none"),
+        (FOG.replace('g" 0.3', 'g" 0.3 "rgb Le" [1 1 1]') + INTO + GLASS + BALL, "its emission (Le) is ignored"),
+        (FOG + INTO + 'Material "thindielectric"' + BALL, "its medium is ignored, since it is thin"),
+        (FOG + 'MediumInterface "" "fog"' + GLASS + BALL, "'fog' of a shape is ignored, since it fills no other shape"),
         (
             'MakeNamedMedium "fog" "string type" "homogeneous" "string preset" "Tar" ' + INTO + GLASS + BALL,
-            "'Tar' is no substance",
+            "'Tar' is not a known substance: its numbers are used",
         ),
         ('Material "interface"' + BALL + 'Material "diffuse"' + BALL, "no medium on either side, is left out"),
-        ('Material "subsurface" "string name" "Tar"' + BALL, "'Tar' is no substance"),
+        ('Material "subsurface" "string name" "Tar"' + BALL, "'Tar' is not a known substance: its numbers are used"),
     ],
 )
 def test_what_is_not_taken_over_is_named(pbrt, inside, sentence):
@@ -212,4 +212,4 @@ def test_subsurface_of_a_named_substance_scatters_by_its_asymmetry(pbrt):
 
 def test_g_beside_a_reflectance_is_named(pbrt):
     found = pbrt('Material "subsurface" "rgb reflectance" [0.8 0.5 0.2] "float g" 0.5' + BALL)
-    assert any("'g' of material 'subsurface' is not taken over" in warning for warning in found.warnings)
+    assert any("'g' of material 'subsurface' is ignored, since its reflectance is given" in warning for warning in found.warnings)

@@ -57,7 +57,7 @@ def test_points_without_faces_are_balls_of_their_colours(scene):
     np.testing.assert_allclose(mesh.colors.reshape(4, -1, 4)[2], [(0, 0, 1, 1)] * 12)
     a, b, c = (mesh.positions[mesh.triangles[:, k]] for k in range(3))
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), mesh.normals[mesh.triangles[:, 0]]) > 0).all()
-    assert any("4 points are shown as balls of radius 1" in w for w in description.warnings)
+    assert any("4 of 4 points are shown as spheres of radius 1" in w for w in description.warnings)
 
 
 def test_many_points_are_shown_in_part(scene, monkeypatch):

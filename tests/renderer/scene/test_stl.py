@@ -53,4 +53,6 @@ def test_colours_of_triangles(scene, head, words, colors):
 def test_words_that_are_no_colours_are_none(scene):
     found = scene("a.stl", stl(words=(7, 0x8001)))
     assert found.meshes[0].colors is None
-    assert any("2 of 2 triangles have attributes that are no colours" in warning for warning in found.warnings)
+    assert any(
+        "2 of 2 triangles have attributes that are not colours; they are left out" in warning for warning in found.warnings
+    )

@@ -51,7 +51,7 @@ def test_sublayers_that_are_the_layer_itself_or_named_twice_are_left_out(tmp_pat
     found = read(tmp_path / "a.usda")
     assert len(found.meshes) == 1
     sentences = " ".join(found.warnings)
-    assert "Sublayers that are the layer itself are left out (1): a.usda." in sentences
+    assert "Layers that are their own sublayers are left out (1): a.usda." in sentences
     assert "Sublayers that a layer names twice are left out (1): a.usda." in sentences
     assert "anon:" not in sentences
 
@@ -72,7 +72,7 @@ def test_references_that_lead_nowhere_are_named_by_their_file(tmp_path):
 def test_a_file_that_is_missing_is_named_and_the_rest_is_shown(tmp_path):
     main = written(tmp_path, main='def Cube "m" {}\ndef "a" (references = [@sub/chair.usda@, @gone/lamp.usd@</x>]) {}')
     warnings = read(main).warnings
-    assert "main.usda: its layer sub/chair.usda is not among the files; add it. Rendered without it meanwhile." in warnings
+    assert "main.usda: its layer sub/chair.usda is not among the files; add it. Rendered without it until then." in warnings
     assert any("lamp.usd is not among" in w for w in warnings)
 
 

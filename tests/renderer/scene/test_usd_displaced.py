@@ -74,4 +74,4 @@ def test_an_output_that_says_nothing_is_not_named(shaded):  # noqa: F811
 
 def test_what_is_the_same_height_all_over_is_named(shaded):  # noqa: F811
     found, _ = shaded(lambda stage: material(stage, "/look", displacement=(F, 0.25))[0])
-    assert any("Displacement is not drawn" in warning for warning in found.warnings)
+    assert any("Displacement is not supported and left out" in warning for warning in found.warnings)

@@ -222,10 +222,10 @@ LEFT_OUT = {  # what of a light is named, and in which sentence
     "inputs:shaping:ies:file": (Sdf.AssetPath("a.ies"), "IES profiles that are not among the files"),
     "inputs:shaping:focus": (8.0, "The focus of lights"),
     "inputs:shadow:enable": (False, "Lights without shadows"),
-    "inputs:shadow:color": (Gf.Vec3f(1, 0, 0), "Shadows of a colour"),
-    "inputs:shadow:distance": (3.0, "Shadows of a colour"),
-    "inputs:specular": (0.0, "diffuse and glossy surfaces"),
-    "collection:lightLink:includeRoot": (None, "linked to some objects"),
+    "inputs:shadow:color": (Gf.Vec3f(1, 0, 0), "Shadow colour, distance and falloff of lights are ignored"),
+    "inputs:shadow:distance": (3.0, "Shadow colour, distance and falloff of lights are ignored"),
+    "inputs:specular": (0.0, "Diffuse and specular multipliers of lights are ignored"),
+    "collection:lightLink:includeRoot": (None, "Light linking is ignored: lights illuminate all objects"),
     "inputs:intensity": (5.0, None),
 }
 

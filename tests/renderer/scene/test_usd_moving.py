@@ -196,7 +196,7 @@ def test_what_of_shutters_and_blend_shapes_is_not_taken_over_is_named(tmp_path):
     found = Shot(tmp_path, "a.usda").at()
     assert found.defaults["shutter"] == 0.5
     assert any("Shutters that are not centred" in w for w in found.warnings)
-    assert any("Normals that blend shapes move" in w for w in found.warnings)
+    assert any("Normals are not changed by blend shapes" in w for w in found.warnings)
     camera.CreateShutterOpenAttr(-0.25)
     camera.CreateShutterCloseAttr(0.25)
     made.GetRootLayer().Save()

@@ -25,6 +25,6 @@ def test_triangles_without_area_give_no_light_and_are_counted(lamp: bool, deform
         environment=Environment(color=gray(1.0)),
     )
     scene = compile_scene(description)
-    assert description.warnings == ["Triangles that emit and have no area give no light: 2."]
+    assert description.warnings == ["Emitting triangles without an area give no light: 2."]
     assert len(scene.light_primitive) == (1 if lamp else 0)
     assert (scene.light_area > 0).all()

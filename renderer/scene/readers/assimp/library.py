@@ -228,7 +228,7 @@ def _library() -> Any:
     raise SceneError(
         Sentence(
             "assimp-not-installed",
-            "Files of this kind are read by the package assimp-py, which is not installed here: pip install assimp-py",
+            "Files of this format need the package assimp-py, which is not installed: pip install assimp-py",
         )
     )
 
@@ -258,7 +258,7 @@ def import_file(data: bytes, name: str) -> Imported:
         raise SceneError(
             Sentence(
                 "file-damaged-or-misnamed",
-                "{name}: is damaged or no {format} file ({reason}); export it again",
+                "{name}: is damaged or not a {format} file ({reason}); export it again",
                 name=name,
                 format=Path(name).suffix,
                 reason=reason[0][:160],
@@ -357,7 +357,7 @@ def _nodes(root: int | None, name: str) -> list[Node]:
             raise SceneError(
                 Sentence(
                     "assimp-nodes-too-many",
-                    "{name}: has more than {most} nodes; fewer fit",
+                    "{name}: has more than {most} nodes; simplify it",
                     name=name,
                     most=MAX_NODES,
                 )
@@ -380,7 +380,7 @@ def _shape(mesh: Any, name: str) -> Shape:
         raise SceneError(
             Sentence(
                 "face-vertex-out-of-range",
-                "{name}: a face names vertex {vertex} where there are {count}; export the file again",
+                "{name}: a face refers to vertex {vertex}, but there are {count}; export the file again",
                 name=name,
                 vertex=corners.max(),
                 count=count,

@@ -24,7 +24,14 @@ __all__ = ["Materials"]
 # aiTextureType
 _DIFFUSE, _EMISSIVE, _HEIGHT, _NORMALS, _OPACITY, _BASE, _METAL, _ROUGH = 1, 4, 5, 6, 8, 12, 15, 16
 _TAKEN = {_DIFFUSE, _EMISSIVE, _HEIGHT, _NORMALS, _OPACITY, _BASE, _METAL, _ROUGH}
-_NAMES = {2: "specular", 3: "ambient", 7: "shininess", 9: "displacement", 10: "lightmap", 11: "reflection"}
+_NAMES: dict[int, str] = {
+    2: Sentence("texture-use-specular", "specular reflection"),
+    3: Sentence("texture-use-ambient", "ambient light"),
+    7: Sentence("texture-use-shininess", "shininess"),
+    9: Sentence("texture-use-displacement", "displacement"),
+    10: Sentence("texture-use-light-map", "baked light"),
+    11: Sentence("texture-use-reflection", "reflected surroundings"),
+}
 _WRAPS: dict[int, Wrap] = {0: "repeat", 1: "clamp", 2: "mirror", 3: "clamp"}
 _MATTE = (1, 2, 9)  # aiShadingMode: flat, Gouraud, none
 _UNSHADED = 9
@@ -120,7 +127,7 @@ class Materials:
         self._surface(said, material)
         self._opacity(said, material)
         self._normals(said, material)
-        left = [_NAMES.get(kind, f"kind {kind}") for key, kind in said if key == "$tex.file" and kind not in _TAKEN]
+        left = [_use(kind) for key, kind in said if key == "$tex.file" and kind not in _TAKEN]
         if left:
             self._shelf.warn_of_surface(
                 Sentence(
@@ -151,7 +158,9 @@ class Materials:
 
     def _opacity(self, said: dict[tuple[str, int], Any], material: Material) -> None:
         opacity = unit(_number(said, "$mat.opacity", 1.0))
-        self.odd[Sentence("assimp-opacities-zero", "opacities of 0, which many programs write of what is opaque")] += opacity == 0
+        self.odd[Sentence("assimp-opacities-zero", "opacities of 0, which many programs write for opaque materials")] += (
+            opacity == 0
+        )
         if 0 < opacity < 1:
             material.opacity, material.alpha_mode = opacity, "blend"
         mask = self._texture(said, _OPACITY, material.name, srgb=False)
@@ -169,7 +178,7 @@ class Materials:
                 self._shelf.warn_of_surface(
                     Sentence(
                         "material-bump-heights-dropped",
-                        "Material {name}: its bump map holds heights and is left out; bake it to a normal map.",
+                        "Material {name}: its bump map contains heights and is left out; bake it to a normal map.",
                         name=material.name,
                     )
                 )
@@ -181,7 +190,7 @@ class Materials:
         wraps = [_WRAPS.get(int(_number(said, key, 0, kind)), "repeat") for key in ("$tex.mapmodeu", "$tex.mapmodev")]
         number = int(_number(said, "$tex.uvwsrc", 0, kind))
         uv_set = min(max(number, 0), 1)
-        self.odd[Sentence("assimp-texture-coordinate-sets", "sets of texture coordinates that a texture names")] += (
+        self.odd[Sentence("assimp-texture-coordinate-sets", "textures that name a set of texture coordinates")] += (
             uv_set != number
         )
         place = _transform(said.get(("$tex.uvtrafo", kind)), self._main.lower().endswith((".x3d", ".x3db", ".wrl")))
@@ -234,3 +243,7 @@ def _color(said: dict[tuple[str, int], Any], key: str, default: Vec3, high: floa
         return default
     r, g, b = (clamped(float(c), 0.0, high) for c in value[:3])
     return r, g, b
+
+
+def _use(kind: int) -> str:
+    return _NAMES.get(kind) or Sentence("texture-use-number", "use number {number}", number=kind)

@@ -111,14 +111,14 @@ class _Reader:
                 b"Viewpoint "
             )
         self._odd[Sentence("assimp-line-point-meshes", "meshes of lines and points")] += self._imported.loose
-        self._odd[Sentence("unit-concave-polygons", "concave polygons, which are filled as if convex")] += sum(
+        self._odd[Sentence("unit-concave-polygons", "concave polygons, filled as if convex")] += sum(
             m.unfilled for m in self._imported.meshes.values()
         )
         self._odd[Sentence("assimp-coordinate-colour-sets", "sets of texture coordinates and of colours")] += sum(
             m.more_sets for m in self._imported.meshes.values()
         )
-        self._odd[Sentence("assimp-textures-stacked", "textures over others of the same kind")] += self._imported.stacked
-        self._odd[Sentence("assimp-later-frames", "frames, of which the first is shown")] += _frames(self._main, self._files)
+        self._odd[Sentence("assimp-textures-stacked", "textures stacked on others of the same kind")] += self._imported.stacked
+        self._odd[Sentence("assimp-later-frames", "frames, of which only the first is shown")] += _frames(self._main, self._files)
         self._odd[Sentence("assimp-parts-unfinished", "parts that the importer could not finish")] += not self._imported.is_whole
         self._odd += self._materials.odd
         self._odd[Sentence("assimp-morph-targets", "morph targets")] += self._imported.morphs
@@ -126,13 +126,15 @@ class _Reader:
         listed = [amount(count, words) for words, count in self._odd.items() if count]
         if listed:
             self._shelf.warn(
-                Sentence("file-features-not-read", "{file}: not taken over: {features}.", file=self._main, features=listed)
+                Sentence(
+                    "file-features-not-read", "{file}: not supported and left out: {features}.", file=self._main, features=listed
+                )
             )
         for text, count in self._imported.said.items():
             self._shelf.warn(
                 Sentence(
-                    "assimp-importer-message",
-                    "{file}: the importer says: {text}.",
+                    "importer-message",
+                    "{file}: importer message: {text}.",
                     file=self._main,
                     text=with_count(text, count),
                 )
@@ -222,7 +224,9 @@ class _Reader:
 
     def _light(self, lamp: Lamp, middle: F64) -> None:
         if lamp.kind not in (_DIRECTIONAL, _POINT, _SPOT):
-            self._odd["ambient lights" if lamp.kind == _AMBIENT else "area lights"] += 1
+            is_ambient = lamp.kind == _AMBIENT
+            kind = Sentence("lights-ambient", "ambient lights") if is_ambient else Sentence("lights-area", "area lights")
+            self._odd[kind] += 1
             return
         at = self._by_name.get(lamp.node)
         world = np.eye(4) if at is None else self._world(at)
@@ -236,7 +240,7 @@ class _Reader:
         if lamp.kind != _DIRECTIONAL:
             far = float(np.linalg.norm(position - middle))
             if lamp.quadratic <= 1e-9 or lamp.linear > 1e-9:
-                self._odd[Sentence("assimp-light-falloff", "fadings of lights other than by the square of the distance")] += 1
+                self._odd[Sentence("assimp-light-falloff", "light falloffs other than inverse square")] += 1
             scale *= 1 / lamp.quadratic if lamp.quadratic > 1e-9 else max(far, 1e-3) ** 2
         r, g, b = (clamped(float(np.nan_to_num(c)) * scale, 0.0, _MOST) for c in lamp.color)
         x, y, z = (float(c) for c in np.nan_to_num(position))

@@ -8,6 +8,7 @@ from pathlib import PurePosixPath
 from xml.etree import ElementTree
 
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.readers.expansion_limits import collada_nodes, x3d_nodes
 from renderer.scene.readers.xml import refuse_entities
 from renderer.sentences import Sentence
@@ -40,7 +41,7 @@ def _judge_package(data: bytes, main: str) -> None:
                     raise SceneError(
                         Sentence(
                             "archive-part-zip-bomb",
-                            "{file}: its part {part} unpacks to far more than it is, as zip bombs do",
+                            "{file}: its part {part} unpacks to many times its size, as zip bombs do; pack it again",
                             file=main,
                             part=entry.filename[:120],
                         )
@@ -53,5 +54,5 @@ def _judge_package(data: bytes, main: str) -> None:
         return
     except (*DAMAGED, OSError) as error:
         raise SceneError(
-            Sentence("archive-damaged", "{file}: is damaged ({error}); pack it again", file=main, error=str(error)[:120])
+            Sentence("archive-damaged", "{file}: is damaged ({error}); pack it again", file=main, error=library_message(error))
         ) from error

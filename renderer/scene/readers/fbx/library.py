@@ -52,9 +52,7 @@ def _library() -> ctypes.CDLL:
             if hasattr(found, "ufbx_load_memory"):
                 return _declared(found)
     raise SceneError(
-        Sentence(
-            "fbx-ufbx-not-installed", "FBX files are read by the package ufbx, which is not installed here: pip install ufbx"
-        )
+        Sentence("fbx-ufbx-not-installed", "FBX files need the package ufbx, which is not installed: pip install ufbx")
     )
 
 
@@ -65,7 +63,8 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
         raise SceneError(
             Sentence(
                 "fbx-ufbx-too-old",
-                "The package ufbx here has version {version} of its library, and FBX files need 0.21 of it, as ufbx 0.0.5 has",
+                "The installed ufbx contains version {version} of its library, but FBX files need 0.21 or "
+                "later: pip install -U ufbx",
                 version=said,
             )
         )
@@ -169,18 +168,45 @@ class FbxScene:
         ]
 
 
+_MESSAGES: dict[str, str] = {
+    str.__str__(each): each
+    for each in (
+        Sentence("ufbx-empty-file", "Empty file"),
+        Sentence("ufbx-truncated-file", "Truncated file"),
+        Sentence("ufbx-memory-limit", "Memory limit exceeded"),
+        Sentence("ufbx-input-output", "IO error"),
+        Sentence("ufbx-format-unknown", "Unrecognized file format"),
+        Sentence("ufbx-vertices-truncated", "Truncated vertex stream"),
+        Sentence("ufbx-not-utf8", "Invalid UTF-8"),
+        Sentence("ufbx-bad-nurbs", "Bad NURBS geometry"),
+        Sentence("ufbx-bad-index", "Bad index"),
+        Sentence("ufbx-nodes-too-deep", "Node depth limit exceeded"),
+        Sentence("ufbx-version-unsupported", "Unsupported version"),
+        Sentence("ufbx-bad-deflate", "Bad DEFLATE data"),
+        Sentence("ufbx-index-clamped", "Clamped index"),
+        Sentence("ufbx-object-duplicate", "Duplicate object ID"),
+        Sentence("ufbx-bad-string", "Bad UTF-8 string"),
+        Sentence("ufbx-empty-face", "Empty face has been removed"),
+        Sentence("ufbx-unknown", "Unknown error"),
+    )
+}
+
+
+def message_of(notice: Any) -> str:
+    """Returns the description of an error or a warning of the library."""
+    said = text(notice.description)[:160]
+    return _MESSAGES.get(said, said)
+
+
 def _failed(error: Any, name: str) -> Any:
     if error.kind in _OUT_OF_MEMORY:
         raise MemoryError
-    said = text(error.description) or "unknown"
-    detail = f": {error.info.decode('utf-8', 'replace')[:100]}" if error.info_length else ""
     raise SceneError(
         Sentence(
             "fbx-file-damaged",
-            "{name}: is damaged or no FBX file ({error}{detail}); export it again",
+            "{name}: is damaged or not an FBX file ({error}); export it again",
             name=name,
-            error=said,
-            detail=detail,
+            error=message_of(error),
         )
     )
 

@@ -31,10 +31,10 @@ _BY_ABBE = (3, 4, 9)  # ufbx_shader_type: OSL's and Arnold's standard surface an
 _MAX_RADIANCE = 1e9
 _MOST_SCATTER = 1e6
 _LEFT_OUT = {
-    "displacement_map": Sentence("fbx-material-displacement", "displacement"),
-    "diffuse_roughness": Sentence("fbx-material-diffuse-roughness", "the roughness of the matt part"),
-    "transmission_extra_roughness": Sentence("fbx-material-transmission-roughness", "what makes transmission rougher"),
-    "matte_factor": Sentence("fbx-material-matte", "matte"),
+    "displacement_map": Sentence("texture-use-displacement", "displacement"),
+    "diffuse_roughness": Sentence("fbx-material-diffuse-roughness", "diffuse roughness"),
+    "transmission_extra_roughness": Sentence("fbx-material-transmission-roughness", "extra transmission roughness"),
+    "matte_factor": Sentence("fbx-material-matte", "matte factor"),
 }
 _PBR = {name: i for i, name in enumerate(layout.PBR_MAPS)}
 _FBX = {name: i for i, name in enumerate(layout.FBX_MAPS)}
@@ -79,10 +79,12 @@ class Materials:
         if said.feature("unlit"):
             material.kind, material.roughness, material.emission, material.emission_texture = "unlit", None, (0.0, 0.0, 0.0), None
         left: list[str] = [words for key, words in _LEFT_OUT.items() if said.has(key)]
-        left += [f"the texture of {name}" for name in said.unread()]
+        left += [Sentence("texture-of-property", "the texture of {property}", property=name) for name in said.unread()]
         if left:
             self._shelf.warn_of_surface(
-                Sentence("material-parts-dropped", "Material {name}: not read and left out: {parts}.", name=name, parts=[*left])
+                Sentence(
+                    "material-parts-dropped", "Material {name}: not supported and left out: {parts}.", name=name, parts=[*left]
+                )
             )
         return material
 
@@ -102,14 +104,12 @@ class Materials:
             texture = said.fbx_texture("bump")
             if texture is not None and holds_normals(self._shelf.image_of(texture)):
                 material.normal_texture = texture
-                self.guessed[
-                    Sentence("fbx-bump-read-as-normal", "bump maps of mostly blue pixels, which are read as normal maps")
-                ] += 1
+                self.guessed[Sentence("fbx-bump-read-as-normal", "bump maps of mostly blue pixels, read as normal maps")] += 1
             elif texture is not None:
                 self._shelf.warn_of_surface(
                     Sentence(
                         "material-bump-heights-dropped",
-                        "Material {name}: its bump map holds heights and is left out; bake it to a normal map.",
+                        "Material {name}: its bump map contains heights and is left out; bake it to a normal map.",
                         name=material.name,
                     )
                 )
@@ -120,18 +120,18 @@ class Materials:
         if opacity < 1 and not (is_old and opacity == 0):  # 0 is written by exporters that mean the opposite
             material.opacity, material.alpha_mode = opacity, "blend"
         elif opacity < 1:
-            self.guessed[Sentence("fbx-opacity-zero", "materials of opacity 0, which are read as opaque")] += 1
+            self.guessed[Sentence("fbx-opacity-zero", "materials of opacity 0, read as opaque")] += 1
         mask = said.fbx_texture("transparency_color") if is_old else said.texture("opacity")
         if mask is None:
             return
         if material.transmission > 0:
-            self.guessed[Sentence("fbx-opacity-on-transmission", "maps of opacity on materials that transmit light")] += 1
+            self.guessed[Sentence("fbx-opacity-on-transmission", "opacity maps on materials that transmit light")] += 1
             return
         if is_old and (alpha(self._shelf.image_of(mask)) == 1).all():
             self._shelf.warn_of_surface(
                 Sentence(
                     "fbx-transparency-map-without-alpha",
-                    "Material {name}: its map of transparency has no alpha, and is left out.",
+                    "Material {name}: its transparency map has no alpha and is left out.",
                     name=material.name,
                 )
             )

@@ -16,7 +16,19 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.origin import exact
 from renderer.scene.readers.fbx import layout, lights
 from renderer.scene.readers.fbx.animation import Stacks
-from renderer.scene.readers.fbx.library import FbxScene, array, at, each, is_set, is_visible, matrix, number_of, pointed, text
+from renderer.scene.readers.fbx.library import (
+    FbxScene,
+    array,
+    at,
+    each,
+    is_set,
+    is_visible,
+    matrix,
+    message_of,
+    number_of,
+    pointed,
+    text,
+)
 from renderer.scene.readers.fbx.materials import Materials
 from renderer.scene.readers.fbx.meshes import Part, parts_of
 from renderer.scene.readers.fbx.shapes import Skin, blended, turned_with
@@ -54,7 +66,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         raise SceneError(
             Sentence(
                 "nodes-too-many",
-                "{file}: has {count} nodes; at most {most} fit",
+                "{file}: has {count} nodes; at most {most} are allowed. Simplify it",
                 file=main,
                 count=opened.scene.nodes.count,
                 most=MAX_NODES,
@@ -147,7 +159,7 @@ class _Reader:
         made_once = ("FBX parts", self._main, mesh.element_id)
         parts, unfilled = self._files.recall(made_once, functools.partial(parts_of, mesh))
         if unfilled:
-            self._odd[Sentence("unit-concave-polygons", "concave polygons, which are filled as if convex")] += unfilled
+            self._odd[Sentence("unit-concave-polygons", "concave polygons, filled as if convex")] += unfilled
         if not parts:
             self._odd[Sentence("fbx-meshes-without-faces", "meshes without faces")] += 1
             return
@@ -163,16 +175,14 @@ class _Reader:
             raise SceneError(
                 Sentence(
                     "fbx-mesh-parts-too-many",
-                    "{file}: shows more than {most} parts of meshes; fewer fit",
+                    "{file}: shows more than {most} mesh parts; simplify it",
                     file=self._main,
                     most=MAX_INSTANCES,
                 )
             )
         for i, part in enumerate(parts):
             if slots and part.slot >= len(slots):
-                self._odd[
-                    Sentence("fbx-parts-without-material", "parts of meshes whose material is not in the file, which are grey")
-                ] += 1
+                self._odd[Sentence("fbx-parts-without-material", "mesh parts whose material is missing, shown grey")] += 1
             material = self._materials.number(slots[part.slot] if part.slot < len(slots) else None)
             key = (source, part.slot)
             if key not in self._numbers:
@@ -236,11 +246,9 @@ class _Reader:
         if len(skins) > 1:
             self._odd[Sentence("fbx-further-skins", "further skins of a mesh")] += len(skins) - 1
         if any(skin.method in _DUAL_QUATERNIONS for skin in skins):
-            self._shelf.warn(
-                Sentence("fbx-dual-quaternion-skins", "Skins by dual quaternions are bent linearly, as the others are.")
-            )
+            self._shelf.warn(Sentence("dual-quaternion-skins", "Dual-quaternion skins are deformed linearly."))
         if mesh.subdivision_mode in _SMOOTH:
-            self._odd[Sentence("fbx-subdivisions", "subdivisions of surfaces, which are shown as their cages")] += 1
+            self._odd[Sentence("fbx-subdivisions", "subdivision surfaces, shown as their cages")] += 1
         if mesh.color_sets.count > 1:
             self._odd[Sentence("fbx-further-colour-sets", "further sets of vertex colours")] += mesh.color_sets.count - 1
         if mesh.num_lines or mesh.num_points:
@@ -264,9 +272,9 @@ class _Reader:
         world = self._finite(aimed(node, self._scene, matrix(node.node_to_world), np.array(light.direction)), node)
         name = self._unique(text(node.name) or "light")
         if not is_set(light, b"CastShadows", True):
-            self._odd[Sentence("fbx-lights-without-shadows", "lights without shadows, which cast them")] += 1
+            self._odd[Sentence("fbx-lights-without-shadows", "lights without shadows, which cast shadows")] += 1
         if is_set(light, b"EnableNearAttenuation") or is_set(light, b"EnableFarAttenuation"):
-            self._odd[Sentence("fbx-light-ranges", "distances within which alone a light shines")] += 1
+            self._odd[Sentence("fbx-light-ranges", "light ranges, which are ignored")] += 1
         if light.kind == lights.VOLUME or not light.shines:
             self._odd[
                 Sentence("fbx-volume-lights", "volume lights")
@@ -282,7 +290,7 @@ class _Reader:
                 self._odd[
                     Sentence(
                         "fbx-lights-without-falloff",
-                        "lights that do not fade as real ones do, as bright as told in the scene's middle",
+                        "lights without falloff, which get an inverse-square falloff",
                     )
                 ] += 1
 
@@ -297,7 +305,7 @@ class _Reader:
         self._shelf.warn(
             Sentence(
                 "fbx-area-light-size-unknown",
-                "FBX does not say how large area lights are; they are squares, a metre wide where nothing scales them.",
+                "FBX does not store the size of area lights; they are squares of 1 m before scaling.",
             )
         )
 
@@ -317,12 +325,12 @@ class _Reader:
             tall = float(camera.orthographic[1]) * (1.0 if self._by_blender else unit)
             view = lights.read_camera(camera, world, offset, near, tall)
             if number_of(camera, b"Roll"):
-                self._odd[Sentence("fbx-camera-roll", "cameras that roll, which are upright")] += 1
+                self._odd[Sentence("fbx-camera-roll", "cameras with roll, which is left out")] += 1
             if is_set(camera, b"UseDepthOfField"):
                 self._odd[
                     Sentence(
                         "fbx-camera-depth-of-field",
-                        "cameras with depth of field, whose aperture FBX does not tell: sharp everywhere",
+                        "cameras with depth of field, whose aperture FBX does not store: everything is sharp",
                     )
                 ] += 1
         except SettingsError as error:
@@ -356,21 +364,23 @@ class _Reader:
         if self._odd:
             listed = [amount(count, words) for words, count in self._odd.items()]
             self._shelf.warn(
-                Sentence("fbx-features-not-read", "Not taken over as it is in the FBX file: {features}.", features=listed)
+                Sentence(
+                    "fbx-features-not-read", "Features of the FBX file that are not fully supported: {features}.", features=listed
+                )
             )
         notices = each(self._scene.metadata.warnings, layout.Notice)
         if len(notices) > _NOTICES:
             self._shelf.warn(
                 Sentence(
                     "fbx-importer-messages-more",
-                    "{file}: {count} more warnings of its importer are not listed.",
+                    "{file}: {count} more importer warnings are not listed.",
                     file=self._main,
                     count=len(notices) - _NOTICES,
                 )
             )
         for notice in notices[:_NOTICES]:
-            said = with_count(text(notice.description)[:160], notice.count)
-            self._shelf.warn(Sentence("fbx-importer-message", "{file}: {text}.", file=self._main, text=said))
+            said = with_count(message_of(notice), notice.count)
+            self._shelf.warn(Sentence("importer-message", "{file}: importer message: {text}.", file=self._main, text=said))
 
 
 def _points(mesh: Any, part: Part) -> npt.NDArray[Any]:

@@ -42,17 +42,7 @@ class Pictures:
         source = layout.Texture.from_address(address)
         files = pointed(source.files, layout.Texture)
         if source.kind != _FILE or not files:
-            what = "layers" if source.kind == _LAYERED else "a network of nodes"
-            used = "its lowest picture is shown" if files else "it is left out"
-            self._shelf.warn_of_surface(
-                Sentence(
-                    "fbx-texture-not-read",
-                    "{user}: a texture of {slot} is not read; {replacement}.",
-                    user=user,
-                    slot=what,
-                    replacement=used,
-                )
-            )
+            self._shelf.warn_of_surface(_unread(user, source.kind == _LAYERED, bool(files)))
         if not files:
             return None
         picture = files[0]
@@ -62,7 +52,8 @@ class Pictures:
             self._shelf.warn_of_surface(
                 Sentence(
                     "fbx-texture-uv-set-unread",
-                    "{user}: a texture lies by the UV set {uv_set}; only a mesh's first two are read, and the first is taken.",
+                    "{user}: a texture uses the UV set {uv_set}; only a mesh's first two UV sets are read. "
+                    "The first is used instead.",
                     user=user,
                     uv_set=text(picture.uv_set)[:60],
                 )
@@ -117,3 +108,13 @@ def _as_blender_means(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     made[:2, :2] = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) * scale
     made[:2, 3] = moved
     return made
+
+
+def _unread(user: str, is_layered: bool, has_image: bool) -> str:
+    if has_image and is_layered:
+        return Sentence("fbx-layers-first-shown", "{user}: a texture has layers; only its lowest image is shown.", user=user)
+    if has_image:
+        return Sentence("fbx-nodes-first-shown", "{user}: a texture is made by nodes; only its first image is shown.", user=user)
+    if is_layered:
+        return Sentence("fbx-layers-dropped", "{user}: a texture has layers without an image; it is left out.", user=user)
+    return Sentence("fbx-nodes-dropped", "{user}: a texture is made by nodes without an image; it is left out.", user=user)

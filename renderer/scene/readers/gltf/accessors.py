@@ -66,7 +66,7 @@ class Accessors:
                 raise DamagedError(
                     self._file,
                     accessor.where,
-                    Sentence("gltf-values-not-finite", "holds values that are not finite numbers"),
+                    Sentence("gltf-values-not-finite", "contains values that are not finite numbers"),
                 )
             self._finite.add(index)
         return values
@@ -78,7 +78,7 @@ class Accessors:
             raise DamagedError(
                 self._file,
                 self.accessors[index].where,
-                Sentence("gltf-indices-are-floats", "holds floats where indices belong"),
+                Sentence("gltf-indices-are-floats", "contains floats instead of indices"),
             )
         return values.reshape(-1)
 
@@ -115,7 +115,7 @@ class Accessors:
             raise DamagedError(
                 self._file,
                 view.where,
-                Sentence("gltf-buffer-view-overrun", "reads past its buffer's end"),
+                Sentence("gltf-buffer-view-overrun", "reaches beyond the end of its buffer"),
                 Sentence("gltf-file-damaged", "the file is damaged, export it again"),
             )
         return buffer[offset : offset + length]
@@ -128,7 +128,7 @@ class Accessors:
                 raise DamagedError(
                     self._file,
                     packing.where,
-                    Sentence("gltf-buffer-view-overrun", "reads past its buffer's end"),
+                    Sentence("gltf-buffer-view-overrun", "reaches beyond the end of its buffer"),
                     Sentence("gltf-file-damaged", "the file is damaged, export it again"),
                 )
             self._unpacked_views[index] = meshopt.decode(packing, buffer[offset : offset + packed], length)
@@ -171,7 +171,7 @@ class Accessors:
             self._root.faults.note(
                 Sentence(
                     "gltf-buffer-short",
-                    "{file}: {place} has {found} of {length} bytes; what is there is read.",
+                    "{file}: {place} has {found} of {length} bytes; these are read.",
                     file=self._file,
                     place=buffer.where,
                     found=len(data),
@@ -190,7 +190,7 @@ class Accessors:
                 "type",
                 Sentence(
                     "gltf-accessor-type-wrong",
-                    "is {kind} of component type {component_type}, which does not fit here",
+                    "has type {kind} and component type {component_type}, which is wrong here",
                     kind=kind[:10],
                     component_type=accessor.value.get("componentType"),
                 ),
@@ -201,7 +201,7 @@ class Accessors:
             raise SceneError(
                 Sentence(
                     "gltf-arrays-too-large",
-                    "{file}: its arrays hold more than {million} million values; simplify its meshes",
+                    "{file}: its arrays contain more than {million} million values; simplify its meshes",
                     file=self._file,
                     million=MAX_VALUES >> 20,
                 )
@@ -224,7 +224,7 @@ class Accessors:
             raise DamagedError(
                 self._file,
                 where,
-                Sentence("gltf-accessor-out-of-range", "reads past the end of its data"),
+                Sentence("gltf-accessor-out-of-range", "reaches beyond the end of its data"),
                 Sentence("gltf-file-damaged", "the file is damaged, export it again"),
             )
         little = component.newbyteorder("<")
@@ -238,14 +238,14 @@ class Accessors:
             raise sparse.wrong("indices", Sentence("gltf-sparse-values-missing", "or values is missing"))
         component = _COMPONENT.get(places.integer("componentType"))
         if component not in (np.uint8, np.uint16, np.uint32):
-            raise places.wrong("componentType", Sentence("gltf-not-unsigned-integer", "is no unsigned integer"))
+            raise places.wrong("componentType", Sentence("gltf-not-unsigned-integer", "is not an unsigned integer"))
         arrays = []
         for part, width, dtype in ((places, 1, np.dtype(component)), (replacements, values.shape[1], values.dtype)):
             view = part.integer("bufferView", high=len(self._views))
             arrays.append(self._strided(view, part.integer("byteOffset", 0), count, width, dtype, part.where))
         at = arrays[0].reshape(-1).astype(np.int64)
         if at.max() >= len(values):
-            raise places.wrong("bufferView", Sentence("gltf-sparse-index-invalid", "holds a place outside of the array"))
+            raise places.wrong("bufferView", Sentence("gltf-sparse-index-invalid", "contains an index outside of the array"))
         result = values.copy()
         result[at] = arrays[1]
         return result

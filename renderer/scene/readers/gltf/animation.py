@@ -22,7 +22,7 @@ from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.name_lookup import number_of
 from renderer.scene.readers.replaced_values import Changed, Path
-from renderer.sentences import Sentence
+from renderer.sentences import Sentence, first_items
 
 __all__ = ["EXTENSION", "Animations"]
 
@@ -136,7 +136,7 @@ class Animations:
         if at not in self._times:
             times = self._accessors.floats(at, 1, finite=False).reshape(-1).astype(np.float64)
             if (np.diff(times[np.isfinite(times)]) < 0).any():
-                raise sampler.wrong("input", Sentence("gltf-animation-times-descend", "has times that do not grow"))
+                raise sampler.wrong("input", Sentence("gltf-animation-times-descend", "has times that do not ascend"))
             self._times[at] = times
         return self._times[at]
 
@@ -161,17 +161,14 @@ class Animations:
         moving = {channel.path for channel in found if not channel.curve.is_constant}
         if not left_out:
             return found, moving, []
-        more = ", ..." if len(left_out) > _NAMED else ""
-        named = ", ".join(dict.fromkeys(left_out[:_NAMED]))
         return (
             found,
             moving,
             [
                 Sentence(
                     "gltf-animation-not-read",
-                    "What is animated but not read here, or not there, stands still: {targets}{more}.",
-                    targets=named,
-                    more=more,
+                    "Animated properties that are missing or not supported stand still: {targets}.",
+                    targets=first_items(dict.fromkeys(left_out), _NAMED),
                 )
             ],
         )
@@ -207,7 +204,12 @@ class Animations:
         values = values.reshape(len(times), -1)
         finite = np.isfinite(times) & np.isfinite(values).all(axis=1)
         if not finite.all():
-            what = f"has {int((~finite).sum())} of {len(times)} keys that are not finite numbers"
+            what = Sentence(
+                "gltf-keys-not-finite",
+                "has {count} keys of {total} that are not finite numbers",
+                count=int((~finite).sum()),
+                total=len(times),
+            )
             if not finite.any():
                 raise sampler.wrong("output", what)
             sampler.fault("output", what)

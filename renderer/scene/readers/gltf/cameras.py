@@ -9,6 +9,7 @@ import numpy as np
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.transforms import Matrix, unit_vector, vec3
 from renderer.scene.readers.number_ranges import clamped
+from renderer.sentences import Sentence
 from renderer.settings import View
 
 __all__ = ["read_camera"]
@@ -27,7 +28,7 @@ def read_camera(source: Json, world: Matrix) -> View:
         return View(vec3(eye), vec3(target), vec3(up), projection="orthographic", height=height, near=near)
     perspective = source.object("perspective")
     if perspective is None or "yfov" not in perspective:
-        source.replace("perspective.yfov", "missing and taken as 40 degrees")
+        source.replace("perspective.yfov", Sentence("gltf-fov-missing", "missing and replaced by 40 degrees"))
     fov = math.degrees(perspective.number("yfov", math.radians(40)) if perspective else math.radians(40))
     return View(vec3(eye), vec3(target), vec3(up), fov, near=_near(perspective))
 

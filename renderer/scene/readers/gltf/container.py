@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.readers.gltf.faults import DamagedError, Faults
 from renderer.sentences import Sentence
 
@@ -35,7 +36,9 @@ class Json:
     def __init__(self, file: str, where: str, value: Any, faults: Faults | None = None) -> None:
         self.faults = Faults() if faults is None else faults
         if not isinstance(value, dict):
-            raise DamagedError(file, where or "the file", Sentence("gltf-not-object", "is not a JSON object"))
+            raise DamagedError(
+                file, where or Sentence("gltf-whole-file", "the file"), Sentence("gltf-not-object", "is not a JSON object")
+            )
         self.file, self.where, self.value = file, where, value
 
     def __contains__(self, key: str) -> bool:
@@ -60,7 +63,7 @@ class Json:
     def clamped(self, key: str, value: float, low: float, high: float) -> float:
         """Returns the value of a key clamped to low..high. Counts a fault if it is outside by more than float32's precision."""
         if not low - _SLACK <= value <= high * (1 + _SLACK) + _SLACK:
-            self.replace(key, "out of range and brought into it")
+            self.replace(key, Sentence("gltf-value-clamped", "out of range and clamped"))
         return min(max(value, low), high)
 
     def object(self, key: str) -> Json | None:
@@ -92,17 +95,24 @@ class Json:
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if not isinstance(value, int) or isinstance(value, bool):
-            fault = self.wrong(key, "is missing" if value is None else "is not an integer")
+            fault = self.wrong(
+                key,
+                Sentence("gltf-value-missing", "is missing")
+                if value is None
+                else Sentence("gltf-not-integer", "is not an integer"),
+            )
         elif not low <= value < high:
-            held = f"{low} to {high - 1}" if high > low else "none"
             fault = self.wrong(
                 key,
                 Sentence(
                     "gltf-index-out-of-range",
-                    "is {value}, which points outside of what the file holds ({count})",
+                    "is {value}; valid are {low} to {high}",
                     value=value,
-                    count=held,
-                ),
+                    low=low,
+                    high=high - 1,
+                )
+                if high > low
+                else Sentence("gltf-index-into-empty-list", "is {value}, an index into an empty list", value=value),
             )
         else:
             return value
@@ -127,7 +137,12 @@ class Json:
         listed = values if isinstance(values, list) else []
         good = [v for v in listed if isinstance(v, int) and not isinstance(v, bool) and 0 <= v < len(into)]
         if not isinstance(values, list) or len(good) < len(values):
-            self.fault(key, f"is not a list of numbers from 0 to {len(into) - 1}" if into else "names what is not there")
+            self.fault(
+                key,
+                Sentence("gltf-not-index-list", "is not a list of numbers from 0 to {high}", high=len(into) - 1)
+                if into
+                else Sentence("gltf-indices-into-empty-list", "has indices into an empty list"),
+            )
         return good
 
     def number(self, key: str, default: float) -> float:
@@ -143,7 +158,7 @@ class Json:
         values = self.value.get(key, default)
         good = isinstance(values, list | tuple) and len(values) == len(default)
         if not good or not all(map(_is_finite, values)):
-            self.fault(key, Sentence("gltf-number-count-wrong", "is not a list of {count} numbers", count=len(default)))
+            self.fault(key, Sentence("number-list-malformed", "is not a list of {count} numbers", count=len(default)))
             return default
         return tuple(float(v) for v in values)
 
@@ -189,7 +204,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
         raise SceneError(
             Sentence(
                 "gltf-header-cut-off",
-                "{file}: ends inside its header; the upload or download was cut, take it again",
+                "{file}: ends inside its header; the upload or download was interrupted, repeat it",
                 file=file,
             )
         )
@@ -208,7 +223,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
         notes.append(
             Sentence(
                 "gltf-glb-length-differs",
-                "{file}: has {found} bytes, and its header says {declared}; all of them are read.",
+                "{file}: has {found} bytes, but its header says {declared}; all are read.",
                 file=file,
                 found=len(data),
                 declared=length,
@@ -224,7 +239,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
                 raise SceneError(
                     Sentence(
                         "gltf-json-cut-off",
-                        "{file}: ends inside its JSON; the upload or download was cut, take it again",
+                        "{file}: ends inside its JSON; the upload or download was interrupted, repeat it",
                         file=file,
                     )
                 )
@@ -232,7 +247,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
                 notes.append(
                     Sentence(
                         "gltf-binary-cut-off",
-                        "{file}: its binary data has {found} of {size} bytes; what is there is read.",
+                        "{file}: its binary data has {found} of {size} bytes; these are read.",
                         file=file,
                         found=len(data) - at - 8,
                         size=size,
@@ -247,7 +262,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
             notes.append(
                 Sentence(
                     "gltf-chunk-unaligned",
-                    "{file}: a chunk has {size} bytes, which is no multiple of four; it is read as it is.",
+                    "{file}: a chunk has {size} bytes, not a multiple of four; it is read nevertheless.",
                     file=file,
                     size=size,
                 )
@@ -280,7 +295,7 @@ def _parse_json(data: bytes, file: str) -> Json:
         raise SceneError(
             Sentence(
                 "gltf-json-too-large",
-                "{file}: holds {mib} MiB of JSON; export it as .glb, or with its buffers in files of their own",
+                "{file}: contains {mib} MiB of JSON; export it as .glb, or with its buffers in separate files",
                 file=file,
                 mib=len(data) >> 20,
             )
@@ -293,9 +308,9 @@ def _parse_json(data: bytes, file: str) -> Json:
         raise SceneError(
             Sentence(
                 "gltf-json-damaged",
-                "{file}: is no glTF: its JSON is damaged ({error}); export it again",
+                "{file}: is not glTF: its JSON is damaged ({error}); export it again",
                 file=file,
-                error=str(error)[:120],
+                error=library_message(error),
             )
         ) from error
     asset = root.object("asset")
@@ -304,7 +319,7 @@ def _parse_json(data: bytes, file: str) -> Json:
         raise SceneError(
             Sentence(
                 "gltf-version-unsupported",
-                "{file}: is glTF version {version}; only 2.0 is read, export it as that",
+                "{file}: is glTF version {version}; only 2.0 is supported. Export it as 2.0",
                 file=file,
                 version=version[:10] or "unknown",
             )

@@ -39,7 +39,7 @@ def morphed(mesh: Mesh, targets: list[Json], weights: tuple[float, ...], accesso
                     key,
                     Sentence(
                         "gltf-morph-attribute-unsupported",
-                        "is a displacement of texture coordinates or colours, which are not moved",
+                        "displaces texture coordinates or colours, which is not supported",
                     ),
                 )
         moved = _displacement(target, "POSITION", len(mesh.positions), accessors)
@@ -65,7 +65,7 @@ def _displacement(target: Json, key: str, count: int, accessors: Accessors) -> F
     if len(values) != count:
         target.fault(
             key,
-            Sentence("gltf-morph-count-wrong", "has {found} displacements of {count} vertices", found=len(values), count=count),
+            Sentence("gltf-morph-count-wrong", "has {found} displacements for {count} vertices", found=len(values), count=count),
         )
         return None
     return values

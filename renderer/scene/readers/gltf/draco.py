@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.readers.gltf.accessors import MAX_ELEMENTS, Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.sentences import Sentence
@@ -44,14 +45,14 @@ def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64]
                 "{file}: {place} is damaged ({error}); export the file again",
                 file=extension.file,
                 place=extension.where,
-                error=error,
+                error=library_message(error),
             )
         ) from error
     if faces.size > 3 * MAX_ELEMENTS:
         raise SceneError(
             Sentence(
                 "gltf-triangles-too-many",
-                "{file}: {place} holds {triangles} triangles; split the mesh",
+                "{file}: {place} contains {triangles} triangles; split the mesh",
                 file=extension.file,
                 place=extension.where,
                 triangles=faces.size // 3,

@@ -35,7 +35,7 @@ def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matri
                     raise SceneError(
                         Sentence(
                             "gltf-instances-too-many",
-                            "{file}: {place} shows its mesh {count} times where {left} are left; show it less often",
+                            "{file}: {place} places its mesh {count} times, but only {left} more are allowed; reduce them",
                             file=source.file,
                             place=source.where,
                             count=count,
@@ -48,7 +48,7 @@ def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matri
     counts = {len(values) for values in found.values()}
     if len(counts) != 1:
         raise source.wrong(
-            "attributes", Sentence("gltf-instancing-arrays-wrong", "has no arrays of places, or arrays of different lengths")
+            "attributes", Sentence("gltf-instancing-arrays-wrong", "has no arrays of transforms, or arrays of different lengths")
         )
     (count,) = counts
     translation, rotation, scale = (found.get(k, np.tile(np.array(_DEFAULTS[k]), (count, 1))) for k in _WIDTHS)

@@ -77,7 +77,7 @@ class Meshes:
                         "skin",
                         Sentence(
                             "gltf-joint-count-wrong",
-                            "has {found} joints where the mesh names {expected}",
+                            "has {found} joints, but the mesh refers to {expected}",
                             found=len(matrices),
                             expected=int(bones.joints.max()) + 1,
                         ),
@@ -140,7 +140,7 @@ class Meshes:
             raise SceneError(
                 Sentence(
                     "gltf-mesh-vertices-too-many",
-                    "{file}: its meshes have more than {most} vertices, each shape of a skin by itself",
+                    "{file}: its meshes have more than {most} vertices, counting each pose of a skinned mesh",
                     file=self._file,
                     most=MAX_VERTICES,
                 )

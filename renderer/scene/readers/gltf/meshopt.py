@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.readers.gltf.container import Json
 from renderer.sentences import Sentence
 
@@ -31,7 +32,7 @@ def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
         raise SceneError(
             Sentence(
                 "gltf-meshopt-not-installed",
-                "{file}: is packed by meshopt; install the package meshopt, or export it without",
+                "{file}: is compressed with meshopt; install the package meshopt, or export it without",
                 file=extension.file,
             )
         ) from error
@@ -41,13 +42,13 @@ def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
         raise extension.wrong(
             "mode",
             Sentence(
-                "gltf-meshopt-filter-unknown", "or its filter is not known ({mode}, {filter})", mode=mode[:20], filter=filter[:20]
+                "gltf-meshopt-filter-unknown", "or filter is unknown ({mode}, {filter})", mode=mode[:20], filter=filter[:20]
             ),
         )
     if count * stride != length or length > MAX_BYTES:
         raise extension.wrong(
             "count",
-            Sentence("gltf-meshopt-length-wrong", "and byteStride do not give the view's {length} bytes", length=length),
+            Sentence("gltf-meshopt-length-wrong", "and byteStride do not match the {length} bytes of the view", length=length),
         )
     if count == 0:
         return memoryview(b"")
@@ -60,7 +61,7 @@ def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
                 "{file}: {place} is damaged ({error}); export the file again",
                 file=extension.file,
                 place=extension.where,
-                error=error,
+                error=library_message(error),
             )
         ) from error
     made = np.ascontiguousarray(found)

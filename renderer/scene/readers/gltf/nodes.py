@@ -70,7 +70,7 @@ class Nodes:
             raise SceneError(
                 Sentence(
                     "nodes-too-many",
-                    "{file}: has {count} nodes; at most {most} fit",
+                    "{file}: has {count} nodes; at most {most} are allowed. Simplify it",
                     file=self._root.file,
                     count=len(self._nodes),
                     most=MAX_NODES,
@@ -219,9 +219,18 @@ class Nodes:
             index, parent, shown = stack.pop()
             node = self._nodes[index]
             if index in parents:
-                where = "" if parent is None else f" in {self._nodes[parent].where}.children"
-                what = "hangs below two parents or below itself; it is shown once"
-                node.faults.add(DamagedError(node.file, f"{node.where}{where}", what))
+                where = (
+                    node.where
+                    if parent is None
+                    else Sentence(
+                        "gltf-node-in-children",
+                        "{node} in {parent}.children",
+                        node=node.where,
+                        parent=self._nodes[parent].where,
+                    )
+                )
+                what = Sentence("gltf-node-shared", "has two parents or is its own ancestor; it is shown once")
+                node.faults.add(DamagedError(node.file, where, what))
                 continue
             parents[index] = parent
             visibility = node.extension(VISIBILITY)
@@ -324,13 +333,14 @@ class Nodes:
 
     def _skin_matrices(self, skin: Json, joints: list[int]) -> Matrix:
         if not joints or not all(j in self._worlds for j in joints):
-            raise skin.wrong("joints", Sentence("gltf-skeleton-node-missing", "has none, or one outside of the scene"))
+            raise skin.wrong("joints", Sentence("gltf-skeleton-node-missing", "has no nodes, or a node outside of the scene"))
         with np.errstate(over="ignore", invalid="ignore"):
             bind = bind_matrices(skin, len(joints), self._accessors)
             matrices = product(np.stack([self._worlds[j] for j in joints]), bind)
         if not np.isfinite(matrices).all():
             raise skin.wrong(
-                "inverseBindMatrices", Sentence("gltf-joints-not-finite", "and the joints' places give no finite numbers")
+                "inverseBindMatrices",
+                Sentence("gltf-joints-not-finite", "with the joints' transforms gives numbers that are not finite"),
             )
         return matrices
 

@@ -88,7 +88,7 @@ def read_primitive(
             shelf.warn(
                 Sentence(
                     "gltf-points-lines-collapsed",
-                    "Mesh {name}: its points or lines are all in one place, and left out.",
+                    "Mesh {name}: its points or lines are all in one place and left out.",
                     name=name,
                 )
             )
@@ -97,14 +97,14 @@ def read_primitive(
             shelf.warn(
                 Sentence(
                     "gltf-points-lines-undeformed",
-                    "Mesh {name}: its points or lines are not bent by a skin or by morph targets.",
+                    "Mesh {name}: skins and morph targets do not deform its points or lines.",
                     name=name,
                 )
             )
         return Primitive(shown, [], None)
     mode = _LIST if attributes.indices is not None else mode
     if mode == _LIST and (left := len(indices) % 3):
-        source.fault("indices", Sentence("gltf-triangle-incomplete", "end with {left} of a triangle's three", left=left))
+        source.fault("indices", Sentence("gltf-triangle-incomplete", "ends with {left} of a triangle's three indices", left=left))
     triangles = _triangles(indices, mode)
     positions, triangles = _usable(source, positions, triangles)
     mesh = Mesh(name, positions, triangles.astype(np.int32))
@@ -129,7 +129,13 @@ def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) ->
     bad = np.asarray(_is_bad(triangles, len(positions)).any(axis=1))
     if bad.any():
         largest = int(triangles.max())
-        what = f"has the index {largest} where there are {len(positions)} vertices, in {int(bad.sum())} triangles"
+        what = Sentence(
+            "gltf-triangle-index-out-of-range",
+            "has the index {index} where there are {vertices} vertices, in {count} triangles",
+            index=largest,
+            vertices=len(positions),
+            count=int(bad.sum()),
+        )
         if bad.all():
             raise source.wrong("indices", what)
         source.fault("indices", what)
@@ -138,7 +144,11 @@ def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) ->
     if finite.all():
         return positions, triangles
     needed = ~np.asarray(finite[triangles].all(axis=1))
-    what = f"has positions that are not finite numbers, in {int(needed.sum())} triangles"
+    what = Sentence(
+        "gltf-positions-not-finite",
+        "has positions that are not finite numbers, in {count} triangles",
+        count=int(needed.sum()),
+    )
     if needed.all():
         raise source.wrong("attributes", what)
     source.fault("attributes", what)
@@ -210,10 +220,10 @@ class _Attributes:
         values = as_floats(self._decoded[key], normalized)
         if values.shape[1] not in widths:
             raise self._attributes.wrong(
-                key, Sentence("gltf-component-count-wrong", "has {numbers} numbers for each vertex", numbers=values.shape[1])
+                key, Sentence("gltf-component-count-wrong", "has {numbers} numbers per vertex", numbers=values.shape[1])
             )
         if finite and not np.isfinite(values).all():
-            raise self._attributes.wrong(key, Sentence("gltf-values-not-finite", "holds values that are not finite numbers"))
+            raise self._attributes.wrong(key, Sentence("gltf-values-not-finite", "contains values that are not finite numbers"))
         return values
 
 
@@ -236,7 +246,7 @@ def _bones(attributes: _Attributes, source: Json, count: int) -> Bones | None:
             "attributes",
             Sentence(
                 "gltf-joint-weights-unmatched",
-                "have joints without weights, weights without joints, or a gap between their sets",
+                "have joints without weights, weights without joints, or a gap between sets",
             ),
         )
     return Bones(np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)) if joints else None

@@ -48,7 +48,7 @@ def read_scatter(source: Json, material: Material, textures: Textures, shelf: Te
             shelf.warn_of_surface(
                 Sentence(
                     "gltf-scatter-texture-dropped",
-                    "Material {name}: the texture of how strongly it scatters is left out.",
+                    "Material {name}: the texture of the scattering strength is left out.",
                     name=material.name,
                 )
             )
@@ -59,7 +59,7 @@ def read_scatter(source: Json, material: Material, textures: Textures, shelf: Te
                 shelf.warn_of_surface(
                     Sentence(
                         "gltf-scatter-texture-averaged",
-                        "Material {name}: what scatters inside of it has the mean colour of its texture.",
+                        "Material {name}: the scattering colour is the mean of its texture.",
                         name=material.name,
                     )
                 )

@@ -82,14 +82,13 @@ class Textures:
             uv_set = extension.integer("texCoord", uv_set, high=64)
             transform = _matrix(extension)
         if uv_set not in self.uv_sets:
-            read = " and ".join(str(number) for number in self.uv_sets)
             self._shelf.warn_of_surface(
                 Sentence(
                     "gltf-uv-set-unread",
-                    "Material {name}: a texture uses UV set {uv_set}; only sets {read} are read, and {used} is taken.",
+                    "Material {name}: a texture uses UV set {uv_set}; only {read} are read. UV set {used} is used instead.",
                     name=user,
                     uv_set=uv_set,
-                    read=read,
+                    read=[*self.uv_sets],
                     used=self.uv_sets[0],
                 )
             )
@@ -104,13 +103,18 @@ class Textures:
             return "repeat", "repeat", "linear"
         sampler = self._samplers[index]
         s, t = (sampler.integer(k, _REPEAT) for k in ("wrapS", "wrapT"))
-        for key, value, known, usual in (
-            ("wrapS", s, _WRAP, "repeated"),
-            ("wrapT", t, _WRAP, "repeated"),
-            ("magFilter", sampler.integer("magFilter", _LINEAR), {_LINEAR, *_NEAREST}, "linear"),
+        for key, value, known in (
+            ("wrapS", s, _WRAP),
+            ("wrapT", t, _WRAP),
+            ("magFilter", sampler.integer("magFilter", _LINEAR), {_LINEAR, *_NEAREST}),
         ):
             if value not in known:
-                sampler.replace(key, f"{value}, which is unknown, and taken as {usual}")
+                sampler.replace(
+                    key,
+                    Sentence("gltf-wrap-unknown", "unknown ({value}) and replaced by REPEAT", value=value)
+                    if key != "magFilter"
+                    else Sentence("gltf-filter-unknown", "unknown ({value}) and replaced by LINEAR", value=value),
+                )
         # A path tracer averages many lookups of a minified texture whatever minFilter is; so minFilter
         # is only used if magFilter is missing.
         nearest = _NEAREST if "magFilter" in sampler else _MIN_NEAREST
@@ -124,7 +128,7 @@ class Textures:
             self._shelf.warn_of_surface(
                 Sentence(
                     "gltf-texture-format-unknown",
-                    "Material {name}: a texture has no image in a format that is read; rendered without it.",
+                    "Material {name}: a texture has no image in a supported format; rendered without it.",
                     name=user,
                 )
             )

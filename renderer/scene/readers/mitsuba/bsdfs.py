@@ -119,7 +119,7 @@ class Bsdfs:
     def _made(self, source: Element, depth: int) -> Material:
         if depth > _MAX_NESTED:
             self._document.ignore(
-                Sentence("mitsuba-bsdf-nested-too-deep", "{what} is nested too deep: rendered grey", what=source.what)
+                Sentence("mitsuba-bsdf-nested-too-deep", "{what} is nested too deeply: rendered grey", what=source.what)
             )
             return Material(source.id or source.type)
         source.take()
@@ -151,7 +151,7 @@ class Bsdfs:
                 self._document.ignore(
                     Sentence(
                         "mitsuba-twosided-second-ignored",
-                        "{what}: has a material of its own for each side; both show the first",
+                        "{what}: has a material for each side; both sides show the first",
                         what=source.what,
                     )
                 )
@@ -167,12 +167,14 @@ class Bsdfs:
         if inner:
             self._document.ignore(
                 Sentence(
-                    "mitsuba-bsdf-wrapper-unsupported", "{what} is not read: rendered by the material in it", what=source.what
+                    "mitsuba-bsdf-wrapper-unsupported",
+                    "{what} is not supported: the material inside it is rendered",
+                    what=source.what,
                 )
             )
             return self._made(inner[0], depth + 1)
         self._document.ignore(
-            Sentence("bsdf-type-unsupported", "{what} is not read: rendered as a grey matt surface", what=source.what)
+            Sentence("bsdf-type-unsupported", "{what} is not supported: rendered as a grey diffuse surface", what=source.what)
         )
         return Material(name, base_color=(0.5, 0.5, 0.5))
 
@@ -184,7 +186,7 @@ class Bsdfs:
             self._document.ignore(
                 Sentence(
                     "bsdf-blend-unsupported",
-                    "{what} mixes what ours cannot as one: the one that counts for more is rendered",
+                    "{what} blends materials that cannot be blended here: the one with the larger weight is rendered",
                     what=source.what,
                 )
             )
@@ -204,7 +206,7 @@ class Bsdfs:
             self._document.ignore(
                 Sentence(
                     "mitsuba-diffuse-roughness-ignored",
-                    "{what}: rendered as a matt surface without the roughness of its own",
+                    "{what}: its diffuse roughness is ignored",
                     what=source.what,
                 )
             )
@@ -215,9 +217,7 @@ class Bsdfs:
         color, texture = self._textures.color(source, "specular_transmittance", 1.0)
         if rgb(source.get("specular_reflectance", 1.0)) != (1.0, 1.0, 1.0):
             self._document.ignore(
-                Sentence(
-                    "mitsuba-specular-colour-ignored", "{what}: the colour of its reflection is not taken over", what=source.what
-                )
+                Sentence("mitsuba-specular-colour-ignored", "{what}: its specular colour is ignored", what=source.what)
             )
         ior = max(inside / outside, outside / inside)
         is_thin = source.type == "thindielectric"
@@ -247,7 +247,7 @@ class Bsdfs:
                 self._document.ignore(
                     Sentence(
                         "mitsuba-conductor-unknown",
-                        "{what}: the metal {metal} is not known here; rendered as aluminium",
+                        "{what}: the metal {metal} is unknown; rendered as aluminium",
                         what=source.what,
                         metal=str(named)[:40],
                     )
@@ -289,7 +289,7 @@ class Bsdfs:
             self._document.ignore(
                 Sentence(
                     "mitsuba-specular-texture-averaged",
-                    "specular_reflectance of {what} varies over the surface: its mean is taken",
+                    "specular_reflectance of {what} is a texture: its mean is used",
                     what=source.what,
                 )
             )
@@ -304,7 +304,7 @@ class Bsdfs:
         self._document.ignore(
             Sentence(
                 "mitsuba-hair-replaced",
-                "{what} is rendered as a glossy surface in its colour: light does not go through its fibres",
+                "{what} is rendered as a glossy surface in its colour: its fibres transmit no light",
                 what=source.what,
             )
         )
@@ -325,7 +325,7 @@ class Bsdfs:
                 self._document.ignore(
                     Sentence(
                         "mitsuba-opacity-colour-averaged",
-                        "{what}: its opacity is a colour, of which the mean is taken",
+                        "{what}: its opacity is a colour; its mean is used",
                         what=source.what,
                     )
                 )
@@ -341,7 +341,7 @@ class Bsdfs:
             self._document.ignore(
                 Sentence(
                     "mitsuba-normal-map-shadowing",
-                    "Normal maps are not darkened by a shadowing function here; to compare, set it to false in Mitsuba",
+                    "Normal maps have no shadowing function here; to compare, set it to false in Mitsuba",
                 )
             )
         return inner if texture is None else replace(inner, normal_texture=self._textures.texture(texture, False))
@@ -361,7 +361,7 @@ class Bsdfs:
             self._document.ignore(
                 Sentence(
                     "mitsuba-microfacet-replaced",
-                    "{what}: its distribution {distribution} is rendered as Beckmann's with the same alpha",
+                    "{what}: its distribution {distribution} is replaced by Beckmann with the same alpha",
                     what=source.what,
                     distribution=repr(named[:40]),
                 )
@@ -372,7 +372,11 @@ class Bsdfs:
             if brushes or along == across:
                 return facets | brushed(along, across)
             self._document.ignore(
-                Sentence("mitsuba-anisotropy-ignored", "{what}: it is as rough in both directions here", what=source.what)
+                Sentence(
+                    "anisotropy-ignored",
+                    "{what}: its anisotropic roughness is not supported; it is equally rough in both directions",
+                    what=source.what,
+                )
             )
             return facets | {"roughness": math.sqrt(math.sqrt(along * across))}
         roughness, texture = self._textures.amount(source, "alpha", default, 0.5)
@@ -386,7 +390,7 @@ class Bsdfs:
                 self._document.ignore(
                     Sentence(
                         "mitsuba-ior-name-unknown",
-                        "{what}: the material {material} is not known here; its index is taken as 1.5",
+                        "{what}: the material {material} is unknown; an index of refraction of 1.5 is used",
                         what=source.what,
                         material=repr(found[:40]),
                     )

@@ -29,7 +29,7 @@ def mesh_of_curves(kind: str, data: bytes, name: str, world: Matrix) -> Mesh:
             raise SceneError(
                 Sentence(
                     "mitsuba-curve-points-too-few",
-                    "{name}: a curve has {found} points; a {kind} takes {least} or more",
+                    "{name}: a curve has {found} points; a {kind} needs {least} or more",
                     name=name,
                     found=len(block),
                     kind=kind,
@@ -54,13 +54,13 @@ def _blocks(text: str, name: str) -> list[Matrix]:
             row = numbers(line)
         except ValueError as error:
             raise SceneError(
-                Sentence("mitsuba-curve-line-invalid", "{name}, line {line}: {error}", name=name, line=number, error=error)
+                Sentence("fault-in-line", "{file}, line {line}: {fault}", file=name, line=number, fault=error)
             ) from None
         if len(row) < 4:
             raise SceneError(
                 Sentence(
                     "mitsuba-curve-number-count-wrong",
-                    "{name}, line {line}: has {found} numbers; a curve's point has x, y, z and a radius",
+                    "{name}, line {line}: has {found} numbers; a point of a curve has x, y, z and a radius",
                     name=name,
                     line=number,
                     found=len(row),

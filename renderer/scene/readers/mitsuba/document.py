@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.mitsuba import values
@@ -79,7 +80,7 @@ class Element:
             raise SceneError(
                 Sentence(
                     "mitsuba-number-expected",
-                    "{file}: {name} of {what} is {found}; it takes a number",
+                    "{file}: {name} of {what} is {found}; it must be a number",
                     file=self.file,
                     name=name,
                     what=self.what,
@@ -151,7 +152,7 @@ class Document:
             raise SceneError(
                 Sentence(
                     "mitsuba-root-element-wrong",
-                    "{file}: begins with <{tag}>; a scene of Mitsuba begins with <scene>",
+                    "{file}: begins with <{tag}>; a Mitsuba scene begins with <scene>",
                     file=main,
                     tag=root.tag[:40],
                 )
@@ -189,9 +190,9 @@ class Document:
             raise SceneError(
                 Sentence(
                     "mitsuba-xml-unreadable",
-                    "{name}: is no XML that can be read ({error}); mend it there",
+                    "{name}: is not valid XML ({error}); correct it",
                     name=name,
-                    error=error,
+                    error=library_message(error),
                 )
             ) from None
 
@@ -201,7 +202,7 @@ class Document:
             raise SceneError(
                 Sentence(
                     "mitsuba-elements-too-many",
-                    "{file}: its elements are nested too deep, or too many; make the scene smaller",
+                    "{file}: has too many or too deeply nested elements; make the scene smaller",
                     file=file,
                 )
             )
@@ -223,7 +224,7 @@ class Document:
                     self.ignore(
                         Sentence(
                             "parameter-given-twice",
-                            "{name} of {what} is given more than once: the last one counts",
+                            "{name} of {what} is given more than once: the last one is used",
                             name=name[:60],
                             what=made.what,
                         )
@@ -233,7 +234,7 @@ class Document:
             self.ignore(
                 Sentence(
                     "mitsuba-id-duplicate",
-                    "{what} has the id of another object: references after it mean the later one",
+                    "{what} has the id of another object: later references mean this one",
                     what=made.what,
                 )
             )
@@ -284,7 +285,7 @@ class Document:
             raise SceneError(
                 Sentence(
                     "mitsuba-reference-unknown",
-                    "{file}: refers to {id}, which is not in the scene; mend the reference",
+                    "{file}: refers to {id}, which is not in the scene; correct the reference",
                     file=file,
                     id=repr(wanted[:80]),
                 )
@@ -299,7 +300,7 @@ class Document:
             raise SceneError(
                 Sentence(
                     "mitsuba-alias-unknown",
-                    "{file}: gives {id}, which does not stand before, another name; mend the alias",
+                    "{file}: an alias refers to {id}, which is not defined before it; correct the alias",
                     file=file,
                     id=repr(wanted[:80]),
                 )
@@ -313,7 +314,7 @@ class Document:
                 self.ignore(
                     Sentence(
                         "mitsuba-attribute-ignored",
-                        "The attribute {attribute} of <{tag}> is not taken over",
+                        "The attribute {attribute} of <{tag}> is ignored",
                         attribute=key[:40],
                         tag=part.tag[:40],
                     )
@@ -329,7 +330,7 @@ class Document:
             inner = part if part.tag == "transform" else next(iter(part), part)
             if part.tag == "animation":
                 self.ignore(
-                    Sentence("mitsuba-animation-ignored", "The file moves things over time: what is shown is their first place")
+                    Sentence("mitsuba-animation-ignored", "Animated transforms are not supported: the first pose is shown")
                 )
             steps = [(step.tag, attributes(step)) for step in inner]
         elif len(part):
@@ -337,7 +338,7 @@ class Document:
             self.ignore(
                 Sentence(
                     "mitsuba-children-ignored",
-                    "What stands within <{tag} name={name}> is not taken over",
+                    "The content of <{tag} name={name}> is ignored",
                     tag=part.tag[:40],
                     name=repr(name[:40]),
                 )
@@ -357,7 +358,7 @@ class Document:
                     file=file,
                     tag=part.tag[:40],
                     name=repr(written.get("name", "")[:40]),
-                    error=error,
+                    error=library_message(error),
                 )
             ) from None
 

@@ -54,7 +54,9 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
         if sun is not None:
             description.lights.append(sun)
     else:
-        document.ignore(Sentence("light-type-unsupported", "{what} is no light that is read: it is left out", what=source.what))
+        document.ignore(
+            Sentence("light-type-unsupported", "{what} is not supported as a light: it is left out", what=source.what)
+        )
 
 
 def _placed(light: Light, world: np.ndarray) -> Light:
@@ -101,7 +103,7 @@ def _pixels(source: Element, number: int, document: Document, shelf: TextureShel
         document.ignore(
             Sentence(
                 "mitsuba-projector-texture-transform-ignored",
-                "{what}: its picture is thrown as it is, not moved, turned or scaled",
+                "{what}: the transform of its texture is ignored",
                 what=source.what,
             )
         )
@@ -113,7 +115,7 @@ def _surround(environment: Environment, source: Element, document: Document, des
         document.ignore(
             Sentence(
                 "mitsuba-second-environment-dropped",
-                "{what}: a scene has one light from all around; this one is left out",
+                "{what}: a scene can have one environment; this one is left out",
                 what=source.what,
             )
         )

@@ -56,9 +56,14 @@ class Media:
         if lets_through and not made.thin:
             return replace(made, **interior_fields(found))
         if found != NOTHING and (lets_through or made.alpha_mode == "blend"):
-            why = "is thin" if lets_through else "has holes"
             self._document.ignore(
-                Sentence("mitsuba-medium-not-filled", "{what} {reason}: no medium fills it", what=shape.what, reason=why)
+                Sentence(
+                    "mitsuba-medium-in-thin-shape", "{what}: its medium is ignored, since its material is thin", what=shape.what
+                )
+                if lets_through
+                else Sentence(
+                    "mitsuba-medium-in-holes", "{what}: its medium is ignored, since its material has holes", what=shape.what
+                )
             )
         return made
 
@@ -72,7 +77,7 @@ class Media:
             self._document.ignore(
                 Sentence(
                     "mitsuba-glass-interior-clear",
-                    "Glass that names no medium is clear inside, where Mitsuba goes on with what is around it",
+                    "Glass without a medium is clear inside; in Mitsuba the surrounding medium continues",
                 )
             )
         for key, what in self._outside.items():
@@ -80,7 +85,7 @@ class Media:
                 self._document.ignore(
                     Sentence(
                         "mitsuba-exterior-medium-ignored",
-                        "The medium around {what} fills no shape: what is around it is not changed",
+                        "The medium around {what} is ignored",
                         what=what,
                     )
                 )
@@ -96,14 +101,16 @@ class Media:
             self._document.ignore(
                 Sentence(
                     "mitsuba-bsdf-without-subsurface",
-                    "{what}: light beneath the surface is not followed by it",
+                    "{what}: its subsurface scattering is not supported",
                     what=source.what,
                 )
             )
             return NOTHING
         if source.type not in ("homogeneous", "heterogeneous"):
             self._document.ignore(
-                Sentence("mitsuba-medium-type-unsupported", "{what} is no medium that is read: it is left out", what=source.what)
+                Sentence(
+                    "mitsuba-medium-type-unsupported", "{what} is not supported as a medium: it is left out", what=source.what
+                )
             )
             return NOTHING
         scale, g = source.number("scale", 1.0), self._direction(source)
@@ -115,7 +122,7 @@ class Media:
                     self._document.ignore(
                         Sentence(
                             "mitsuba-medium-phase-ignored",
-                            "{what}: its phase function is not taken over, as its material is named",
+                            "{what}: its phase function is ignored, since it names a material",
                             what=source.what,
                         )
                     )
@@ -123,7 +130,7 @@ class Media:
             self._document.ignore(
                 Sentence(
                     "mitsuba-medium-material-unknown",
-                    "{what}: the material {material} is not known here; its numbers count",
+                    "{what}: the material {material} is unknown; its numbers are used",
                     what=source.what,
                     material=str(named)[:40],
                 )
@@ -150,7 +157,7 @@ class Media:
             self._document.ignore(
                 Sentence(
                     "mitsuba-medium-heterogeneous",
-                    "{what}: its {name} is not the same everywhere: it is left out, as if it were clear",
+                    "{what}: its {name} varies in space, which is not supported: the medium is left out",
                     what=source.what,
                     name=name,
                 )
@@ -171,7 +178,7 @@ class Media:
         self._document.ignore(
             Sentence(
                 "mitsuba-phase-type-unsupported",
-                "{what} is no phase function that is read: light is scattered evenly",
+                "{what} is not supported as a phase function: light is scattered evenly",
                 what=phase.what,
             )
         )

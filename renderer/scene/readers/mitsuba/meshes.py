@@ -142,7 +142,10 @@ def _between(shape: Element) -> np.ndarray:
     if not length > 0 or not radius > 0:
         raise SceneError(
             Sentence(
-                "mitsuba-shape-without-extent", "{file}: {what} has no length, or no radius", file=shape.file, what=shape.what
+                "mitsuba-shape-without-extent",
+                "{file}: {what} has a length or radius of 0; give another",
+                file=shape.file,
+                what=shape.what,
             )
         )
     z = axis / length

@@ -30,9 +30,7 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
     ior = ior_of(0.08 * number(source, "specular", 0.5)) if given else number(source, "eta", 1.5)
     for name in ("flatness", "spec_tint"):
         if number(source, name, 0.0) > 0:
-            document.ignore(
-                Sentence("mitsuba-parameter-ignored", "{what}: its {name} is not taken over", what=source.what, name=name)
-            )
+            document.ignore(Sentence("mitsuba-parameter-ignored", "{what}: its {name} is ignored", what=source.what, name=name))
     through, sheen = unit(number(source, "spec_trans", 0.0)), unit(number(source, "sheen", 0.0))
     is_thin = source.type == "principledthin"
     if through == 1 and not is_thin and texture is None:
@@ -45,7 +43,7 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
         document.ignore(
             Sentence(
                 "mitsuba-transmission-tint-differs",
-                "{what}: light that goes through it is tinted by the whole colour at each crossing",
+                "{what}: transmitted light is tinted by the full colour at each surface",
                 what=source.what,
             )
         )
@@ -65,7 +63,9 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
         clearcoat_roughness=math.sqrt(_between(_COAT_ALPHAS, unit(number(source, "clearcoat_gloss", 0.0)))),
     )
     if sheen > 0:
-        document.ignore(Sentence("mitsuba-sheen-differs", "{what}: its sheen is rendered as glTF's", what=source.what))
+        document.ignore(
+            Sentence("mitsuba-sheen-differs", "{what}: its sheen is rendered with the sheen model of glTF", what=source.what)
+        )
         made = replace(made, sheen_color=(_SHEEN * sheen,) * 3, sheen_roughness=_SHEEN_ROUGHNESS)
     share = clamped(number(source, "diff_trans", 0.0), 0.0, 2.0) / 2 if is_thin else 0.0
     if share > 0:

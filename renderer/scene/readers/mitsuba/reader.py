@@ -35,7 +35,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         elif part.tag == "integrator":
             add_integrator(part, document, description)
     if len(document.scene.of("integrator")) > 1:
-        document.ignore(Sentence("mitsuba-integrators-several", "The scene has more than one integrator: the last one counts"))
+        document.ignore(Sentence("mitsuba-integrators-several", "The scene has more than one integrator: the last one is used"))
     for part in document.scene.of("sensor"):
         note_far_clipping(part, document, description)
     media.surround(description)

@@ -34,7 +34,7 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
         document.ignore(
             Sentence(
                 "mitsuba-mirrored-camera",
-                "{what}: its transform mirrors the picture, which is shown unmirrored",
+                "{what}: its transform mirrors the picture; it is shown unmirrored",
                 what=source.what,
             )
         )
@@ -56,14 +56,14 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
         more = {"projection": "orthographic", "height": 2 * across * height / width, "near": near}
     else:
         document.ignore(
-            Sentence("mitsuba-sensor-type-unsupported", "{what} is no camera that is read: it is left out", what=source.what)
+            Sentence("mitsuba-sensor-type-unsupported", "{what} is not supported as a camera: it is left out", what=source.what)
         )
         return
     try:
         view = View(**cropped(fields | more, (width, height), window))
         description.cameras.append(Camera(source.id or f"sensor {len(description.cameras)}", view))
     except SettingsError as error:
-        document.ignore(Sentence("camera-sees-nothing", "{what} sees nothing here: {error}", what=source.what, error=error))
+        document.ignore(Sentence("camera-sees-nothing", "{what} has an invalid view: {error}", what=source.what, error=error))
 
 
 def vertical_fov(source: Element, width: int, height: int) -> float:
@@ -79,7 +79,7 @@ def vertical_fov(source: Element, width: int, height: int) -> float:
         raise SceneError(
             Sentence(
                 "mitsuba-fov-axis-unknown",
-                "{file}: {what}: its fov_axis is {axis}; it is x, y, diagonal, smaller or larger",
+                "{file}: {what}: its fov_axis is {axis}; known are x, y, diagonal, smaller and larger",
                 file=source.file,
                 what=source.what,
                 axis=repr(axis[:40]),
@@ -107,7 +107,7 @@ def _millimetres(source: Element) -> float:
         raise SceneError(
             Sentence(
                 "mitsuba-focal-length-invalid",
-                "{file}: {what}: its focal_length is {value}; write it in millimetres, as 50mm",
+                "{file}: {what}: its focal_length is {value}; write it in millimetres, such as 50mm",
                 file=source.file,
                 what=source.what,
                 value=repr(written[:40]),
@@ -131,8 +131,8 @@ def _film(source: Element, document: Document, description: SceneDescription, is
         if film.type != "hdrfilm":
             document.ignore(
                 Sentence(
-                    "mitsuba-film-type-replaced",
-                    "{what}: an image of red, green and blue in linear light is rendered",
+                    "film-type-replaced",
+                    "{what}: is replaced by a film of linear RGB",
                     what=film.what,
                 )
             )
@@ -140,7 +140,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
             document.ignore(
                 Sentence(
                     "mitsuba-pixel-format-ignored",
-                    "{what}: its pixel_format {format} is not taken over: red, green and blue are rendered",
+                    "{what}: its pixel_format {format} is ignored: RGB is rendered",
                     what=film.what,
                     format=pixels[:40],
                 )
@@ -154,8 +154,8 @@ def _film(source: Element, document: Document, description: SceneDescription, is
             if sampler.type not in _SAMPLERS:
                 document.ignore(
                     Sentence(
-                        "mitsuba-sampler-unknown",
-                        "{what} is not known: the number of samples that it names is taken",
+                        "sampler-unknown",
+                        "{what} is unknown: only its sample count is used",
                         what=sampler.what,
                     )
                 )
@@ -165,7 +165,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
                 document.ignore(
                     Sentence(
                         "mitsuba-filter-width-ignored",
-                        "{what}: its {parameter} of {filter} is not taken over: it is {used}",
+                        "{what}: its {parameter} of {filter} is ignored; {used} is used",
                         what=named.what,
                         parameter=parameter,
                         filter=f"{width_of:g}",
@@ -184,7 +184,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
         document.ignore(
             Sentence(
                 "mitsuba-film-sizes-differ",
-                "The films of sensors after the first have sizes of their own: pictures have that of the first",
+                "The film sizes of later sensors are ignored: all pictures have the size of the first",
             )
         )
     return width, height, window
@@ -198,7 +198,7 @@ def _window(film: Element, width: int, height: int) -> Window:
         raise SceneError(
             Sentence(
                 "mitsuba-crop-outside-film",
-                "{file}: {what}: its crop window lies outside of its {width}x{height} pixels",
+                "{file}: {what}: its crop window is outside of its {width}x{height} pixels",
                 file=film.file,
                 what=film.what,
                 width=width,
@@ -216,7 +216,9 @@ def add_integrator(source: Element, document: Document, description: SceneDescri
         add_integrator(inner, document, description)
         return
     if source.flag("hide_emitters", False):
-        document.ignore(Sentence("mitsuba-hide-emitters-ignored", "{what}: lights that it hides are seen here", what=source.what))
+        document.ignore(
+            Sentence("mitsuba-hide-emitters-ignored", "{what}: hide_emitters is ignored; lights are visible", what=source.what)
+        )
     if source.type == "direct":
         description.defaults["integrator"] = "direct"
         return
@@ -239,9 +241,7 @@ def note_far_clipping(source: Element, document: Document, description: SceneDes
         box = np.array(list(itertools.product(*np.stack([points.min(axis=0), points.max(axis=0)], axis=1))), np.float64)
         corners += list(box @ instance.transform[:3, :3].T + instance.transform[:3, 3])
     if corners and ((np.array(corners) - eye) @ forward).max() > far:
-        document.ignore(
-            Sentence("mitsuba-far-clip-ignored", "{what}: what lies beyond its far_clip is seen here", what=source.what)
-        )
+        document.ignore(Sentence("mitsuba-far-clip-ignored", "{what}: its far_clip is ignored", what=source.what))
 
 
 def _vec(vector: np.ndarray) -> Vec3:

@@ -42,7 +42,12 @@ class Shapes:
         """Adds a shape at the transform of its group. Raises SceneError."""
         if depth > _MAX_NESTED:
             raise SceneError(
-                Sentence("mitsuba-shape-nested-too-deep", "{file}: {what} is nested too deep", file=shape.file, what=shape.what)
+                Sentence(
+                    "mitsuba-shape-nested-too-deep",
+                    "{file}: {what} is nested too deeply; flatten it",
+                    file=shape.file,
+                    what=shape.what,
+                )
             )
         shape.take()
         if shape.type == "shapegroup":
@@ -52,7 +57,7 @@ class Shapes:
             raise SceneError(
                 Sentence(
                     "mitsuba-transform-not-finite",
-                    "{file}: {what} stands nowhere: its transform has numbers that are not finite",
+                    "{file}: {what} has a transform with numbers that are not finite; correct it",
                     file=shape.file,
                     what=shape.what,
                 )
@@ -73,7 +78,7 @@ class Shapes:
             self._curves(shape, world)
         else:
             self._document.ignore(
-                Sentence("shape-type-unsupported", "{what} is no shape that is read: it is left out", what=shape.what)
+                Sentence("shape-type-unsupported", "{what} is not supported as a shape: it is left out", what=shape.what)
             )
 
     def _mesh(self, shape: Element, world: Matrix) -> None:

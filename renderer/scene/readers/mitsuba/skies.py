@@ -34,7 +34,7 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
     document.ignore(
         Sentence(
             "mitsuba-sky-model-differs",
-            "{what}: rendered with the sky of Rayfarm, which is another model, as bright as Mitsuba's",
+            "{what}: rendered with Rayfarm's own sky model, at the brightness of Mitsuba's",
             what=source.what,
         )
     )
@@ -43,7 +43,7 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
         document.ignore(
             Sentence(
                 "mitsuba-sun-direction-missing",
-                "{what}: where its sun stands is not told as sun_direction; it stands at 45 degrees",
+                "{what}: has no sun_direction; the sun is placed at 45 degrees",
                 what=source.what,
             )
         )

@@ -47,7 +47,7 @@ class Textures:
                 self._document.ignore(
                     Sentence(
                         "mitsuba-sky-scale-units",
-                        "{what}: its scale of {value} is taken as {unit}",
+                        "{what}: its scale of {value} is converted to {unit}",
                         what=texture.what,
                         value=f"{scale:g}",
                         unit=f"{unit(scale):g}",
@@ -71,7 +71,7 @@ class Textures:
         self._document.ignore(
             Sentence(
                 "texture-averaged",
-                "{name} of {what} varies over the surface: its mean is taken",
+                "{name} of {what} is a texture: its mean is used",
                 name=name,
                 what=owner.what,
             )
@@ -120,7 +120,7 @@ class Textures:
         """Returns glTF's metallic-roughness texture from two grey ones; white for None."""
         if roughness is not None and metal is not None and not self._lie_alike(roughness, metal):
             self._document.ignore(
-                Sentence("mitsuba-metallic-texture-placement", "A texture of metallic lies here as that of roughness does")
+                Sentence("mitsuba-metallic-texture-placement", "The texture of metallic is placed like that of roughness")
             )
         return with_roughness_and_metal(self.shelf, roughness, metal)
 
@@ -128,7 +128,7 @@ class Textures:
         """Returns a colour texture (white for None) with the brightness of another as alpha."""
         if color is not None and not self._lie_alike(color, opacity):
             self._document.ignore(
-                Sentence("mitsuba-mask-texture-placement", "A mask lies here as the texture of the colour beneath does")
+                Sentence("mitsuba-mask-texture-placement", "The texture of a mask is placed like that of the colour beneath it")
             )
         grey = self._grey(opacity)
         return with_opacity(self.shelf, color, opacity if grey is None else grey)
@@ -159,12 +159,14 @@ class Textures:
             return self.shelf.texture(image, transform=transform, filter="nearest")
         if source.type in ("scale", "volume") and source.children:
             self._document.ignore(
-                Sentence("mitsuba-texture-wrapper-ignored", "{what}: its texture is taken without it", what=source.what)
+                Sentence("mitsuba-texture-wrapper-ignored", "{what} is ignored: the texture inside it is used", what=source.what)
             )
             return self.texture(source.children[0], is_color)
         self._document.ignore(
             Sentence(
-                "mitsuba-texture-type-unsupported", "{what} is not read: its surface is rendered in one colour", what=source.what
+                "mitsuba-texture-type-unsupported",
+                "{what} is not supported: its surface is rendered in one colour",
+                what=source.what,
             )
         )
         return None
@@ -180,7 +182,7 @@ class Textures:
             self._document.ignore(
                 Sentence(
                     "mitsuba-texture-decoded-as-colour",
-                    "{what}: {name} is decoded as a colour, as in Mitsuba; where it holds numbers or normals, set raw to true",
+                    "{what}: {name} is decoded as a colour, as in Mitsuba; if it contains numbers or normals, set raw to true",
                     what=source.what,
                     name=name,
                 )
@@ -190,7 +192,7 @@ class Textures:
             self._document.ignore(
                 Sentence(
                     "mitsuba-texture-gamma-ignored",
-                    "{what}: its gamma of {gamma} is not taken over: the picture is decoded as its kind says",
+                    "{what}: its gamma of {gamma} is ignored: the image is decoded according to its format",
                     what=source.what,
                     gamma=f"{gamma:g}",
                 )
@@ -199,7 +201,7 @@ class Textures:
             self._document.ignore(
                 Sentence(
                     "mitsuba-wrap-mode-unknown",
-                    "{what}: the wrap_mode {mode} is not known: the picture repeats",
+                    "{what}: the wrap_mode {mode} is unknown: the image repeats",
                     what=source.what,
                     mode=repr(mode[:40]),
                 )

@@ -27,13 +27,18 @@ _IDLE = {
     | {"scale", "sigma_a", "sigma_s", "sigma_t", "albedo"},  # any two determine the others
     "phase": set(),
 }
+_UNREAD = {  # codes of objects that are left out as a whole
+    *("light-type-unsupported", "shape-type-unsupported", "mitsuba-sensor-type-unsupported"),
+    *("mitsuba-medium-type-unsupported", "mitsuba-phase-type-unsupported"),
+}
 _SHOWN = ("shape", "emitter", "sensor", "integrator")  # rendered children of a scene; others only if referenced
 
 
 def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
     """Yields a sentence for each unread property or object. sentences: those already issued, whose subjects are skipped."""
-    said = tuple({sentence.partition(":")[0] for sentence in sentences})
-    unread = tuple(each.partition(" is no")[0] for each in said if " is no" in each)
+    noted = [each for each in sentences if isinstance(each, Sentence) and "what" in each.params]
+    said = {str(each.params["what"]) for each in noted if each.startswith(str(each.params["what"]))}
+    unread = {str(each.params["what"]) for each in noted if each.code in _UNREAD}
     seen: set[int] = set()
     stack = [scene]
     while stack:
@@ -46,27 +51,32 @@ def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
             continue
         for name in element.values:
             if name not in element.used and name and _counts(element, name):
-                of_type = f" of the type {element.type}" if element.type else ""
-                yield Sentence(
-                    "mitsuba-property-ignored",
-                    "{name} of {kind}s{type} is not taken over",
-                    name=name,
-                    kind=element.tag,
-                    type=of_type,
+                yield (
+                    Sentence(
+                        "mitsuba-property-of-type-ignored",
+                        "The property {name} of <{tag} type={type}> is ignored",
+                        name=name,
+                        tag=element.tag,
+                        type=repr(element.type),
+                    )
+                    if element.type
+                    else Sentence(
+                        "mitsuba-property-ignored", "The property {name} of <{tag}> is ignored", name=name, tag=element.tag
+                    )
                 )
         for child in element.children:
             if child.tag == "volume":
                 continue  # reported by its medium
             is_named = element.tag == "scene" and (child.type == "shapegroup" or (child.id and child.tag not in _SHOWN))
-            if child.used or any(each.startswith(child.what) for each in said):
+            if child.used or child.what in said:
                 stack.append(child)
             elif not is_named:
-                owner = f"a {element.tag} ({element.type})" if element.type else f"the {element.tag}"
+                owner = f"{element.tag} type={element.type!r}" if element.type else element.tag
                 yield Sentence(
                     "mitsuba-object-ignored",
-                    "The {tag} ({type}) of {owner} is not taken over",
+                    "<{tag} type={type}> in <{owner}> is ignored",
                     tag=child.tag,
-                    type=child.type,
+                    type=repr(child.type),
                     owner=owner,
                 )
 

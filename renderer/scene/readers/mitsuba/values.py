@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.sentences import Sentence
 from renderer.settings import Vec3
 
 __all__ = ["Matrix", "Spectrum", "numbers", "planck", "rgb", "value"]
@@ -29,7 +30,14 @@ class Spectrum:
 
     def __init__(self, wavelengths: Sequence[float], values: Sequence[float]) -> None:
         if len(wavelengths) != len(values) or not len(values):
-            raise ValueError("it takes as many values as wavelengths")
+            raise ValueError(
+                Sentence(
+                    "mitsuba-spectrum-lengths-differ",
+                    "has {values} values for {wavelengths} wavelengths; it needs as many of both",
+                    values=len(values),
+                    wavelengths=len(wavelengths),
+                )
+            )
         order = np.argsort(wavelengths)
         self.wavelengths, self.values = np.array(wavelengths, float)[order], np.array(values, float)[order]
 
@@ -84,7 +92,13 @@ def planck(kelvin: float, scale: float = 1.0) -> Spectrum:
     Raises ValueError for a temperature out of range.
     """
     if not 1 <= kelvin <= 1e6:
-        raise ValueError("a black body has a temperature, in kelvins")
+        raise ValueError(
+            Sentence(
+                "mitsuba-temperature-out-of-range",
+                "the temperature is {kelvin} K; it must be from 1 to 1000000 K",
+                kelvin=f"{kelvin:g}",
+            )
+        )
     at = np.arange(360.0, 831.0, 5.0)
     metres = at * 1e-9
     power = 1e-9 * 2 * _PLANCK * _LIGHT**2 / (metres**5 * np.expm1(_PLANCK * _LIGHT / (_BOLTZMANN * metres * kelvin)))
@@ -109,7 +123,7 @@ def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Ca
         return numbers(text, 1)[0]
     if tag == "boolean":
         if text.lower() not in ("true", "false"):
-            raise ValueError(f"{text[:40]!r} is neither true nor false")
+            raise ValueError(Sentence("mitsuba-boolean-invalid", "{value} is neither true nor false", value=repr(text[:40])))
         return text.lower() == "true"
     if tag == "string":
         return text
@@ -123,7 +137,7 @@ def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Ca
         return _spectrum(text, written, curve)
     if tag in ("transform", "animation"):
         return _transform(steps)
-    raise ValueError("is no kind of value that is known")
+    raise ValueError(Sentence("mitsuba-value-type-unknown", "this type of value is unknown"))
 
 
 def numbers(text: str, count: int | None = None) -> F64:
@@ -132,21 +146,38 @@ def numbers(text: str, count: int | None = None) -> F64:
     try:
         found = np.array([float(part) for part in parts])
     except ValueError:
-        raise ValueError(f"{text[:60]!r} are no numbers") from None
+        raise ValueError(Sentence("mitsuba-numbers-malformed", "{text} is not a list of numbers", text=repr(text[:60]))) from None
     if (count is not None and len(found) != count) or not len(found) or not np.isfinite(found).all():
-        raise ValueError(f"{text[:60]!r}: it takes {count or 'some'} finite number{'s' if count != 1 else ''}")
+        if count == 1:
+            raise ValueError(Sentence("number-not-finite", "{text} is not a finite number", text=repr(text[:60])))
+        if count is None:
+            raise ValueError(
+                Sentence("mitsuba-numbers-not-finite", "{text} is not a list of finite numbers", text=repr(text[:60]))
+            )
+        raise ValueError(
+            Sentence(
+                "mitsuba-numbers-count-wrong",
+                "{text} is not a list of {count} finite numbers",
+                text=repr(text[:60]),
+                count=count,
+            )
+        )
     return found
 
 
 def _color(text: str, is_encoded: bool) -> F64:
     if text.startswith("#"):
         if not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
-            raise ValueError(f"{text[:20]!r} is no colour as #rrggbb")
+            raise ValueError(
+                Sentence("mitsuba-colour-malformed", "{text} is not a colour; write it as #rrggbb", text=repr(text[:20]))
+            )
         found = np.array([int(text[i : i + 2], 16) for i in (1, 3, 5)]) / 255
     else:
         found = numbers(text)
         if len(found) not in (1, 3):
-            raise ValueError(f"{text[:60]!r}: a colour has one number or three")
+            raise ValueError(
+                Sentence("mitsuba-colour-count-wrong", "{text} is not a colour; give one number or three", text=repr(text[:60]))
+            )
     if is_encoded:
         from renderer.image.tonemap import decode_srgb
 
@@ -160,7 +191,7 @@ def _spectrum(text: str, written: Mapping[str, str], curve: Callable[[str], str]
             numbers(line, 2) for line in curve(written["filename"]).splitlines() if line.strip() and line.strip()[0] not in "#"
         ]
         if not rows:
-            raise ValueError("its file has no values")
+            raise ValueError(Sentence("mitsuba-spectrum-file-empty", "its file has no values"))
         return Spectrum([row[0] for row in rows], [row[1] for row in rows])
     if written.get("temperature"):
         kelvin, scale = numbers(written["temperature"].rstrip("kK"), 1), numbers(written.get("scale", "1"), 1)
@@ -168,13 +199,21 @@ def _spectrum(text: str, written: Mapping[str, str], curve: Callable[[str], str]
     if ":" not in text:
         found = numbers(text)
         if len(found) not in (1, 3):
-            raise ValueError(f"{text[:60]!r}: it takes one number, three, or pairs as 400:0.1, 500:0.2")
+            raise ValueError(_malformed_spectrum(text))
         return np.array(np.broadcast_to(found, (3,)))
     pairs = [pair.split(":") for pair in re.split(r"[\s,]+(?=\S+:)|,", text) if pair.strip()]
     if any(len(pair) != 2 for pair in pairs):
-        raise ValueError(f"{text[:60]!r} are no pairs as 400:0.1, 500:0.2")
+        raise ValueError(_malformed_spectrum(text))
     found = np.array([[numbers(part, 1)[0] for part in pair] for pair in pairs])
     return Spectrum(list(found[:, 0]), list(found[:, 1]))
+
+
+def _malformed_spectrum(text: str) -> str:
+    return Sentence(
+        "mitsuba-spectrum-malformed",
+        "{text} is not a spectrum; give one number, three, or pairs such as 400:0.1, 500:0.2",
+        text=repr(text[:60]),
+    )
 
 
 def _transform(steps: Sequence[Step]) -> Matrix:
@@ -189,7 +228,9 @@ def _step(tag: str, written: Mapping[str, str]) -> Matrix:
     if tag == "matrix":
         given = numbers(written.get("value", ""))
         if len(given) not in (9, 16):
-            raise ValueError("a matrix has 16 numbers, or 9")
+            raise ValueError(
+                Sentence("mitsuba-matrix-count-wrong", "the matrix has {count} numbers; it needs 16 or 9", count=len(given))
+            )
         found = np.eye(4)
         size = 4 if len(given) == 16 else 3
         found[:size, :size] = given.reshape(size, size)
@@ -203,7 +244,11 @@ def _step(tag: str, written: Mapping[str, str]) -> Matrix:
         given = numbers(written["value"])
         vector = np.array(np.broadcast_to(given, (3,))) if len(given) in (1, 3) else given
         if len(vector) != 3:
-            raise ValueError(f"{tag} takes one number or three")
+            raise ValueError(
+                Sentence(
+                    "mitsuba-step-count-wrong", "{tag} has {count} numbers; it needs one or three", tag=tag, count=len(vector)
+                )
+            )
     else:
         vector = np.array([numbers(written[axis], 1)[0] if axis in written else missing for axis in "xyz"])
     found = np.eye(4)
@@ -214,13 +259,13 @@ def _step(tag: str, written: Mapping[str, str]) -> Matrix:
     elif tag == "rotate":
         length = np.linalg.norm(vector)
         if length == 0:
-            raise ValueError("a rotation needs an axis")
+            raise ValueError(Sentence("mitsuba-rotation-axis-zero", "the axis of the rotation has length 0"))
         x, y, z = vector / length
         angle = np.radians(numbers(written.get("angle", "0"), 1)[0])
         cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         found[:3, :3] = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
     else:
-        raise ValueError(f"{tag[:20]} is no step of a transform that is known")
+        raise ValueError(Sentence("mitsuba-step-unknown", "{tag} is not a known step of a transform", tag=tag[:20]))
     return found
 
 
@@ -229,7 +274,7 @@ def _look_at(origin: F64, target: F64, up: F64) -> Matrix:
     forward = target - origin
     left = np.cross(up, forward)
     if np.linalg.norm(forward) == 0 or np.linalg.norm(left) == 0:
-        raise ValueError("lookat looks nowhere, or along its up direction")
+        raise ValueError(Sentence("mitsuba-lookat-degenerate", "lookat gives no view: its target is its origin or lies along up"))
     forward, left = forward / np.linalg.norm(forward), left / np.linalg.norm(left)
     found = np.eye(4)
     found[:3, 0], found[:3, 1], found[:3, 2], found[:3, 3] = left, np.cross(forward, left), forward, origin

@@ -50,7 +50,7 @@ def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
         raise (film or camera).place.wrong(  # type: ignore[union-attr]
             Sentence(
                 "pbrt-film-exposure-zero",
-                "the film sees {factor} times the light: give an iso above 0, and a shutterclose after shutteropen",
+                "the film multiplies light by {factor}; give an iso above 0, and a shutterclose after shutteropen",
                 factor=f"{found:g}",
             )
         )
@@ -63,13 +63,13 @@ def set_film(source: Parameters, description: SceneDescription, notes: Notes) ->
         size = source.integer(name, default)
         if size < 1:
             raise source.place.wrong(
-                Sentence("pbrt-size-too-small", "{name} is {value}; it is at least 1", name=name, value=size)
+                Sentence("pbrt-size-too-small", "{name} is {value}; it must be at least 1", name=name, value=size)
             )
         description.defaults[key] = min(size, MAX_SIZE)
     if source.type not in ("rgb", "gbuffer"):
         notes.add(
             source.place,
-            Sentence("pbrt-film-type-replaced", "{source}: an image of red, green and blue is rendered", source=source),
+            Sentence("film-type-replaced", "{what}: is replaced by a film of linear RGB", what=source),
         )
     sensor = source.text("sensor", "cie1931")
     if sensor != "cie1931":
@@ -77,7 +77,7 @@ def set_film(source: Parameters, description: SceneDescription, notes: Notes) ->
             source.place,
             Sentence(
                 "pbrt-film-sensor-replaced",
-                "The film sees as the CIE's observer, and not as the sensor {sensor}",
+                "The sensor {sensor} of the film is replaced by the CIE observer",
                 sensor=repr(sensor[:40]),
             ),
         )
@@ -99,7 +99,7 @@ def _rendered(source: Parameters, width: int, height: int) -> Window:
         raise source.place.wrong(
             Sentence(
                 "pbrt-pixel-bounds-malformed",
-                "pixelbounds and cropwindow take four numbers: left, right, top and bottom",
+                "pixelbounds and cropwindow need four numbers: left, right, top and bottom",
             )
         )
     left, right, top, bottom = max(ends[0], 0), min(ends[1], width), max(ends[2], 0), min(ends[3], height)
@@ -107,7 +107,7 @@ def _rendered(source: Parameters, width: int, height: int) -> Window:
         raise source.place.wrong(
             Sentence(
                 "pbrt-pixel-bounds-empty",
-                "no pixel of the film of {width}x{height} lies within its pixelbounds or cropwindow",
+                "pixelbounds or cropwindow leave no pixel of the film of {width}x{height}; correct them",
                 width=width,
                 height=height,
             )
@@ -121,9 +121,9 @@ def set_sampler(source: Parameters, description: SceneDescription, notes: Notes)
         notes.add(
             source.place,
             Sentence(
-                "pbrt-sampler-unknown",
-                "{source} is no sampler of pbrt's: the number of samples that it names is taken",
-                source=source,
+                "sampler-unknown",
+                "{what} is unknown: only its sample count is used",
+                what=source,
             ),
         )
     count = source.integer("pixelsamples", 16)
@@ -150,7 +150,7 @@ def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:
         film.place,
         Sentence(
             "pbrt-white-balance-differs",
-            "whitebalance is that of the lights here: strongly coloured surfaces come out a little otherwise",
+            "whitebalance is applied to lights: strongly coloured surfaces look slightly different",
         ),
     )
     return balanced(kelvin, film.space)
@@ -171,7 +171,7 @@ def set_filter(source: Parameters, description: SceneDescription, notes: Notes) 
                 source.place,
                 Sentence(
                     "pbrt-filter-size-ignored",
-                    "{source} is two pixels wide here, and not {width} by {height}",
+                    "{source} is rendered two pixels wide, not {width} by {height}",
                     source=source,
                     width=f"{2 * radii[0]:g}",
                     height=f"{2 * radii[1]:g}",
@@ -194,7 +194,7 @@ def set_integrator(source: Parameters, description: SceneDescription, notes: Not
     if source.flag("regularize", False):
         notes.add(
             source.place,
-            Sentence("pbrt-regularize-ignored", "regularize of the integrator is not taken over: nothing is made rougher"),
+            Sentence("pbrt-regularize-ignored", "regularize of the integrator is ignored"),
         )
     description.defaults["max_depth"] = min(max(source.integer("maxdepth", 5) + 1, 1), MAX_DEPTH)
     description.defaults["transmission_depth"] = 0  # pbrt counts every bounce
@@ -217,7 +217,10 @@ def add_camera(
         tall = (high - low) * float(np.linalg.norm(up))
         if source.number("lensradius", 0.0) > 0:
             notes.add(
-                source.place, Sentence("pbrt-orthographic-focus-ignored", "An orthographic camera is sharp everywhere here")
+                source.place,
+                Sentence(
+                    "pbrt-orthographic-focus-ignored", "The focus of an orthographic camera is ignored: it is sharp everywhere"
+                ),
             )
         source.used.add("focaldistance")
         fields |= {"projection": "orthographic", "height": tall, **shift}
@@ -227,7 +230,7 @@ def add_camera(
                 source.place,
                 Sentence(
                     "pbrt-spherical-mapping-differs",
-                    "A spherical camera's picture is equirectangular here, and not of equal area",
+                    "The picture of a spherical camera is equirectangular, not equal-area",
                 ),
             )
         fields |= {"projection": "panorama", "target": _vec(eye - _unit(right))}
@@ -238,7 +241,7 @@ def add_camera(
                 source.place,
                 Sentence(
                     "pbrt-realistic-camera-replaced",
-                    "{source} is rendered as a perspective camera of 40 degrees; its lenses are not followed",
+                    "{source} is replaced by a perspective camera of 40 degrees; its lenses are ignored",
                     source=source,
                 ),
             )
@@ -257,7 +260,7 @@ def add_camera(
                 source.place,
                 Sentence(
                     "pbrt-spherical-window-ignored",
-                    "A spherical camera's picture is rendered as a whole, without the window of its film",
+                    "The film window of a spherical camera is ignored: the whole picture is rendered",
                 ),
             )
         else:
@@ -266,7 +269,7 @@ def add_camera(
     try:
         description.cameras.append(Camera(source.type, View(**fields)))
     except SettingsError as error:
-        notes.add(source.place, Sentence("camera-sees-nothing", "{what} sees nothing here: {error}", what=source, error=error))
+        notes.add(source.place, Sentence("camera-sees-nothing", "{what} has an invalid view: {error}", what=source, error=error))
 
 
 def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, float, float, float]:
@@ -276,7 +279,7 @@ def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, floa
         raise source.place.wrong(
             Sentence(
                 "pbrt-frame-aspect-ratio-invalid",
-                "frameaspectratio of {source} is {value}; it is above 0",
+                "frameaspectratio of {source} is {value}; it must be above 0",
                 source=source,
                 value=f"{frame:g}",
             )
@@ -286,7 +289,7 @@ def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, floa
     if said is not None:
         if len(said) != 4 or not said[0] < said[1] or not said[2] < said[3]:
             raise source.place.wrong(
-                Sentence("pbrt-screen-window-malformed", "screenwindow takes four numbers: left, right, low and high")
+                Sentence("pbrt-screen-window-malformed", "screenwindow needs four numbers: left, right, low and high")
             )
         window = (float(said[0]), float(said[1]), float(said[2]), float(said[3]))
     left, right, low, high = window
@@ -295,7 +298,7 @@ def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, floa
             source.place,
             Sentence(
                 "pbrt-screen-window-shape-ignored",
-                "The picture's shape is not that of screenwindow or frameaspectratio: it is not stretched here",
+                "The picture's aspect ratio differs from screenwindow or frameaspectratio: it is not stretched",
             ),
         )
     return window

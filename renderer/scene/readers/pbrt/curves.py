@@ -22,19 +22,20 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
     kind = source.text("type", "flat")
     if kind != "cylinder":
         notes.add(
-            source.place, Sentence("pbrt-curve-type-replaced", "curves of the type {kind} are tubes as wide", kind=kind[:20])
+            source.place,
+            Sentence("pbrt-curve-type-replaced", "curves of type {kind} are rendered as tubes of the same width", kind=kind[:20]),
         )
     source.used.update(("N", "splitdepth"))
     if basis not in ("bezier", "bspline") or degree not in (2, 3):
         raise source.place.wrong(
-            Sentence("pbrt-curve-basis-unknown", "a curve is of the basis bezier or bspline, and of the degree 2 or 3")
+            Sentence("pbrt-curve-basis-unknown", "a curve needs the basis bezier or bspline, and the degree 2 or 3")
         )
     least = degree + 1
     if points is None or len(points) < least or (basis == "bezier" and (len(points) - 1) % degree):
         raise source.place.wrong(
             Sentence(
                 "pbrt-curve-points-too-few",
-                "a curve of degree {degree} takes {least} points, and for a bezier {degree} more for each part",
+                "a curve of degree {degree} needs {least} points, and a bezier curve {degree} more for each further segment",
                 degree=degree,
                 least=least,
             )

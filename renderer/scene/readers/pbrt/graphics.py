@@ -83,7 +83,7 @@ class Graphics:
                 raise statement.place.wrong(
                     Sentence(
                         "pbrt-directive-unknown",
-                        "{directive} is no directive of pbrt-v4; an older scene becomes one by `pbrt --upgrade`",
+                        "{directive} is not a directive of pbrt-v4; convert older scenes with `pbrt --upgrade`",
                         directive=repr(statement.directive[:40]),
                     )
                 )
@@ -93,11 +93,11 @@ class Graphics:
         """Ends the scene. Raises SceneError if a block is open or WorldBegin is missing."""
         if self._shapes is None:
             raise Place(PurePosixPath(main).name, 1).wrong(
-                Sentence("pbrt-world-begin-missing", "has no WorldBegin: nothing is in its world; give the scene's main file")
+                Sentence("pbrt-world-begin-missing", "has no WorldBegin and so no world; give the scene's main file")
             )
         if self._saved:
             raise Place(PurePosixPath(main).name, 1).wrong(
-                Sentence("pbrt-block-not-closed", "{block} has no end to it; close it", block=self._saved[-1][0])
+                Sentence("pbrt-block-not-closed", "{block} is not closed; close it", block=self._saved[-1][0])
             )
         self._shapes.flush()
         place = self._camera[0].place if self._camera is not None else Place(PurePosixPath(main).name, 1)
@@ -123,7 +123,7 @@ class Graphics:
             raise statement.place.wrong(
                 Sentence(
                     "pbrt-includes-circular",
-                    "files include each other {depth} deep; take one out of the circle",
+                    "files include each other to a depth of {depth}; remove the circle",
                     depth=MAX_DEPTH,
                 )
             )
@@ -143,10 +143,10 @@ class Graphics:
         numbers = np.concatenate(found) if found else np.zeros(0)
         if len(found) != len(statement.arguments) or len(numbers) != count:
             raise statement.place.wrong(
-                Sentence("pbrt-directive-one-number", "{directive} takes 1 number", directive=statement.directive)
+                Sentence("pbrt-directive-one-number", "{directive} needs 1 number", directive=statement.directive)
                 if count == 1
                 else Sentence(
-                    "pbrt-directive-number-count", "{directive} takes {count} numbers", directive=statement.directive, count=count
+                    "pbrt-directive-number-count", "{directive} needs {count} numbers", directive=statement.directive, count=count
                 )
             )
         return numbers
@@ -192,7 +192,7 @@ class Graphics:
             raise statement.place.wrong(
                 Sentence(
                     "pbrt-coordinate-system-unknown",
-                    "there is no coordinate system {name}; CoordinateSystem names one before",
+                    "there is no coordinate system {name}; define it with CoordinateSystem first",
                     name=repr(name[:60]),
                 )
             )
@@ -213,7 +213,7 @@ class Graphics:
     def _on_transform_times(self, statement: Statement) -> None:
         start, end = (float(v) for v in self._numbers(statement, 2))
         if not start < end:
-            raise statement.place.wrong(Sentence("pbrt-transform-times-malformed", "TransformTimes takes a time and a later one"))
+            raise statement.place.wrong(Sentence("pbrt-transform-times-malformed", "TransformTimes needs a time and a later one"))
         self._times = start, end
 
     # Blocks
@@ -223,7 +223,7 @@ class Graphics:
             raise statement.place.wrong(
                 Sentence(
                     "pbrt-blocks-nested-too-deep",
-                    "blocks are nested more than {most} deep; close some",
+                    "blocks are nested more than {most} levels deep; flatten them",
                     most=_MOST_STATES,
                 )
             )
@@ -234,7 +234,7 @@ class Graphics:
             raise statement.place.wrong(
                 Sentence(
                     "pbrt-block-end-unmatched",
-                    "{directive} has no {block} that it could end",
+                    "{directive} has no matching {block}; remove it",
                     directive=statement.directive,
                     block=opened,
                 )
@@ -258,7 +258,7 @@ class Graphics:
         shapes = self._in_world(statement)
         if shapes.in_object:
             raise statement.place.wrong(
-                Sentence("pbrt-object-nested", "an object cannot stand in another; end the first one before")
+                Sentence("pbrt-object-nested", "an object cannot be defined within another; end the first one before")
             )
         self._save(statement)
         shapes.begin(self._name(statement))
@@ -270,7 +270,9 @@ class Graphics:
     def _on_object_instance(self, statement: Statement) -> None:
         shapes = self._in_world(statement)
         if shapes.in_object:
-            raise statement.place.wrong(Sentence("pbrt-object-instance-nested", "an object cannot be shown within another"))
+            raise statement.place.wrong(
+                Sentence("pbrt-object-instance-nested", "an object cannot contain an instance of another; move it out")
+            )
         shapes.instance(self._name(statement), self._state.ctm, statement.place)
 
     def _on_attribute(self, statement: Statement) -> None:
@@ -279,7 +281,7 @@ class Graphics:
             raise statement.place.wrong(
                 Sentence(
                     "pbrt-attribute-target-unknown",
-                    "Attribute speaks of {targets}, and not of {target}",
+                    "Attribute applies to {targets}, not to {target}; correct it",
                     targets=[*_ATTRIBUTES],
                     target=repr(target[:40]),
                 )
@@ -298,7 +300,7 @@ class Graphics:
             raise statement.place.wrong(
                 Sentence(
                     "pbrt-colour-space-unknown",
-                    "{name} is no colour space of pbrt's; they are {spaces}",
+                    "{name} is not a colour space of pbrt; known are {spaces}",
                     name=repr(name[:40]),
                     spaces=[*SPACES],
                 )
@@ -334,9 +336,7 @@ class Graphics:
 
     def _on_world_begin(self, statement: Statement) -> None:
         if self._shapes is not None:
-            raise statement.place.wrong(
-                Sentence("pbrt-world-begin-repeated", "the world has begun before; take this WorldBegin out")
-            )
+            raise statement.place.wrong(Sentence("pbrt-world-begin-repeated", "has a second WorldBegin; remove it"))
         description = self._description
         source = self._camera[0] if self._camera else None
         self._lights.exposure = cameras.exposure_of(source, self._film)
@@ -381,7 +381,7 @@ class Graphics:
                 statement.place,
                 Sentence(
                     "pbrt-material-redefined",
-                    "The material {name} is made again: what follows has the later one",
+                    "The material {name} is redefined: later shapes use the new one",
                     name=repr(name[:60]),
                 ),
             )
@@ -393,7 +393,7 @@ class Graphics:
             raise statement.place.wrong(
                 Sentence(
                     "pbrt-material-undefined",
-                    "there is no material {name}; MakeNamedMaterial names one before it is used",
+                    "there is no material {name}; define it with MakeNamedMaterial first",
                     name=repr(name[:60]),
                 )
             )
@@ -403,9 +403,7 @@ class Graphics:
         (name, kind, _), found = Parameters.of("texture", statement, 3, self._state.space)
         if kind not in ("float", "spectrum", "color"):
             raise statement.place.wrong(
-                Sentence(
-                    "pbrt-texture-kind-unknown", "a texture is of floats or of spectra, and not of {kind}", kind=repr(kind[:40])
-                )
+                Sentence("pbrt-texture-kind-unknown", "a texture is of type float or spectrum, not {kind}", kind=repr(kind[:40]))
             )
         found.defaults = self._state.attributes.get("texture", {})
         if ("float" if kind == "float" else "spectrum", name) in self._textures.named:
@@ -413,7 +411,7 @@ class Graphics:
                 statement.place,
                 Sentence(
                     "pbrt-texture-redefined",
-                    "The texture {name} is made again: what follows has the later one",
+                    "The texture {name} is redefined: later materials use the new one",
                     name=repr(name[:60]),
                 ),
             )
@@ -425,7 +423,7 @@ class Graphics:
         source = self._parameters(statement, "light")
         ctm = self._state.ctm
         if ctm[0] is not ctm[1]:
-            self._notes.add(statement.place, Sentence("pbrt-light-motion-ignored", "A light that moves stands still, as in pbrt"))
+            self._notes.add(statement.place, Sentence("pbrt-light-motion-ignored", "A moving light stands still, as in pbrt"))
         self._lights.add(source, product(self._outer, ctm[0]))
         source.say_unused(self._notes)
 
@@ -452,7 +450,7 @@ class Graphics:
             raise statement.place.wrong(
                 Sentence(
                     "pbrt-medium-interface-malformed",
-                    "MediumInterface takes the names of one medium or two in quotes: inside and outside",
+                    "MediumInterface needs one or two names of media in quotes: inside and outside",
                 )
             )
         self._state.medium = names[0], names[-1]
@@ -464,7 +462,7 @@ class Graphics:
             raise statement.place.wrong(
                 Sentence(
                     "pbrt-directive-before-world",
-                    "{directive} stands before WorldBegin; put it behind that",
+                    "{directive} comes before WorldBegin; move it behind",
                     directive=statement.directive,
                 )
             )
@@ -475,7 +473,7 @@ class Graphics:
         name = first if isinstance(first, str) else first[0] if isinstance(first, tuple) and first else ""
         if not isinstance(name, str) or not name:
             raise statement.place.wrong(
-                Sentence("pbrt-directive-name-expected", "{directive} takes a name in quotes", directive=statement.directive)
+                Sentence("pbrt-directive-name-expected", "{directive} needs a name in quotes", directive=statement.directive)
             )
         return name
 

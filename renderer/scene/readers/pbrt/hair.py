@@ -20,7 +20,7 @@ def hair(source: Parameters, textures: Textures, notes: Notes) -> Material:
         source.place,
         Sentence(
             "pbrt-hair-replaced",
-            "hair is rendered as a glossy surface in its colour: light does not go through its fibres",
+            "hair is rendered as a glossy surface in its colour: its fibres transmit no light",
         ),
     )
     along, around = (textures.one_number(source, name, 0.3) for name in ("beta_m", "beta_n"))

@@ -44,7 +44,7 @@ class Lights:
             raise place.wrong(
                 Sentence(
                     "pbrt-lights-too-many",
-                    "there are more than {most} lights; leave some out",
+                    "there are more than {most} lights; remove some",
                     most=_MOST_LIGHTS,
                 )
             )
@@ -70,7 +70,7 @@ class Lights:
         else:
             source.used.update(source.values)
             self._notes.add(
-                place, Sentence("light-type-unsupported", "{what} is no light that is read: it is left out", what=source)
+                place, Sentence("light-type-unsupported", "{what} is not supported as a light: it is left out", what=source)
             )
 
     def surface_emission(self, source: Parameters, areas: np.ndarray) -> Emission:
@@ -80,7 +80,7 @@ class Lights:
                 source.place,
                 Sentence(
                     "pbrt-area-light-type-unsupported",
-                    "{source} is no light that is read: its surface does not shine",
+                    "{source} is not supported as a light: its surface does not emit",
                     source=source,
                 ),
             )
@@ -102,7 +102,7 @@ class Lights:
                     source.place,
                     Sentence(
                         "pbrt-area-light-power-spread",
-                        "A light of a power has it for each of its triangles; they shine evenly here, with as much",
+                        "The power of an area light is spread evenly over its triangles",
                     ),
                 )
             factor *= power * len(areas) / (math.pi * spread * (2 if both else 1) * max(mean, 1e-9))
@@ -143,7 +143,7 @@ class Lights:
         if image is None and is_projection:
             self._notes.add(
                 source.place,
-                Sentence("pbrt-projection-light-without-picture", "A projection light without a picture is left out"),
+                Sentence("pbrt-projection-light-without-picture", "A projection light without an image is left out"),
             )
             return
         scale, power, fov = source.number("scale", 1.0), source.number("power", -1.0), source.number("fov", 90.0)
@@ -153,7 +153,7 @@ class Lights:
                 source.place,
                 Sentence(
                     "pbrt-goniometric-picture-not-square",
-                    "The picture of a goniometric light is not square, as pbrt's are: it shines evenly",
+                    "The image of a goniometric light is not square, as pbrt requires: it emits evenly",
                 ),
             )
             pixels = np.full((1, 1, 3), pixels.mean(), np.float32)
@@ -200,7 +200,7 @@ class Lights:
                 source.place,
                 Sentence(
                     "pbrt-infinite-light-portal-ignored",
-                    "The portal of an infinite light is not taken over: it shines from everywhere",
+                    "The portal of an infinite light is ignored: it emits from all directions",
                 ),
             )
         scale, illuminance = source.number("scale", 1.0), source.number("illuminance", -1.0)
@@ -222,7 +222,7 @@ class Lights:
                 source.place,
                 Sentence(
                     "pbrt-infinite-light-not-square",
-                    "The picture of an infinite light is not square, as pbrt's are: it is taken as equirectangular, +Z up",
+                    "The image of an infinite light is not square, as pbrt requires: it is read as equirectangular, +Z up",
                 ),
             )
             pixels = _square(pixels)
@@ -245,9 +245,7 @@ class Lights:
         if None not in images:
             self._notes.add(
                 source.place,
-                Sentence(
-                    "pbrt-second-environment-dropped", "A scene has one picture of light from all around: this one is left out"
-                ),
+                Sentence("pbrt-second-environment-dropped", "A scene can have one environment image: this one is left out"),
             )
             return
         if images == [None, None]:

@@ -62,7 +62,7 @@ def mapping_of(source: Parameters, ctm: Matrix) -> Mapping | None:
         raise source.place.wrong(
             Sentence(
                 "pbrt-mapping-unknown",
-                "{source} has the mapping {kind}; there are uv, planar, spherical and cylindrical",
+                "{source} has the mapping {kind}; known are uv, planar, spherical and cylindrical",
                 source=source,
                 kind=repr(kind[:30]),
             )

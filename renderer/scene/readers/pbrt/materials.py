@@ -110,7 +110,7 @@ class Materials:
                     source.place,
                     Sentence(
                         "pbrt-material-mappings-differ",
-                        "The textures of {source} lie on things in several ways: all lie as the first",
+                        "The textures of {source} have different mappings: all use the first",
                         source=source,
                     ),
                 )
@@ -130,7 +130,7 @@ class Materials:
         if depth > _MAX_NESTED:
             raise source.place.wrong(
                 Sentence(
-                    "pbrt-materials-nested-too-deep", "{source} is made of materials that are nested too deep", source=source
+                    "pbrt-materials-nested-too-deep", "{source} is made of materials that are nested too deeply", source=source
                 )
             )
         make = {
@@ -236,7 +236,8 @@ class Materials:
             source.place,
             Sentence(
                 "pbrt-coated-conductor-replaced",
-                "coatedconductor is rendered as a metal under a clear coat of index 1.5, with what bounces between them head on",
+                "coatedconductor is rendered as a metal under a clear coat of index 1.5, with "
+                "interreflection as at normal incidence",
             ),
         )
         metal = self._rough(source, "conductor.")
@@ -249,12 +250,19 @@ class Materials:
         ior, dispersion = self._textures.colors.index(self._textures.index(source, "eta"))
         if not ior > 0:
             raise source.place.wrong(
-                Sentence("pbrt-ior-invalid", "{source} has the index {ior}; it is above 0", source=source, ior=f"{ior:g}")
+                Sentence(
+                    "pbrt-ior-invalid",
+                    "{source} has the index of refraction {ior}; it must be above 0",
+                    source=source,
+                    ior=f"{ior:g}",
+                )
             )
         if ior < 1:
             self._notes.add(
                 source.place,
-                Sentence("pbrt-ior-below-one", "{source}: an index below 1 is rendered as its inverse", source=source),
+                Sentence(
+                    "pbrt-ior-below-one", "{source}: an index of refraction below 1 is replaced by its inverse", source=source
+                ),
             )
         thin = source.type == "thindielectric"
         rough = {} if thin else self._rough(source, "", brushes=False)
@@ -305,14 +313,14 @@ class Materials:
             raise source.place.wrong(
                 Sentence(
                     "pbrt-mix-material-missing",
-                    "{material} takes the names of two materials that stand before; there is no {missing}",
+                    "{material} needs the names of two materials defined before it; there is no {missing}",
                     material=str(source),
                     missing=repr(missing[0][:60]),
                 )
                 if missing
                 else Sentence(
                     "pbrt-mix-material-count",
-                    "{material} takes the names of two materials that stand before",
+                    "{material} needs the names of two materials defined before it",
                     material=str(source),
                 )
             )
@@ -324,7 +332,7 @@ class Materials:
                 source.place,
                 Sentence(
                     "bsdf-blend-unsupported",
-                    "{what} mixes what ours cannot as one: the one that counts for more is rendered",
+                    "{what} blends materials that cannot be blended here: the one with the larger weight is rendered",
                     what=source,
                 ),
             )
@@ -337,7 +345,7 @@ class Materials:
             return Material(kind="interface")
         self._notes.add(
             source.place,
-            Sentence("bsdf-type-unsupported", "{what} is not read: rendered as a grey matt surface", what=source),
+            Sentence("bsdf-type-unsupported", "{what} is not supported: rendered as a grey diffuse surface", what=source),
         )
         source.used.update(source.values)
         return Material(base_color=_HALF)
@@ -366,7 +374,7 @@ class Materials:
         ):
             self._notes.add(
                 source.place,
-                Sentence("pbrt-coat-medium-ignored", "{source}: what scatters within its coat is not taken over", source=source),
+                Sentence("pbrt-coat-medium-ignored", "{source}: the medium within its coat is ignored", source=source),
             )
 
     def _rough(self, source: Parameters, prefix: str, brushes: bool = True) -> dict[str, Any]:
@@ -393,7 +401,12 @@ class Materials:
         along, across = (value**2 for value in rough)
         if not brushes and along != across:
             self._notes.add(
-                source.place, Sentence("pbrt-anisotropy-ignored", "{source} is as rough in both directions here", source=source)
+                source.place,
+                Sentence(
+                    "anisotropy-ignored",
+                    "{what}: its anisotropic roughness is not supported; it is equally rough in both directions",
+                    what=source,
+                ),
             )
             return {
                 "roughness": math.sqrt(math.sqrt(along * across)) if along * across > 0 else math.sqrt(max(along, across) / 2)
@@ -411,7 +424,7 @@ class Materials:
                     source.place,
                     Sentence(
                         "pbrt-alpha-mapping-averaged",
-                        "Holes of another place than the colour's are not cut: their mean is taken",
+                        "Alpha textures that are placed unlike the colour are replaced by their mean",
                     ),
                 )
             return replace(made, opacity=min(max(self._textures.mean(alpha)[0], 0.0), 1.0), alpha_mode="blend")

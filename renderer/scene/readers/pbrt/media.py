@@ -42,7 +42,7 @@ class Media:
         if name in self._named:
             self._notes.add(
                 source.place,
-                Sentence("pbrt-medium-redefined", "The medium {name} is made again: the later one counts", name=repr(name[:60])),
+                Sentence("pbrt-medium-redefined", "The medium {name} is redefined: the later one is used", name=repr(name[:60])),
             )
         if kind == "homogeneous":
             self._named[name] = self._homogeneous(source)
@@ -53,7 +53,7 @@ class Media:
             source.place,
             Sentence(
                 "pbrt-medium-heterogeneous",
-                "The medium {name} is not the same everywhere ({kind}): it is left out, as if it were clear",
+                "The medium {name} varies in space ({kind}), which is not supported: it is left out",
                 name=repr(name[:60]),
                 kind=kind[:40],
             ),
@@ -65,7 +65,7 @@ class Media:
             raise place.wrong(
                 Sentence(
                     "pbrt-medium-undefined",
-                    "there is no medium {name}; MakeNamedMedium names one before it is used",
+                    "there is no medium {name}; define it with MakeNamedMedium first",
                     name=repr(name[:60]),
                 )
             )
@@ -92,7 +92,9 @@ class Media:
         if lets_through and not made.thin:
             return replace(made, **interior_fields(found))
         if found != NOTHING and lets_through:
-            self._notes.add(place, Sentence("pbrt-thin-shape-with-medium", "{source} is thin: no medium fills it", source=source))
+            self._notes.add(
+                place, Sentence("pbrt-thin-shape-with-medium", "{source}: its medium is ignored, since it is thin", source=source)
+            )
         return made
 
     def surround(self, description: SceneDescription, camera: str, place: Place) -> None:
@@ -103,7 +105,7 @@ class Media:
                 place,
                 Sentence(
                     "pbrt-glass-interior-clear",
-                    "Glass without a MediumInterface is clear inside, where pbrt goes on with what is around it",
+                    "Glass without a MediumInterface is clear inside; in pbrt the surrounding medium continues",
                 ),
             )
         for name, where in self._outside.items():
@@ -112,7 +114,7 @@ class Media:
                     where,
                     Sentence(
                         "pbrt-exterior-medium-ignored",
-                        "The medium {name} is said to be around a shape, but fills none: what is around is not changed",
+                        "The exterior medium {name} of a shape is ignored, since it fills no other shape",
                         name=repr(name[:60]),
                     ),
                 )
@@ -124,7 +126,7 @@ class Media:
                 source.place,
                 Sentence(
                     "pbrt-medium-preset-unknown",
-                    "{preset} is no substance that is known: its numbers count",
+                    "{preset} is not a known substance: its numbers are used",
                     preset=repr(source.text("preset")[:40]),
                 ),
             )
@@ -135,7 +137,7 @@ class Media:
         )
         if source.get("Le") is not None:
             self._notes.add(
-                source.place, Sentence("pbrt-medium-emission-ignored", "{source}: it does not shine (Le) here", source=source)
+                source.place, Sentence("pbrt-medium-emission-ignored", "{source}: its emission (Le) is ignored", source=source)
             )
         return medium(absorbed, scattered, source.number("g", 0.0), source.number("scale", 1.0))
 
@@ -160,9 +162,7 @@ def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material
         if g:
             notes.add(
                 source.place,
-                Sentence(
-                    "pbrt-medium-g-ignored", "'g' of {source} is not taken over where its reflectance is given", source=source
-                ),
+                Sentence("pbrt-medium-g-ignored", "'g' of {source} is ignored, since its reflectance is given", source=source),
             )
         color = textures.color(source, "reflectance", (1.0, 1.0, 1.0))
         path = coefficients(source, "mfp", (1.0,) * 3, textures)
@@ -173,7 +173,7 @@ def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material
             source.place,
             Sentence(
                 "pbrt-subsurface-preset-unknown",
-                "{preset} is no substance that is known: rendered as milk",
+                "{preset} is not a known substance: rendered as milk",
                 preset=repr(wanted[:40]),
             ),
         )

@@ -50,7 +50,7 @@ def _triangles(source: Parameters, notes: Notes) -> Mesh:
     if source.get("S") is not None:
         notes.add(
             source.place,
-            Sentence("pbrt-mesh-tangents-ignored", "Tangents of a mesh (S) are not taken over: they are those of its UVs"),
+            Sentence("pbrt-mesh-tangents-ignored", "Tangents of a mesh (S) are ignored: they follow from its UVs"),
         )
     return _facing(mesh)
 
@@ -63,14 +63,14 @@ def _of_file(source: Parameters, files: SceneFiles, notes: Notes) -> Mesh:
             Sentence(
                 "file-missing",
                 "{name} is not among the files; add it",
-                name=repr(PurePosixPath(wanted).name[:120] or "its file"),
+                name=repr(PurePosixPath(wanted).name[:120]),
             )
         )
     for each in ("displacement", "displacement.edgelength"):
         if source.get(each) is not None:
             notes.add(
                 source.place,
-                Sentence("pbrt-mesh-displacement-ignored", "displacement of meshes is not taken over: they are as in their file"),
+                Sentence("pbrt-mesh-displacement-ignored", "displacement of meshes is ignored"),
             )
     part: SceneDescription = files.recall(("ply", name), lambda: _read(files, name))
     mesh = _one(part)
@@ -103,7 +103,7 @@ def _patches(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mesh:
             source.place,
             Sentence(
                 "pbrt-emission-texture-ignored",
-                "emissionfilename of a bilinearmesh is not taken over: it shines evenly",
+                "emissionfilename of a bilinearmesh is ignored: it emits evenly",
             ),
         )
     quads = points[corners]  # (Q, 4, 3): 00, 10, 01, 11
@@ -149,7 +149,7 @@ def _subdivided(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mes
             source.place,
             Sentence(
                 "pbrt-subdivision-limited",
-                "{source} is refined {levels} times and not {asked}, so that it does not grow too large",
+                "{source} is subdivided {levels} times in place of {asked}, to limit its size",
                 source=source,
                 levels=levels,
                 asked=wanted,
@@ -213,7 +213,7 @@ def _indices(source: Parameters, count: int, corners: int, default: npt.NDArray[
         raise source.place.wrong(
             Sentence(
                 "pbrt-mesh-index-count-wrong",
-                "{source} has {count} indices; it takes a multiple of {multiple}",
+                "{source} has {count} indices; their number must be a multiple of {multiple}",
                 source=source,
                 count=len(found),
                 multiple=corners,
@@ -224,7 +224,7 @@ def _indices(source: Parameters, count: int, corners: int, default: npt.NDArray[
         raise source.place.wrong(
             Sentence(
                 "pbrt-mesh-index-invalid",
-                "{source} has the index {index} where there are {count} points",
+                "{source} has the index {index}, but only {count} points",
                 source=source,
                 index=f"{worst:.0f}",
                 count=count,
@@ -241,7 +241,7 @@ def _vectors(source: Parameters, name: str, count: int) -> npt.NDArray[np.float3
         raise source.place.wrong(
             Sentence(
                 "pbrt-mesh-value-count-wrong",
-                "{source} has {found} of {name} and {count} points",
+                "{source} has {found} values of {name} for {count} points",
                 source=source,
                 found=len(found),
                 name=name,
@@ -261,7 +261,7 @@ def _uvs(source: Parameters, count: int) -> npt.NDArray[np.float32] | None:
         raise source.place.wrong(
             Sentence(
                 "pbrt-mesh-uv-count-wrong",
-                "{source} has {found} of uv and {count} points",
+                "{source} has {found} values of uv for {count} points",
                 source=source,
                 found=found.size // 2,
                 count=count,

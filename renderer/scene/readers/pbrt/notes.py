@@ -22,9 +22,13 @@ class Place(NamedTuple):
     def __str__(self) -> str:
         return f"{self.file}, line {self.line}"
 
+    def said(self, fault: str) -> str:
+        """Returns a sentence with the position before it."""
+        return Sentence("fault-in-line", "{file}, line {line}: {fault}", file=self.file, line=self.line, fault=fault)
+
     def wrong(self, sentence: str) -> SceneError:
         """Returns an error with the position and the sentence."""
-        return SceneError(Sentence("fault-at-place", "{place}: {fault}", place=self, fault=sentence))
+        return SceneError(self.said(sentence))
 
 
 class Notes:
@@ -45,10 +49,8 @@ class Notes:
     def say(self, description: SceneDescription) -> None:
         """Adds one warning per note."""
         for sentence, (place, count) in self._found.items():
-            description.warnings.append(
-                Sentence("fault-at-place", "{place}: {fault}", place=place, fault=with_count(sentence, count))
-            )
+            description.warnings.append(place.said(with_count(sentence, count)))
         if self._left:
             description.warnings.append(
-                Sentence("pbrt-omissions-more", "{count} more things of this file are not taken over", count=self._left)
+                Sentence("pbrt-omissions-more", "{count} more features of this file are ignored", count=self._left)
             )

@@ -9,9 +9,13 @@ from renderer.sentences import Sentence
 __all__ = ["note_option"]
 
 _OF_THE_PICTURE = {
-    "forcediffuse": "surfaces are as their materials say",
-    "disablepixeljitter": "a pixel's samples lie all over it",
-    "disabletexturefiltering": "textures are interpolated",
+    "forcediffuse": Sentence("pbrt-force-diffuse-ignored", "The option forcediffuse is ignored: materials are used as defined"),
+    "disablepixeljitter": Sentence(
+        "pbrt-pixel-jitter-kept", "The option disablepixeljitter is ignored: samples are spread over the pixel"
+    ),
+    "disabletexturefiltering": Sentence(
+        "pbrt-texture-filtering-kept", "The option disabletexturefiltering is ignored: textures are interpolated"
+    ),
 }
 _OF_THE_RUN = (
     *("disablewavelengthjitter", "displacementedgescale", "fullscreen", "gpudevice", "interactive", "msereferenceimage"),
@@ -26,17 +30,9 @@ def note_option(name: str, statement: Statement, notes: Notes) -> None:
     said = statement.arguments[1] if len(statement.arguments) > 1 else ""
     is_on = said == "true" or (isinstance(said, tuple) and said[:1] in ((True,), ("true",)))
     if is_on and key in _OF_THE_PICTURE:
-        notes.add(
-            statement.place,
-            Sentence(
-                "pbrt-option-ignored",
-                "The option {option} is not taken over: {reason}",
-                option=key,
-                reason=_OF_THE_PICTURE[key],
-            ),
-        )
+        notes.add(statement.place, _OF_THE_PICTURE[key])
     elif key not in _OF_THE_PICTURE and key not in _OF_THE_RUN:
         notes.add(
             statement.place,
-            Sentence("pbrt-option-unknown", "The option {name} is not known, and not taken over", name=repr(name[:60])),
+            Sentence("pbrt-option-unknown", "The option {name} is unknown and ignored", name=repr(name[:60])),
         )

@@ -57,12 +57,14 @@ class Parameters:
         if len(first) < names or not all(isinstance(each, str | tuple) for each in first):
             raise place.wrong(
                 Sentence(
-                    "pbrt-directive-name-count", '{directive} takes 1 name in quotes, as "diffuse"', directive=statement.directive
+                    "pbrt-directive-name-count",
+                    '{directive} needs 1 name in quotes, such as "diffuse"',
+                    directive=statement.directive,
                 )
                 if names == 1
                 else Sentence(
                     "pbrt-directive-names-expected",
-                    '{directive} takes {count} names in quotes, as "diffuse"',
+                    '{directive} needs {count} names in quotes, such as "diffuse"',
                     directive=statement.directive,
                     count=names,
                 )
@@ -101,11 +103,11 @@ class Parameters:
             raise found.place.wrong(
                 Sentence(
                     "pbrt-parameter-type-wrong",
-                    "{name} of {what} is of type {type}; it takes {types}",
+                    "{name} of {what} has the type {type}; possible are {types}",
                     name=repr(name),
                     what=self,
                     type=found.type,
-                    types=" or ".join(dict.fromkeys(types)),
+                    types=[*dict.fromkeys(types)],
                 )
             )
         return found
@@ -158,7 +160,7 @@ class Parameters:
             raise found.place.wrong(
                 Sentence(
                     "pbrt-parameter-number-count",
-                    "{name} of {what} has {count} numbers; it takes a multiple of {multiple}",
+                    "{name} of {what} has {count} numbers; their number must be a multiple of {multiple}",
                     name=repr(name),
                     what=self,
                     count=len(values),
@@ -182,14 +184,14 @@ class Parameters:
             if name not in self.used:
                 notes.add(
                     parameter.place,
-                    Sentence("pbrt-parameter-ignored", "{name} of {what} is not taken over", name=repr(name[:60]), what=self),
+                    Sentence("pbrt-parameter-ignored", "{name} of {what} is ignored", name=repr(name[:60]), what=self),
                 )
             elif name in self.repeated:
                 notes.add(
                     parameter.place,
                     Sentence(
                         "parameter-given-twice",
-                        "{name} of {what} is given more than once: the last one counts",
+                        "{name} of {what} is given more than once: the last one is used",
                         name=repr(name[:60]),
                         what=self,
                     ),
@@ -200,7 +202,7 @@ class Parameters:
                     parameter.place,
                     Sentence(
                         "pbrt-parameter-numbers-dropped",
-                        "{name} of {what} has {count} numbers: the first {used} count",
+                        "{name} of {what} has {count} numbers: the first {used} are used",
                         name=repr(name[:60]),
                         what=self,
                         count=count,
@@ -211,13 +213,9 @@ class Parameters:
     def _some(self, found: Parameter, name: str, least: int) -> F64:
         if not isinstance(found.value, np.ndarray) or len(found.value) < least:
             raise found.place.wrong(
-                Sentence(
-                    "pbrt-parameter-value-wrong",
-                    "{name} of {what} takes {expected}",
-                    name=repr(name),
-                    what=self,
-                    expected="numbers" if least != 1 else "a number",
-                )
+                Sentence("pbrt-parameter-not-number", "{name} of {what} must be a number", name=repr(name), what=self)
+                if least == 1
+                else Sentence("pbrt-parameter-not-number-list", "{name} of {what} must be numbers", name=repr(name), what=self)
             )
         if 0 < least < len(found.value):
             self.cut[name] = len(found.value), least
@@ -239,7 +237,7 @@ def _declared(declared: Argument, value: Argument, statement: Statement, space: 
         raise statement.place.wrong(
             Sentence(
                 "pbrt-parameter-malformed",
-                '{text} of {directive} is no parameter; it takes a type and a name, as "float radius"',
+                '{text} of {directive} is not a parameter; write a type and a name, such as "float radius"',
                 text=repr(said),
                 directive=statement.directive,
             )
@@ -249,7 +247,7 @@ def _declared(declared: Argument, value: Argument, statement: Statement, space: 
         raise statement.place.wrong(
             Sentence(
                 "pbrt-parameter-not-numbers",
-                "{name} of {directive} takes numbers",
+                "{name} of {directive} needs numbers",
                 name=repr(name[:60]),
                 directive=statement.directive,
             )

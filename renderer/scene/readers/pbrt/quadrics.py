@@ -68,7 +68,7 @@ def quadric(source: Parameters, coarser: int = 1) -> Quadric:
         raise source.place.wrong(
             Sentence(
                 "pbrt-quadric-cut-away",
-                "nothing is left of {source}: its zmin, zmax or phimax cut all of it off",
+                "zmin, zmax or phimax of {source} leave nothing of it; correct them",
                 source=source,
             )
         )
@@ -82,7 +82,7 @@ def _disk(source: Parameters, radius: float, turn: float, around: F64) -> Quadri
         raise source.place.wrong(
             Sentence(
                 "pbrt-disk-cut-away",
-                "nothing is left of {source}: its innerradius or phimax cut all of it off",
+                "innerradius or phimax of {source} leave nothing of it; correct them",
                 source=source,
             )
         )
@@ -96,7 +96,7 @@ def _radius(source: Parameters) -> float:
     if not 0 < radius < 1e15:
         raise source.place.wrong(
             Sentence(
-                "pbrt-radius-invalid", "{source} has the radius {radius}; it is above 0", source=source, radius=f"{radius:g}"
+                "pbrt-radius-invalid", "{source} has the radius {radius}; it must be above 0", source=source, radius=f"{radius:g}"
             )
         )
     return radius

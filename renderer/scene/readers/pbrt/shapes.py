@@ -101,7 +101,7 @@ class Shapes:
             raise place.wrong(
                 Sentence(
                     "pbrt-object-undefined",
-                    "there is no object {name}; its ObjectBegin stands before it is shown",
+                    "there is no object {name}; define it with ObjectBegin first",
                     name=repr(name[:60]),
                 )
             )
@@ -121,7 +121,7 @@ class Shapes:
             source.used.update(source.values)
             self._notes.add(
                 source.place,
-                Sentence("shape-type-unsupported", "{what} is no shape that is read: it is left out", what=source),
+                Sentence("shape-type-unsupported", "{what} is not supported as a shape: it is left out", what=source),
             )
             return
         is_idle = looks.area is None and not self._materials.bounds_media(looks.medium, source.place)
@@ -171,7 +171,7 @@ class Shapes:
                     source.place,
                     Sentence(
                         "pbrt-instance-texture-placement",
-                        "Textures that lie by place move with the objects that are shown many times",
+                        "Textures that are placed in space move with object instances",
                     ),
                 )
         self._add_mesh(replace(mesh, material=number), looks.ctm)
@@ -186,7 +186,9 @@ class Shapes:
         if self.in_object:
             self._notes.add(
                 source.place,
-                Sentence("pbrt-instance-bump-scale", "Bumps of an object that is shown in several sizes are as steep in each"),
+                Sentence(
+                    "pbrt-instance-bump-scale", "Bumps of an object that is shown in several sizes are equally steep in each"
+                ),
             )
         bumpy = with_uvs(mesh if mesh is not None else self._quadric(source).mesh)
         place = between(looks.ctm, self._time)
@@ -202,7 +204,7 @@ class Shapes:
                 source.place,
                 Sentence(
                     "pbrt-mirrored-shape-not-inverted",
-                    "{source} is mirrored: its inside stays inside, where pbrt turns it inside out",
+                    "{source} is mirrored: its inside stays inside, while pbrt turns it inside out",
                     source=source,
                 ),
             )
@@ -237,7 +239,9 @@ class Shapes:
             if coarser > 1:
                 self._notes.add(
                     source.place,
-                    Sentence("pbrt-round-shapes-coarsened", "Of very many round shapes the later ones are drawn coarser"),
+                    Sentence(
+                        "pbrt-round-shapes-coarsened", "The scene has very many round shapes; the later ones are drawn coarser"
+                    ),
                 )
             self._made[key] = quadric(source, coarser)
         return self._made[key]
@@ -248,7 +252,7 @@ class Shapes:
         if self.in_object:
             self._notes.add(
                 looks.area.place,
-                Sentence("pbrt-instance-lights-ignored", "Shapes of an object that is shown many times do not shine, as in pbrt"),
+                Sentence("pbrt-instance-lights-ignored", "Shapes of object instances do not emit, as in pbrt"),
             )
             return Emission()
         return self._lights.surface_emission(looks.area, areas)
@@ -281,7 +285,7 @@ class Shapes:
             raise place.wrong(
                 Sentence(
                     "pbrt-shapes-too-many",
-                    "with it more than {most} shapes are shown; show fewer",
+                    "with it more than {most} shapes are shown; reduce them",
                     most=_MOST_INSTANCES,
                 )
             )

@@ -91,7 +91,7 @@ class Colors:
             kelvin = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
             if not 0 < kelvin < 1e9:
                 raise found.place.wrong(
-                    Sentence("pbrt-blackbody-temperature-invalid", "a black body has a temperature above 0, in kelvins")
+                    Sentence("pbrt-blackbody-temperature-invalid", "the temperature of a blackbody must be above 0 kelvin")
                 )
             return self._shown(planck(kelvin), found)
         name = text_of(found)
@@ -108,7 +108,7 @@ class Colors:
         elif found.type == "blackbody":
             raise found.place.wrong(
                 Sentence(
-                    "pbrt-blackbody-as-colour", "a black body shines, it is no colour of a surface; give an rgb or a spectrum"
+                    "pbrt-blackbody-as-colour", "a blackbody is a spectrum of light, not of a surface; give an rgb or a spectrum"
                 )
             )
         else:
@@ -147,7 +147,7 @@ class Colors:
             raise found.place.wrong(
                 Sentence(
                     "pbrt-spectrum-malformed",
-                    "a spectrum takes pairs of a wavelength in nanometres and a value",
+                    "a spectrum needs pairs of a wavelength in nanometres and a value",
                 )
             )
         return at_wavelengths(values[::2], values[1::2])
@@ -156,14 +156,14 @@ class Colors:
         metal = wanted.removeprefix("metal-").rpartition("-")
         if metal[0] in METALS and metal[2] in ("eta", "k"):
             raise found.place.wrong(
-                Sentence("pbrt-spectrum-is-ior", "{name} is an index of refraction, and no colour", name=repr(wanted[:60]))
+                Sentence("pbrt-spectrum-is-ior", "{name} is an index of refraction, not a colour", name=repr(wanted[:60]))
             )
         name = self._files.find(wanted, found.place.file)
         if name is None:
             raise found.place.wrong(
                 Sentence(
                     "pbrt-spectrum-unknown",
-                    "{name} is no spectrum that is known, and no file of the scene; add the file",
+                    "{name} is neither a known spectrum nor a file of the scene; add the file",
                     name=repr(PurePosixPath(wanted).name[:80]),
                 )
             )
@@ -174,13 +174,13 @@ class Colors:
             raise found.place.wrong(
                 Sentence(
                     "pbrt-spectrum-file-malformed",
-                    "{name} holds what are no numbers; a spectrum's file has pairs of them",
+                    "{name} contains words in place of numbers; the file of a spectrum needs pairs of numbers",
                     name=name,
                 )
             ) from None
         if not np.isfinite(values).all():
             raise found.place.wrong(
-                Sentence("pbrt-spectrum-file-not-finite", "{name} holds numbers that are infinite, or none", name=name)
+                Sentence("pbrt-spectrum-file-not-finite", "{name} contains numbers that are not finite", name=name)
             )
         return values
 
@@ -190,7 +190,7 @@ class Colors:
             raise found.place.wrong(
                 Sentence(
                     "pbrt-light-spectrum-invisible",
-                    "a light's spectrum is dark wherever an eye sees; give one between 380 and 780 nanometres",
+                    "the spectrum of a light has no visible part; give one between 380 and 780 nanometres",
                 )
             )
         return self._sound(_FROM_XYZ @ (xyz / xyz[1]), found)
@@ -201,7 +201,7 @@ class Colors:
                 found.place,
                 Sentence(
                     "pbrt-colour-outside-gamut",
-                    "A colour is stronger than Rec.709 has any: it is the nearest that a screen shows",
+                    "A colour outside of the gamut of Rec.709 is replaced by the nearest one inside",
                 ),
             )
         r, g, b = (float(min(max(v, 0.0), _MOST)) for v in rgb)
@@ -211,5 +211,5 @@ class Colors:
     def _three(found: Parameter) -> F64:
         values = np.asarray(found.value, float).reshape(-1)
         if len(values) != 3:
-            raise found.place.wrong(Sentence("pbrt-rgb-malformed", "an rgb takes three numbers"))
+            raise found.place.wrong(Sentence("pbrt-rgb-malformed", "an rgb needs three numbers"))
         return values

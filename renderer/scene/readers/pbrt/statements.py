@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
 from renderer.scene.readers.pbrt.notes import Place
 from renderer.scene.text_encoding import decoded
@@ -61,7 +62,7 @@ class Statements:
             raise SceneError(
                 Sentence(
                     "pbrt-includes-too-deep",
-                    "{name}: is included {depth} files deep; do files include each other?",
+                    "{name}: is included at a depth of {depth} files; do files include each other?",
                     name=name,
                     depth=MAX_DEPTH,
                 )
@@ -71,7 +72,7 @@ class Statements:
             raise SceneError(
                 Sentence(
                     "pbrt-includes-too-many",
-                    "{name}: more than {most} files are included; put them together",
+                    "{name}: more than {most} files are included; merge some",
                     name=name,
                     most=MAX_FILES,
                 )
@@ -95,8 +96,8 @@ class Statements:
             raise SceneError(
                 Sentence(
                     "pbrt-includes-repeated-too-large",
-                    "{name}: more than {most_mib} MiB are included that were included before; make an "
-                    "object of what is shown many times (ObjectBegin)",
+                    "{name}: repeated includes come to more than {most_mib} MiB; make an object of what is "
+                    "shown many times (ObjectBegin)",
                     name=name,
                     most_mib=MAX_AGAIN >> 20,
                 )
@@ -114,7 +115,7 @@ class Statements:
                 raise Place(file, line).wrong(
                     Sentence(
                         "pbrt-token-unknown",
-                        "{text} is nothing that pbrt knows; mend it there",
+                        "{text} is not valid pbrt syntax; correct it",
                         text=repr(text[at : at + 20]),
                     )
                 )
@@ -130,7 +131,7 @@ class Statements:
                     raise place.wrong(
                         Sentence(
                             "pbrt-directive-expected",
-                            "begins with {text}, and not with a directive; is it a scene of pbrt?",
+                            "begins with {text} in place of a directive; is it a pbrt scene?",
                             text=repr(text[at : at + 20]),
                         )
                     )
@@ -164,12 +165,23 @@ def unpacked(data: bytes, name: str) -> bytes:
         found = packed.decompress(data, most)
     except zlib.error as error:
         raise SceneError(
-            Sentence("pbrt-gzip-damaged", "{name}: could not be unpacked ({error}); pack it again", name=name, error=error)
+            Sentence(
+                "pbrt-gzip-damaged",
+                "{name}: could not be unpacked ({error}); pack it again",
+                name=name,
+                error=library_message(error),
+            )
         ) from None
     if not packed.eof:
-        is_bomb = len(found) >= most
         raise SceneError(
-            f"{name}: {f'unpacks to more than {most >> 20} MiB, as zip bombs do' if is_bomb else 'is cut off; pack it again'}"
+            Sentence(
+                "pbrt-gzip-bomb",
+                "{name}: unpacks to more than {most} MiB, as zip bombs do; split it",
+                name=name,
+                most=most >> 20,
+            )
+            if len(found) >= most
+            else Sentence("pbrt-gzip-cut-off", "{name}: is cut off; pack it again", name=name)
         )
     return found
 
@@ -191,7 +203,7 @@ def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
         end = whole.end() - 1 if whole is not None else -1
         inside = text[start:end]
     if end < 0:
-        raise place.wrong(Sentence("pbrt-list-not-closed", "a list in brackets does not end; close it with ]"))
+        raise place.wrong(Sentence("pbrt-list-not-closed", "a list in brackets is not closed; close it with ]"))
     if "#" in inside:
         inside = _COMMENT.sub(lambda found: found[1] or "", inside)
     if '"' in inside:
@@ -213,7 +225,7 @@ def _numbers(words: list[str], place: Place) -> npt.NDArray[np.float64]:
         found: npt.NDArray[Any] = np.array(words, np.float64)
     except ValueError:
         odd = next((word for word in words if not _is_number(word)), "")
-        raise place.wrong(Sentence("pbrt-number-malformed", "{text} is no number; mend it there", text=repr(odd[:40]))) from None
+        raise place.wrong(Sentence("pbrt-number-malformed", "{text} is not a number; correct it", text=repr(odd[:40]))) from None
     return _finite(found, place)
 
 
@@ -229,7 +241,7 @@ def _at_once(text: str) -> npt.NDArray[np.float64] | None:
 
 def _finite(found: npt.NDArray[np.float64], place: Place) -> npt.NDArray[np.float64]:
     if not np.isfinite(found).all():
-        raise place.wrong(Sentence("pbrt-number-not-finite", "a number is infinite, or none; mend it there"))
+        raise place.wrong(Sentence("pbrt-number-not-finite", "a number is infinite or NaN; correct it"))
     return found
 
 

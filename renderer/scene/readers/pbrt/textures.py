@@ -105,7 +105,7 @@ class Textures:
             owner.place,
             Sentence(
                 "texture-averaged",
-                "{name} of {what} varies over the surface: its mean is taken",
+                "{name} of {what} is a texture: its mean is used",
                 name=name,
                 what=owner,
             ),
@@ -127,7 +127,7 @@ class Textures:
                 owner.place,
                 Sentence(
                     "texture-averaged",
-                    "{name} of {what} varies over the surface: its mean is taken",
+                    "{name} of {what} is a texture: its mean is used",
                     name=name,
                     what=owner,
                 ),
@@ -186,7 +186,7 @@ class Textures:
             raise owner.place.wrong(
                 Sentence(
                     "pbrt-texture-undefined",
-                    "{owner} has the texture {texture} as {name}, but no {kind} texture of this name stands before",
+                    "{owner} uses the texture {texture} as {name}, but no {kind} texture of this name is defined before it",
                     owner=owner,
                     texture=repr(wanted[:60]),
                     name=name,
@@ -211,7 +211,7 @@ class Textures:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(
-                Sentence("pbrt-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
+                Sentence("pbrt-textures-nested-too-deep", "{source} uses textures that are nested too deeply", source=source)
             )
         if source.type == "imagemap":
             return self._image(definition, default)
@@ -219,7 +219,7 @@ class Textures:
             value = _SOLID.get(source.type, 0.5)
             self._notes.add(
                 source.place,
-                Sentence("pbrt-texture-type-unsupported", "{source} is not read: one value stands for all of it", source=source),
+                Sentence("pbrt-texture-type-unsupported", "{source} is not supported: a constant value is used", source=source),
             )
             source.used.update(source.values)
             return Varying((value,) * 3)
@@ -250,7 +250,7 @@ class Textures:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(
-                Sentence("pbrt-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
+                Sentence("pbrt-textures-nested-too-deep", "{source} uses textures that are nested too deeply", source=source)
             )
         if source.type == "constant":
             return self._value(source, "value", kind, _ONE)
@@ -278,7 +278,7 @@ class Textures:
             raise source.place.wrong(
                 Sentence(
                     "pbrt-texture-input-undefined",
-                    "{source} is made of the texture {texture}, which does not stand before",
+                    "{source} uses the texture {texture}, which is not defined before it",
                     source=source,
                     texture=repr(wanted[:60]),
                 )
@@ -317,7 +317,7 @@ class Textures:
                 source.place,
                 Sentence(
                     "pbrt-texture-encoding-replaced",
-                    "{source}: its encoding {encoding} is taken as sRGB",
+                    "{source}: its encoding {encoding} is read as sRGB",
                     source=source,
                     encoding=repr(encoding[:20]),
                 ),
@@ -331,7 +331,7 @@ class Textures:
                 source.place,
                 Sentence(
                     "pbrt-texture-wrap-replaced",
-                    "{source}: beyond its edges it is {wrap}; its edges go on here",
+                    "{source}: its wrap mode {wrap} is replaced by clamp",
                     source=source,
                     wrap=said[:30],
                 ),
@@ -381,7 +381,7 @@ class Textures:
             source.place,
             Sentence(
                 "pbrt-texture-baked",
-                "{source} is worked out as a picture of {size} x {size}, which repeats with the UVs",
+                "{source} is baked to an image of {size} x {size}, which repeats with the UVs",
                 source=source,
                 size=SIZE,
             ),
@@ -393,7 +393,7 @@ class Textures:
                 source.place,
                 Sentence(
                     "pbrt-texture-mappings-differ",
-                    "{source} is made of textures that lie on things in several ways: all lie as one",
+                    "{source} uses textures with different mappings: all use one",
                     source=source,
                 ),
             )
@@ -418,7 +418,7 @@ class Textures:
                 raise definition.parameters.place.wrong(
                     Sentence(
                         "pbrt-texture-inputs-too-many",
-                        "a texture is made of more than {most} others; make it of fewer",
+                        "a texture uses more than {most} others; reduce them",
                         most=_MOST_PARTS,
                     )
                 )
@@ -429,7 +429,7 @@ class Textures:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(
-                Sentence("pbrt-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
+                Sentence("pbrt-textures-nested-too-deep", "{source} uses textures that are nested too deeply", source=source)
             )
 
         def part(name: str, of: str, default: Vec3) -> np.ndarray:
@@ -447,7 +447,7 @@ class Textures:
                 self._notes.add(
                     source.place,
                     Sentence(
-                        "pbrt-texture-3d-flattened", "{source} of cubes in space is laid on as squares, by UVs", source=source
+                        "pbrt-texture-3d-flattened", "{source} in three dimensions is replaced by one in UVs", source=source
                     ),
                 )
             return np.where(checks(at, self._place(definition)), part("tex1", kind, _ONE), part("tex2", kind, _BLACK))
@@ -465,7 +465,7 @@ class Textures:
             )
         self._notes.add(
             source.place,
-            Sentence("pbrt-texture-type-unsupported", "{source} is not read: one value stands for all of it", source=source),
+            Sentence("pbrt-texture-type-unsupported", "{source} is not supported: a constant value is used", source=source),
         )
         source.used.update(source.values)
         return np.full((SIZE, SIZE, 3), 0.5)

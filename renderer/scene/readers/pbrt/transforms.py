@@ -28,7 +28,7 @@ def translation(numbers: Matrix) -> Matrix:
 def scaling(numbers: Matrix, place: Place) -> Matrix:
     """Returns a scale by three numbers. Raises SceneError if any is 0."""
     if not np.abs(numbers).min() > 0:
-        raise place.wrong(Sentence("pbrt-scale-zero", "a scale is 0: nothing is left of what it scales; give another"))
+        raise place.wrong(Sentence("pbrt-scale-zero", "a scale is 0, which flattens the shape to nothing; give another"))
     return np.diag([*numbers, 1.0])
 
 
@@ -36,7 +36,7 @@ def rotation(degrees: float, axis: Matrix, place: Place) -> Matrix:
     """Returns a rotation about an axis. Raises SceneError."""
     length = math.sqrt(float((axis * axis).sum()))
     if not length > 0 or abs(degrees) > 1e6:
-        raise place.wrong(Sentence("pbrt-rotate-malformed", "Rotate takes degrees and an axis that is not 0 0 0"))
+        raise place.wrong(Sentence("pbrt-rotate-malformed", "Rotate needs degrees and an axis that is not 0 0 0"))
     x, y, z = (float(v) / length for v in axis)
     sine, cosine = sin_cos(math.radians(degrees))
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -57,7 +57,7 @@ def look_at(numbers: Matrix, place: Place) -> Matrix:
         raise place.wrong(
             Sentence(
                 "pbrt-look-at-degenerate",
-                "LookAt looks nowhere, or along its up direction; move the eye, or give another up",
+                "LookAt has no direction or is parallel to up; move the eye, or give another up",
             )
         )
     found = np.eye(4)
@@ -148,7 +148,7 @@ def inverse(transform: Matrix, place: Place) -> Matrix:
         raise place.wrong(
             Sentence(
                 "pbrt-transform-projective",
-                "a transformation of a perspective has no place here; its last row is 0 0 0 1",
+                "a projective transformation is not allowed here; its last row must be 0 0 0 1",
             )
         )
     x, y, z = transform[:3, 0], transform[:3, 1], transform[:3, 2]
@@ -158,7 +158,7 @@ def inverse(transform: Matrix, place: Place) -> Matrix:
         raise place.wrong(
             Sentence(
                 "pbrt-transform-singular",
-                "a transformation leaves nothing of space: it cannot be undone; mend it",
+                "a transformation cannot be inverted; correct it",
             )
         )
     found = np.eye(4)

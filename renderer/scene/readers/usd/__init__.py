@@ -24,8 +24,8 @@ def read(
         raise SceneError(
             Sentence(
                 "usd-package-not-installed",
-                "{file}: reading USD takes Pixar's usd-core, which is not installed here: pip install "
-                "usd-core. Where it has no wheel for this machine, export glTF (.glb) instead",
+                "{file}: USD files need Pixar's usd-core, which is not installed: pip install usd-core. "
+                "If it has no wheel for this machine, export glTF (.glb) instead",
                 file=main,
             )
         ) from error

@@ -31,9 +31,7 @@ def follow_arnold(network: NetworkContext, shader: Any, kind: str, output: str, 
     if node == "normal_map":
         return follow(shader.GetInput("input"), False, depth + 1)
     if node != "image":
-        network.notes.add(
-            Sentence("usd-arnold-nodes-unknown", "Nodes of Arnold of these kinds are not known here, and left out"), node
-        )
+        network.notes.add(Sentence("usd-arnold-nodes-unknown", "Unknown Arnold nodes are left out"), node)
         return Input()
     file = shader.GetInput("filename")
     found = file.GetValueProducingAttributes() if file else []

@@ -36,7 +36,7 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
         return float(value) if value is not None and math.isfinite(value) else 0.0
 
     if len(camera.GetClippingPlanesAttr().Get(time) or ()):
-        notes.add(Sentence("usd-clipping-planes-ignored", "Clipping planes of cameras cut nothing off"), prim.GetName())
+        notes.add(Sentence("usd-clipping-planes-ignored", "Clipping planes of cameras are ignored"), prim.GetName())
     if abs(said(camera.GetExposureAttr())) > 0 or any(
         attribute.HasAuthoredValue() for name in _EXPOSURE if (attribute := prim.GetAttribute(f"exposure:{name}"))
     ):
@@ -74,7 +74,7 @@ def shutter_of(prim: Any, time: Any, notes: Notes) -> float:
     opens, closes = (float(attribute.Get(time) or 0.0) for attribute in attributes)
     if closes > opens and abs(opens + closes) > 0.01 * (closes - opens):
         notes.add(
-            Sentence("usd-shutter-recentred", "Shutters that are not centred on the frame's time are as long, and centred"),
+            Sentence("usd-shutter-recentred", "Shutters that are not centred on the frame are centred"),
             prim.GetName(),
         )
     return clamped(closes - opens, 0.0, 1.0)

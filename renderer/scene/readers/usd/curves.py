@@ -18,7 +18,7 @@ __all__ = ["PointSpheres", "spheres_of_points", "tubes_of"]
 
 F64 = npt.NDArray[np.float64]
 MAX_VERTICES = 1 << 25
-_WIDTHS = "Points whose widths are fewer or more than they have the width 1"
+_WIDTHS = Sentence("usd-point-width-count-wrong", "Points whose number of widths is wrong are shown with width 1")
 _FEW = 500  # up to this many curves get more sides
 
 
@@ -45,14 +45,14 @@ def spheres_of_points(prim: Any, time: Any, notes: Notes) -> PointSpheres:
     sound = np.isfinite(centers).all(axis=1) & np.isfinite(radii) & (radii > 0)
     if lost := int((~sound).sum()):
         notes.add(
-            Sentence("usd-points-not-finite", "{count} points without a finite place or a width are left out", count=lost),
+            Sentence("usd-points-not-finite", "{count} points without a finite position or a width are left out", count=lost),
             path,
         )
     if colors is not None and len(colors) not in (1, len(centers)):
         notes.add(
             Sentence(
                 "usd-point-colours-dropped",
-                "The colours of points, {colours} for {points}, are left out",
+                "The colours of points are left out: {colours} for {points}",
                 colours=len(colors),
                 points=len(centers),
             ),
@@ -80,13 +80,13 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     basis = "linear" if kind == "linear" else basis
     path = str(prim.GetPath())
     if len(counts) == 0 or counts.min() < 0 or counts.sum() != len(points) or not np.isfinite(points).all():
-        notes.add(Sentence("usd-curves-damaged", "Curves that are damaged are left out"), path)
+        notes.add(Sentence("usd-curves-damaged", "Damaged curves are left out"), path)
         return None
     if basis != "linear" and basis not in BASES:
         notes.add(
             Sentence(
                 "usd-curve-basis-replaced",
-                "Curves of the basis {basis} are drawn straight from point to point",
+                "Curves of the basis {basis} are drawn as straight segments",
                 basis=basis,
             ),
             path,
@@ -100,13 +100,13 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     if len(widths) == 0:
         widths, interpolation = np.ones((1, 1)), "constant"
     if not np.isfinite(widths).all():
-        notes.add(Sentence("usd-curve-widths-not-finite", "Widths of curves that are not finite are 0"), path)
+        notes.add(Sentence("usd-curve-widths-not-finite", "Widths of curves that are not finite are replaced by 0"), path)
         widths = np.nan_to_num(widths, posinf=0.0, neginf=0.0)
     tint = primvars.found(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
     sides = 12 if len(counts) <= _FEW else 4
     if curves.GetNormalsAttr().HasAuthoredValue() or primvars.found(prim, "normals") is not None:
-        notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Curves that are ribbons by their normals are drawn as tubes"), path)
+        notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Ribbon curves are drawn as tubes"), path)
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
     for count in np.unique(counts):
         spans[counts == count] = curve_weights(int(count), basis, wrap)[1].shape[1]
@@ -117,7 +117,7 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         which = np.flatnonzero(counts == count)
         total += len(which) * (len(weights) + 2) * (sides + 1)
         if total > MAX_VERTICES:
-            notes.add(Sentence("usd-curves-too-many", "Curves of which there are too many are left out"), path)
+            notes.add(Sentence("usd-curves-too-many", "Curves beyond the limit are left out"), path)
             break
         if len(weights) < 2:
             notes.add(

@@ -20,8 +20,8 @@ __all__ = ["Heights", "heights_of"]
 
 _MATERIALX = ("ND_displacement_float", "ND_displacement_displacementshader")  # in stages; in MaterialX documents
 _PREVIEW = "UsdPreviewSurface"
-_AS_BUMPS = Sentence("usd-displacement-as-bumps", "Displacement is shown as bumps, which move no surface")
-_LEFT_OUT = Sentence("usd-displacement-dropped", "Displacement is not drawn; left out of materials")
+_AS_BUMPS = Sentence("usd-displacement-as-bumps", "Displacement is shown as bumps, which do not move the surface")
+_LEFT_OUT = Sentence("usd-displacement-dropped", "Displacement is not supported and left out")
 
 
 class Heights(NamedTuple):
@@ -52,7 +52,7 @@ def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
         return None
     if read.material.normal_texture is not None:
         network.notes.add(
-            Sentence("usd-displacement-with-normal-map", "Displacement is left out where a normal map bends a surface"),
+            Sentence("usd-displacement-with-normal-map", "Displacement is left out of materials with a normal map"),
             network.user,
         )
         return None

@@ -37,7 +37,7 @@ def add_dome(
     """
     name = str(prim.GetPath())
     if description.environment is not None:
-        notes.add(Sentence("usd-dome-lights-several", "Of several dome lights the first is taken; left out are"), name)
+        notes.add(Sentence("usd-dome-lights-several", "Only the first dome light is used; left out are"), name)
         return
     light = UsdLux.LightAPI(prim)
     color = radiance_of(light, time)
@@ -51,7 +51,7 @@ def add_dome(
         dome = UsdLux.DomeLight(prim)
     if dome.GetTextureFormatAttr().Get(time) not in ("automatic", "latlong", None):
         notes.add(
-            Sentence("usd-dome-texture-format", "Dome lights whose texture is not in latitudes and longitudes shine evenly"),
+            Sentence("usd-dome-texture-format", "Dome lights whose texture is not in latitude-longitude format emit evenly"),
             name,
         )
         description.environment = Environment(color)
@@ -65,7 +65,7 @@ def add_dome(
     if found is None:
         if images.named(file, time):
             notes.add(
-                Sentence("usd-dome-texture-unreadable", "Dome lights whose picture cannot be read shine evenly in their colour"),
+                Sentence("usd-dome-texture-unreadable", "Dome lights whose image cannot be read emit their colour evenly"),
                 name,
             )
         description.environment = Environment(color)

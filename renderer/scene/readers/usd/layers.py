@@ -70,12 +70,9 @@ def as_scene_errors(main: str) -> Iterator[None]:
     except Tf.ErrorException as error:
         reason = _reason(error, "")
         raise SceneError(
-            Sentence(
-                "usd-file-damaged",
-                "{file}: is damaged{detail}; export it again",
-                file=main,
-                detail=f" ({reason})" if reason else "",
-            )
+            Sentence("usd-file-damaged-at", "{file}: is damaged ({reason}); export it again", file=main, reason=reason)
+            if reason
+            else Sentence("usd-file-damaged", "{file}: is damaged; export it again", file=main)
         ) from None
 
 
@@ -154,8 +151,12 @@ class _Opener:
         """
         if found != beside and (found not in self.opened or self.opened[found].identifier not in layer.subLayerPaths):
             return False
-        what = "Sublayers that are the layer itself" if found == beside else "Sublayers that a layer names twice"
-        self._notes.add(Sentence("usd-left-out", "{things} are left out", things=what), beside)
+        self._notes.add(
+            Sentence("usd-sublayer-of-itself", "Layers that are their own sublayers are left out")
+            if found == beside
+            else Sentence("usd-sublayer-duplicate", "Sublayers that a layer names twice are read once"),
+            beside,
+        )
         return True
 
     @staticmethod
@@ -170,7 +171,7 @@ class _Opener:
     def _found(self, reference: str, beside: str) -> str | None:
         if reference.startswith("`"):
             self._notes.add(
-                Sentence("usd-path-variables-unsupported", "Paths made of variables are not read here and lead nowhere"), beside
+                Sentence("usd-path-variables-unsupported", "Paths with variables are not supported and left out"), beside
             )
             return None
         found = self._sources.find(reference, beside)
@@ -179,14 +180,14 @@ class _Opener:
             if self._sources.is_outside(reference, beside):
                 why = Sentence(
                     "usd-path-above-scene-folder",
-                    "lies above the scene's folder; give the folder that holds both, by --root or as the scene",
+                    "is above the scene's folder; give the folder that contains both, with --root or as the scene",
                 )
             said = reference.split(":SDF_FORMAT_ARGS:")[0].replace("\\", "/")
             wanted = said if not PurePosixPath(said).is_absolute() and ":" not in said else PurePosixPath(said).name
             self._notes.say(
                 Sentence(
                     "usd-layer-left-out",
-                    "{file}: its layer {layer} {fault}. Rendered without it meanwhile.",
+                    "{file}: its layer {layer} {fault}. Rendered without it until then.",
                     file=beside,
                     layer=wanted[:200],
                     fault=why,
@@ -194,7 +195,7 @@ class _Opener:
             )
             return None
         if PurePosixPath(found.rstrip("]")).suffix.lower() not in (*LAYER_SUFFIXES, mtlx.SUFFIX):
-            self._notes.add(Sentence("usd-references-not-layers", "Referenced files that are no USD layers are left out"), found)
+            self._notes.add(Sentence("usd-references-not-layers", "Referenced files that are not USD layers are left out"), found)
             return None
         try:
             return self._sources.root_of(found)
@@ -207,7 +208,7 @@ class _Opener:
             raise SceneError(
                 Sentence(
                     "usd-layers-too-many",
-                    "{name}: is the {number}th layer; flatten the stage",
+                    "{name}: is layer number {number}, which is too many; flatten the stage",
                     name=name,
                     number=MAX_LAYERS + 1,
                 )
@@ -224,13 +225,13 @@ class _Opener:
             raise SceneError(
                 Sentence(
                     "usd-layer-unreadable",
-                    "{name}: is damaged or no USD layer ({error}); export it again",
+                    "{name}: is damaged or not a USD layer ({error}); export it again",
                     name=name,
                     error=_reason(error, path),
                 )
             ) from None
         if layer is None:
-            raise SceneError(Sentence("usd-layer-damaged", "{name}: is damaged or no USD layer; export it again", name=name))
+            raise SceneError(Sentence("usd-layer-damaged", "{name}: is damaged or not a USD layer; export it again", name=name))
         self.opened[name] = layer
         self.names[layer.identifier] = name
 
@@ -247,7 +248,7 @@ class _Opener:
                 if spec is not None and spec.HasInfo("clips"):
                     spec.ClearInfo("clips")
                     self._notes.add(
-                        Sentence("usd-value-clips-ignored", "Value clips are not read here; what plays them stands still"),
+                        Sentence("usd-value-clips-ignored", "Value clips are not supported; what they animate stands still"),
                         str(path),
                     )
 

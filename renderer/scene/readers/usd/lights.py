@@ -156,13 +156,13 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         radius, length = _number(cylinder.GetRadiusAttr(), time), _number(cylinder.GetLengthAttr(), time)
         _cone(prim, time, notes, False)
         if cylinder.GetTreatAsLineAttr().Get(time):
-            notes.add(Sentence("usd-line-lights-replaced", "Lights that are to be lines have the body that they say"), name)
+            notes.add(Sentence("usd-line-lights-replaced", "Line lights are rendered with their full shape"), name)
         area = 2 * math.pi * radius * length * x * math.sqrt(y * z)
         tube = lathe(name, [(radius, -length / 2), (radius, length / 2)], 48)
         tube.positions, tube.normals = (None if v is None else v[:, [1, 2, 0]] for v in (tube.positions, tube.normals))  # type: ignore[assignment]
         return _shining(tube, light, time, area, name, notes)
     notes.add(
-        Sentence("usd-light-type-unsupported", "Lights of the kind {type} are left out", type=prim.GetTypeName()),
+        Sentence("usd-light-type-unsupported", "Lights of the type {type} are left out", type=prim.GetTypeName()),
         str(prim.GetPath()),
     )
     return None
@@ -192,12 +192,10 @@ def _with_profile(
         whole = facing = _number(rect.GetWidthAttr(), time) * x * _number(rect.GetHeightAttr(), time) * y
         radius = math.sqrt(max(facing, 0.0) / math.pi)
         if (picture := rect.GetTextureFileAttr().Get(time)) is not None and picture.path:
-            notes.add(Sentence("usd-light-texture-with-ies", "Textures of lights that have an IES profile are left out"), name)
+            notes.add(Sentence("usd-light-texture-with-ies", "Textures of lights with an IES profile are left out"), name)
     else:
         notes.add(
-            Sentence(
-                "usd-light-shape-with-ies", "IES profiles are left out of lights that are neither balls, disks nor rectangles"
-            ),
+            Sentence("usd-light-shape-with-ies", "IES profiles are left out of lights that are not spheres, disks or rectangles"),
             name,
         )
         return None
@@ -208,7 +206,7 @@ def _with_profile(
         notes.add(
             Sentence(
                 "usd-area-light-with-ies",
-                "Disks and rectangles that an IES profile shapes shine as balls of their size, which are not seen",
+                "Disk and rectangle lights with an IES profile are replaced by invisible spheres of their size",
             ),
             name,
         )
@@ -290,20 +288,20 @@ def _note(light: Any, prim: Any, time: Any, notes: Notes) -> None:
             notes.add(
                 Sentence(
                     "usd-light-multipliers-ignored",
-                    "Lights that shine differently on diffuse and glossy surfaces shine on both alike",
+                    "Diffuse and specular multipliers of lights are ignored",
                 ),
                 name,
             )
     shadow = UsdLux.ShadowAPI(prim) if prim.HasAPI(UsdLux.ShadowAPI) else None
     if shadow and shadow.GetShadowEnableAttr().Get(time) is False:
-        notes.add(Sentence("usd-light-shadows-forced", "Lights without shadows cast them"), name)
+        notes.add(Sentence("usd-light-shadows-forced", "Lights without shadows cast shadows here"), name)
     if shadow and (any(shadow.GetShadowColorAttr().Get(time) or ()) or (shadow.GetShadowDistanceAttr().Get(time) or -1.0) > 0):
         notes.add(
-            Sentence("usd-light-shadow-options-ignored", "Shadows of a colour, or that end at a distance, are black and go on"),
+            Sentence("usd-light-shadow-options-ignored", "Shadow colour, distance and falloff of lights are ignored"),
             name,
         )
     if light.GetFiltersRel().HasAuthoredTargets():
         notes.add(Sentence("usd-light-filters-ignored", "Filters of lights are left out"), name)
     for collection in (light.GetLightLinkCollectionAPI(), light.GetShadowLinkCollectionAPI()):
         if collection and (collection.GetExcludesRel().HasAuthoredTargets() or collection.GetIncludesRel().HasAuthoredTargets()):
-            notes.add(Sentence("usd-light-linking-ignored", "Lights that are linked to some objects shine on all"), name)
+            notes.add(Sentence("usd-light-linking-ignored", "Light linking is ignored: lights illuminate all objects"), name)

@@ -86,7 +86,7 @@ def read_mesh(
     counts = primvars.integers(mesh.GetFaceVertexCountsAttr().Get(time))
     corners = primvars.integers(mesh.GetFaceVertexIndicesAttr().Get(time))
     if not _is_whole(points, counts, corners):
-        notes.add(Sentence("usd-mesh-faces-damaged", "Meshes whose faces are damaged are left out"), str(prim.GetPath()))
+        notes.add(Sentence("usd-mesh-faces-damaged", "Meshes with damaged faces are left out"), str(prim.GetPath()))
         return [None for _ in parts]
     if len(corners) > MAX_VERTICES:
         raise SceneError(
@@ -111,7 +111,7 @@ def read_mesh(
     solid = counts >= 3
     if thin := int((~solid).sum()):
         notes.add(
-            Sentence("usd-mesh-faces-degenerate", "{count} faces of fewer than three corners are left out", count=thin),
+            Sentence("usd-mesh-faces-degenerate", "{count} faces with fewer than three corners are left out", count=thin),
             str(prim.GetPath()),
         )
     holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or (), np.int64)

@@ -39,7 +39,7 @@ def unit_of(stage: Any, notes: Notes) -> float:
         notes.say(
             Sentence(
                 "usd-meters-per-unit-invalid",
-                "The stage's metersPerUnit is {value}, which is no length; {unit} is taken.",
+                "The stage's metersPerUnit is {value}, which is not a length; {unit} is used.",
                 value=found,
                 unit=_UNIT,
             )
@@ -57,7 +57,7 @@ def is_z_up(stage: Any, notes: Notes) -> bool:
     notes.say(
         Sentence(
             "usd-up-axis-type-wrong",
-            "The stage's upAxis is stored as {type} {value}; it is read as that.",
+            "The stage's upAxis is stored as {type} {value}; it is used nevertheless.",
             type=type(found).__name__,
             value=repr(str(found)[:20]),
         )
@@ -83,7 +83,7 @@ def _number(stage: Any, key: str, default: float, notes: Notes) -> float:
         notes.say(
             Sentence(
                 "usd-metadata-type-wrong",
-                "The stage's {key} is stored as {type} {value}; {default} is taken.",
+                "The stage's {key} is stored as {type} {value}; {default} is used.",
                 key=key,
                 type=type(value).__name__,
                 value=repr(str(value)[:20]),
@@ -94,7 +94,7 @@ def _number(stage: Any, key: str, default: float, notes: Notes) -> float:
     notes.say(
         Sentence(
             "usd-metadata-not-double",
-            "The stage's {key} is not stored as a double; {value} is read.",
+            "The stage's {key} is not stored as a double; {value} is used.",
             key=key,
             value=f"{found:g}",
         )

@@ -16,6 +16,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdShade
 
 from renderer.errors import SceneError
 from renderer.image.tonemap import decode_srgb
+from renderer.library_messages import library_message
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.xml import refuse_entities
 from renderer.sentences import Sentence
@@ -55,7 +56,7 @@ def layer_of(data: bytes, name: str, included: Callable[[str, str], tuple[str, b
                 notes.say(
                     Sentence(
                         "usd-materialx-include-missing",
-                        "{file}: the document {document} that it includes is not among the files.",
+                        "{file}: includes the document {document}, which is not among the files; add it.",
                         file=file,
                         document=posixpath.basename(reference)[:120],
                     )
@@ -83,16 +84,16 @@ class _Document:
             raise SceneError(
                 Sentence(
                     "usd-materialx-damaged",
-                    "{file}: is no whole MaterialX document ({error}); export it again",
+                    "{file}: is not a valid MaterialX document ({error}); export it again",
                     file=file,
-                    error=error,
+                    error=library_message(error),
                 )
             ) from error
         if root.tag != "materialx":
             raise SceneError(
                 Sentence(
                     "usd-materialx-root-wrong",
-                    "{file}: is no MaterialX document; it begins with {tag}",
+                    "{file}: is not a MaterialX document; it begins with {tag}",
                     file=file,
                     tag=root.tag[:40],
                 )
@@ -101,7 +102,7 @@ class _Document:
             self._notes.add(
                 Sentence(
                     "usd-materialx-too-old",
-                    "Documents of MaterialX before 1.38 may lack parts here; save them by a newer program",
+                    "MaterialX documents before 1.38 may be read incompletely; save them with a newer program",
                 ),
                 file,
             )
@@ -145,7 +146,7 @@ class _Document:
                     raise SceneError(
                         Sentence(
                             "usd-materialx-nodes-too-many",
-                            "{name}: its materials come to more than {most} nodes",
+                            "{name}: its materials have more than {most} nodes in total; simplify them",
                             name=self._name,
                             most=MAX_NODES,
                         )
@@ -218,12 +219,12 @@ class _Document:
                 shader.CreateInput(name, _OTHERS[kind]).Set(numbers[0] if kind == "float" else int(numbers[0]))
             else:
                 self._notes.add(
-                    Sentence("usd-materialx-value-types-unknown", "Values of these types are left out of MaterialX documents"),
+                    Sentence("usd-materialx-value-types-unknown", "MaterialX values of these types are left out"),
                     f"{name} ({kind})",
                 )
         except (ValueError, IndexError, OverflowError, TypeError, Tf.ErrorException):
             self._notes.add(
-                Sentence("usd-materialx-values-not-numbers", "Values of MaterialX documents that are no numbers are left out"),
+                Sentence("usd-materialx-values-not-numbers", "MaterialX values that are not numbers are left out"),
                 f"{self._name} {name}",
             )
 

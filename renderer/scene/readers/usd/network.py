@@ -24,7 +24,7 @@ MAX_DEPTH = 32
 _NOTHING = Input()
 _UV_SETS = 2
 _ODD = (TypeError, ValueError, IndexError, OverflowError)  # values of wrong types or lengths
-_OF_ODD_TYPES = "Nodes of MaterialX whose inputs are of types that they do not have are left out"
+_OF_ODD_TYPES = Sentence("usd-materialx-input-types-wrong", "MaterialX nodes whose inputs have wrong types are left out")
 
 
 @dataclass
@@ -79,8 +79,8 @@ class Network:
         if kind.startswith(ARNOLD):
             return follow_arnold(self, shader, kind, output, srgb, depth, self._follow)
         self.notes.add(
-            Sentence("usd-shaders-unknown", "Shaders of these kinds are not known here, and left out"),
-            kind or "one without a kind",
+            Sentence("usd-shaders-unknown", "Unknown shaders are left out"),
+            kind or Sentence("usd-shader-without-kind", "without an identifier"),
         )
         return Input()
 
@@ -154,8 +154,8 @@ class Network:
                     return self.uv_set(name), transform
                 continue
             self.notes.add(
-                Sentence("usd-shaders-unknown", "Shaders of these kinds are not known here, and left out"),
-                kind or "one without a kind",
+                Sentence("usd-shaders-unknown", "Unknown shaders are left out"),
+                kind or Sentence("usd-shader-without-kind", "without an identifier"),
             )
             break
         return self.uv_set("st"), transform
@@ -175,7 +175,7 @@ class Network:
                 self.notes.add(
                     Sentence(
                         "usd-uv-sets-too-many",
-                        "Materials with more than two sets of UVs have the first in place of others",
+                        "Materials with more than two UV sets use the first in place of the others",
                     ),
                     self.user,
                 )

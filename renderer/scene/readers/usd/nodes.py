@@ -51,18 +51,17 @@ def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, sr
     if first.taken is None:
         note = Sentence(
             "usd-materialx-nodes-left-out",
-            "Nodes of MaterialX of these kinds are not known here for pictures, and left out",
+            "Unsupported MaterialX nodes on images are left out",
         )
     elif calculates(kind):
         note = Sentence(
             "usd-materialx-placements-merged",
-            "Nodes of MaterialX between pictures that lie in different ways are passed over: one picture is shown as it is",
+            "MaterialX nodes that combine images with different placements are skipped: one image is shown unchanged",
         )
     else:
         note = Sentence(
             "usd-materialx-nodes-passed-over",
-            "Nodes of MaterialX of these kinds are not known here for pictures, and passed over: a "
-            "picture is shown as it is before them",
+            "Unsupported MaterialX nodes are skipped: the image before them is shown unchanged",
         )
     network.notes.add(note, kind)
     return first if first.taken is not None else Input()
@@ -158,7 +157,7 @@ def _combined(network: NetworkContext, kind: str, found: list[Input]) -> Input:
         network.notes.add(
             Sentence(
                 "usd-materialx-placements-unmixable",
-                "Nodes of MaterialX that make one picture of several which lie in different ways are left out",
+                "MaterialX nodes that combine images with different placements are left out",
             ),
             kind,
         )
@@ -207,8 +206,6 @@ def follow_coordinates(
             "subtract": lambda: transform_2d((1.0, 1.0), 0.0, (-x, -y)),
         }[node]()
         return None, own, shader.GetInput("in1")
-    network.notes.add(
-        Sentence("usd-materialx-placement-nodes-ignored", "Nodes of MaterialX of these kinds do not move textures here"), kind
-    )
+    network.notes.add(Sentence("usd-materialx-placement-nodes-ignored", "Unsupported MaterialX nodes do not move textures"), kind)
     further = shader.GetInput("in")
     return (None, UNMOVED, further) if further else ("st", UNMOVED, None)

@@ -36,7 +36,7 @@ class Notes:
         for sentence in self._sentences:
             warn(sentence)
         for what, names in self._names.items():
-            first = [name[-80:] for name in list(names)[:_NAMED]]
+            first = [name if isinstance(name, Sentence) else name[-80:] for name in list(names)[:_NAMED]]
             if len(names) > _NAMED:
                 warn(Sentence("usd-note-some", "{note} ({count}): {names} and others.", note=what, count=len(names), names=first))
             else:

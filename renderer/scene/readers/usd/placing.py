@@ -36,7 +36,7 @@ from renderer.sentences import Sentence
 
 __all__ = ["DescriptionBuilder"]
 
-_SIZELESS = "Shapes without a size are left out"
+_SIZELESS = Sentence("usd-shapes-without-size", "Shapes without a size are left out")
 MAX_COLORS = 256  # colours of points, one material each
 
 
@@ -74,7 +74,7 @@ class DescriptionBuilder:
                 self._place_one(each)
             except UNREADABLE:
                 self._notes.add(
-                    Sentence("usd-prims-damaged", "Prims that are damaged, or have values of other types, are left out"),
+                    Sentence("usd-prims-damaged", "Prims that are damaged or have values of wrong types are left out"),
                     str(each.prim.GetPath()),
                 )
 
@@ -93,7 +93,7 @@ class DescriptionBuilder:
             self._gprim(each)
         elif prim.IsA(UsdLux.PluginLight):
             self._notes.add(
-                Sentence("usd-light-type-unsupported", "Lights of the kind {type} are left out", type=prim.GetTypeName()),
+                Sentence("usd-light-type-unsupported", "Lights of the type {type} are left out", type=prim.GetTypeName()),
                 str(prim.GetPath()),
             )
 
@@ -144,7 +144,7 @@ class DescriptionBuilder:
         if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop" and self._counts(prim).max(initial=3) > 3:
             note = Sentence(
                 "usd-loop-subdivision-not-triangles",
-                "Subdivision surfaces after Loop whose faces are not all triangles are drawn as their cage",
+                "Loop subdivision surfaces with faces other than triangles are drawn as their cage",
             )
             self._notes.add(note, str(prim.GetPath()))
         key = (self._key(prim), tuple(surfaces), each.prim.GetPath() if shape is not None else None)
@@ -184,7 +184,7 @@ class DescriptionBuilder:
                 self._notes.add(
                     Sentence(
                         "usd-subset-faces-overlapping",
-                        "{count} faces of several subsets have the material of the first",
+                        "{count} faces in several subsets have the material of the first",
                         count=taken,
                     ),
                     str(subset.GetPath()),
@@ -193,7 +193,7 @@ class DescriptionBuilder:
                 self._notes.add(
                     Sentence(
                         "usd-subset-faces-invalid",
-                        "{count} faces of subsets that their mesh does not have are left out",
+                        "{count} faces of subsets that are missing in their mesh are left out",
                         count=beyond,
                     ),
                     str(subset.GetPath()),
@@ -229,7 +229,7 @@ class DescriptionBuilder:
             raise SceneError(
                 Sentence(
                     "usd-instances-too-many",
-                    "{prim}: is shown once too often; at most {most} instances fit",
+                    "{prim}: exceeds the limit of {most} instances; reduce them",
                     prim=each.prim.GetPath(),
                     most=MAX_INSTANCES,
                 )
@@ -280,7 +280,7 @@ class DescriptionBuilder:
             self._notes.add(
                 Sentence(
                     "usd-points-too-many",
-                    "Points of which there are more than {most} are left out",
+                    "Points beyond the limit of {most} are left out",
                     most=MAX_INSTANCES,
                 ),
                 str(prim.GetPath()),

@@ -62,7 +62,7 @@ def walk(stage: Any, time: Any, notes: Notes) -> list[PlacedPrim]:
             notes.say(
                 Sentence(
                     "usd-proxy-drawn",
-                    "All that the stage shows has the purpose proxy, which renderers do not draw; it is drawn here.",
+                    "All visible prims have the purpose proxy, which is usually not rendered; they are drawn here.",
                 )
             )
             walked = _Walk(stage, time, notes, (*_DRAWN_PURPOSES, "proxy"))
@@ -72,7 +72,7 @@ def walk(stage: Any, time: Any, notes: Notes) -> list[PlacedPrim]:
                 notes.add(
                     Sentence(
                         "usd-proxy-left-out",
-                        "Prims of the purpose proxy are not drawn, and none of the purpose render stands in for them",
+                        "Prims of the purpose proxy are not drawn, although no prim of the purpose render replaces them",
                     ),
                     path,
                 )
@@ -105,7 +105,7 @@ class _Walk:
                 raise SceneError(
                     Sentence(
                         "usd-prims-too-many",
-                        "{prim}: is one prim too many, or too deep; at most {most} fit",
+                        "{prim}: exceeds the limit of {most} prims or the depth limit; flatten the stage",
                         prim=prim.GetPath(),
                         most=MAX_PRIMS,
                     )
@@ -114,7 +114,7 @@ class _Walk:
                 self._notes.add(
                     Sentence(
                         "usd-prim-type-unknown",
-                        "Prims of the type {type}, which USD itself does not know, are left out",
+                        "Prims of the unknown type {type} are left out",
                         type=prim.GetTypeName(),
                     ),
                     str(prim.GetPath()),
@@ -123,7 +123,7 @@ class _Walk:
                 self._notes.say(
                     Sentence(
                         "usd-physics-ignored",
-                        "Physics are not simulated: what would fall stands where the file has it.",
+                        "Physics is not simulated: objects stay where the file places them.",
                     )
                 )
             if prim.IsA(UsdShade.Material) or prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
@@ -162,7 +162,7 @@ class _Walk:
             index = int((said.Get(self._time) if said else None) or 0)
             children = [children[min(max(index, 0), len(children) - 1)]]
             self._notes.add(
-                Sentence("usd-lods-left-out", "Of levels of detail the default alone is drawn"),
+                Sentence("usd-lods-left-out", "Only the default level of detail is drawn"),
                 str(prim.GetPath()),
             )
         return children
@@ -180,7 +180,7 @@ class _Walk:
         inner = product(outer, matrix(own))
         if not np.isfinite(inner).all():
             self._notes.add(
-                Sentence("usd-transforms-not-finite", "Transforms that are not finite are taken for none"),
+                Sentence("usd-transforms-not-finite", "Transforms that are not finite are ignored"),
                 str(prim.GetPath()),
             )
             inner = outer
@@ -194,7 +194,7 @@ class _Walk:
             raise SceneError(
                 Sentence(
                     "usd-instancer-too-large",
-                    "{prim}: shows its prototypes more than {most} times; show them less often",
+                    "{prim}: shows its prototypes more than {most} times; reduce them",
                     prim=prim.GetPath(),
                     most=MAX_INSTANCES,
                 )
@@ -213,7 +213,7 @@ class _Walk:
             self._notes.add(
                 Sentence(
                     "usd-instances-invalid",
-                    "{count} instances without a prototype or a finite place are left out",
+                    "{count} instances without a prototype or with a position that is not finite are left out",
                     count=lost,
                 ),
                 str(prim.GetPath()),
@@ -234,7 +234,7 @@ class _Walk:
             self._notes.add(
                 Sentence(
                     "usd-instance-primvars-dropped",
-                    "What point instancers say of each instance ({primvars}) is left out",
+                    "Primvars of point instancers ({primvars}) are left out",
                     primvars=named,
                 ),
                 str(prim.GetPath()),
@@ -248,7 +248,7 @@ class _Walk:
                 self._notes.add(
                     Sentence(
                         "usd-prototypes-missing",
-                        "Prototypes that are not in the stage are left out, {count} times",
+                        "Prototypes that are missing in the stage are left out, {count} times",
                         count=len(which),
                     ),
                     str(target),
@@ -260,7 +260,7 @@ class _Walk:
                 raise SceneError(
                     Sentence(
                         "usd-instancer-too-large",
-                        "{prim}: shows its prototypes more than {most} times; show them less often",
+                        "{prim}: shows its prototypes more than {most} times; reduce them",
                         prim=prim.GetPath(),
                         most=MAX_INSTANCES,
                     )

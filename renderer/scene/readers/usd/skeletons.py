@@ -15,7 +15,7 @@ from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.meshes import Shape
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.prims import PlacedPrim, matrix
-from renderer.sentences import Sentence
+from renderer.sentences import Sentence, first_items
 
 __all__ = ["Skeletons"]
 
@@ -65,14 +65,14 @@ class Skeletons:
         transforms = self._in_order(transforms, query.GetJointOrder(), skinning)
         if len(transforms) == 0 or joints.max(initial=0) >= len(transforms) or joints.min(initial=0) < 0:
             self._notes.add(
-                Sentence("usd-joints-not-in-skeleton", "Meshes whose joints are not in their skeleton are not bent"),
+                Sentence("usd-joints-not-in-skeleton", "Meshes whose joints are missing in their skeleton are not deformed"),
                 str(prim.GetPath()),
             )
             return None
         bind = matrix(skinning.GetGeomBindTransform(self._time))
         if str(skinning.GetSkinningMethod()) == "dualQuaternion":
             self._notes.add(
-                Sentence("usd-dual-quaternion-skins", "Skins of dual quaternions are bent by matrices"),
+                Sentence("dual-quaternion-skins", "Dual-quaternion skins are deformed linearly"),
                 str(prim.GetPath()),
             )
         whole = transforms @ bind
@@ -90,8 +90,14 @@ class Skeletons:
         number = {str(joint): i for i, joint in enumerate(order) if i < len(transforms)}
         joints = [str(joint) for joint in own]
         if lacking := [joint for joint in joints if joint not in number]:
-            what = f"Joints of meshes that their skeletons lack stand still ({', '.join(lacking[:3])[:120]})"
-            self._notes.add(what, str(skinning.GetPrim().GetPath()))
+            self._notes.add(
+                Sentence(
+                    "usd-joints-missing",
+                    "Joints that are missing in the skeleton stand still ({joints})",
+                    joints=first_items((each[-80:] for each in lacking), 3),
+                ),
+                str(skinning.GetPrim().GetPath()),
+            )
         with_rest = np.concatenate([transforms, np.eye(4)[None]])
         return with_rest[[number.get(joint, -1) for joint in joints]]
 
@@ -135,14 +141,14 @@ class Skeletons:
         indices = blend.ComputeBlendShapePointIndices()
         if any(blend.GetBlendShape(i).GetNormalOffsetsAttr().HasAuthoredValue() for i in range(blend.GetNumBlendShapes())):
             self._notes.add(
-                Sentence("usd-blend-shape-normals-ignored", "Normals that blend shapes move stay as they are"),
+                Sentence("usd-blend-shape-normals-ignored", "Normals are not changed by blend shapes"),
                 str(skinning.GetPrim().GetPath()),
             )
         result = points.copy()
         for weight, shape, sub in zip(sub_weights, blend_indices, sub_indices, strict=True):
             if sub >= len(offsets) or shape >= len(indices):
                 self._notes.add(
-                    Sentence("usd-blend-shapes-damaged", "Blend shapes that are damaged are left out"),
+                    Sentence("usd-blend-shapes-damaged", "Damaged blend shapes are left out"),
                     str(skinning.GetPrim().GetPath()),
                 )
                 continue

@@ -11,6 +11,7 @@ import zipfile
 from pathlib import PurePosixPath
 
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
 from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
 from renderer.scene.udim import tiles_of
 from renderer.sentences import Sentence
@@ -64,7 +65,7 @@ class Sources:
             raise SceneError(
                 Sentence(
                     "usd-package-compressed",
-                    "{name}: is compressed, which USD does not know; package it again by usdzip",
+                    "{name}: is compressed, which USD does not allow; package it again with usdzip",
                     name=name,
                 )
             )
@@ -76,7 +77,7 @@ class Sources:
                     "usd-package-unreadable",
                     "{name}: could not be read ({error}); package it again",
                     name=name,
-                    error=error,
+                    error=library_message(error),
                 )
             ) from error
 
@@ -90,7 +91,7 @@ class Sources:
             raise SceneError(
                 Sentence(
                     "usd-package-without-layer",
-                    "{package}: does not begin with a USD layer, as a package must; package it again by usdzip",
+                    "{package}: does not begin with a USD layer; package it again with usdzip",
                     package=outer,
                 )
             )
@@ -129,9 +130,9 @@ class Sources:
                 raise SceneError(
                     Sentence(
                         "usd-package-damaged",
-                        "{package}: is no whole .usdz package ({error}); package it again",
+                        "{package}: is not a valid .usdz package ({error}); package it again",
                         package=outer,
-                        error=error,
+                        error=library_message(error),
                     )
                 ) from error
         return self._packages[outer]

@@ -56,7 +56,7 @@ def mixed_color(said: SurfaceInputs, read: Read, names: Names, weight: float, de
     if share < 1:
         note = Sentence(
             "usd-materialx-subsurface-mix",
-            "Of the base colour and the colour beneath the surface of MaterialX, the one that there is more of is taken",
+            "Of a MaterialX surface's base colour and subsurface colour, the one with the larger weight is used",
         )
         read.network.notes.add(note, read.network.user)
     return (under, 1.0) if share > 0.5 or (share == 0.5 and _varies(under)) else (color, weight)

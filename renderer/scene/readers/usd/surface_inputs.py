@@ -35,7 +35,13 @@ class SurfaceInputs:
 
     def _even(self, name: str, given: Input) -> Input:
         if given.taken is not None or given.primvar is not None:
-            self._note(f"Textures of the {_words(name)} of MaterialX surfaces are left out")
+            self._note(
+                Sentence(
+                    "usd-materialx-texture-left-out",
+                    "Textures of the input {input} of MaterialX surfaces are left out",
+                    input=name,
+                )
+            )
         return given
 
     def leave_out(self, neutral: Mapping[str, float | Vec3]) -> None:
@@ -45,14 +51,8 @@ class SurfaceInputs:
             plain = (value,) * 3 if isinstance(value, (int, float)) else value
             if given.taken is not None or max(abs(a - b) for a, b in zip(given.color(plain), plain, strict=True)) > 1e-6:
                 self._note(
-                    Sentence(
-                        "usd-materialx-inputs-left-out", "The {inputs} of MaterialX surfaces is left out", inputs=_words(name)
-                    )
+                    Sentence("usd-materialx-input-left-out", "The input {input} of MaterialX surfaces is left out", input=name)
                 )
 
     def _note(self, what: str) -> None:
         self._read.network.notes.add(what, self._read.network.user)
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")

@@ -144,14 +144,14 @@ class Surfaces:
         elif kind in OMNI_PBR:
             read_omni_pbr(shader, read)
         else:
-            what = kind or "none"
             self._notes.add(
                 Sentence(
                     "usd-surface-unknown",
-                    "Materials whose surface is no UsdPreviewSurface and no MaterialX surface known here "
-                    "({surfaces}) are drawn in the display colour",
-                    surfaces=what,
-                ),
+                    "Materials with an unknown surface shader ({surface}) are drawn in the display colour",
+                    surface=kind,
+                )
+                if kind
+                else Sentence("usd-surface-missing", "Materials without a surface shader are drawn in the display colour"),
                 name,
             )
             return None, ()
@@ -159,7 +159,7 @@ class Surfaces:
             self._notes.add(
                 Sentence(
                     "usd-primvar-inputs-fallback",
-                    "Primvars that vary over a mesh give colours and opacities alone; others have their fallback",
+                    "Varying primvars are supported for colours and opacities only; others use their fallback",
                 ),
                 name,
             )

@@ -98,7 +98,7 @@ class Images:
         """Returns the texture of an image."""
         if "black" in wraps:
             self._notes.add(
-                Sentence("usd-texture-border-clamped", "Textures that are black beyond their image go on there as at its edge"),
+                Sentence("usd-texture-border-clamped", "Textures with the wrap mode black are clamped at their edges"),
                 user,
             )
         wrap_s, wrap_t = (_WRAPS.get(wrap, "repeat") for wrap in wraps)

@@ -37,7 +37,7 @@ def between(views: Sequence[View], seconds: float, time: float, document: Yaml, 
             (*path, "through"),
             Sentence(
                 "camera-move-projections-differ",
-                "names cameras of different projections; nothing lies between these",
+                "names cameras with different projections, which cannot be interpolated; use one projection",
             ),
         )
     rows = np.array([_row(view) for view in views])
@@ -51,7 +51,7 @@ def between(views: Sequence[View], seconds: float, time: float, document: Yaml, 
             (*path, "through"),
             Sentence(
                 "camera-move-sees-nothing",
-                "leads where nothing is seen, after {time} s: {error}",
+                "leads to a view of nothing after {time} s: {error}",
                 time=f"{time:g}",
                 error=error,
             ),

@@ -21,7 +21,7 @@ _HALF_SENSOR = 0.012  # metres: half the height of a 36 x 24 mm picture
 def read_view(source: dict[str, Any], document: Yaml, path: Path) -> View:
     """Returns the view of a camera. Raises SceneError if it is invalid."""
     if "aperture" in source and "f_stop" in source:
-        raise document.error(path, Sentence("camera-aperture-and-f-stop", "has one of aperture and f_stop"))
+        raise document.error(path, Sentence("camera-aperture-and-f-stop", "has both aperture and f_stop; give one of them"))
     fields: dict[str, Any] = {key: vec3(source[key]) for key in ("eye", "target", "up") if key in source}
     fields |= {key: float(source[key]) for key in ("fov", "height", "aperture", "near", "shift_x", "shift_y") if key in source}
     fields |= {key: source[key] for key in ("projection",) if key in source}

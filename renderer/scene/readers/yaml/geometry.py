@@ -149,7 +149,7 @@ class Shapes:
                     (*path, "uvs"),
                     Sentence(
                         "mesh-point-count-wrong",
-                        "has {found} points where there are {positions} positions",
+                        "has {found} points for {positions} positions",
                         found=len(uvs),
                         positions=len(positions),
                     ),
@@ -159,11 +159,11 @@ class Shapes:
             here = (*path, "faces", i)
             if not isinstance(polygon, list) or len(polygon) < 3 or not all(type(corner) is int for corner in polygon):
                 raise self._document.error(
-                    here, Sentence("mesh-face-malformed", "is no list of three or more numbers of positions")
+                    here, Sentence("mesh-face-malformed", "is not a list of three or more indices of positions")
                 )
             if not all(0 <= corner < len(positions) for corner in polygon):
                 raise self._document.error(
-                    here, Sentence("mesh-face-out-of-range", "names a position beyond 0 to {highest}", highest=len(positions) - 1)
+                    here, Sentence("mesh-face-out-of-range", "has an index outside of 0 to {highest}", highest=len(positions) - 1)
                 )
             triangles += [(polygon[0], b, c) for b, c in pairwise(polygon[1:])]
         mesh = Mesh(name, positions, np.array(triangles, np.int32).reshape(-1, 3), uvs=uvs)
@@ -174,14 +174,14 @@ class Shapes:
         for i, row in enumerate(rows):
             if not isinstance(row, list) or len(row) != width or not all(type(v) in (int, float) for v in row):
                 raise self._document.error(
-                    (*path, i), Sentence("number-list-malformed", "is no list of {count} numbers", count=width)
+                    (*path, i), Sentence("number-list-malformed", "is not a list of {count} numbers", count=width)
                 )
         with np.errstate(over="ignore"):
             found = np.array(rows, np.float64).reshape(-1, width)
             is_held = np.isfinite(found.astype(np.float32)).all(axis=1)
         if not is_held.all():
             raise self._document.error(
-                (*path, int(np.argmin(is_held))), Sentence("number-overflow", "is beyond what numbers hold")
+                (*path, int(np.argmin(is_held))), Sentence("number-overflow", "is too large for 32-bit numbers")
             )
         return found
 
@@ -193,7 +193,7 @@ class Shapes:
                     path,
                     Sentence(
                         "sphere-scaled-unevenly",
-                        "a sphere is scaled alike in all directions; a transform here is not so",
+                        "a sphere needs a uniform scale; correct the transform",
                     ),
                 )
             center = product(place, np.array([*source.get("center", (0, 0, 0)), 1.0])[:, None])[:, 0]
@@ -211,10 +211,12 @@ class Shapes:
                 Sentence("file-missing", "{name} is not among the files; add it", name=source["file"][:120]),
             )
         if PurePosixPath(name).suffix.lower() not in {format.suffix for format in MESH_FORMATS}:
-            others = ", ".join(format.suffix for format in MESH_FORMATS)
+            others = [format.suffix for format in MESH_FORMATS]
             raise self._document.error(
                 (*path, "file"),
-                Sentence("mesh-format-unknown", "{name} is no mesh file; give one of {formats}", name=name[:120], formats=others),
+                Sentence(
+                    "mesh-format-unknown", "{name} is not a mesh file; give one of {formats}", name=name[:120], formats=others
+                ),
             )
         variant, clip = (None if source.get(key) is None else str(source[key]) for key in ("variant", "clip"))
         thickness = source.get("thickness")
@@ -258,7 +260,7 @@ class Shapes:
             known = ", ".join(sorted(self._materials)[:10]) or "none"
             raise self._document.error(
                 (*path, "material"),
-                Sentence("material-name-unknown", "no material is called {name}; known are {known}", name=name[:80], known=known),
+                Sentence("material-name-unknown", "there is no material {name}; known are {known}", name=name[:80], known=known),
             )
         return self._materials[name]
 

@@ -84,9 +84,7 @@ def find_keys(document: Yaml) -> Keys:
     ends: list[float] = []
     for path, source in _found(document.data, ()):
         if path[0] in _OF_THE_WHOLE:
-            raise document.error(
-                path, Sentence("keys-not-allowed", "has keys, and {path} is the same for all frames", path=path[0])
-            )
+            raise document.error(path, Sentence("keys-not-allowed", "has keys, but {path} cannot be animated", path=path[0]))
         times = _times(source["keys"], document, (*path, "keys"))
         make = _maker(source.get("curve", "linear"), times, document, (*path, "curve"))
         values = [value for _, value in source["keys"]]
@@ -122,11 +120,11 @@ def _patterns(value: Any, path: Path) -> list[Path]:
 def _times(keys: list[Any], document: Yaml, path: Path) -> npt.NDArray[np.float64]:
     if not 1 <= len(keys) <= MAX_KEYS:
         raise document.error(
-            path, Sentence("keys-count-wrong", "has {count} keys; it takes from 1 to {most}", count=len(keys), most=MAX_KEYS)
+            path, Sentence("keys-count-wrong", "has {count} keys; it needs from 1 to {most}", count=len(keys), most=MAX_KEYS)
         )
     for i, key in enumerate(keys):
         if not isinstance(key, list) or len(key) != 2 or not _is_number(key[0]) or abs(key[0]) > 1e9:
-            raise document.error((*path, i), Sentence("key-malformed", "is no key; one is [seconds, value]"))
+            raise document.error((*path, i), Sentence("key-malformed", "is not a key; write [seconds, value]"))
         if i and key[0] <= keys[i - 1][0]:
             raise document.error((*path, i), Sentence("keys-not-ascending", "is not later than the key before it"))
     return np.array([key[0] for key in keys], np.float64)
@@ -144,7 +142,7 @@ def _maker(curve: Any, times: npt.NDArray[np.float64], document: Yaml, path: Pat
         path,
         Sentence(
             "key-curve-unknown",
-            "is none of {curves}, nor the [x1, y1, x2, y2] of a cubic Bezier, whose x are from 0 to 1",
+            "is none of {curves}, nor the [x1, y1, x2, y2] of a cubic Bezier with x from 0 to 1",
             curves=[*CURVES],
         ),
     )
@@ -164,7 +162,8 @@ def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
         raise document.error(
             path,
             Sentence(
-                "keys-matrix-not-interpolable", "cuts through what it turns; give translate, rotate and scale their own keys"
+                "keys-matrix-not-interpolable",
+                "rotates too far between keys to interpolate matrices; animate translate, rotate and scale instead",
             ),
         )
     if all(map(_is_number, values)):
@@ -184,7 +183,7 @@ def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
         path,
         Sentence(
             "keys-forms-differ",
-            "has keys of different forms, or such as nothing lies between; with `curve: step` it jumps",
+            "has keys of different forms, which cannot be interpolated; use `curve: step` to jump between them",
         ),
     )
 

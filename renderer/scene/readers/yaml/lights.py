@@ -60,13 +60,14 @@ class Lights:
         for key in source:
             if key not in _FIELDS[kind]:
                 raise document.error(
-                    (*path, key), Sentence("light-parameter-meaningless", "means nothing for a {kind} light", kind=kind)
+                    (*path, key),
+                    Sentence("light-parameter-meaningless", "has no meaning for a {kind} light; leave it out", kind=kind),
                 )
         light = Light("point" if kind == "projector" else kind, name=source.get("name", f"light {index}"))
         r, g, b = (i * c for i, c in zip(radiance(source.get("intensity", 1)), radiance(source.get("color", 1)), strict=True))
         light.intensity = (r, g, b)
         if kind != "directional" and "position" not in source:
-            raise document.error(path, Sentence("light-position-missing", "a {kind} light has a position", kind=kind))
+            raise document.error(path, Sentence("light-position-missing", "a {kind} light needs a position", kind=kind))
         light.position = vec3(source.get("position", (0, 0, 0)))
         if kind != "point" or "direction" in source or "target" in source:
             light.direction = _direction(source, light.position, document, path)
@@ -93,17 +94,18 @@ class Lights:
         if "profile" in source and "picture" in source:
             raise document.error(
                 (*path, "picture"),
-                Sentence("light-profile-conflict", "and a profile do not go together; leave one of them out"),
+                Sentence("light-profile-conflict", "cannot be combined with a profile; leave one of them out"),
             )
         if kind == "projector" and "picture" not in source:
-            raise document.error(path, Sentence("projector-picture-missing", "a projector has a picture"))
+            raise document.error(path, Sentence("projector-picture-missing", "a projector needs a picture"))
         if kind == "point" and not source.keys() & {"profile", "picture"}:
             for key in ("direction", "target", "up"):
                 if key in source:
                     raise document.error(
                         (*path, key),
                         Sentence(
-                            "point-light-parameter-meaningless", "means nothing for a point light without a profile or a picture"
+                            "point-light-parameter-meaningless",
+                            "has no meaning for a point light without a profile or picture; leave it out",
                         ),
                     )
         if "profile" in source:
@@ -115,7 +117,7 @@ class Lights:
             return light
         number = self._shelf.image_file(self._named(source, "picture", path))
         if number is None:
-            raise document.error((*path, "picture"), Sentence("light-picture-unreadable", "could not be read; give a picture"))
+            raise document.error((*path, "picture"), Sentence("light-picture-unreadable", "could not be read; give an image"))
         image = self._description.images[number]
         known = "picture of a light", kind, id(image.pixels), source.get("fov"), light.outer_cone
         if kind == "point":
@@ -123,7 +125,9 @@ class Lights:
             if not any(top):
                 raise document.error(
                     (*path, "up"),
-                    Sentence("light-up-along-direction", "leads where the light shines; give what is up in its picture"),
+                    Sentence(
+                        "light-up-along-direction", "is parallel to the light's direction; give the up direction of its picture"
+                    ),
                 )
             x, y, z = light.direction
             made = self._files.recall(known, lambda: (all_around(linear(image)), image.pixels))
@@ -134,7 +138,7 @@ class Lights:
                 path,
                 Sentence(
                     "projector-cone-too-wide",
-                    "throws a picture wider than {most} degrees; make its cone narrower",
+                    "makes a picture wider than {most} degrees; make its cone narrower",
                     most=f"{2 * _WIDEST:g}",
                 ),
             )
@@ -164,15 +168,20 @@ def _thrown(pixels: F32, kind: str, half: float) -> EmissionMap:
 
 def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Path) -> Vec3:
     if ("direction" in source) == ("target" in source):
-        what = "a direction" if source["type"] == "directional" else "one of direction and target"
         raise document.error(
-            path, Sentence("light-parameter-choice", "a {kind} light has {alternatives}", kind=source["type"], alternatives=what)
+            path,
+            Sentence("light-direction-required", "a directional light needs a direction")
+            if source["type"] == "directional"
+            else Sentence(
+                "light-direction-choice", "a {kind} light needs a direction or a target, not both", kind=source["type"]
+            ),
         )
     direction = np.array(source["direction"] if "direction" in source else np.subtract(source["target"], position), np.float64)
     length = float(np.linalg.norm(direction))
     if length < 1e-12:
         raise document.error(
-            (*path, "direction" if "direction" in source else "target"), Sentence("light-direction-zero", "gives no direction")
+            (*path, "direction" if "direction" in source else "target"),
+            Sentence("light-direction-zero", "has length 0 and gives no direction"),
         )
     return vec3(direction / length)
 
@@ -180,7 +189,9 @@ def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Pat
 def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, shelf: TextureShelf) -> Environment:
     """Returns the environment from the file's `environment`."""
     if sum(name in source for name in ("image", "sky", "preset")) > 1:
-        raise document.error(("environment",), Sentence("environment-source-choice", "has one of image, sky and preset"))
+        raise document.error(
+            ("environment",), Sentence("environment-source-choice", "has more than one of image, sky and preset; give one")
+        )
     image = None
     if "image" in source:
         name = files.find(source["image"], document.file)

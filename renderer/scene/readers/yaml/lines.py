@@ -10,6 +10,8 @@ from typing import Any
 import yaml
 
 from renderer.errors import SceneError
+from renderer.library_messages import library_message
+from renderer.scene.readers.yaml.messages import yaml_fault
 from renderer.sentences import Sentence
 
 __all__ = ["Path", "Yaml", "parse"]
@@ -67,7 +69,7 @@ class Yaml:
             raise SceneError(
                 Sentence(
                     "yaml-values-too-many",
-                    "{file}: holds more than {most} values; keep meshes in files beside it",
+                    "{file}: contains more than {most} values; keep meshes in separate files",
                     file=self.file,
                     most=MAX_VALUES,
                 )
@@ -78,7 +80,7 @@ class Yaml:
             raise SceneError(
                 Sentence(
                     "yaml-aliases-too-large",
-                    "{file}: its aliases stand for more than {most} values; write out what is meant",
+                    "{file}: its aliases stand for more than {most} values; write the values out",
                     file=self.file,
                     most=MAX_ALIASED,
                 )
@@ -87,7 +89,7 @@ class Yaml:
             raise SceneError(
                 Sentence(
                     "yaml-alias-nested-too-deep",
-                    "{file}, line {line}: is nested deeper than any scene is; take an alias out",
+                    "{file}, line {line}: its aliases are nested too deeply; remove one",
                     file=self.file,
                     line=node.start_mark.line + 1,
                 )
@@ -107,7 +109,7 @@ class Yaml:
                 raise SceneError(
                     Sentence(
                         "yaml-key-not-word",
-                        "{file}, line {line}: a key is a plain word here",
+                        "{file}, line {line}: a key must be a plain word",
                         file=self.file,
                         line=key_node.start_mark.line + 1,
                     )
@@ -116,7 +118,7 @@ class Yaml:
                 raise SceneError(
                     Sentence(
                         "yaml-key-duplicate",
-                        "{file}, line {line}: {key} stands here a second time; take one out",
+                        "{file}, line {line}: the key {key} is given twice; remove one",
                         file=self.file,
                         line=key_node.start_mark.line + 1,
                         key=key[:80],
@@ -151,7 +153,7 @@ def parse(data: bytes, file: str) -> Yaml:
         raise SceneError(
             Sentence(
                 "scene-description-too-large",
-                "{file}: has {mib} MiB; a scene file has at most {most}. Keep meshes in files beside it",
+                "{file}: has {mib} MiB; a scene file may have at most {most}. Keep meshes in separate files",
                 file=file,
                 mib=len(data) >> 20,
                 most=MAX_BYTES >> 20,
@@ -162,26 +164,28 @@ def parse(data: bytes, file: str) -> Yaml:
         _check_depth(text, file)
         node = yaml.compose(text, Loader=_LOADER)
     except UnicodeDecodeError as error:
-        raise SceneError(Sentence("file-not-utf-8", "{file}: is not UTF-8 text; save it as that", file=file)) from error
+        raise SceneError(Sentence("file-not-utf-8", "{file}: is not UTF-8 text; save it as UTF-8", file=file)) from error
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise SceneError(
             Sentence(
                 "yaml-line-malformed",
-                "{file}, line {line}: is no YAML: {error}",
+                "{file}, line {line}: is not valid YAML: {error}",
                 file=file,
                 line=line,
-                error=error.problem or error.context,
+                error=yaml_fault(error),
             )
         ) from error
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise SceneError(
-            Sentence("yaml-malformed", "{file}: is no YAML: {error}", file=file, error=str(error).splitlines()[0][:200])
+            Sentence("yaml-malformed", "{file}: is not valid YAML: {error}", file=file, error=library_message(error))
         ) from error
     result = Yaml(file)
     if node is None:
         raise SceneError(
-            Sentence("scene-description-empty", "{file}: is empty; see docs/scene-format.md for what a scene holds", file=file)
+            Sentence(
+                "scene-description-empty", "{file}: is empty; docs/scene-format.md describes the content of a scene", file=file
+            )
         )
     result.data = result.take(node, ())
     return result
@@ -201,7 +205,7 @@ def _check_depth(text: str, file: str) -> None:
                 raise SceneError(
                     Sentence(
                         "yaml-nested-too-deep",
-                        "{file}, line {line}: is nested deeper than any scene is; take levels out",
+                        "{file}, line {line}: is nested too deeply; flatten it",
                         file=file,
                         line=_line(event),
                     )

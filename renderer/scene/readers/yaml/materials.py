@@ -33,12 +33,12 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
     kind: MaterialKind = source.get("kind") or _kind_of(source)
     for key in source:
         if key not in _FIELDS[kind]:
-            kinds = ", ".join(k for k, known in _FIELDS.items() if key in known)
+            kinds = [k for k, known in _FIELDS.items() if key in known]
             raise document.error(
                 (*path, key),
                 Sentence(
                     "material-parameter-meaningless",
-                    "means nothing for the kind {kind}; it is for {kinds}",
+                    "has no meaning for the kind {kind}, only for {kinds}; leave it out",
                     kind=kind,
                     kinds=kinds,
                 ),
@@ -70,9 +70,7 @@ def _value(parameter: Parameter, value: Any, textures: Textures, document: Yaml,
         if not parameter.layered and isinstance(value, list):
             raise document.error(
                 path,
-                Sentence(
-                    "material-single-texture-only", "takes one texture: its values are no colours that layers could be laid on"
-                ),
+                Sentence("material-single-texture-only", "takes one texture: its values are not colours that could be layered"),
             )
         return textures.stack(value, path, parameter.srgb)
     return value_of(parameter, value)
@@ -90,6 +88,6 @@ def _kind_of(source: dict[str, Any]) -> MaterialKind:
 
 def _conductor(source: dict[str, Any], fields: dict[str, Any], document: Yaml, path: Path) -> None:
     if ("metal" in source) == ("eta" in source or "k" in source) or ("eta" in source) != ("k" in source):
-        raise document.error(path, Sentence("conductor-metal-or-eta", "a conductor has either a metal, or eta and k"))
+        raise document.error(path, Sentence("conductor-metal-or-eta", "a conductor needs either metal, or eta and k"))
     if "metal" in source:
         fields["eta"], fields["k"] = METALS[source["metal"]]

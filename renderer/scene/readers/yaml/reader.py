@@ -19,6 +19,7 @@ from renderer.scene.readers.yaml.keys import AnimatedPaths, Keys, find_keys
 from renderer.scene.readers.yaml.lights import Lights, read_environment, read_medium
 from renderer.scene.readers.yaml.lines import Yaml, parse
 from renderer.scene.readers.yaml.materials import read_material
+from renderer.scene.readers.yaml.messages import schema_fault
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, schema
 from renderer.scene.readers.yaml.textures import Textures
 from renderer.scene.textures import TextureShelf
@@ -34,7 +35,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         raise SceneError(
             Sentence(
                 "scene-description-without-clips",
-                "{file}: has no clips to choose from, as glTF files have; leave the clip out",
+                "{file}: has no clips, as glTF files do; leave the clip out",
                 file=main,
             )
         )
@@ -109,7 +110,7 @@ def _add_cameras(sources: list[dict[str, Any]], time: float, document: Yaml, des
         if name in views:
             raise document.error(
                 ("cameras", i, "name"),
-                Sentence("camera-name-duplicate", "another camera is called {name}; give it another name", name=name),
+                Sentence("camera-name-duplicate", "another camera is called {name}; rename one", name=name),
             )
         views[name] = None if "through" in source else moved(read_view(source, document, ("cameras", i)), source, time)
     for i, (name, source) in enumerate(zip(views, sources, strict=True)):
@@ -124,15 +125,12 @@ def _named(names: list[str], views: dict[str, View | None], document: Yaml, came
     for i, name in enumerate(names):
         view = views.get(name)
         if view is None:
-            known = ", ".join(other for other, its in list(views.items())[:10] if its is not None) or "none"
+            known = [other for other, its in list(views.items())[:10] if its is not None]
             raise document.error(
                 ("cameras", camera, "through", i),
-                Sentence(
-                    "camera-name-unknown",
-                    "no camera of its own is called {name}; known are {known}",
-                    name=name,
-                    known=known,
-                ),
+                Sentence("camera-name-unknown", "there is no camera {name}; the cameras are {known}", name=name, known=known)
+                if known
+                else Sentence("camera-name-without-cameras", "there is no camera {name} with a view of its own", name=name),
             )
         found.append(view)
     return found
@@ -181,7 +179,5 @@ def _validate(document: Yaml, data: Any, places: dict[str, list[int]]) -> None:
         path = tuple(error.absolute_path)
         if len(path) > 1 and path[0] in places:
             path = (path[0], places[path[0]][path[1]], *path[2:])
-        message = Sentence("key-unknown", "does not belong here") if error.validator == "not" else error.message
-        if len(message) > 300:
-            message = f"{message[:120]} ... {message[-120:]}"
-        raise document.error(path, Sentence("scene-description-invalid", "{fault}. See docs/scene-format.md", fault=message))
+        fault = schema_fault(error)
+        raise document.error(path, Sentence("scene-description-invalid", "{fault}. See docs/scene-format.md", fault=fault))

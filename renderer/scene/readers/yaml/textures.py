@@ -27,7 +27,7 @@ class Textures:
         self._images: dict[tuple[str, bool], int | None] = {}
         for name, source in self._sources.items():
             if ("image" in source) == ("checker" in source):
-                raise document.error(("textures", name), Sentence("texture-source-choice", "has one of image and checker"))
+                raise document.error(("textures", name), Sentence("texture-source-choice", "needs either image or checker"))
             if "image" in source and files.find(source["image"], document.file) is None:
                 shelf.missing(source["image"], f"Texture {name}")
 
@@ -41,7 +41,7 @@ class Textures:
             known = ", ".join(sorted(self._sources)[:10]) or "none"
             raise self._document.error(
                 path,
-                Sentence("texture-name-unknown", "no texture is called {name}; known are {known}", name=name[:80], known=known),
+                Sentence("texture-name-unknown", "there is no texture {name}; known are {known}", name=name[:80], known=known),
             )
         srgb = source.get("encoding", "srgb" if srgb else "linear") == "srgb"
         if (name, srgb) not in self._images:
@@ -63,7 +63,8 @@ class Textures:
             return self.find(entries, path, srgb)
         if not isinstance(entries[0], str):
             raise self._document.error(
-                (*path, 0), Sentence("texture-list-base-layer", "lies on nothing: the lowest of a list is just a name")
+                (*path, 0),
+                Sentence("texture-list-base-layer", "has nothing beneath it: the first layer must be the name of a texture"),
             )
         lowest = self.find(entries[0], (*path, 0), srgb)
         layers = []

@@ -34,7 +34,7 @@ def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matr
             if not np.allclose(step[3], (0, 0, 0, 1)):
                 raise document.error(
                     (*path, i, "matrix"),
-                    Sentence("transform-last-row-wrong", "its last row is 0 0 0 1, or it is no transform of space"),
+                    Sentence("transform-last-row-wrong", "its last row must be 0 0 0 1"),
                 )
         else:
             axis = np.array(_AXES[value["axis"]] if isinstance(value["axis"], str) else value["axis"], np.float64)
@@ -46,7 +46,7 @@ def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matr
                     (*path, i, "rotate", "degrees"),
                     Sentence(
                         "angle-out-of-range",
-                        "is beyond {most}; take whole turns off",
+                        "is beyond {most}; subtract whole turns",
                         most=f"{MOST_DEGREES:g}",
                     ),
                 )
@@ -62,7 +62,7 @@ def joined(outer: Matrix, inner: Matrix, document: Yaml, path: Path) -> Matrix:
     if not np.isfinite(place).all():
         raise document.error(
             path,
-            Sentence("transform-overflow", "with what it is joined to, its transform is beyond what numbers hold"),
+            Sentence("transform-overflow", "combined with its parents, its transform is too large for 32-bit numbers"),
         )
     return place
 

@@ -16,11 +16,11 @@ def test_frame_n_shows_the_time_n_over_fps():
 
 @pytest.mark.parametrize("frame", [-1, 0.3, float("nan"), float("inf"), 1e9])
 def test_frames_are_halves_from_0(frame):
-    with pytest.raises(SettingsError, match=r"frame is .*; it takes numbers from 0 to 10000000 in steps of a half"):
+    with pytest.raises(SettingsError, match=r"frame is .*; it must be from 0 to 10000000 in steps of a half"):
         Moment(frame)
 
 
 @pytest.mark.parametrize("fps", [0, -24, float("nan"), 1e6])
 def test_fps_has_bounds(fps):
-    with pytest.raises(SettingsError, match=r"fps is .*; it takes numbers from 0\.001 to 10000"):
+    with pytest.raises(SettingsError, match=r"fps is .*; it must be from 0.001 to 10000"):
         Moment(0, fps)
