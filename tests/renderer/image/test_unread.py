@@ -59,9 +59,9 @@ def hdr(more):
     ("make", "sentence"),
     [
         (lambda _: saved("PNG", icc_profile=profile("LAB")), "colour profile"),
-        (lambda _: saved("PNG", icc_profile=b"damaged"), 'colour profile "damaged"'),
+        (lambda _: saved("PNG", icc_profile=b"damaged"), "colour profile is damaged"),
         (lambda _: gamma_of(1.0), "its gamma of 1 is ignored; it is read as sRGB, whose gamma is"),
-        (lambda _: saved("JPEG", PICTURE.convert("CMYK")), "inks (CMYK)"),
+        (lambda _: saved("JPEG", PICTURE.convert("CMYK")), "CMYK is converted"),
         (lambda _: saved("GIF", save_all=True, append_images=[PICTURE.rotate(90)]), "has 2 frames; only the first is shown"),
         (lambda _: turned(), "Exif orientation 6"),
         (lambda path: exr(path, (0.7347, 0.2653, 0, 1, 0.0001, -0.077, 0.32168, 0.33767)), "its primaries (0.7347 0.2653"),

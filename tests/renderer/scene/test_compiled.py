@@ -84,7 +84,9 @@ def test_a_file_cut_short_anywhere_is_refused(path):
 
 def test_a_file_that_is_too_long_is_refused(path):
     path.write_bytes(path.read_bytes() + b"\0")
-    with pytest.raises(SceneError, match="longer than its arrays"):
+    with pytest.raises(
+        SceneError, match=r"scene\.rayfarm is damaged or not a compiled scene: it is longer than the sum of its arrays"
+    ):
         load(path)
 
 

@@ -54,8 +54,8 @@ def test_meshopt_gives_what_was_packed(scene, name):
 @pytest.mark.parametrize(
     ("key", "value", "says"),
     [
-        ("mode", "LINES", "is not known"),
-        ("filter", "BLUR", "is not known"),
+        ("mode", "LINES", "filter is unknown"),
+        ("filter", "BLUR", "filter is unknown"),
         ("count", 41, "and byteStride do not match the"),
         ("byteLength", 1 << 20, "reaches beyond the end of its buffer"),
         ("byteLength", 20, "is damaged"),

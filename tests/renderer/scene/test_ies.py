@@ -100,7 +100,7 @@ def test_what_is_tilted_is_upright():
     tilt = "TILT=INCLUDE\n1\n3\n0 45 90\n1.0 0.9 0.8\n"
     photometry = read_ies(ies([0.0, 90.0], [0.0], lambda theta, phi: 100 + 0 * theta, tilt=tilt), "lamp.ies")
     np.testing.assert_allclose(candela_of(photometry, [10], 0), 100, rtol=1e-6)
-    assert "tilted" in photometry.notes[0]
+    assert "its tilt is ignored" in photometry.notes[0]
     elsewhere = read_ies(ies([0.0, 90.0], [0.0], lambda theta, phi: 100 + 0 * theta, tilt="TILT=lamp.tlt\n"), "lamp.ies")
     assert "another file" in elsewhere.notes[0]
 

@@ -95,7 +95,7 @@ def test_a_light_that_turns_keeps_its_profile(scene):
     ("light", "said"),
     [
         ("{type: point, position: [0, 1, 0], profile: b.ies}", r"lights\[0\].profile: b.ies is not among the files; add it"),
-        ("{type: point, position: [0, 1, 0], profile: bad.ies}", "bad.ies: is no IES profile"),
+        ("{type: point, position: [0, 1, 0], profile: bad.ies}", "is not an IES profile: it has no line TILT="),
         ("{type: point, position: [0, 1, 0], picture: bad.ies}", r"lights\[0\].picture: could not be read"),
         ("{type: point, position: [0, 1, 0], up: [0, 1, 0]}", "up: means nothing for a point light without"),
         ("{type: directional, direction: [0, -1, 0], profile: a.ies}", "profile: means nothing for a directional"),

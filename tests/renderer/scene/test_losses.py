@@ -132,7 +132,7 @@ def test_properties_of_3mf_files(scene):
     build = '<item objectid="1"/>'
     found = scene("a.3mf", package(model(look + solid(1, triangles), build), Metadata__model_settings_config="<config"))
     sentences = " ".join(found.warnings)
-    assert "2 colours that are not #RRGGBB or #RRGGBBAA, which are white" in sentences
+    assert "2 colours that are not #RRGGBB or #RRGGBBAA and are shown white" in sentences
     assert "1 triangles whose properties (pid) are not in the file" in sentences
     assert "1 triangles whose property is beyond the end of its group, and read as the last one" in sentences
     damaged = package(model(solid(), build), **{"Metadata__model_settings.config": "<config"})
@@ -174,7 +174,7 @@ def test_parts_of_usd_stages(tmp_path):
     made.GetRootLayer().Save()
     sentences = " ".join(usd_files.read(path).warnings)
     for said in (
-        "1 faces of fewer than three corners are left out (1): /square",
+        "1 faces with fewer than three corners are left out (1): /square",
         "1 faces of several subsets have the material of the first (1): /square/two",
         "1 faces of subsets that their mesh does not have are left out (2): /square/one, /square/two",
         "Shapes without a size are left out (1): /ball",

@@ -116,7 +116,7 @@ def test_what_a_reader_lets_through_stops_at_the_packing(parameter):
         if math.isinf(wrong):
             continue
         value = (wrong,) * COUNT[parameter.form] if parameter.form in COUNT else wrong
-        with pytest.raises(SceneError, match=f"Material odd: its {parameter.in_file} is .*; it takes numbers"):
+        with pytest.raises(SceneError, match=f"Material odd: its {parameter.in_file} is .*; it must be"):
             row(Material("odd", "metallic_roughness", **{parameter.name: value}))
 
 

@@ -75,7 +75,7 @@ def test_too_many_media_are_said() -> None:
 def test_a_reader_that_gives_no_medium_is_told_so(wrong) -> None:
     with pytest.raises(SceneError, match="world's medium"):
         listed(medium=Medium(**wrong))
-    with pytest.raises(SceneError, match="it takes numbers"):
+    with pytest.raises(SceneError, match="Material default: its sigma_a is -1"):
         pack(SceneDescription(materials=[Material(kind="interface", **wrong)]))
 
 
@@ -119,7 +119,7 @@ def test_an_interface_has_nothing_but_its_medium(scene, field: str) -> None:
         "materials": {"fog": {"kind": "interface", field: 1 if field != "texture" else "t"}},
         "shapes": [{"type": "cube"}],
     }
-    with pytest.raises(SceneError, match=f"{field}.*means nothing for the kind interface"):
+    with pytest.raises(SceneError, match=f"{field}.*has no meaning for the kind interface"):
         scene("s.yaml", json.dumps(document))
 
 

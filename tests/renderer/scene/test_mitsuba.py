@@ -224,8 +224,8 @@ def test_a_leaf_is_cut_out_by_its_mask(tmp_path: Path, png: Callable[..., bytes]
         (BALL.format('<float name="radius" value="wide"/>'), "<float name='radius'>: 'wide' is not a list of numbers"),
         (BALL.format('<float name="radius" value="$r"/>'), r"\$r has no value"),
         (BALL.format('<transform name="to_world"><shear x="1"/></transform>'), "shear is not a known step"),
-        ("<shape", "is no XML"),
-        ("", "has no surface at this frame; choose a frame with triangles or spheres"),
+        ("<shape", r"is not valid XML \(invalid token: line 1, column 29\)"),
+        ("", "has no surface"),
     ],
 )
 def test_what_is_no_scene_is_refused(inside: str, sentence: str, tmp_path: Path) -> None:

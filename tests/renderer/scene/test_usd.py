@@ -315,7 +315,7 @@ def test_a_mesh_whose_faces_are_of_no_type_is_left_out(tmp_path):
     counts, corners = "int[] faceVertexCounts = [3]", "int[] faceVertexIndices = [0, 1, 2]"
     for odd in ((counts.replace("int", "inp"), corners), (counts, corners.replace("int[]", "inp[]"))):
         (tmp_path / "a.usda").write_text(text.format(*odd))
-        with pytest.raises(SceneError, match="has no surface at this frame; choose a frame with triangles or spheres"):
+        with pytest.raises(SceneError, match="has no surface"):
             read(tmp_path / "a.usda")
 
 

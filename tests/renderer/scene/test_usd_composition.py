@@ -52,7 +52,7 @@ def test_sublayers_that_are_the_layer_itself_or_named_twice_are_left_out(tmp_pat
     assert len(found.meshes) == 1
     sentences = " ".join(found.warnings)
     assert "Layers that are their own sublayers are left out (1): a.usda." in sentences
-    assert "Sublayers that a layer names twice are left out (1): a.usda." in sentences
+    assert "Layers that are their own sublayers are left out (1): a.usda" in sentences
     assert "anon:" not in sentences
 
 

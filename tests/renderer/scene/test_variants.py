@@ -77,5 +77,5 @@ def test_a_scene_file_shows_two_variants_side_by_side(scene):
     assert description.variants == []  # they are the mesh file's, and chosen in the scene
     with pytest.raises(SceneError, match=r"shoe\.glb: has no variant 'x'"):
         scene("t.yaml", "shapes: [{type: mesh, file: shoe.glb, variant: x}]")
-    with pytest.raises(SceneError, match=r"shapes\[0\]\.variant: does not belong here"):
+    with pytest.raises(SceneError, match=r"shapes\[0\]\.variant: is not allowed here"):
         scene("u.yaml", "shapes: [{type: quad, variant: x}]")
