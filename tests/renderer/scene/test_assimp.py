@@ -119,7 +119,7 @@ def test_collada_cameras_have_what_they_say(scene):
 @pytest.mark.parametrize("odd", ["-0.7994", "1e9", "-1", "x"])
 def test_corners_that_are_no_indices_are_refused_before_assimp_looks_for_them(scene, odd):
     with pytest.raises(
-        SceneError, match=f"a.dae: a list of corners .<p>. holds '{odd}', which is no index; export the file again"
+        SceneError, match=f"a.dae: a list of corners .<p>. contains '{odd}', which is not an index; export the file again"
     ):
         scene("a.dae", collada().replace("<p>0 1 2</p>", f"<p>0 1 {odd}</p>"))
 

@@ -176,7 +176,7 @@ def test_a_map_of_highlights_is_read_and_other_maps_are_named(material, png):
     description, plastic = material("Kd 0.5 0 0\nKs 1 1 1\nNs 96\nmap_Ks s.png\nmap_Ns n.png\ndisp d.png\nmap_Ka s.png", files)
     texture = description.textures[plastic.specular_color_texture]
     assert description.images[texture.image].pixels[0, 0].tolist() == [90, 40, 20, 255]
-    assert [w for w in description.warnings if "not read" in w] == [
+    assert [w for w in description.warnings if "not supported" in w] == [
         "Material m: not supported and left out: the textures of map_ns, disp."
     ]
     _, metal = material("Kd 0 0 0\nKs 0.9 0.9 0.9\nNs 300\nmap_Ks s.png", files)
