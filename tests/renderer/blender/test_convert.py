@@ -101,6 +101,6 @@ def test_a_blender_that_cannot_be_used_says_why(blender, tmp_path):
         inspect_blender(blender("", VERSION.replace("4.5.1", "3.6.1")))
     with pytest.raises(
         BlenderError,
-        match="/tmp/pytest-of-root/pytest-582/popen-gw1/test_a_blender_that_cannot_be_0/program/blender is not Blender",
+        match="/tmp/pytest-of-root/pytest-583/popen-gw0/test_a_blender_that_cannot_be_0/program/blender is not Blender",
     ):
         inspect_blender(blender("", "exit 1\n"))

@@ -299,7 +299,7 @@ def test_what_the_importer_skips_is_named_with_a_count(scene):
     tri = chunk(0x4000, b"tri\0", chunk(0x4100, points, faces))
     moved = chunk(0xB000, chunk(0xB002, chunk(0xB010, b"tri\0", struct.pack("<3H", 0, 0, 0xFFFF)), tcb))
     found = scene("a.3ds", chunk(0x4D4D, chunk(0x3D3D, tri), moved))
-    assert warned(found, "the importer says: 3DS: Skipping TCB animation info")
+    assert warned(found, "importer message: 3DS: Skipping TCB animation info")
 
 
 def test_what_of_a_material_is_not_asked_for_is_named_with_a_count(scene):
@@ -315,7 +315,7 @@ def test_what_of_a_material_is_not_asked_for_is_named_with_a_count(scene):
 
 def test_lights_that_do_not_fade_by_the_square_are_named(scene):
     text = collada().replace("<quadratic_attenuation>0.5", "<linear_attenuation>1</linear_attenuation><quadratic_attenuation>0")
-    assert warned(scene("a.dae", text), "1 fadings of lights other than by the square of the distance")
+    assert warned(scene("a.dae", text), "1 light falloffs other than inverse square")
 
 
 def test_animations_that_stand_beside_a_model_are_named(scene):
@@ -325,7 +325,7 @@ def test_animations_that_stand_beside_a_model_are_named(scene):
         "\ttri 0 0 1 2\n\tnumweights 3\n\tweight 0 0 1 ( 0 0 0 )\n\tweight 1 0 1 ( 1 0 0 )\n\tweight 2 0 1 ( 0 1 0 )\n}\n"
     )
     assert not warned(scene("a.md5mesh", mesh), "frames")
-    assert warned(scene("a.md5mesh", mesh, {"walk.md5anim": b"MD5Version 10"}), "1 frames; only the first is shown")
+    assert warned(scene("a.md5mesh", mesh, {"walk.md5anim": b"MD5Version 10"}), "1 frames, of which only the first is shown")
 
 
 def test_an_empty_file_is_said_to_be_empty_whatever_was_read_before(scene):

@@ -97,8 +97,14 @@ def test_a_light_that_turns_keeps_its_profile(scene):
         ("{type: point, position: [0, 1, 0], profile: b.ies}", r"lights\[0\].profile: b.ies is not among the files; add it"),
         ("{type: point, position: [0, 1, 0], profile: bad.ies}", "is not an IES profile: it has no line TILT="),
         ("{type: point, position: [0, 1, 0], picture: bad.ies}", r"lights\[0\].picture: could not be read"),
-        ("{type: point, position: [0, 1, 0], up: [0, 1, 0]}", r"lights\[0\]\.up: has no meaning for a point light without a profile or picture"),
-        ("{type: directional, direction: [0, -1, 0], profile: a.ies}", "profile: means nothing for a directional"),
+        (
+            "{type: point, position: [0, 1, 0], up: [0, 1, 0]}",
+            r"lights\[0\]\.up: has no meaning for a point light without a profile or picture",
+        ),
+        (
+            "{type: directional, direction: [0, -1, 0], profile: a.ies}",
+            r"lights\[0\]\.profile: has no meaning for a directional light",
+        ),
         ("{type: projector, position: [0, 1, 0], direction: [0, -1, 0]}", "a projector needs a picture"),
         (
             "{type: point, position: [0, 1, 0], profile: a.ies, picture: slide.exr}",

@@ -23,13 +23,13 @@ def obj(mtl):
 @pytest.mark.parametrize(
     ("statements", "said"),
     [
-        ("d 0", "2 materials have an opacity of 0 (d 0 or Tr 1), which is read as opaque"),
-        ("Kd 0 0 0\nmap_Kd t.png", "2 materials have a black Kd beside map_Kd, which is read as white"),
+        ("d 0", "2 materials have an opacity of 0 (d 0 or Tr 1), read as opaque"),
+        ("Kd 0 0 0\nmap_Kd t.png", "2 materials have a black Kd beside map_Kd, read as white"),
         (
             "Kd 1 1 1\nNs 100\nKs .5 .5 .5\nNi 1",
-            "2 materials have an index of refraction (Ni) of at most 1, which is read as 1.5",
+            "2 materials have an index of refraction (Ni) of at most 1, read as 1.5",
         ),
-        ("bump n.png", "2 materials have a bump map of mostly blue pixels, which is read as a normal map"),
+        ("bump n.png", "2 materials have a bump map of mostly blue pixels, read as a normal map"),
         ("illum 7\nmap_Kd t.png", "2 materials have a texture (map_Kd) on glass, which is left out"),
         ("Kd 1 1 1\nTf .5 1 1", "Material a: not supported and left out: tf .5 1 1."),
         ("illum 7\nd 0.25", "Material b: not supported and left out: d 0.25."),
@@ -95,7 +95,7 @@ def morph(made):
         (lambda g: None, "2 values are out of range and clamped: materials[0].pbrMetallicRoughness.baseColorFactor, "),
         (lambda g: None, "1 value is unknown (5) and replaced by REPEAT: samplers[0].wrapS"),
         (lambda g: None, "1 value is unknown (6) and replaced by LINEAR: samplers[0].magFilter"),
-        (lambda g: None, "(end with 1 of a triangle's three): meshes[0].primitives[0].indices"),
+        (lambda g: None, "(ends with 1 of a triangle's three indices): meshes[0].primitives[0].indices"),
         (lambda g: g.root["scenes"].append({}), "1 of its 2 scenes are left out"),
         (camera, "1 value is missing and replaced by 40 degrees: cameras[0].perspective.yfov"),
         (lambda g: g.mesh(JOINTS_0=np.zeros((3, 4), np.uint16)), "joints without weights"),
@@ -117,7 +117,7 @@ def test_rounding_of_gltf_files_is_no_loss(scene):
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"TransparencyFactor": 1.0, "TransparentColor": (1, 1, 1)}, "1 materials of opacity 0, which are read as opaque"),
+        ({"TransparencyFactor": 1.0, "TransparentColor": (1, 1, 1)}, "1 materials of opacity 0, read as opaque"),
     ],
 )
 def test_materials_of_fbx_files(scene, values, said):
@@ -134,7 +134,7 @@ def test_properties_of_3mf_files(scene):
     sentences = " ".join(found.warnings)
     assert "2 colours that are not #RRGGBB or #RRGGBBAA and are shown white" in sentences
     assert "1 triangles whose properties (pid) are not in the file" in sentences
-    assert "1 triangles whose property is beyond the end of its group, and read as the last one" in sentences
+    assert "1 triangles whose property index is out of range, read with the last property of the group" in sentences
     damaged = package(model(solid(), build), **{"Metadata__model_settings.config": "<config"})
     sentences = " ".join(scene("b.3mf", damaged).warnings)
     assert "the slicer's data of filaments is damaged and left out" in sentences
@@ -175,7 +175,7 @@ def test_parts_of_usd_stages(tmp_path):
     sentences = " ".join(usd_files.read(path).warnings)
     for said in (
         "1 faces with fewer than three corners are left out (1): /square",
-        "1 faces of several subsets have the material of the first (1): /square/two",
+        "1 faces in several subsets have the material of the first (1): /square/two",
         "1 faces of subsets that their mesh does not have are left out (2): /square/one, /square/two",
         "Shapes without a size are left out (1): /ball",
         "Lights without an area are left out (1): lamp",

@@ -96,7 +96,7 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
             "Normal maps have no shadowing function here; to compare, set it to false in Mitsuba",
         ),
         (BALL.format("") + '<shape type="sdfgrid"/>' * 2, r"sdfgrid.* left out \(2 times\)"),
-        (BALL.format("") + '<emitter type="volumelight"/>', "volumelight.* no light that is read"),
+        (BALL.format("") + '<emitter type="volumelight"/>', "volumelight.* not supported as a light"),
         (BALL.format("") + '<integrator type="bdpt"/>', "bdpt.* rendered by path tracing"),
         (
             BALL.format('<bsdf type="conductor"><string name="material" value="Xx"/></bsdf>'),
@@ -104,7 +104,7 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
         ),
         (
             BALL.format('<bsdf type="plastic"><float name="specular_reflectance" value="0.5"/></bsdf>') * 2,
-            r"^specular_reflectance of .*plastic.*\(2 t",
+            r"^specular_reflectance of .*plastic.* is a texture",
         ),
         (BALL.format("") + '<sensor type="perspective"><float name="far_clip" value="0.5"/></sensor>', "its far_clip is ignored"),
         (
@@ -117,10 +117,13 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
         ),
         (
             BALL.format('<bsdf type="roughplastic"><string name="distribution" value="phong"/></bsdf>') * 2,
-            r"its distribution 'phong' is rendered as Beckmann's with the same alpha \(2 times\)",
+            r"its distribution 'phong' is replaced by Beckmann with the same alpha \(2 times\)",
         ),
         (BALL.format('<medium type="gas" name="interior"/>'), r"medium \(gas\) is not supported as a medium: it is left out"),
-        (BALL.format('<emitter type="directionalarea"/>'), r"The emitter \(directionalarea\) of a shape \(sphere\) is not"),
+        (
+            BALL.format('<emitter type="directionalarea"/>'),
+            r"<emitter type='directionalarea'> in <shape type='sphere'> is ignored",
+        ),
         (BALL.format('<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="plastic"/></bsdf>'), "for each side"),
     ],
 )
@@ -133,19 +136,28 @@ def test_what_is_not_taken_over_is_named(inside: str, sentence: str, tmp_path: P
 @pytest.mark.parametrize(
     ("inside", "sentence"),
     [
-        ('<sensor type="perspective"><film type="hdrfilm"><float name="gain" value="2"/></film></sensor>', "gain of films"),
+        (
+            '<sensor type="perspective"><film type="hdrfilm"><float name="gain" value="2"/></film></sensor>',
+            "The property gain of <film",
+        ),
         ('<sensor type="perspective"><film type="specfilm"/></sensor>', "film (specfilm): is replaced by a film of linear RGB"),
         ('<sensor type="perspective"><film><string name="pixel_format" value="luminance"/></film></sensor>', "pixel_format lum"),
-        ('<sensor type="perspective"><sampler type="magic"/></sensor>', "sampler (magic) is unknown; rendered as aluminium"),
+        ('<sensor type="perspective"><sampler type="magic"/></sensor>', "sampler (magic) is unknown"),
         (
             '<sensor type="perspective"><film><rfilter type="box"><float name="radius" value="2"/></rfilter></film></sensor>',
             "of 2 is",
         ),
-        ('<sensor type="perspective"><float name="aperture_radius" value="2"/></sensor>', "aperture_radius of sensors"),
+        (
+            '<sensor type="perspective"><float name="aperture_radius" value="2"/></sensor>',
+            "The property aperture_radius of <sensor",
+        ),
         ('<integrator type="path"/><integrator type="direct"/>', "more than one integrator"),
-        ('<float name="gain" value="2"/>', "gain of scenes is ignored"),
+        ('<float name="gain" value="2"/>', "The property gain of <scene> is ignored"),
         ('<film type="hdrfilm"/>', "<film type='hdrfilm'> in <scene> is ignored"),
-        (BALL.format('<bsdf type="diffuse"/><bsdf type="conductor"/>'), "The bsdf (conductor) of a shape (sphere) is not"),
+        (
+            BALL.format('<bsdf type="diffuse"/><bsdf type="conductor"/>'),
+            "<bsdf type='conductor'> in <shape type='sphere'> is ignored",
+        ),
         (BALL.format('<sensor type="irradiancemeter"/>'), "<sensor type='irradiancemeter'> in <shape type='sphere'> is ignored"),
         (
             BALL.format('<medium name="around" type="homogeneous"/>'),

@@ -112,12 +112,12 @@ def test_the_sensors_medium_fills_the_world_unless_a_shape_around_it_is_filled_s
         ),
         (
             BALL.format(NULL + '<medium type="heterogeneous" name="interior"><phase type="sggx"/></medium>'),
-            "sggx.* no phase function",
+            "sggx.* not supported as a phase function",
         ),
-        (SMOKE + BALL.format('<bsdf type="thindielectric"/>' + within()), "its medium is ignored: its material is thin"),
+        (SMOKE + BALL.format('<bsdf type="thindielectric"/>' + within()), "its medium is ignored, since its material is thin"),
         (
             SMOKE + BALL.format(f'<bsdf type="mask">{GLASS}</bsdf>' + within()).replace("dielectric", "diffuse"),
-            "its medium is ignored: its material has holes",
+            "its medium is ignored, since its material has holes",
         ),
         (SMOKE + BALL.format(GLASS + within("exterior")), "The medium around shape .sphere. is ignored"),
         (

@@ -226,7 +226,7 @@ def test_many_materials_each_have_their_faces(scene):
 def test_of_very_many_warnings_the_first_are_said(scene):
     text = TRIANGLE + "mtllib a.mtl\n" + "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(MOST_WARNINGS + 50))
     warnings = scene("a.obj", text, {"a.mtl": "newmtl x\n"}).warnings
-    assert f"describes m{MOST_WARNINGS - 1};" in warnings[MOST_WARNINGS - 1]
+    assert f"defines m{MOST_WARNINGS - 1};" in warnings[MOST_WARNINGS - 1]
     assert warnings[MOST_WARNINGS] == f"There are more warnings: these are the first {MOST_WARNINGS}."
     assert len(warnings) <= MOST_WARNINGS + 2
 

@@ -123,7 +123,11 @@ def test_a_slicers_filaments_colour_its_objects_and_their_parts(scene):
     ("resources", "build", "says"),
     [
         ("", '<item objectid="3"/>', "refers to object 3, which does not exist"),
-        ('<object id="1"><components><component objectid="1"/></components></object>', '<item objectid="1"/>', "contain each other"),
+        (
+            '<object id="1"><components><component objectid="1"/></components></object>',
+            '<item objectid="1"/>',
+            "contain each other",
+        ),
         (solid(1, '<triangle v1="0" v2="1" v3="9"/>'), '<item objectid="1"/>', "a triangle refers to vertex 9, but there are 4"),
         (solid(), '<item objectid="1" transform="1 0 nan"/>', "twelve finite numbers"),
         (solid(1, '<triangle v1="0" v2="1"/>'), '<item objectid="1"/>', "is damaged"),

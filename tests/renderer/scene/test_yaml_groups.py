@@ -73,14 +73,14 @@ def test_scales_that_multiply_beyond_numbers_are_refused(scene, shape):
     ("shape", "said"),
     [
         ("{type: group}", "line 2: shapes[0]: lacks shapes"),
-        ("{type: cube, shapes: [{type: cube}]}", "line 2: shapes[0].shapes: does not belong here"),
-        ("{type: group, material: m, shapes: [{type: cube}]}", "line 2: shapes[0].material: does not belong here"),
-        ("{type: group, shapes: [{type: cube}, {type: blob}]}", "line 2: shapes[0].shapes[1].type: 'blob'"),
-        ("{type: cube, name: a, file: a}", "line 2: shapes[0].file: does not belong here"),
-        ("{type: sphere, guide: true, smooth: true}", "line 2: shapes[0].smooth: does not belong here"),
+        ("{type: cube, shapes: [{type: cube}]}", "line 2: shapes[0].shapes: is not allowed here"),
+        ("{type: group, material: m, shapes: [{type: cube}]}", "line 2: shapes[0].material: is not allowed here"),
+        ("{type: group, shapes: [{type: cube}, {type: blob}]}", 'shapes[0].shapes[1].type: is "blob"'),
+        ("{type: cube, name: a, file: a}", "line 2: shapes[0].file: is not allowed here"),
+        ("{type: sphere, guide: true, smooth: true}", "line 2: shapes[0].smooth: is not allowed here"),
         (
             "{type: group, shapes: [{type: group, shapes: [{type: cube, radius: 1}]}]}",
-            "shapes[0].shapes[0].shapes[0].radius: does",
+            "shapes[0].shapes[0].shapes[0].radius: is not allowed here",
         ),
     ],
 )

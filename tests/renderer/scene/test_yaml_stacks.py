@@ -55,14 +55,17 @@ def test_a_mesh_files_stack_is_found_among_the_scenes_textures(scene, png):
 @pytest.mark.parametrize(
     ("slot", "said"),
     [
-        ("texture: [a]", "line 2: materials.m.texture[0]: no texture is called a"),
-        ("texture: []", "line 2: materials.m.texture: []"),
-        ("texture: [{texture: t}]", "line 2: materials.m.texture[0]: lies on nothing"),
+        ("texture: [a]", "materials.m.texture[0]: there is no texture a"),
+        ("texture: []", "materials.m.texture: has 0 of at least 1 items"),
+        (
+            "texture: [{texture: t}]",
+            "materials.m.texture[0]: has nothing beneath it: the first layer must be the name of a texture",
+        ),
         ("texture: [t, 3]", "line 2: materials.m.texture[1]: is 3; possible: a text"),
         ("texture: [t, {blend: add}]", "materials.m.texture[1]: lacks texture"),
         ("texture: [t, {texture: t, blend: melt}]", 'texture[1].blend: is "melt"; known are'),
         ("texture: [t, {texture: t, strength: 2}]", "texture[1].strength: is 2; it must be at most 1"),
-        ("texture: [t, {texture: u}]", "texture[1]: no texture is called u; known are t"),
+        ("texture: [t, {texture: u}]", "materials.m.texture[1]: there is no texture u"),
         ("normal_texture: [t, t]", "line 2: materials.m.normal_texture: takes one texture"),
     ],
 )
