@@ -97,10 +97,7 @@ def test_without_blender_the_sentence_says_what_to_do(scene, monkeypatch, tmp_pa
 def test_a_blender_that_cannot_be_used_says_why(blender, tmp_path):
     with pytest.raises(BlenderError, match="There is no Blender at"):
         inspect_blender(str(tmp_path / "gone"))
-    with pytest.raises(BlenderError, match=r"is Blender 3.6.1; .blend files need 4.2"):
+    with pytest.raises(BlenderError, match=r"is Blender 3\.6\.1; \.blend files need 4\.2"):
         inspect_blender(blender("", VERSION.replace("4.5.1", "3.6.1")))
-    with pytest.raises(
-        BlenderError,
-        match="/tmp/pytest-of-root/pytest-583/popen-gw0/test_a_blender_that_cannot_be_0/program/blender is not Blender",
-    ):
+    with pytest.raises(BlenderError, match="is not Blender"):
         inspect_blender(blender("", "exit 1\n"))

@@ -140,7 +140,7 @@ def test_a_light_of_other_programs(scene):
     assert fading.intensity == pytest.approx([2 * math.pi * 0.01**2 * c for c in (1, 0.5, 0.25)])
     middle = np.array([0.5, 0.5, 0])
     assert even.intensity[0] == pytest.approx(math.pi * np.sum((np.array([0, 3, 0]) - middle) ** 2))
-    assert any("1 lights that do not fade as real ones do" in w for w in description.warnings)
+    assert any("1 lights without falloff" in w for w in description.warnings)
 
 
 def test_blenders_textures_are_turned_as_its_mapping_nodes_say(scene, png):

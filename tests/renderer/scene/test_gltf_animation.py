@@ -240,7 +240,7 @@ def test_what_cannot_move_is_named_in_one_warning(scene):
     channels = [(p, "pointer", [0, 1], [0, 1], "LINEAR") for p in nowhere]
     clip(g, "odd", *channels, (1, "translation", [0, 1], [(0, 0, 0), (1, 1, 1)], "LINEAR"))
     description = scene("odd.glb", g.glb(), moment=at(1))
-    told = [w for w in description.warnings if "animated" in w]
+    told = [w for w in description.warnings if "Animated" in w]
     named = "/materials/0/extras/mood, /materials/7/alphaCutoff, /materials/0/normalTexture/scale, /nodes/x/translation, nonsense"
     assert told == [f"Animated properties that are missing or not supported stand still: {named}, /nodes/1/translation."]
 

@@ -124,7 +124,7 @@ def test_triangles_with_indices_outside_are_left_out(scene):
     g.mesh(indices=np.uint16([0, 1, 2, 0, 1, 9]))
     description = scene("a.glb", g.glb())
     np.testing.assert_array_equal(world(description), [TRIANGLE])
-    assert said(description, "has the index 9, but only 3 vertices, in 1 triangles")
+    assert said(description, "has the index 9 where there are 3 vertices, in 1 triangles")
 
 
 def test_references_outside_are_left_out(scene):

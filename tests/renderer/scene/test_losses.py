@@ -60,7 +60,7 @@ def test_materials_of_the_same_name_and_files_that_are_missing(scene):
     mtl = "newmtl a\nKd 1 0 0\nnewmtl a\nKd 0 1 0\nnewmtl b\nKd 1 1 1\n"
     name, text, _ = obj("")
     found = scene(name, text.replace("a.mtl", "a.mtl gone.mtl"), {"a.mtl": mtl})
-    assert any("1 material has the name of another; they are read as one" in w for w in found.warnings)
+    assert any("1 material has the name of another material; they are merged" in w for w in found.warnings)
     assert any("gone.mtl is not among the files" in w for w in found.warnings)
     bare = scene("b.obj", "usemtl red\n" + FACE + "f 1 2\nusemtl blue\nf 3 2 1\n")
     assert any("its faces use 2 materials, but there is no material file; add it" in w for w in bare.warnings)
@@ -176,12 +176,12 @@ def test_parts_of_usd_stages(tmp_path):
     for said in (
         "1 faces with fewer than three corners are left out (1): /square",
         "1 faces in several subsets have the material of the first (1): /square/two",
-        "1 faces of subsets that their mesh does not have are left out (2): /square/one, /square/two",
+        "1 faces of subsets that are missing in their mesh are left out (2): /square/one, /square/two",
         "Shapes without a size are left out (1): /ball",
         "Lights without an area are left out (1): lamp",
-        "1 points without a finite place or a width are left out (1): /dust",
+        "1 points without a finite position or a width are left out (1): /dust",
         "Points whose number of widths is wrong are shown with width 1 (1): /grains",
-        "1 instances without a prototype or a finite place are left out (1): /many",
+        "1 instances without a prototype or with a position that is not finite are left out (1): /many",
         "Prototypes that are missing in the stage are left out, 1 times (1): /gone",
     ):
         assert said in sentences, (said, sentences)

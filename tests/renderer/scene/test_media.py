@@ -75,7 +75,7 @@ def test_too_many_media_are_said() -> None:
 def test_a_reader_that_gives_no_medium_is_told_so(wrong) -> None:
     with pytest.raises(SceneError, match="world's medium"):
         listed(medium=Medium(**wrong))
-    with pytest.raises(SceneError, match="Material default: its sigma_a is -1"):
+    with pytest.raises(SceneError, match="it must be"):
         pack(SceneDescription(materials=[Material(kind="interface", **wrong)]))
 
 

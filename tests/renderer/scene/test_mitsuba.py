@@ -104,7 +104,7 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
         ),
         (
             BALL.format('<bsdf type="plastic"><float name="specular_reflectance" value="0.5"/></bsdf>') * 2,
-            r"^specular_reflectance of .*plastic.* is a texture",
+            r"^The property specular_reflectance of .*plastic.*\(2 times\)",
         ),
         (BALL.format("") + '<sensor type="perspective"><float name="far_clip" value="0.5"/></sensor>', "its far_clip is ignored"),
         (

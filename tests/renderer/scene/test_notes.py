@@ -35,8 +35,8 @@ def missing_texture():
             "mtllib gone.mtl\nusemtl a\n" + TILE,
             "its material files gone.mtl are not among the files; add them. Rendered in grey until then",
         ),
-        ("c.obj", "mtllib c.mtl\nusemtl other\n" + TILE, "no material file describes other"),
-        ("d.obj", "mtllib d.mtl\nusemtl a\n" + TILE, "kd bright is not understood"),
+        ("c.obj", "mtllib c.mtl\nusemtl other\n" + TILE, "no material file defines other"),
+        ("d.obj", "mtllib d.mtl\nusemtl a\n" + TILE, "kd bright is unknown"),
         ("e.glb", missing_texture(), "its texture gone.png is not among the files"),
     ],
 )

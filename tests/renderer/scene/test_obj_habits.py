@@ -114,7 +114,7 @@ def test_faces_are_left_out_where_they_need_a_vertex_that_is_not_finite(scene, w
 def test_a_normal_that_is_not_finite_is_made(scene):
     description = scene("a.obj", f"{QUAD}vn 0 0 1\nvn nan 0 0\nf 1//1 2//1 3//2 4//1\n")
     np.testing.assert_allclose(description.meshes[0].normals, [(0, 0, 1)] * 4)
-    assert any("name 1 normals" in w for w in description.warnings)
+    assert any("1 corners of faces refer to normals" in w for w in description.warnings)
 
 
 def test_comments_end_faces_and_names(scene):

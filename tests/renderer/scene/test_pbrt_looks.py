@@ -114,7 +114,7 @@ def test_an_index_may_be_a_texture(pbrt):
     assert metal.materials[0].eta == pytest.approx((0.2, 1.9, 1.1))
     varies = pbrt(texture.format("float", "checkerboard", '"float tex1" 1.2 "float tex2" 1.8', "dielectric") + BALL)
     assert varies.materials[0].ior == pytest.approx(1.5)
-    assert any("eta of material 'dielectric' varies" in each for each in varies.warnings)
+    assert any("eta of material 'dielectric' is a texture" in each for each in varies.warnings)
 
 
 def test_a_light_that_is_not_there_shines(pbrt):

@@ -339,7 +339,7 @@ def test_houdinis_colours_stand_in_for_display_colours(tmp_path):
     [
         (("proxy", "render"), ["m1"], ""),
         (("proxy",), ["m0"], "All visible prims have the purpose proxy, which is usually not rendered; they are drawn here"),
-        (("proxy", "default"), ["m1"], r"purpose proxy are not drawn, and none .* \(1\): /m0"),
+        (("proxy", "default"), ["m1"], r"purpose proxy are not drawn, although .* \(1\): /m0"),
     ],
 )
 def test_proxies_are_drawn_where_there_is_nothing_else(purposes, shown, said, tmp_path):

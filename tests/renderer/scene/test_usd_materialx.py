@@ -169,10 +169,7 @@ def test_pictures_that_lie_in_different_ways_are_not_mixed_and_that_is_named(loo
 
     found, look = looks(base_color=(C, turned))
     assert found.images[found.textures[look.base_color_texture].image].name == "one.png"
-    assert any(
-        "MaterialX nodes that combine images with different placements are left out" in w and "ND_multiply_color3" in w
-        for w in found.warnings
-    )
+    assert any("different placements" in w and "ND_multiply_color3" in w for w in found.warnings)
 
 
 ALONE = {  # nodes that are no factor and addend of a picture
@@ -244,7 +241,7 @@ def test_numbers_alone_are_calculated_too(looks):
 def test_a_picture_is_shown_without_the_nodes_that_are_not_known_and_they_are_named(looks):
     found, look = looks(base_color=(C, lambda made: node(made, "c", "colorcorrect_color3", **{"in": (C, picture(made))})))
     assert seen(found, look.base_color_texture) == linear(200)
-    assert any("passed over" in w and "ND_colorcorrect_color3" in w for w in found.warnings)
+    assert any("skipped" in w and "ND_colorcorrect_color3" in w for w in found.warnings)
 
 
 def test_a_normal_map_has_the_scale_of_its_node(looks):
