@@ -132,7 +132,7 @@ def _no_snapshot(spp: int) -> NotFound:
     return NotFound(
         Sentence(
             "snapshot-not-found",
-            "There is no snapshot of this picture at {spp} samples. GET /api/jobs/{id}/snapshots lists them.",
+            "This picture has no snapshot at {spp} samples. GET /api/jobs/{id}/snapshots lists them.",
             spp=spp,
         )
     )

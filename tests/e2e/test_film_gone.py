@@ -13,7 +13,7 @@ from service.store.models import Frame, Job
 from tests.e2e.conftest import Watched
 from tests.service.conftest import Service
 
-GONE = "The film of this job is gone. Set the job to running: its picture is then rendered again."
+GONE = "The film of this job is missing. Set the job to running to render it again."
 PIXEL = bytes.fromhex(
     "89504e470d0a1a0a0000000d4948445200000001000000010802000000907753de0000000c4944415408d763f8cfc0000003010100c9fe92ef0000000049454e44ae426082"
 )
@@ -39,7 +39,7 @@ def refuse(route: Route) -> None:
 
 
 def busy(route: Route) -> None:
-    problem = {"status": 503, "detail": "2 other pictures that you asked for are not made yet. Try again in a moment."}
+    problem = {"status": 503, "detail": "2 other pictures that you asked for are not ready yet. Try again in a moment."}
     route.fulfill(status=503, headers={"Retry-After": "1"}, content_type="application/problem+json", body=json.dumps(problem))
 
 

@@ -148,7 +148,7 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
     page.route("**/api/info", lambda route: route.abort("connectionrefused"))
     drop(page, "broken.glb", b"glTF, but not really")
     expect(alert).to_contain_text("broken.glb was not taken")
-    expect(alert).to_contain_text("The service does not answer")
+    expect(alert).to_contain_text("The service is not allowed to answer")
     page.unroute("**/api/info")
     page.route(
         "**/api/scenes", lambda route: route.abort("connectionreset") if route.request.method == "POST" else route.continue_()

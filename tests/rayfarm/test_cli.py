@@ -224,7 +224,11 @@ def test_info_is_for_people_and_programs() -> None:
         (["jobs", "--server", "http://127.0.0.1:9"], 1, "No farm answers at http://127.0.0.1:9"),
         (["submit", str(CORNELL), "--server", "http://127.0.0.1:9"], 1, "Start one with `rayfarm up`"),
         (["submit", str(CORNELL), "--size", "big", "--server", "http://127.0.0.1:9"], 1, "as --size 1920x1080"),
-        (["worker", "--join", "http://127.0.0.1:9"], 1, "A worker shows the farm's token"),
+        (
+            ["worker", "--join", "http://127.0.0.1:9"],
+            1,
+            "RAYFARM_TOKEN is empty, but a worker needs the farm's token. Set it to the one that `rayfarm up` shows",
+        ),
         (["worker", "--join", "http://127.0.0.1:9", "--token-file", sys.executable], 1, "is no file with a token"),
         (["up", "--no-browser", "--host", "203.0.113.7"], 1, "is no address of this machine"),
     ],

@@ -25,7 +25,7 @@ def test_a_running_farm_is_copied_and_made_again(service: Service, job: str, tmp
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("1 film and ")
     done = rayfarm("backup", copy, "--data", data, COLUMNS="200")
-    assert (done.returncode, "is there already" in done.stderr) == (1, True)
+    assert (done.returncode, "exists already. Name another file, or remove it" in done.stderr) == (1, True)
     done = rayfarm("restore", copy, "--data", again, COLUMNS="200")
     assert done.returncode == 0, done.stderr
     assert f"up --data {again}" in done.stdout

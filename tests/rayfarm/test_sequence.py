@@ -136,12 +136,12 @@ def test_ctrl_c_says_how_to_go_on(shot: Path, tmp_path: Path, monkeypatch: pytes
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (["--frames", "3-"], "frames is '3-'; it takes numbers and ranges as 0-99 or 1-250x5,300"),
+        (["--frames", "3-"], "frames is '3-'; give numbers and ranges such as 0-99 or 1-250x5,300"),
         (["--frames", "9-3"], "the range 9-3 ends before it begins"),
         (["--frames", "0-3", "-o", "out.png"], "there are 4 frames. Write #### for their numbers: -o out.####.png"),
         (["--frames", "0-3", "--frame", "1"], "--frame and --frames were both given"),
         (["--frames", "0-3", "--pixel", "1,1"], "name it by --frame"),
-        (["--frame", "0.25"], "in steps of a half"),
+        (["--frame", "0.25"], "it must be from 0 to"),
         (["--frame", "1", "--fps", "0"], "fps is 0"),
         (["--frame", "1", "--overwrite"], "--overwrite goes with --frames"),
         (["--frames", "0-1", "--camera", "7"], "camera is number 7"),

@@ -166,7 +166,7 @@ def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
     visible = "/nodes/0/extensions/KHR_node_visibility/visible"
     (tmp_path / "gone.glb").write_bytes(clip(g, "go", (visible, "pointer", [0, 1], np.uint8([1, 0]), "STEP")).glb())
     shot = Shot(tmp_path, "gone.glb")
-    with pytest.raises(SceneError, match="shows no surface"):
+    with pytest.raises(SceneError, match="has no surface"):
         shot.at(Moment(24))
     assert shot.between_frames(Moment(23)).keys == 0
 

@@ -191,7 +191,7 @@ def test_a_scene_that_a_worker_hands_back_is_prepared_again(service: Service, wo
             left.pop()
             about = {"scene": scene, "kind": worker.kind, "worker": worker.name}
             worker.send({"type": "prepare-started", **about})
-            worker.send({"type": "prepare-returned", **about, "error": "peer hands the scene back: there is no room."})
+            worker.send({"type": "prepare-returned", **about, "error": "peer returned the scene: there is no room."})
         else:
             real(scene)
 

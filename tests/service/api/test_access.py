@@ -137,7 +137,7 @@ def test_a_link_lets_its_user_in_once(service: Service, owner: httpx.Client) -> 
         assert "Secure" not in cookie
         assert "Domain" not in cookie
         assert browser.get("/api/jobs").status_code == 200
-        assert "used already" in thief.post("/api/login", json={"link": link["code"]}).json()["detail"]
+        assert "already used" in thief.post("/api/login", json={"link": link["code"]}).json()["detail"]
 
 
 def test_over_tls_the_cookie_is_for_tls_alone(service: Service, owner: httpx.Client) -> None:
@@ -194,7 +194,7 @@ def test_passwords_are_asked_for_few_times(service: Service, owner: httpx.Client
         answers = [guesser.post("/api/login", json={"name": "anna", "password": f"guess {n}"}) for n in range(attempts.OF_ONE)]
         unknown = guesser.post("/api/login", json={"name": "nobody-of-this-name", "password": "guess"})
         assert {answer.json()["detail"] for answer in (*answers, unknown)} == {
-            "The name or the password is not right. Look at both, and try again."
+            "The name or the password is wrong. Check both and try again."
         }
         answer = guesser.post("/api/login", json={"name": "anna", "password": PASSWORD})
         assert answer.status_code == 429
@@ -223,8 +223,8 @@ def test_a_name_that_nobody_has_takes_as_long_as_a_wrong_password(service: Servi
         ("Anna", PASSWORD, "cannot be a user's name"),
         ("a/b", PASSWORD, "cannot be a user's name"),
         ("berta", "short", "10"),
-        ("berta", "aaaaaaaaaaaa", "guessed"),
-        ("berta", "i am berta now", "guessed"),
+        ("berta", "aaaaaaaaaaaa", "guess"),
+        ("berta", "i am berta now", "guess"),
     ],
 )
 def test_a_poor_name_or_password_gets_a_sentence(owner: httpx.Client, name: str, password: str, word: str) -> None:

@@ -92,7 +92,11 @@ def test_what_cannot_be_is_said_in_a_sentence(
     monkeypatch.setattr(explaining, "COMPILE_S", 0.1)
     for answers, status, words in (
         ([{"type": "failed", "error": "pixel 1,2 lies elsewhere"}], 502, "lies elsewhere"),
-        ([{"type": "begun"}, {"type": "compiling"}], 503, "makes the kernel for it ready"),
+        (
+            [{"type": "begun"}, {"type": "compiling"}],
+            503,
+            "is compiling the kernel for it; this takes a minute or two, once. Try again then",
+        ),
         ([{"type": "returned", "error": "the disk is full"}], 503, "the disk is full"),
         ([{"type": "done", "explained": None}], 502, "cannot be read"),
         ([{"type": "done", "explained": {}}], 502, "cannot be read"),
@@ -103,7 +107,7 @@ def test_what_cannot_be_is_said_in_a_sentence(
         said(status, words)
     worker.on_explain = lambda work: []
     monkeypatch.setattr(explaining, "BEGIN_S", 0.1)
-    said(504, "No worker had time")
+    said(504, "No worker was free; all slots are busy")
     monkeypatch.undo()
     worker.stop()
     until(lambda: not service.farm.engine.snapshot.roster.reports, "the service sees that the worker is gone")

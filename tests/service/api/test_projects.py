@@ -170,7 +170,10 @@ def test_no_request_of_others_may_name_it(people: People) -> None:
     for route in ("scenes", "references", "environments", "examples/cornell-box"):
         files = {"files" if route == "scenes" else "file": ("x.png", png(9))}
         answer = ben.post(f"/api/{route}", params={"project": "film"}, files=files)
-        assert (answer.status_code, "none of its members" in answer.text) == (404, True), route
+        assert (answer.status_code, "or you are not a member of it. GET /api/projects lists yours" in answer.text) == (
+            404,
+            True,
+        ), route
     key = {"Idempotency-Key": "hers"}
     hers = made(people.anna.post("/api/jobs", json={"scene": ids["scene"], **size}, headers=key), 201)
     probed = ben.post("/api/jobs", json={"scene": ids["scene"], **size}, headers=key)
@@ -218,7 +221,7 @@ def test_who_is_put_out_is_so_at_once_and_what_is_open_ends(people: People, monk
     thread.join(30)
     assert ended
     assert ended[0][0] == gate.NOT_THERE, "not as somebody who is logged out"
-    assert "no longer yours to see" in ended[0][1]
+    assert "You can no longer see this: you are not a member of its project any more" in ended[0][1]
 
 
 def test_who_may_only_look_in_a_project_changes_nothing_there(people: People) -> None:
@@ -232,7 +235,11 @@ def test_who_may_only_look_in_a_project_changes_nothing_there(people: People) ->
             if thing is None or method in ("GET", "WS"):
                 continue
             answer = people.ben.request(method, path_of(pattern, ids[thing[0]]))
-            assert (answer.status_code, "you may look" in answer.text) == (403, True), (method, pattern, answer.text)
+            assert (answer.status_code, "but not change it. Ask who runs the farm" in answer.text) == (403, True), (
+                method,
+                pattern,
+                answer.text,
+            )
             walked += 1
         assert walked >= 5
         assert HIDDEN in people.ben.get("/api/jobs").text
@@ -247,7 +254,7 @@ def test_who_may_only_look_in_a_project_changes_nothing_there(people: People) ->
         assert [answer.status_code for answer in refused] == [403] * len(refused), [answer.text for answer in refused]
         many = made(people.ben.post("/api/jobs/changes", json={"jobs": [ids["job"]], "state": "deleted"}), 200)
         assert (many["changed"], len(many["refused"])) == ([], 1)
-        assert "you may look" in many["refused"][0]["why"]
+        assert "but not change it. Ask who runs the farm" in many["refused"][0]["why"]
         made(people.ben.post("/api/scenes", files={"files": ("mine.obj", OBJ + b"# his\n")}), 201)
         assert people.anna.get(f"/api/jobs/{ids['job']}").json()["name"] == HIDDEN
 

@@ -72,7 +72,7 @@ def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
         third = asked(anna, scene, **long)
         assert third.status_code == 429
         assert float(third.headers["retry-after"]) >= 1
-        assert "unfinished jobs are 2, and 2 may be" in third.json()["detail"]
+        assert "number of unfinished jobs is 2; the limit is 2. Wait until one is finished" in third.json()["detail"]
         assert used(anna)["jobs"] == 2
         chief.patch(f"/api/jobs/{first}", json={"state": "cancelled"}).raise_for_status()
         third = asked(anna, scene, **long)
@@ -80,7 +80,7 @@ def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
         again = anna.patch(f"/api/jobs/{first}", json={"state": "running"})
         assert (again.status_code, anna.get(f"/api/jobs/{first}").json()["state"]) == (429, "cancelled")
         many = anna.post("/api/jobs/changes", json={"jobs": [first], "state": "running"}).json()
-        assert "2 may be" in many["refused"][0]["why"]
+        assert "the limit is 2" in many["refused"][0]["why"]
         may(chief, "users/anna", jobs=3)
         assert anna.patch(f"/api/jobs/{first}", json={"state": "running"}).status_code == 200
         assert chief.delete("/api/quotas/users/anna").status_code == 204

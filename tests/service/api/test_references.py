@@ -128,7 +128,7 @@ def _film_of(service: Service, id: str) -> str:
 @grid(
     ("name", "content", "status", "sentence"),
     [
-        ("truth.exr", b"no picture at all", 422, "is no image of a known format"),
+        ("truth.exr", b"no picture at all", 422, "is not an image of a known format; give one of"),
         ("truth.exr", encode.encode(radiance(), "exr")[:700], 422, "damaged"),
         ("notes.txt", b"text", 422, "no image that can be compared with"),
         ("truth.exr", b"", 422, "is empty"),

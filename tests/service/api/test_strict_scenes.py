@@ -11,7 +11,7 @@ from rayfarm.client import Client, ClientError
 from tests.service.conftest import OBJ, Service, until
 
 GUESSED = OBJ + b"# guessed\n"
-ERROR = "strict makes the scene's 2 warnings errors: 2 materials were guessed. The file x.png is missing."
+ERROR = "strict turns the scene's 2 warnings into errors: 2 materials were guessed. The file x.png is missing."
 WARNINGS = ["2 materials were guessed.", "The file x.png is missing."]
 
 
@@ -92,7 +92,7 @@ def test_a_frame_with_warnings_fails_in_a_strict_shot(service: Service) -> None:
         ids = [job(service, scene["id"], frames="0-1", strict=strict).json()["id"] for strict in (True, False)]
         service.wait_for(ids[0], "failed")
         frames = service.http.get(f"/api/jobs/{ids[0]}").json()["frames"]
-        assert {frame["error"] for frame in frames} == {"strict makes the scene's 1 warning an error: 1 light was dropped."}
+        assert {frame["error"] for frame in frames} == {"strict turns the scene's warning into an error: 1 light was dropped."}
         service.wait_for(ids[1], "finished")
 
 
@@ -100,7 +100,7 @@ def test_a_frame_with_warnings_fails_in_a_strict_shot(service: Service) -> None:
 def test_what_is_neither_true_nor_false_is_refused(service: Service, value: str) -> None:
     answer = service.http.post("/api/scenes", data={"strict": value}, files={"files": ("a.obj", OBJ)})
     assert answer.status_code == 422
-    assert answer.json()["detail"] == f"strict is {value!r}; true and false are possible."
+    assert answer.json()["detail"] == f"strict is {value!r}; it must be true or false."
 
 
 def test_the_client_and_the_description_of_the_api_have_it(service: Service, tmp_path: Path) -> None:

@@ -133,7 +133,10 @@ def test_what_makes_no_sense_gets_a_sentence(service: Service, worker: PeerWorke
         until(lambda: (viewer.read(), len(viewer.errors) >= 8)[1], "all are answered", say=lambda: viewer.errors)
         details = " ".join(error["detail"] for error in viewer.errors)
         assert all(error["detail"].endswith(".") for error in viewer.errors)
-        assert 'The message is not understood. Send a view, {"pick": [x, y]}' in details
+        assert (
+            'The message is invalid. Send a view, {"pick": [x, y]}, {"ack": seq} or {"paused": true}, as a JSON object of at most'
+            in details
+        )
         assert "unpack" not in details
         assert "width" in details
         assert "widht: there is no such field" in details

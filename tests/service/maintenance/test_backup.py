@@ -139,11 +139,11 @@ def test_what_the_farm_lacks_is_named_and_the_rest_is_kept(service: Service, tmp
 
 
 def test_what_is_no_backup_or_no_place_for_one_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(NotFound, match="holds no farm"):
+    with pytest.raises(NotFound, match="contains no farm"):
         back_up(tmp_path, target_at(tmp_path / "copy", MANIFEST))
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "holiday.jpg").touch()
-    for path, why in (("mine", "something else"), ("copy.zip", "neither"), ("mine/holiday.jpg", "neither")):
+    for path, why in (("mine", "other files"), ("copy.zip", "neither"), ("mine/holiday.jpg", "neither")):
         with pytest.raises(Invalid, match=why):
             target_at(tmp_path / path, MANIFEST)
     with pytest.raises(Conflict, match="not empty"):
@@ -168,13 +168,13 @@ def test_a_backup_that_was_cut_off_or_damaged_makes_no_farm(tmp_path: Path) -> N
     restore(copy, tmp_path / "good")
     database = (copy / "rayfarm.sqlite").read_bytes()
     (copy / "rayfarm.sqlite").write_bytes(database[:-1] + b"\1")
-    with pytest.raises(Invalid, match=r"rayfarm\.sqlite is not what was backed up"):
+    with pytest.raises(Invalid, match=r"rayfarm.sqlite differs from what was backed up. Use another backup"):
         restore(copy, tmp_path / "again")
     (copy / "rayfarm.sqlite").unlink()
-    with pytest.raises(Invalid, match=r"lacks rayfarm\.sqlite"):
+    with pytest.raises(Invalid, match=r"rayfarm\.sqlite is missing"):
         restore(copy, tmp_path / "again")
     (copy / MANIFEST).unlink()
-    with pytest.raises(Invalid, match="no complete backup"):
+    with pytest.raises(Invalid, match="is incomplete: it has no"):
         restore(copy, tmp_path / "again")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["copy", "data", "good"]
 
@@ -189,7 +189,7 @@ def test_a_tar_file_writes_nowhere_else(tmp_path: Path, name: str) -> None:
         link = tarfile.TarInfo("token")
         link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
         tar.addfile(link)
-    with pytest.raises(Invalid, match="no file"):
+    with pytest.raises(Invalid, match="not a file"):
         restore(tmp_path / "link.tar", tmp_path / "again")
 
 
@@ -198,5 +198,5 @@ def test_one_that_was_cut_off_in_the_middle_says_so(tmp_path: Path) -> None:
     back_up(tmp_path / "data", target_at(tmp_path / "copy.tar.gz", MANIFEST))
     whole = (tmp_path / "copy.tar.gz").read_bytes()
     (tmp_path / "cut.tar.gz").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(Invalid, match="damaged or was cut off"):
+    with pytest.raises(Invalid, match="is damaged or cut off"):
         restore(tmp_path / "cut.tar.gz", tmp_path / "again")

@@ -30,7 +30,7 @@ def submit_as(service: Service, user: str, scene: str, **request: object) -> str
 def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     refused = service.http.put("/api/shares/somebody", json={})
-    assert (refused.status_code, "everybody, user:NAME or project:NAME" in refused.json()["detail"]) == (422, True)
+    assert (refused.status_code, "everybody, user:NAME and project:NAME" in refused.json()["detail"]) == (422, True)
     endless = service.http.put("/api/shares/user:anna", json={"weight": 1e-320})  # by which a second of slots lasts for ever
     assert endless.status_code == 422
     service.http.put("/api/shares/user:anna", json={"weight": 3}).raise_for_status()

@@ -148,7 +148,7 @@ def test_a_film_that_is_lost_ends_its_own_job_and_is_rendered_anew_when_asked_to
     garbage(service, lost)
     failed = service.wait_for(lost, "failed")
     assert "film" in failed["error"]
-    assert "Set the job to running, and it is rendered again." in failed["error"]
+    assert ". Set the job to running to render it again." in failed["error"]
     service.wait_for(other, "finished")
     assert service.patch(lost, state="running")["state"] == "queued"
     assert service.wait_for(lost, "finished")["error"] is None
@@ -298,7 +298,7 @@ def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
     service.wait_for(other, "finished")
     assert deleted == [gone]
     assert service.http.get(f"/api/jobs/{gone}").status_code == 404
-    assert not [line for line in caplog.messages if "fault" in line or "cannot go on" in line]
+    assert not [line for line in caplog.messages if "fault" in line or "cannot continue" in line]
 
 
 @pytest.mark.long

@@ -63,7 +63,7 @@ def test_a_job_by_noise_that_has_converged_gets_more_samples_all_the_same(servic
     assert done["samples"] == 64 * 48 * 32, "the first look at the noise is enough"
     refused = service.http.patch(f"/api/jobs/{job}", json={"spp": 32})
     assert refused.status_code == 409
-    assert "has 32 samples a pixel already" in refused.json()["detail"]
+    assert "spp: the job has 32 samples per pixel already; samples can only be added" in refused.json()["detail"]
     assert service.patch(job, more=8)["state"] == "queued"
     assert service.wait_for(job, "finished")["samples"] == 64 * 48 * 40
     assert service.patch(job, spp=48)["spp"] == 48
@@ -179,7 +179,13 @@ def test_a_job_whose_kernel_is_compiled_first_says_so(service: Service, worker: 
 
     worker.on_batch = compiles
     job = service.submit(service.ready_scene())
-    until(lambda: "compile the kernel" in (service.job(job)["message"] or ""), "the job says what it waits for")
+    until(
+        lambda: (
+            "The workers are compiling the kernel for this scene and its settings; this takes a minute or two, once"
+            in (service.job(job)["message"] or "")
+        ),
+        "the job says what it waits for",
+    )
     go.set()
     assert service.wait_for(job, "finished")["message"] is None
 
@@ -287,4 +293,4 @@ def test_a_rectangle_is_rendered_first_and_changes_no_bit(service: Service, work
     assert service.http.patch(url, json={"focus": [0, 0, 9, 9]}).status_code == 409
     paused = service.submit(scene, spp=40, priority=-9)
     refused = service.http.patch(f"/api/jobs/{paused}", json={"focus": [999, 0, 9, 9]})
-    assert refused.status_code == 422 and "beside the picture" in refused.json()["detail"]
+    assert refused.status_code == 422 and "is outside of the picture, which is" in refused.json()["detail"]

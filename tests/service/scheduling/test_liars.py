@@ -47,11 +47,15 @@ def test_who_sends_what_is_no_batch_is_set_aside(service: Service, how: str) -> 
         def told() -> str:
             return str(next(w for w in service.http.get("/api/workers").json() if w["name"] == "bad")["message"])
 
-        until(lambda: "while others rendered theirs" in told(), "it is set aside", LONG_S)
+        until(
+            lambda: "of its batches failed while other workers rendered theirs. Check its log, then resume it" in told(),
+            "it is set aside",
+            LONG_S,
+        )
         service.wait_for(job, "finished", LONG_S)
         assert service.digest(job) == expected_digest(spp=40)
         log = service.http.get(f"/api/jobs/{job}/log").text
-        assert "What bad sent of it cannot be used (damaged sums" in log
+        assert "A message of bad about it cannot be used (damaged sums" in log
 
 
 @pytest.mark.long
@@ -63,7 +67,7 @@ def test_one_alone_that_sends_nothing_of_use_ends_its_job_with_a_sentence(servic
 
     worker.on_batch = lie
     job = service.submit(service.ready_scene())
-    assert "What peer sent of it cannot be used" in service.wait_for(job, "failed")["error"]
+    assert "A message of peer about it cannot be used" in service.wait_for(job, "failed")["error"]
     worker.on_batch = lambda batch: None
     service.patch(job, state="running")
     service.wait_for(job, "finished")

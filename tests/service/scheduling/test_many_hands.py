@@ -203,7 +203,11 @@ def _let_all_end(crowd: Crowd) -> None:
         ]
 
     until(lambda: not left(), "every job has ended", ENDS_S, left, rarely=1.0)
-    assert all("was to come after" in job["error"] for job in _jobs(crowd) if job["state"] == "failed")
+    assert all(
+        "before it was finished. Set this job to running to render it anyway" in job["error"]
+        for job in _jobs(crowd)
+        if job["state"] == "failed"
+    )
 
 
 def _look(crowd: Crowd, job: dict[str, Any]) -> int:

@@ -48,7 +48,7 @@ def test_a_redis_that_refuses_costs_only_time(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("spoil", "said"), [(full, "Redis is full"), (read_only, "it is a replica of another")])
+@pytest.mark.parametrize(("spoil", "said"), [(full, "Redis is full"), (read_only, "Redis accepts no writes: it is a replica")])
 def test_a_redis_that_refuses_is_noticed_while_there_is_nothing_to_do(
     service: Service, spoil: Callable[[redis.Redis, bool], None], said: str
 ) -> None:

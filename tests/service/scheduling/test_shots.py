@@ -285,7 +285,7 @@ def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWo
     for job, change, says in (
         (shot, {"first": 7}, "the shot has no frame 7; it has 0-2"),
         (shot, {"again": "2-3"}, "the shot has no frame 3"),
-        (shot, {"frames": "1", "spp": 1}, "samples are added, never taken away"),
+        (shot, {"frames": "1", "spp": 1}, "samples per pixel already; samples can only be added"),
         (shot, {"extend": "9-1"}, "ends before it begins"),
         (still, {"extend": "1-2"}, "The job is a still"),
     ):

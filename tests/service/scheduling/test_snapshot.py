@@ -72,7 +72,10 @@ def numbers(state: str) -> JobNumbers:
         (Snapshot(fault=None), None),
         (Snapshot(), "is starting"),
         (Snapshot(fault="Redis does not answer."), "Redis"),
-        (Snapshot(fault=None, jobs={"a": numbers("running")}, waits={"a": "Waits: locked."}), "Nothing goes on. Waits: locked."),
+        (
+            Snapshot(fault=None, jobs={"a": numbers("running")}, waits={"a": "Waits: locked."}),
+            "The scheduler is stalled. Waits: locked.",
+        ),
         (Snapshot(fault=None, jobs={"a": numbers("running"), "b": numbers("running")}, waits={"a": "Waits: locked."}), None),
         (Snapshot(fault=None, jobs={"a": numbers("paused")}, waits={"a": "Waits: locked."}), None),
         (Snapshot(fault=None, waits={"a job that cannot be taken up": "Waits: locked."}), "Waits: locked."),
@@ -85,4 +88,6 @@ def test_ready_is_what_can_work(view: Snapshot, why: str | None) -> None:
 
 
 def test_an_engine_that_is_busy_with_one_thing_is_not_ready() -> None:
-    assert "busy with one thing for 6" in (Snapshot(fault=None, made=time.monotonic() - 60.0).not_ready or "")
+    assert "The scheduler has been busy with one step for 6" in (
+        Snapshot(fault=None, made=time.monotonic() - 60.0).not_ready or ""
+    )

@@ -100,7 +100,10 @@ def test_a_worker_that_fails_where_others_do_not_is_set_aside_until_a_person_let
             return next(w for w in service.http.get("/api/workers").json() if w["name"] == name)
 
         until(lambda: state_of("bad")["state"] == "paused", "it is set aside")
-        assert "while others rendered theirs" in state_of("bad")["message"]
+        assert (
+            "of its batches failed while other workers rendered theirs. Check its log, then resume it"
+            in state_of("bad")["message"]
+        )
         assert (state_of("good")["state"], state_of("good")["message"]) == ("ready", None)
         service.wait_for(job, "finished")
         assert service.digest(job) == expected_digest(spp=40)
@@ -272,7 +275,7 @@ def test_a_batch_that_fails_three_times_fails_the_job(service: Service, worker: 
 @pytest.mark.long
 def test_the_only_worker_hands_back_what_it_gets(service: Service, worker: PeerWorker) -> None:
     def hand_back(batch: RenderBatch) -> bool:
-        worker.send({"type": "batch-returned", **worker._about(batch), "error": "peer hands a batch back: there is no room"})
+        worker.send({"type": "batch-returned", **worker._about(batch), "error": "peer returned a batch: there is no room"})
         return False
 
     worker.on_batch = hand_back

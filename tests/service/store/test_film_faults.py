@@ -150,7 +150,7 @@ def test_what_stays_is_lost_with_a_sentence(film: Film, tmp_path: Path, break_it
 
 def test_a_film_that_became_read_only_waits(film: Film) -> None:
     rows_of(film).execute("PRAGMA query_only=ON")
-    with pytest.raises(FilmWaits, match=r"is read-only\. Make it writable\. The job goes on"):
+    with pytest.raises(FilmWaits, match=r"is read-only\. Make it writable\. The job continues"):
         film.merge([part(film, 1, 0, 1)])
     assert film.coverage(0, 1).total == 0
     rows_of(film).execute("PRAGMA query_only=OFF")

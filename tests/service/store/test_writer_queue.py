@@ -25,7 +25,7 @@ def test_writers_go_in_line_and_urgent_ones_before_them() -> None:
             threads[-1].start()
             while len(turns._line) < len(threads):
                 time.sleep(0.001)
-        with pytest.raises(Unavailable, match="others have written"), turns.turn(0.05):
+        with pytest.raises(Unavailable, match="it was locked for"), turns.turn(0.05):
             pass
     for thread in threads:
         thread.join()

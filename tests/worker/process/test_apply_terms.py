@@ -85,7 +85,7 @@ def test_slots_hours_and_queues_are_kept_at_the_next_beat(store: redis.Redis, he
     ask(store, heartbeat, Terms(queues=("needs-b",), hours="Tue"))
     assert (consumer.taken, heartbeat.is_paused, kept.why) == ([], True, "Outside its hours: Tue.")
     assert kept.offer().queues == (), "it takes from nobody"
-    store.set(pause_key("w"), "Paused by a person.")
+    store.set(pause_key("w"), "Paused by a user.")
     ask(store, heartbeat, Terms(queues=("needs-b",)))
     assert heartbeat.is_paused, "still by a person"
     store.delete(pause_key("w"))
@@ -122,7 +122,7 @@ def test_it_rests_while_somebody_is_there() -> None:
     kept.presence = SimpleNamespace(idle_s=lambda: there["idle_s"], by=("load",))  # type: ignore[assignment]
     kept.request(Terms(idle_minutes=2.0).to_bytes())
     kept.refresh()
-    assert kept.why == "Somebody works at this machine; it begins when nobody has for 2 minutes."
+    assert kept.why == "Somebody is using this machine; it begins after 2 minutes without use."
     there["idle_s"] = 121.0
     kept.refresh()
     assert (kept.why, kept.offer().idle_by) == (None, ("load",))

@@ -136,5 +136,5 @@ def test_a_manifest_that_is_wrong_at_the_service_is_an_error(tmp_path: Path) -> 
     service = Service()
     data = b'{"format": "what"}'
     service.blobs[hashlib.sha256(data).hexdigest()] = data
-    with pytest.raises(SceneError, match="Prepare the scene again"):
+    with pytest.raises(SceneError, match="is damaged or not a compiled scene"):
         open_scene(worker(service, tmp_path).cache, hashlib.sha256(data).hexdigest())

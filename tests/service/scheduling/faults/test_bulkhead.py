@@ -93,7 +93,10 @@ def test_the_database_is_nobodys_fault_and_left_alone_for_a_while(clock: FakeClo
     ("error", "sentence"),
     [
         (FilmLost("The film is damaged. Do this."), "The film is damaged. Do this."),
-        (SettingsError("there is no field wavelengths"), "This job cannot go on: there is no field wavelengths. Make a new one."),
+        (
+            SettingsError("there is no field wavelengths"),
+            "This job cannot continue: there is no field wavelengths. Make a new one.",
+        ),
         (ROW, "IntegrityError"),
         (KeyError("tile"), "KeyError: 'tile'"),
         (RecursionError(), "RecursionError"),

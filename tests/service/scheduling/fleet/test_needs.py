@@ -33,14 +33,14 @@ def test_needs_are_read_and_said_the_same_way() -> None:
     [
         (["gpu"], [offer("gpu")], None),
         (["gpu"], [offer("big"), None, offer("gpu", "big")], None),
-        (["gpu"], [], "Waits for a worker with the tag gpu: none that is connected has it."),
-        (["gpu"], [None], "Waits for a worker with the tag gpu: none that is connected has it."),
-        (["gpu", "big"], [offer("x")], "Waits for a worker with the tags big, gpu: none that is connected has them."),
-        (["memory_gb=16"], [offer()], "Waits for a worker with 16 GB of memory: the most that one offers is 8.0 GB."),
+        (["gpu"], [], "Waits for a worker with the tag gpu: none is connected."),
+        (["gpu"], [None], "Waits for a worker with the tag gpu: none is connected."),
+        (["gpu", "big"], [offer("x")], "Waits for a worker with the tags big, gpu: none is connected."),
+        (["memory_gb=16"], [offer()], "Waits for a worker with 16 GB of memory: the largest has 8.0 GB."),
         (
             ["gpu", "big"],
             [offer("gpu"), offer("big")],
-            "Waits for a worker that has all of big, gpu: none that is connected does.",
+            "Waits for a worker with all of big, gpu: none is connected.",
         ),
         (["gpu", "memory_gb=16"], [offer("gpu"), offer(memory_gb=32)], "all of gpu, memory_gb=16: none"),
     ],
@@ -58,7 +58,7 @@ def test_a_job_goes_to_the_workers_that_have_what_it_needs(service: Service) -> 
     with service.worker(name="old") as old, service.worker(name="plain", tags=()) as plain:
         scene = service.ready_scene()
         job = service.submit(scene, needs=["gpu", "memory_gb=4"])
-        lacking = "Waits for a worker with the tag gpu: none that is connected has it."
+        lacking = "Waits for a worker with the tag gpu: none is connected."
         until(lambda: service.job(job)["message"] == lacking, "it is said", say=lambda: service.job(job))
         service.wait_for(service.submit(scene, seed=2), "finished")
         assert service.job(job)["state"] == "queued"
@@ -86,7 +86,10 @@ def test_what_is_asked_of_a_worker_is_told_and_kept(service: Service) -> None:
         until(lambda: len(service.http.get("/api/workers").json()) == 2, "both are there")
         assert tags(new)["offer"]["tags"] == ["gpu"]
         refused = service.http.patch("/api/workers/old", json={"slots": 1})
-        assert (refused.status_code, "of an older release: it can only be paused" in refused.json()["detail"]) == (409, True)
+        assert (
+            refused.status_code,
+            "is of an older release and can only be paused. Run this release there" in refused.json()["detail"],
+        ) == (409, True)
         asked = {"hours": "Sat-Sun", "slots": 1, "nice": 5, "memory_gb": 2, "idle_minutes": 10}
         service.http.patch("/api/workers/new", json=asked).raise_for_status()
         until(lambda: new.terms == Terms("Sat-Sun", 10, 5, 1, 2_000_000_000), "it is told")

@@ -24,7 +24,7 @@ def test_a_paused_worker_takes_no_more_until_it_goes_on(service: Service, worker
     until(lambda: len(worker.batches) > 3, "the job is under way")
     paused = service.http.patch("/api/workers/peer", json={"state": "paused"})
     assert paused.status_code == 200
-    assert (paused.json()["state"], paused.json()["message"]) == ("paused", "Paused by a person.")
+    assert (paused.json()["state"], paused.json()["message"]) == ("paused", "Paused by a user.")
     time.sleep(0.5)
     held = len(worker.batches)
     time.sleep(0.5)
