@@ -56,7 +56,7 @@ class HealthPort:
     def trouble(self) -> str | None:
         """Returns a sentence on why the process should be restarted; None if it is healthy."""
         if not self._is_engine_alive():
-            return "The engine has ended. Restart the service."
+            return "The scheduler has stopped. Restart the service."
         if self.waited_s > HANGS_S:
             return f"The event loop has not had a turn for {self.waited_s:.0f} s. Restart the service."
         return None

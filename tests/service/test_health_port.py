@@ -65,7 +65,7 @@ def test_a_loop_that_is_busy_is_no_reason_to_restart_and_one_that_hangs_is(
 
 def test_an_engine_that_has_ended_is_told(served: Served) -> None:
     served.is_engine_alive = False
-    assert served.get() == (503, {"detail": "The engine has ended. Restart the service."})
+    assert served.get() == (503, {"detail": "The scheduler has stopped. Restart the service."})
     assert served.get("/")[0] == 404
 
 
