@@ -353,8 +353,9 @@ def run_benchmarks(arguments):
         fail("There is no benchmark " + ", ".join(unknown) + "; known are " + ", ".join(known) + ".")
     if options and not wanted:
         print("python3 farm.py bench [name ...] [its options]; each tells its own by --help. Without a name: all but peers.\n")
+        width = max(map(len, known)) + 2
         for name, path in known.items():
-            print(f"  {name:<10}{ast.get_docstring(ast.parse(path.read_text())).splitlines()[0]}")
+            print(f"  {name:<{width}}{ast.get_docstring(ast.parse(path.read_text())).splitlines()[0]}")
         return 0 if {"-h", "--help"} & set(options) else 2
     python = install(() if wanted == ["files"] else FOR_BENCHMARKS)
     results = []
