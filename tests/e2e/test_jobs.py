@@ -91,6 +91,7 @@ def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watche
     page.keyboard.press("x")
     expect(bar).to_contain_text("1 selected")
     bar.get_by_role("button", name="Delete").click()
+    page.mouse.move(700, 5)  # what can be undone stays while the pointer is on it
     expect(page.get_by_role("button", name="Failed 499")).to_be_visible(timeout=12_000)
     assert watched.errors == []
 

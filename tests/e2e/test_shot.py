@@ -178,7 +178,8 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
     expect(page.get_by_role("button", name="Is rendered first")).to_be_disabled()
     assert told(farm, other)["shot"]["first"] == 3
     httpx.delete(f"{farm.url}/api/jobs/{other}").raise_for_status()
-    assert watched.errors == []
+    # The browser reports the refused film of the frame that failed, of which the page says why.
+    assert [error for error in watched.errors if "409" not in error] == []
 
 
 @pytest.mark.long

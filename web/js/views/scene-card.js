@@ -14,6 +14,7 @@ import { showError, undoable } from "../shell/tray.js";
 import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
+/** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/types.js").Scene} Scene */
 
 /**
@@ -84,7 +85,8 @@ export function refusedRow(scene) {
  * @returns {string | undefined}
  */
 function renderedOf({ id }) {
-  const job = jobs.value?.find(({ scene, state, environment, variant }) => scene === id && state === "finished" && !environment && !variant);
+  const asUploaded = (/** @type {Job} */ job) => !job.environment && job.variant == null && job.up == null && job.floor == null;
+  const job = jobs.value?.find((each) => each.scene === id && each.state === "finished" && each.samples > 0 && asUploaded(each));
   return job && imageUrl({ job: job.id, frame: firstFrame(job) }, "jpg", { width: 480, v: job.samples });
 }
 
