@@ -229,7 +229,9 @@ def run_tests(python, arguments):
     is_whole = not arguments
     # Kernels first, since tests wait for them. Checks have the priority of tests: mypy takes longest of all that runs on one
     # processor, and would otherwise run on alone when the tests have ended.
-    beside = [Beside("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python, nice(5))] if is_whole else []
+    beside = (
+        [ParallelProcess("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python, nice(5))] if is_whole else []
+    )
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes from the same sources
     # One more than the number of processors, since a third of the tests mostly wait.
@@ -265,20 +267,20 @@ def start_checks(python, prefix=()):
     """Starts the static checks, each behind `prefix`. Each check stores a cache in the clone."""
     imports = "from importlinter.cli import lint_imports; raise SystemExit(lint_imports())"
     checks = [
-        Beside("mypy", [*prefix, str(python), "-m", "mypy"]),
-        Beside("ruff check", [*prefix, str(python), "-m", "ruff", "check", "."]),
-        Beside("ruff format", [*prefix, str(python), "-m", "ruff", "format", "--check", "."]),
-        Beside("import contracts", [*prefix, str(python), "-c", imports]),
+        ParallelProcess("mypy", [*prefix, str(python), "-m", "mypy"]),
+        ParallelProcess("ruff check", [*prefix, str(python), "-m", "ruff", "check", "."]),
+        ParallelProcess("ruff format", [*prefix, str(python), "-m", "ruff", "format", "--check", "."]),
+        ParallelProcess("import contracts", [*prefix, str(python), "-c", imports]),
     ]
     compiler = TYPESCRIPT / "node_modules" / ".bin" / "tsc"
     if compiler.exists():
-        checks.append(Beside("types of web/", [*prefix, str(compiler), "--project", str(ROOT / "web")]))
+        checks.append(ParallelProcess("types of web/", [*prefix, str(compiler), "--project", str(ROOT / "web")]))
     elif os.environ.get("CI"):
         fail("TypeScript is not installed; where $CI is set the types of web/ must be checked.")
     return checks
 
 
-class Beside:
+class ParallelProcess:
     """A process that runs in parallel with the tests. Its output is printed only if it fails."""
 
     def __init__(self, name, command):

@@ -12,10 +12,10 @@ from protocol.contract import BlobRef, prepare_queue
 from renderer.formats import BY_BLENDER, WITHOUT_BLENDER
 from renderer.sentences import Sentence
 
-__all__ = ["TAG", "WAITS", "blender_queue", "is_blend", "written_of"]
+__all__ = ["TAG", "WAITS_FOR_BLENDER", "blender_queue", "converted_files", "is_blend"]
 
 TAG = "blender"  # tag in the offer of a worker with Blender
-WAITS = Sentence(
+WAITS_FOR_BLENDER = Sentence(
     "waits-for-blender-worker",
     "Waits for a worker with Blender, which .blend and .abc files need: none is connected. "
     "Start one: `rayfarm worker --blender`, or for a farm on this machine `rayfarm up "
@@ -34,7 +34,7 @@ def blender_queue(kind: str) -> str:
     return f"{prepare_queue(kind)}.{TAG}"
 
 
-def written_of(info: dict[str, Any] | None) -> tuple[str, list[BlobRef]] | None:
+def converted_files(info: dict[str, Any] | None) -> tuple[str, list[BlobRef]] | None:
     """Returns (main file, all files) that Blender wrote when it converted a scene; None if it has not converted the scene.
 
     info: the scene's SceneInfo as a dict. Raises ValueError if the entry is malformed.

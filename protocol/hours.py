@@ -10,7 +10,7 @@ from datetime import datetime, timedelta
 __all__ = ["Hours", "local_now"]
 
 DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
-MOST = 50
+MAX_PERIODS = 50
 _PART = re.compile(r"(?:(?P<days>[a-z]{3}(?:\s*-\s*[a-z]{3})?))?\s*(?:(?P<begin>\d{1,2}:\d\d)\s*-\s*(?P<end>\d{1,2}:\d\d))?")
 
 
@@ -36,11 +36,11 @@ class Hours:
         Raises ValueError with a sentence.
         """
         pieces = text.lower().split(",")
-        if len(pieces) > MOST:
-            raise ValueError(f"hours have at most {MOST} parts")
+        if len(pieces) > MAX_PERIODS:
+            raise ValueError(f"hours have at most {MAX_PERIODS} parts")
         return cls(tuple(_part(piece.strip()) for piece in pieces))
 
-    def are_now(self, now: datetime) -> bool:
+    def includes(self, now: datetime) -> bool:
         """Whether `now` is within the hours."""
         minute, day = 60 * now.hour + now.minute, now.weekday()
         before = (now - timedelta(days=1)).weekday()

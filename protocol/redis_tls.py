@@ -12,7 +12,12 @@ from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 __all__ = ["CA_VARIABLE", "with_certificate_authority", "with_password", "without_local_options"]
 
 CA_VARIABLE = "RAYFARM_REDIS_CA"
-OWN = ("ssl_ca_certs", "ssl_ca_path", "ssl_certfile", "ssl_keyfile")  # query parameters that name files of one machine
+LOCAL_FILE_OPTIONS = (
+    "ssl_ca_certs",
+    "ssl_ca_path",
+    "ssl_certfile",
+    "ssl_keyfile",
+)  # query parameters that name files of one machine
 
 
 def with_certificate_authority(url: str) -> str:
@@ -30,7 +35,7 @@ def with_certificate_authority(url: str) -> str:
 def without_local_options(url: str) -> str:
     """Returns the address without options that refer to local files, for use on other machines."""
     parts = urlsplit(url)
-    query = [(name, value) for name, value in parse_qsl(parts.query) if name not in OWN]
+    query = [(name, value) for name, value in parse_qsl(parts.query) if name not in LOCAL_FILE_OPTIONS]
     return parts._replace(query=urlencode(query, safe="/")).geturl() if parts.scheme == "rediss" else url
 
 

@@ -30,10 +30,10 @@ __all__ = [
     "SITE_NAME",
     "SUMS_PATH",
     "SiteReport",
-    "announced",
     "secret_key",
     "signature",
     "site_key",
+    "size_signature",
 ]
 
 SITE = "site:"  # before its name: the tag of a worker that belongs to it
@@ -60,7 +60,7 @@ def signature(secret: bytes, body: bytes) -> str:
     return hmac.digest(secret, body, "sha256").hex()
 
 
-def announced(secret: bytes, size: int) -> str:
+def size_signature(secret: bytes, size: int) -> str:
     """Returns the signature of a body's size, which the reducer verifies before it accepts the body.
 
     Without it the reducer does not read the body.

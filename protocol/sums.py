@@ -53,7 +53,7 @@ def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
     packing: the newest format that the reader supports; 1: that of releases before 0.2.
     """
     if packing < PACKED:
-        return lz4.block.compress(_narrow(sums, 8), store_size=False)
+        return lz4.block.compress(_narrowed(sums, 8), store_size=False)
     heads: list[bytes] = []
     bodies: list[bytes] = []
     seen: dict[tuple[int, int], list[int]] = {}
@@ -69,7 +69,7 @@ def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
             continue
         others.append(number)
         width = next(width for width in WIDTHS if -(1 << 8 * width - 1) <= least and most < 1 << 8 * width - 1)
-        body = lz4.block.compress(_narrow(plane, width), store_size=False)
+        body = lz4.block.compress(_narrowed(plane, width), store_size=False)
         heads.append(PLANE.pack(PlaneHead(width, len(body))))
         bodies.append(body)
     return b"".join([START.pack(Start(PACKED, len(sums))), *heads, *bodies])
@@ -93,7 +93,7 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
             elif code == PLAIN:
                 _widen(body, 8, sums[number])
             else:
-                _widen(_raw(body, code, tile), code, sums[number])
+                _widen(_checked_bytes(body, code, tile), code, sums[number])
     return sums
 
 
@@ -113,10 +113,10 @@ def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes:
         elif code == ALIKE:
             values[number] = value
         elif code in WIDTHS and code < 8:
-            values[number] = np.frombuffer(_raw(body, code, tile), WIDTHS[code]).reshape(tile.h, tile.w)
+            values[number] = np.frombuffer(_checked_bytes(body, code, tile), WIDTHS[code]).reshape(tile.h, tile.w)
         else:
             values[number] = np.empty((tile.h, tile.w), "<i8")
-            _widen(body if code == PLAIN else _raw(body, code, tile), 8, values[number])
+            _widen(body if code == PLAIN else _checked_bytes(body, code, tile), 8, values[number])
     for number, value in values.items():
         if planes is None or number in planes:
             total[number] += value
@@ -126,7 +126,7 @@ def check_sums(data: bytes, tile: Tile) -> None:
     """Raises ValueError if `unpack_sums` would, but is faster."""
     for code, _, body in dict(_planes(data, tile, False)).values():
         if code in WIDTHS:
-            _raw(body, code, tile)
+            _checked_bytes(body, code, tile)
 
 
 def check_weight(data: bytes, tile: Tile, count: int) -> None:
@@ -143,7 +143,7 @@ def check_weight(data: bytes, tile: Tile, count: int) -> None:
 def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
     """Yields (plane number, (code, value, body)) of each plane. code: ALIKE, COPY, or the width of its integers."""
     if not data or data[0] != PACKED:
-        yield from _in_one_block(data, tile, stored)
+        yield from _planes_of_old_format(data, tile, stored)
         return
     try:
         count = START.unpack(data).planes
@@ -170,7 +170,7 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
         raise ValueError("damaged sums: they do not end")
 
 
-def _in_one_block(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
+def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
     """Yields the planes of sums packed by releases before 0.2: low words of all planes, then high words, in one LZ4 block."""
     size = CHANNELS * tile.h * tile.w * 8
     raw = _decompressed(data, size)
@@ -182,7 +182,7 @@ def _in_one_block(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, 
         yield number, (PLAIN, 0, words[:, number].tobytes())
 
 
-def _narrow(plane: Array, width: int) -> bytes:
+def _narrowed(plane: Array, width: int) -> bytes:
     if width == 8:  # separate the high words, which are nearly equal and compress well
         return np.ascontiguousarray(np.ascontiguousarray(plane, "<i8").reshape(-1, 1).view("<u4").T).tobytes()
     return plane.astype(WIDTHS[width]).tobytes()
@@ -196,7 +196,7 @@ def _widen(raw: bytes | memoryview, width: int, plane: Array) -> None:
         plane[...] = np.frombuffer(raw, WIDTHS[width]).reshape(plane.shape)
 
 
-def _raw(body: bytes | memoryview, width: int, tile: Tile) -> bytes:
+def _checked_bytes(body: bytes | memoryview, width: int, tile: Tile) -> bytes:
     size = tile.h * tile.w * width
     raw = _decompressed(body, size)
     if len(raw) != size:

@@ -21,9 +21,9 @@ from renderer.sentences import decoded, encoded
 __all__ = ["NEEDS", "OFFER_TTL_S", "TAG", "Offer", "Terms", "needs_queue", "offer_key", "terms_key"]
 
 OFFER_TTL_S = 30
-MOST_NICE = 19
-MOST_MEMORY = 10**15  # bytes
-MOST_OF_AN_OFFER = 1 << 60  # upper limit on every number of an offer
+MAX_NICE = 19
+MAX_MEMORY = 10**15  # bytes
+MAX_OFFER_NUMBER = 1 << 60  # upper limit on every number of an offer
 LONGEST_TEXT, MOST_TEXTS = 4000, 1000
 NEEDS = ".needs."  # separates the kind from the digest in a queue's name
 TAG = re.compile(r"[a-z0-9][a-z0-9._:-]{0,62}")
@@ -66,9 +66,9 @@ class Terms:
             Hours.parse(self.hours)
         for name, value, most in (
             ("idle_minutes", self.idle_minutes, 1e6),
-            ("nice", self.nice, MOST_NICE),
+            ("nice", self.nice, MAX_NICE),
             ("slots", self.slots, 4096),
-            ("memory", self.memory, MOST_MEMORY),
+            ("memory", self.memory, MAX_MEMORY),
         ):
             least = name == "slots"
             if value is not None and not (
@@ -123,10 +123,10 @@ class Offer:
             all(isinstance(number, int) for number in whole)
             and isinstance(offer.idle_minutes, int | float)
             and all(
-                0 <= number <= MOST_OF_AN_OFFER
+                0 <= number <= MAX_OFFER_NUMBER
                 for number in (offer.memory, offer.slots_most, offer.memory_limit, offer.idle_minutes)
             )
-            and abs(offer.nice) <= MOST_NICE + 1  # negative if started so by root
+            and abs(offer.nice) <= MAX_NICE + 1  # negative if started so by root
             and all(isinstance(text, str) and len(text) <= LONGEST_TEXT for text in texts)
             and len(lists) <= MOST_TEXTS
         ):

@@ -39,7 +39,7 @@ VIEW_ANSWERS = "rayfarm:view-answers"
 VIEW_QUEUES = "rayfarm.view."
 ANSWERS_TTL_S = 20
 MAX_ANSWERS = 1000  # in the list: the oldest go, and are asked for again
-LONGEST_S = 3600.0
+MAX_PART_S = 3600.0
 
 
 def view_queue(kind: str) -> str:
@@ -134,7 +134,7 @@ class ViewAnswer:
     def seconds(self) -> float:
         """Returns the rendering time of a part in seconds. Raises ValueError, KeyError or TypeError if it is invalid."""
         seconds = float(self.more["seconds"])
-        if not 0.0 <= seconds <= LONGEST_S:
+        if not 0.0 <= seconds <= MAX_PART_S:
             raise ValueError(f"a part took {seconds} s")
         return seconds
 

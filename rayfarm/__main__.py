@@ -12,7 +12,7 @@ def main() -> None:
     try:
         from rayfarm import preload
 
-        preload.begin(sys.argv[1:])
+        preload.start_preloading(sys.argv[1:])
         from rayfarm.cli import main as run
 
         run()

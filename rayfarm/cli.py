@@ -44,7 +44,7 @@ COMMANDS = (
     "gc",
     "bench",
 )
-BESIDE = {"restore": "backup"}  # commands defined in another command's module
+SHARED_MODULES = {"restore": "backup"}  # commands defined in another command's module
 
 HELP = """A render farm that starts with one command.
 
@@ -67,18 +67,18 @@ def _program(commands: Iterable[str]) -> typer.Typer:
         rich_markup_mode="rich",
         context_settings={"help_option_names": ["-h", "--help"]},
         help=HELP,
-        callback=_all,
+        callback=_global_options,
     )
     for name in commands:
         import_module(f"rayfarm.commands.{name}").register(app)
     return app
 
 
-def _refuse_what_is_no_number(command: Any) -> None:
+def _refuse_nan_and_infinity(command: Any) -> None:
     """Makes numeric options reject NaN, which passes every range check, and infinity, which passes a range with only one end."""
     commands = getattr(command, "commands", {}).values()
     for each in commands:
-        _refuse_what_is_no_number(each)
+        _refuse_nan_and_infinity(each)
     if not commands:
         command.invoke = _with_finite_numbers(command.invoke)
 
@@ -100,7 +100,7 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _all(
+def _global_options(
     debug: Annotated[bool, typer.Option("--debug", help="Show where in the program an error came from.")] = False,
     version: Annotated[bool, typer.Option("--version", help="Show the version.", callback=_version, is_eager=True)] = False,
 ) -> None:
@@ -108,11 +108,11 @@ def _all(
         os.environ["RAYFARM_DEBUG"] = "1"
 
 
-def _asked_for() -> Iterable[str]:
+def _commands_to_import() -> Iterable[str]:
     """Returns the commands to import: only the one on the command line, since importing all is slow; else all of them."""
     words = [word for word in sys.argv[1:] if word != "--debug"]
     name = words[0].replace("-", "_") if words else ""
-    name = BESIDE.get(name, name)
+    name = SHARED_MODULES.get(name, name)
     return (name,) if name in COMMANDS else COMMANDS
 
 
@@ -120,8 +120,8 @@ def main() -> None:
     """Runs the command line. An error that users can fix is printed as one sentence on standard error, with exit code 1."""
     logging.setLogRecordFactory(LogRecord)
     try:
-        command = typer.main.get_command(_program(_asked_for()))
-        _refuse_what_is_no_number(command)
+        command = typer.main.get_command(_program(_commands_to_import()))
+        _refuse_nan_and_infinity(command)
         tidy(command)
         command()
     except RayfarmError as error:

@@ -28,8 +28,8 @@ from rayfarm.responses import Environment, Frame, Job, Scene, Worker, read, read
 from renderer.errors import RayfarmError
 from renderer.frames import frame_text
 from renderer.variables import VariableError, value_of
-from worker.exchange.foreign_server import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
-from worker.exchange.trust import as_needed, trust
+from worker.exchange.foreign_server import MAX_ANSWER, describe_answer, is_address, is_loopback, not_a_farm
+from worker.exchange.trust import verify_option, verify_option_for
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -39,9 +39,9 @@ __all__ = ["TOKEN_VARIABLE", "Client", "ClientError"]
 TOKEN_VARIABLE = "RAYFARM_API_TOKEN"
 
 POLL_S = 0.3
-AWAY_S = 60.0
+UNREACHABLE_TIMEOUT_S = 60.0
 RETENTION_EVERY_S = 0.5  # polling interval of a deletion
-LONG = httpx.Timeout(3600.0, connect=5.0)  # for large uploads, and for answers that take long to make
+LONG_TIMEOUT = httpx.Timeout(3600.0, connect=5.0)  # for large uploads, and for answers that take long to make
 ANSWER_S = 300.0  # timeout of a whole JSON answer
 MAX_PICTURE = 8 << 30
 MAX_MESSAGE = 64 << 20  # bytes; fits the largest tile, and all frames of a long shot
@@ -90,17 +90,17 @@ class Client:
         if not (token.isascii() and token.isprintable()):
             raise ClientError(f"The token has characters that no token has. Look at {TOKEN_VARIABLE}.")
         try:
-            verify = trust(certificate)
+            verify = verify_option(certificate)
         except (OSError, ValueError) as error:
             raise ClientError(f"The farm's certificate cannot be read: {error}.") from None
         self._verify = verify
         try:
             self._http = httpx.Client(
-                verify=as_needed(verify, self.url),
+                verify=verify_option_for(verify, self.url),
                 base_url=self.url if is_address(self.url) else "",
                 timeout=httpx.Timeout(timeout_s, connect=5.0),
                 headers={"Authorization": f"Bearer {token}"} if token else {},
-                trust_env=not is_here(self.url),
+                trust_env=not is_loopback(self.url),
             )
         except (ImportError, ValueError, httpx.InvalidURL) as error:
             raise ClientError(f"The proxy that HTTP_PROXY, ALL_PROXY and their like name cannot be used: {error}") from None
@@ -148,7 +148,8 @@ class Client:
             except OSError as error:
                 raise ClientError(f"{error.filename} cannot be read: {error.strerror}.") from error
             return self._read(
-                Scene, self._send("POST", "/api/scenes", params=_into(project), data=fields, files=parts, timeout=LONG)
+                Scene,
+                self._send("POST", "/api/scenes", params=_project_query(project), data=fields, files=parts, timeout=LONG_TIMEOUT),
             )
 
     def upload_environment(self, image: str | Path, project: str = "") -> Environment:
@@ -161,7 +162,7 @@ class Client:
                 sent = self._send(
                     "POST",
                     "/api/environments",
-                    params=_into(project),
+                    params=_project_query(project),
                     files=[("file", (Path(image).name, file))],
                     timeout=httpx.Timeout(3600.0),
                 )
@@ -239,7 +240,7 @@ class Client:
 
         Path("shot.mp4").write_bytes(farm.movie(job.id))
         """
-        answer = self._send("GET", f"/api/jobs/{_id(job)}/movie.{format}", limit=MAX_PICTURE, params=query, timeout=LONG)
+        answer = self._send("GET", f"/api/jobs/{_id(job)}/movie.{format}", limit=MAX_PICTURE, params=query, timeout=LONG_TIMEOUT)
         if FRAMES_HEADER not in answer.headers:
             raise NotAFarm(not_a_farm(self.url, "what it sends is no film of a farm"))
         return answer.body
@@ -260,7 +261,7 @@ class Client:
         answer = self._send("GET", f"/api/jobs/{_id(job)}/frames/{frame_text(frame)}/digest")
         data = self._data(answer)
         if not isinstance(data, dict) or not isinstance(data.get("digest"), str):
-            raise self._other(answer)
+            raise self._not_a_farm_error(answer)
         return str(data["digest"])
 
     def workers(self) -> list[Worker]:
@@ -285,10 +286,10 @@ class Client:
         return data
 
     def _retention(self, method: str, **options: Any) -> dict[str, Any]:
-        answer = self._send(method, "/api/retention", timeout=LONG, **options)
+        answer = self._send(method, "/api/retention", timeout=LONG_TIMEOUT, **options)
         data = self._data(answer)
         if not isinstance(data, dict) or not isinstance(data.get("items"), list):
-            raise self._other(answer)
+            raise self._not_a_farm_error(answer)
         return data
 
     def socket(self, path: str) -> ClientConnection:
@@ -309,7 +310,7 @@ class Client:
                 compression=None,
                 max_size=MAX_MESSAGE,
                 open_timeout=20,
-                proxy=None if is_here(self.url) else True,
+                proxy=None if is_loopback(self.url) else True,
             )
         except InvalidStatus as error:
             status = error.response.status_code
@@ -328,7 +329,7 @@ class Client:
             except ClientError as error:
                 away_since = away_since or time.monotonic()
                 gone = isinstance(error, NotAFarm) or (error.status is not None and error.status < 500)
-                if gone or time.monotonic() - away_since > AWAY_S:
+                if gone or time.monotonic() - away_since > UNREACHABLE_TIMEOUT_S:
                     raise
             time.sleep(POLL_S)
 
@@ -337,26 +338,26 @@ class Client:
         try:
             found = read_list(cls, self._data(answer))
         except ValueError as error:
-            raise self._other(answer, error) from None
+            raise self._not_a_farm_error(answer, error) from None
         if not found:
-            self._check()  # an empty list does not show that a farm sent it
+            self._check_connection()  # an empty list does not show that a farm sent it
         return found
 
-    def _check(self) -> None:
+    def _check_connection(self) -> None:
         """Raises ClientError if no farm answers."""
         answer = self._send("GET", "/api/info")
         data = self._data(answer)
         if not isinstance(data, dict) or data.get("name") != "rayfarm":
-            raise self._other(answer)
+            raise self._not_a_farm_error(answer)
 
     def _read(self, cls: type[T], answer: _Answer) -> T:
         data = self._data(answer)
         if not isinstance(data, dict):
-            raise self._other(answer)
+            raise self._not_a_farm_error(answer)
         try:
             found = read(cls, data)
         except ValueError as error:
-            raise self._other(answer, error) from None
+            raise self._not_a_farm_error(answer, error) from None
         object.__setattr__(found, "_farm", self)  # for display in a notebook
         return found
 
@@ -364,10 +365,10 @@ class Client:
         try:
             return json.loads(answer.body)
         except (ValueError, RecursionError):
-            raise self._other(answer) from None
+            raise self._not_a_farm_error(answer) from None
 
-    def _other(self, answer: _Answer, why: ValueError | None = None) -> NotAFarm:
-        came = str(why) if why else kind_of_answer(answer.body, answer.headers.get("Content-Type", ""))
+    def _not_a_farm_error(self, answer: _Answer, why: ValueError | None = None) -> NotAFarm:
+        came = str(why) if why else describe_answer(answer.body, answer.headers.get("Content-Type", ""))
         return NotAFarm(not_a_farm(self.url, came))
 
     def _send(self, method: str, path: str, limit: int = MAX_ANSWER, **kwargs: Any) -> _Answer:
@@ -424,5 +425,5 @@ def _id(text: str) -> str:
     return quote(text, safe="") or "-"
 
 
-def _into(project: str) -> dict[str, str]:
+def _project_query(project: str) -> dict[str, str]:
     return {"project": project} if project else {}

@@ -23,7 +23,7 @@ from rich.text import Text
 
 from renderer.printable import printable
 
-__all__ = ["PROGRAM", "PlainConsole", "Ticker", "bar", "err", "out"]
+__all__ = ["PROGRAM", "PlainConsole", "PlainProgress", "bar", "err", "out"]
 
 # The program's name as typed; set by farm.py if it started this process.
 PROGRAM = os.environ.get("RAYFARM_PROGRAM", "rayfarm")
@@ -57,7 +57,7 @@ def bar(unit: str = "") -> Progress:
     return Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=err, disable=not err.is_terminal)
 
 
-class Ticker:
+class PlainProgress:
     """Progress as plain lines, at most one every few seconds, for output that is not a terminal."""
 
     def __init__(self, every_s: float = 5.0) -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from rayfarm.reading import ReadStage
+    from rayfarm.reading import ConfinedScene
     from renderer.cuda.render import CardRenderer
     from renderer.denoise import DenoisedPicture
     from renderer.film import Sums
@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     F32 = npt.NDArray[np.float32]
     Hold = Callable[[DenoisedFrame, Callable[[F32], None]], None]
 
-__all__ = ["Order", "camera_words", "moment_words", "motion_of", "render_to", "say_bad_samples", "statistics"]
+__all__ = ["PictureOrder", "camera_options", "moment_options", "motion_of", "render_to", "report_bad_samples", "statistics"]
 
 
 @dataclass(frozen=True)
-class Order:
+class PictureOrder:
     """Options that apply to every frame: the picture, further outputs, and their format."""
 
     picture: Picture
@@ -73,7 +73,7 @@ class Order:
         return [output, options.denoised_name(output)] if self.denoise else [output]
 
 
-def motion_of(stage: ReadStage, order: Order, moment: Moment, clock: Clock, needed: bool = False) -> F32 | None:
+def motion_of(stage: ConfinedScene, order: PictureOrder, moment: Moment, clock: Clock, needed: bool = False) -> F32 | None:
     """Returns the frame's motion vectors if they are requested or `needed`, else None.
 
     The stage's scene is then no longer valid.
@@ -90,7 +90,7 @@ def motion_of(stage: ReadStage, order: Order, moment: Moment, clock: Clock, need
 
 def render_to(
     output: Path,
-    order: Order,
+    order: PictureOrder,
     compiled: CompiledScene,
     defaults: dict[str, Any],
     settings: RenderSettings,
@@ -150,7 +150,7 @@ def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> DenoisedPi
     return denoise_with_guides(color, albedo, normal, threads)
 
 
-def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, more: str = "") -> None:
+def report_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, more: str = "") -> None:
     """Prints how many samples were discarded, and the command that traces the first of them. more: further options for it."""
     if not done.bad_count:
         return
@@ -161,7 +161,7 @@ def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, mo
     err.print(sentence, markup=False, soft_wrap=True)
 
 
-def moment_words(moment: Moment) -> str:
+def moment_options(moment: Moment) -> str:
     """Returns the command line options for a moment, each preceded by a space; "" for frame 0 with default clip and rate."""
     words = [f"--frame={frame_text(moment.frame)}"] if moment.frame else []
     words += [f"--fps={moment.fps!r}"] if moment.fps is not None else []
@@ -169,7 +169,7 @@ def moment_words(moment: Moment) -> str:
     return "".join(f" {word}" for word in words)
 
 
-def camera_words(order: Order, settings: RenderSettings) -> str:
+def camera_options(order: PictureOrder, settings: RenderSettings) -> str:
     """Returns the command line options for a camera that moves while the shutter is open; "" for a static camera.
 
     Each is preceded by a space.

@@ -15,7 +15,7 @@ from rayfarm.machine import StopSignals
 from renderer.variables import value_of
 from worker.exchange.foreign_server import is_address
 
-__all__ = ["farm_address", "run", "shown_token"]
+__all__ = ["farm_address", "run", "token_to_send"]
 
 GRACE_S = 10.0
 FATAL = 3  # exit code after which a restart does not help
@@ -30,7 +30,7 @@ def farm_address(join: str) -> str:
     return join
 
 
-def shown_token(who: str, token: str, token_file: Path | None) -> str:
+def token_to_send(who: str, token: str, token_file: Path | None) -> str:
     """Returns the token to send to the farm. who: the subject of the error message. Raises CommandError if there is no token."""
     if token:
         err.print("rayfarm: everybody on this machine can read --token. Better: RAYFARM_TOKEN, or --token-file.")
@@ -83,11 +83,11 @@ def run(
     try:
         while not signals.stop():
             shown = _follow(log, shown)
-            if supervisor.tend() is not None:
-                raise CommandError(_sentence(part.last_words(1)).removeprefix(f"rayfarm {name}: "))
+            if supervisor.check_parts() is not None:
+                raise CommandError(_sentence(part.last_log_lines(1)).removeprefix(f"rayfarm {name}: "))
             time.sleep(0.2)
     finally:
-        supervisor.stop(signals.hurry)
+        supervisor.stop(signals.is_immediate)
         _follow(log, shown)
         log.unlink(missing_ok=True)
 

@@ -23,12 +23,12 @@ _SLOPES, _DARKER = (0.0, 0.25, 0.5, 1.0), (0.0, 0.024, 0.089, 0.285)  # slopes o
 def known_differences(scene: SceneDescription, other: str) -> list[str]:
     """Returns the known differences as sentences. other: name of the other renderer."""
     found = []
-    if metals := _lost(scene, _is_metal):
+    if metals := _lost_energy(scene, _is_metal):
         found.append(
             f"Rough metal ({_listed(metals)}): light that meets a second facet is lost in {other} and kept here, as by a "
             f"random walk over facets; a white metal as rough is up to {_percent(max(metals.values()))} brighter here"
         )
-    if glasses := _lost(scene, _is_glass):
+    if glasses := _lost_energy(scene, _is_glass):
         found.append(f"Rough glass ({_listed(glasses)}): the same; some percent brighter here, most where it is seen at an angle")
     if bumps := _bumps(scene) if any("shadowing function" in words for words in scene.warnings) else {}:
         found.append(
@@ -38,16 +38,16 @@ def known_differences(scene: SceneDescription, other: str) -> list[str]:
     return found
 
 
-def _lost(scene: SceneDescription, is_meant: Callable[[Material], bool]) -> dict[str, float]:
+def _lost_energy(scene: SceneDescription, is_meant: Callable[[Material], bool]) -> dict[str, float]:
     """Returns, by material name, the energy lost by single scattering between microfacets, relative to the remaining energy."""
     return {
         material.name: lost
-        for material in _used(scene)
+        for material in _used_materials(scene)
         if is_meant(material) and (lost := 1 / _mean_albedo(material.roughness or 0.0) - 1) > _LEAST
     }
 
 
-def _used(scene: SceneDescription) -> list[Material]:
+def _used_materials(scene: SceneDescription) -> list[Material]:
     numbers = {scene.meshes[each.mesh].material if each.material is None else each.material for each in scene.instances}
     numbers |= {each.material for each in scene.spheres}
     return [scene.materials[number] for number in sorted(numbers)]
@@ -71,7 +71,7 @@ def _mean_albedo(roughness: float) -> float:
 def _bumps(scene: SceneDescription) -> dict[str, float]:
     """Returns, by name of normal-mapped materials, how much Mitsuba's shadowing term darkens a matt surface with their slopes."""
     found = {}
-    for material in _used(scene):
+    for material in _used_materials(scene):
         if material.normal_texture is None:
             continue
         pixels = scene.images[scene.textures[material.normal_texture].image].pixels[..., :3].astype(np.float32) / 255 * 2 - 1

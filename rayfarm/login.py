@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rayfarm.client import TOKEN_VARIABLE, Client
 from renderer.variables import value_of
-from worker.exchange.foreign_server import is_here
+from worker.exchange.foreign_server import is_loopback
 
 __all__ = ["farm_client", "link_of", "owner_token", "public_url", "server_url"]
 
@@ -60,7 +60,7 @@ def public_url(url: str) -> str:
     here = running_farm(default_data_folder())
     if here is not None and here.url == url and here.public_url:
         return here.public_url
-    if any(os.environ.get(name) for name in ("RAYFARM_PUBLIC_URL", "RAYFARM_PUBLISHED")) and is_here(url):
+    if any(os.environ.get(name) for name in ("RAYFARM_PUBLIC_URL", "RAYFARM_PUBLISHED")) and is_loopback(url):
         return Settings.read().page_url
     return url
 

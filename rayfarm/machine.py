@@ -23,15 +23,15 @@ class StopSignals:
     def __init__(self) -> None:
         self.count = 0
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._take)
+            signal.signal(number, self._on_signal)
 
-    def _take(self, number: int, frame: FrameType | None) -> None:
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self.count += 1
 
     def stop(self) -> bool:
         """Whether a stop was requested."""
         return self.count >= 1
 
-    def hurry(self) -> bool:
+    def is_immediate(self) -> bool:
         """Whether an immediate stop was requested."""
         return self.count >= 2

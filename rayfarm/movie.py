@@ -16,8 +16,8 @@ from PIL import Image
 
 from rayfarm.console import err
 from rayfarm.errors import CommandError
-from rayfarm.frame import Order
-from rayfarm.reading import ReadStage
+from rayfarm.frame import PictureOrder
+from rayfarm.reading import ConfinedScene
 from rayfarm.sequence import Sequence, render_sequence
 from renderer.errors import RayfarmError
 from service.watching.movie import write_movie
@@ -25,7 +25,7 @@ from service.watching.movie import write_movie
 __all__ = ["render_movie"]
 
 
-def render_movie(shot: Sequence, stage: ReadStage, order: Order, about: object) -> dict[str, Any]:
+def render_movie(shot: Sequence, stage: ConfinedScene, order: PictureOrder, about: object) -> dict[str, Any]:
     """Like `render_sequence`, but writes a movie to `shot.output`.
 
     The frames stay in a folder next to it until all have succeeded, so the same command continues an interrupted run. about:
@@ -58,7 +58,7 @@ def _read(paths: list[Path]) -> Iterator[npt.NDArray[np.uint8]]:
             yield np.asarray(image.convert("RGB"))
 
 
-def _fps(shot: Sequence, stage: ReadStage, found: dict[str, Any]) -> float:
+def _fps(shot: Sequence, stage: ConfinedScene, found: dict[str, Any]) -> float:
     """Returns the frame rate: the requested one, else the file's own, else 24."""
     if shot.moment.fps is not None:
         return shot.moment.fps

@@ -33,14 +33,14 @@ def write(output: Path, data: bytes) -> None:
     """Writes a file atomically. Raises CommandError."""
     try:
         try:
-            _replace(output.resolve(), data)
+            _write_atomically(output.resolve(), data)
         except PermissionError:
             output.write_bytes(data)  # the file is writable, but its folder is not
     except OSError as error:
         raise CommandError(f"{output} cannot be written ({error.strerror}, {len(data):,} bytes).") from error
 
 
-def _replace(target: Path, data: bytes) -> None:
+def _write_atomically(target: Path, data: bytes) -> None:
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:100]}.")
     part = Path(name)
     try:

@@ -25,9 +25,11 @@ from renderer.work import DEFAULT_SIZE, WORK
 
 __all__ = ["Picture", "takes_picture"]
 
-ASKED: Mapping[str, DeclaredSetting] = {name: SETTINGS[name] for name in OPTIONAL}
-LIGHT: Mapping[str, DeclaredSetting] = {name: each for name, each in ENVIRONMENT.items() if name != "color"}  # given by --env
-ENDS: Mapping[str, DeclaredSetting] = {name: WORK[name] for name in ("spp", "noise", "seconds")}
+SETTINGS_OPTIONS: Mapping[str, DeclaredSetting] = {name: SETTINGS[name] for name in OPTIONAL}
+ENVIRONMENT_OPTIONS: Mapping[str, DeclaredSetting] = {
+    name: each for name, each in ENVIRONMENT.items() if name != "color"
+}  # given by --env
+LIMIT_OPTIONS: Mapping[str, DeclaredSetting] = {name: WORK[name] for name in ("spp", "noise", "seconds")}
 
 
 def _own(name: str, help: str, panel: str, metavar: str) -> inspect.Parameter:
@@ -40,7 +42,7 @@ def _parameters() -> list[inspect.Parameter]:
     """Returns all options of a picture, for a command's signature."""
     return [
         _own("size", f"Pixels; what the scene asks for, else {DEFAULT_SIZE[0]}x{DEFAULT_SIZE[1]}.", "Size and quality", "WxH"),
-        *map(parameter, ENDS.values()),
+        *map(parameter, LIMIT_OPTIONS.values()),
         _own("camera", "A camera of the scene, by name or number from 0.", "View", "NAME|N"),
         *map(parameter, VIEW.values()),
         _own(
@@ -50,8 +52,8 @@ def _parameters() -> list[inspect.Parameter]:
             "Environment",
             "FILE|R,G,B|sky:E,A|NAME",
         ),
-        *map(parameter, LIGHT.values()),
-        *map(parameter, ASKED.values()),
+        *map(parameter, ENVIRONMENT_OPTIONS.values()),
+        *map(parameter, SETTINGS_OPTIONS.values()),
     ]
 
 
@@ -87,33 +89,33 @@ class Picture:
 
     def given_settings(self) -> dict[str, Any]:
         """Returns the optional settings by the renderer's names; None if not given."""
-        return typed(ASKED, self.given)
+        return typed(SETTINGS_OPTIONS, self.given)
 
     def check(self) -> None:
         """Raises CommandError for values that are invalid for every scene. Called before an upload."""
         self._size()
         self.environment()
-        for options_of in (ASKED, ENDS, LIGHT, VIEW):
+        for options_of in (SETTINGS_OPTIONS, LIMIT_OPTIONS, ENVIRONMENT_OPTIONS, VIEW):
             typed(options_of, self.given)
 
-    def has_view(self) -> bool:
+    def changes_view(self) -> bool:
         """Whether options change the view, beyond selecting one of the scene's cameras."""
         return any(value is not None for value in self._view().values())
 
-    def is_partly_a_view(self) -> bool:
+    def changes_view_partly(self) -> bool:
         """Whether options change the view without setting both its position and its target."""
-        return self.has_view() and (self.given.get("eye") is None or self.given.get("target") is None)
+        return self.changes_view() and (self.given.get("eye") is None or self.given.get("target") is None)
 
     def view(self, cameras: list[dict[str, Any]]) -> View:
         """Returns the view of the selected camera (default: the first), with the options applied."""
-        return self._seen(cameras[options.find_camera(cameras, self.given.get("camera"))]["view"])
+        return self._changed_view(cameras[options.find_camera(cameras, self.given.get("camera"))]["view"])
 
     def views(self, cameras: list[dict[str, Any]]) -> tuple[View, ...]:
         """Returns the camera's views while the shutter is open, with the options applied; empty for a static camera."""
-        views = tuple(map(self._seen, cameras[options.find_camera(cameras, self.given.get("camera"))].get("views", ())))
+        views = tuple(map(self._changed_view, cameras[options.find_camera(cameras, self.given.get("camera"))].get("views", ())))
         return views if any(view != views[0] for view in views) else ()
 
-    def _seen(self, start: dict[str, Any]) -> View:
+    def _changed_view(self, start: dict[str, Any]) -> View:
         changes = {name: value for name, value in self._view().items() if value is not None}
         try:
             return View.from_json({**start, **changes})
@@ -124,7 +126,7 @@ class Picture:
         """Returns the render settings. Raises CommandError or SettingsError."""
         own = (defaults.get("width", DEFAULT_SIZE[0]), defaults.get("height", DEFAULT_SIZE[1]))
         width, height = self._size() or own
-        light = {each.name: value for name, each in LIGHT.items() if (value := self._light()[name]) is not None}
+        light = {each.name: value for name, each in ENVIRONMENT_OPTIONS.items() if (value := self._light()[name]) is not None}
         return RenderSettings(
             width=width,
             height=height,
@@ -151,9 +153,9 @@ class Picture:
         if (sky := self.environment().sky) is not None:
             environment["sky"] = {"elevation": sky[0], "azimuth": sky[1]}
         environment["preset"] = self.environment().preset
-        asked: dict[str, Any] = {**self.given_settings(), **typed(ENDS, self.given), "width": width, "height": height}
+        asked: dict[str, Any] = {**self.given_settings(), **typed(LIMIT_OPTIONS, self.given), "width": width, "height": height}
         asked["environment"] = {name: value for name, value in environment.items() if value is not None}
-        if self.has_view():
+        if self.changes_view():
             asked["view"] = self.view(cameras).to_json()
         elif self.given.get("camera") is not None:
             # By number, since cameras of a file may share a name.
@@ -164,7 +166,7 @@ class Picture:
         return options.parse_size(self.given["size"]) if self.given.get("size") else None
 
     def _light(self) -> dict[str, Any]:
-        return typed(LIGHT, self.given)
+        return typed(ENVIRONMENT_OPTIONS, self.given)
 
     def _view(self) -> dict[str, Any]:
         return typed(VIEW, self.given)

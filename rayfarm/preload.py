@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 
-__all__ = ["PRELOAD", "begin"]
+__all__ = ["PRELOAD", "start_preloading"]
 
 PRELOAD = (
     *("rayfarm.reader_jobs", "renderer.preparation_kernels:prepare"),
@@ -19,14 +19,14 @@ _READING = ("info", "render")
 _FARM = {"up": ("service.standby", "worker.standby"), "worker": ("worker.standby",)}
 
 
-def begin(words: Sequence[str]) -> None:
+def start_preloading(words: Sequence[str]) -> None:
     """Starts the processes that the command on the command line will need. The command reports failures later."""
     if {"-h", "--help"} & set(words):
         return
     if words[:1] and words[0] in _FARM:
         from rayfarm.local import early
 
-        early.begin(_FARM[words[0]])
+        early.start_processes(_FARM[words[0]])
     elif words[:1] and words[0] in _READING:
         from renderer.confine.running import begin_launcher
         from renderer.errors import MachineError

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rayfarm.stage import Stage
+from rayfarm.stage import OpenScene
 from renderer.confine.reader import Link, error_message
 from renderer.errors import RayfarmError
 from renderer.image.read import read as read_image
@@ -17,19 +17,21 @@ from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled_parts import Saver
 from renderer.scene.load import Shot, read
 
-__all__ = ["describe", "differences", "picture", "serve", "usd_names"]
+__all__ = ["describe_scene", "explain_differences", "picture", "serve_requests", "usd_names"]
 
 IDLE_S = 86400.0  # long: if the caller ends, so does this process
 
 
-def serve(folder: bytes, main: bytes, inside: bytes | None, out: bytes, options: dict[str, Any], link: Link) -> dict[str, Any]:
+def serve_requests(
+    folder: bytes, main: bytes, inside: bytes | None, out: bytes, options: dict[str, Any], link: Link
+) -> dict[str, Any]:
     """Answers requests for moments of a scene: writes each compiled scene to `out` as a manifest and its parts.
 
     An error at a moment is sent as `failed`; further requests remain possible.
     """
     variant = options.pop("variant")
     shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main), None if inside is None else os.fsdecode(inside), variant)
-    stage = Stage(shot, **options)
+    stage = OpenScene(shot, **options)
     saver, written = Saver(Path(os.fsdecode(out))), None
     for request in link.requests(IDLE_S):
         moment = Moment(**request["moment"])
@@ -50,7 +52,7 @@ def serve(folder: bytes, main: bytes, inside: bytes | None, out: bytes, options:
     return {}
 
 
-def describe(folder: bytes, main: bytes, link: Link) -> dict[str, Any]:
+def describe_scene(folder: bytes, main: bytes, link: Link) -> dict[str, Any]:
     """Returns the summary of a scene at its start, and its name."""
     link.send({"step": "reading"})
     shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main))
@@ -59,7 +61,7 @@ def describe(folder: bytes, main: bytes, link: Link) -> dict[str, Any]:
     return {"name": description.name, "main": os.fsdecode(main), **summarise(description, compile_scene(description))}
 
 
-def differences(folder: bytes, main: bytes, other: str, link: Link) -> dict[str, Any]:
+def explain_differences(folder: bytes, main: bytes, other: str, link: Link) -> dict[str, Any]:
     """Returns why another renderer's picture of a scene differs, as `sentences`. other: the renderer's name."""
     from rayfarm.known_differences import known_differences
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from rayfarm.options import Env
 from rayfarm.preload import PRELOAD
 from rayfarm.reading_files import bounds_of
-from rayfarm.scene_files import opened
+from rayfarm.scene_files import opened_scene
 from renderer.blender.opening import calls_of_reader
 from renderer.confine.job_folder import temporary_folder
 from renderer.confine.running import Reader, error_of, run
@@ -24,27 +24,27 @@ from renderer.scene.animation import Moment
 if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
 
-__all__ = ["ReadStage", "describe", "known_differences", "open_stage"]
+__all__ = ["ConfinedScene", "describe", "known_differences", "open_stage"]
 
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class _Scene:
-    """Locations of a scene's files, as yielded by `opened`."""
+class _SceneFiles:
+    """Locations of a scene's files, as yielded by `opened_scene`."""
 
     folder: Path
     main: str
     inside: str | None  # the environment image that replaces the scene's
 
 
-class ReadStage:
+class ConfinedScene:
     """A scene over time, read and compiled in a confined process. Same interface as rayfarm.stage.Stage.
 
     The process ends when the stage is closed, or if it crashes; then the next moment starts a new process.
     """
 
-    def __init__(self, scene: _Scene, room: Path, options: Mapping[str, Any]) -> None:
+    def __init__(self, scene: _SceneFiles, room: Path, options: Mapping[str, Any]) -> None:
         """Stores the parameters.
 
         room: an empty folder for results and temporary files. options: the other arguments of Stage, and `variant`.
@@ -78,7 +78,7 @@ class ReadStage:
 
         for _ in range(2):
             if self._reader is None:
-                self._reader, self._compiled = self._begun(), None
+                self._reader, self._compiled = self._start_reader(), None
             try:
                 if self._reader.ask({"which": which, "moment": asdict(moment)}, take):
                     break
@@ -91,13 +91,13 @@ class ReadStage:
             raise SceneError(f"{self._scene.main} cannot be read: its importer ended without a result.")
         return self._compiled, found["summary"]
 
-    def _begun(self) -> Reader:
+    def _start_reader(self) -> Reader:
         scene, room = self._scene, self._room
         for name in ("temporary", "out"):
             (room / name).mkdir(exist_ok=True)
-        from rayfarm.reader_jobs import serve
+        from rayfarm.reader_jobs import serve_requests
 
-        work = partial(serve, *_encoded(scene), os.fsencode(room / "out"), dict(self._options))
+        work = partial(serve_requests, *_encoded(scene), os.fsencode(room / "out"), dict(self._options))
         writes = [room / "temporary", room / "out"]
         return Reader(work, [scene.folder], writes, self.bounds, PRELOAD, calls_of_reader(scene.folder, room / "temporary"))
 
@@ -117,20 +117,20 @@ def open_stage(
     threads: int | None = None,
     shutter: Mapping[str, Any] = MappingProxyType({}),
     root: Path | None = None,
-) -> Iterator[ReadStage]:
+) -> Iterator[ConfinedScene]:
     """Context manager that opens a scene for rendering its frames.
 
     brute: without a BVH. threads: None: all cores. shutter: the given shutter settings. camera: as in --camera. root: a folder
     that contains the scene; the scene may refer to all files in it.
     """
     with (
-        opened(scene, environment.image, root) as (folder, main, inside),
+        opened_scene(scene, environment.image, root) as (folder, main, inside),
         temporary_folder("rayfarm-read-", in_memory=True) as room,
     ):
         if environment.sky is not None:
             inside = "sky:{:g},{:g}".format(*environment.sky)
         options = {"variant": variant, "camera": camera, "brute": brute, "threads": threads, "shutter": dict(shutter)}
-        stage = ReadStage(_Scene(folder.resolve(), main, environment.preset or inside), room, options)
+        stage = ConfinedScene(_SceneFiles(folder.resolve(), main, environment.preset or inside), room, options)
         try:
             yield stage
         finally:
@@ -142,10 +142,10 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
 
     root: a folder that contains the scene; the scene may refer to all files in it.
     """
-    from rayfarm.reader_jobs import describe as work
+    from rayfarm.reader_jobs import describe_scene as work
 
-    with opened(scene, root=root) as (folder, main, _), temporary_folder("rayfarm-read-") as room:
-        found = _Scene(folder.resolve(), main, None)
+    with opened_scene(scene, root=root) as (folder, main, _), temporary_folder("rayfarm-read-") as room:
+        found = _SceneFiles(folder.resolve(), main, None)
         job = partial(work, *_encoded(found)[:2])
         calls = calls_of_reader(found.folder, room)
         return run(job, [found.folder], [room], bounds_of(main), lambda message: say(str(message["step"])), PRELOAD, calls)
@@ -153,15 +153,15 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
 
 def known_differences(scene: Path, other: str) -> list[str]:
     """Returns sentences on why another renderer's picture of a scene differs from Rayfarm's. Raises RayfarmError."""
-    from rayfarm.reader_jobs import differences
+    from rayfarm.reader_jobs import explain_differences
 
     with temporary_folder("rayfarm-read-") as room:
-        job = partial(differences, os.fsencode(scene.parent.resolve()), os.fsencode(scene.name), other)
+        job = partial(explain_differences, os.fsencode(scene.parent.resolve()), os.fsencode(scene.name), other)
         found = run(job, [scene.parent.resolve()], [room], bounds_of(scene.name), preload=PRELOAD)
     return [str(each) for each in found["sentences"]]
 
 
-def _encoded(scene: _Scene) -> tuple[bytes, bytes, bytes | None]:
+def _encoded(scene: _SceneFiles) -> tuple[bytes, bytes, bytes | None]:
     """Returns the scene's paths as bytes, since the confined process may use another encoding for paths."""
     return os.fsencode(scene.folder), os.fsencode(scene.main), None if scene.inside is None else os.fsencode(scene.inside)
 

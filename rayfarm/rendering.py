@@ -9,10 +9,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from rayfarm.console import Ticker, bar
+from rayfarm.console import PlainProgress, bar
 from rayfarm.errors import CommandError
 from rayfarm.options import Env
-from rayfarm.reading import ReadStage, open_stage
+from rayfarm.reading import ConfinedScene, open_stage
 from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings, Tile
 
@@ -52,7 +52,7 @@ def load_scene(
     moment: Moment = Moment(),
     camera: str | None = None,
     shutter: Mapping[str, Any] = MappingProxyType({}),
-    before: Callable[[ReadStage], None] = lambda stage: None,
+    before: Callable[[ConfinedScene], None] = lambda stage: None,
     root: Path | None = None,
 ) -> tuple[CompiledScene, dict[str, Any]]:
     """Reads and compiles a scene; returns it with its summary. brute: without a BVH. variant: material variant.
@@ -95,7 +95,7 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
 @contextlib.contextmanager
 def show_progress() -> Iterator[Show]:
     """Context manager that shows the progress of one frame, as a bar or as plain lines; yields the function to call."""
-    ticker = Ticker()
+    ticker = PlainProgress()
     with bar() as progress:
         task = progress.add_task("rendering", total=None)
 

@@ -19,7 +19,7 @@ from renderer.frames import frame_name, numbers_of
 from renderer.zip_names import entry_names
 from renderer.zips import DAMAGED
 
-__all__ = ["belonging", "is_numbered", "opened", "relative_to_root"]
+__all__ = ["files_to_upload", "is_numbered", "opened_scene", "relative_to_root"]
 
 _ENCODINGS: tuple[str, ...] = (
     "utf-8",
@@ -62,7 +62,9 @@ def check(scene: Path) -> None:
 
 
 @contextlib.contextmanager
-def opened(scene: Path, environment: Path | None = None, root: Path | None = None) -> Iterator[tuple[Path, str, str | None]]:
+def opened_scene(
+    scene: Path, environment: Path | None = None, root: Path | None = None
+) -> Iterator[tuple[Path, str, str | None]]:
     """Context manager that opens a scene: yields its folder, and relative to it the main file and the environment image.
 
     The latter is None if there is none. root: a folder that contains the scene; the scene may refer to all files in it. A .zip is
@@ -84,7 +86,7 @@ def opened(scene: Path, environment: Path | None = None, root: Path | None = Non
             names = _unpack(scene, folder)
         elif environment is not None:
             folder = scratch()
-            for name, path in belonging(scene, root).items():
+            for name, path in files_to_upload(scene, root).items():
                 _link(path, folder / name)
         inside = None
         if environment is not None:
@@ -152,7 +154,7 @@ def relative_to_root(scene: Path, root: Path) -> str:
         raise CommandError(f"--root is {root}, which is no folder above {scene}.") from None
 
 
-def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
+def files_to_upload(scene: Path, root: Path | None = None) -> dict[str, Path]:
     """Returns the files to upload, by their path inside the scene.
 
     These are the scene and, recursively, every file in its folder whose name occurs in them. root: the folder to search; None:
@@ -162,7 +164,7 @@ def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
     if is_numbered(scene):
         here = {path.name: path for path in scene.parent.iterdir()}
         frames = [here[frame_name(scene.name, number)] for number in numbers_of(scene.name, here)]
-        return {name: path for frame in frames for name, path in belonging(frame, root).items()}
+        return {name: path for frame in frames for name, path in files_to_upload(frame, root).items()}
     if scene.is_dir():
         files = {p.relative_to(scene).as_posix(): p for p in scene.rglob("*") if p.is_file()}
         return {name: path for name, path in files.items() if not is_junk(name)}

@@ -12,11 +12,11 @@ from typing import Any
 from rayfarm import options
 from rayfarm.console import bar, err
 from rayfarm.errors import CommandError
-from rayfarm.frame import Order, camera_words, moment_words, motion_of, render_to, say_bad_samples, statistics
+from rayfarm.frame import PictureOrder, camera_options, moment_options, motion_of, render_to, report_bad_samples, statistics
 from rayfarm.output_files import check_writable
-from rayfarm.reading import ReadStage
+from rayfarm.reading import ConfinedScene
 from rayfarm.rendering import Clock, Show
-from rayfarm.strict import refuse
+from rayfarm.strict import refuse_warnings
 from rayfarm.temporal_denoise import TemporalDenoiser
 from renderer.errors import RayfarmError
 from renderer.frames import frame_name, frame_text, frames_text
@@ -52,7 +52,7 @@ def check_outputs(shot: Sequence) -> None:
     check_writable(shot.file(shot.frames[0]))
 
 
-def render_sequence(shot: Sequence, stage: ReadStage, order: Order) -> dict[str, Any]:
+def render_sequence(shot: Sequence, stage: ConfinedScene, order: PictureOrder) -> dict[str, Any]:
     """Renders the missing frames. Returns the statistics for --stats; `failed`: each failed frame with its error.
 
     Files are written under a temporary name and then renamed, so an existing file is complete.
@@ -126,7 +126,7 @@ class _Progress:
 
     def finish(self, file: str) -> None:
         """Records that a frame was written."""
-        self._step()
+        self._advance()
         if not err.is_terminal:
             left = (time.monotonic() - self._began) / self._done * (self._count - self._done)
             err.print(
@@ -135,16 +135,22 @@ class _Progress:
 
     def fail(self, frame: float, why: str) -> None:
         """Records that a frame failed."""
-        self._step()
+        self._advance()
         err.print(f"frame {frame_text(frame)} failed{why}", markup=False, soft_wrap=True)
 
-    def _step(self) -> None:
+    def _advance(self) -> None:
         self._done += 1
         self._bar.update(self._task, completed=self._done)
 
 
 def _render(
-    shot: Sequence, stage: ReadStage, order: Order, frame: float, show: Show, told: set[str], steadying: TemporalDenoiser
+    shot: Sequence,
+    stage: ConfinedScene,
+    order: PictureOrder,
+    frame: float,
+    show: Show,
+    told: set[str],
+    steadying: TemporalDenoiser,
 ) -> dict[str, Any]:
     from renderer.render import variant_for, warm_up
 
@@ -155,7 +161,7 @@ def _render(
     compiled, summary = stage.at(moment)
     clock.mark("prepare_s")
     warnings = options.relevant_warnings(summary["warnings"], order.picture.environment())
-    refuse(f"{shot.scene.name}, frame {frame:g}", warnings, order.strict)
+    refuse_warnings(f"{shot.scene.name}, frame {frame:g}", warnings, order.strict)
     for warning in warnings:
         if warning not in told:
             told.add(warning)
@@ -166,5 +172,5 @@ def _render(
     hold = partial(steadying.take, frame) if is_held else None
     written = frame in steadying.missing
     done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show, motion, hold, written)
-    say_bad_samples(shot.scene, settings, done, moment_words(moment) + camera_words(order, settings))
+    report_bad_samples(shot.scene, settings, done, moment_options(moment) + camera_options(order, settings))
     return {"frame": frame, "fps": summary["fps"], "file": str(shot.file(frame)), **statistics(clock, done)}

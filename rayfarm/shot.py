@@ -8,7 +8,7 @@ from typing import Any
 
 from rayfarm import options
 from rayfarm.client import Client, ClientError
-from rayfarm.console import PROGRAM, Ticker, bar, err
+from rayfarm.console import PROGRAM, PlainProgress, bar, err
 from rayfarm.errors import CommandError
 from rayfarm.output_files import check_writable, write
 from rayfarm.responses import Frame, Job
@@ -83,7 +83,7 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
 
     Raises CommandError if frames failed, after the others are written; and ClientError.
     """
-    ticker, fetched = Ticker(), set[float]()
+    ticker, fetched = PlainProgress(), set[float]()
     writes_frames = shot.output is not None and not is_movie(shot.output)
 
     def take(frames: list[Frame]) -> None:
@@ -117,11 +117,11 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
         err.print(f"{shot.output} written, of {done} frames", markup=False, soft_wrap=True)
     elif writes_frames:
         err.print(f"{done} frames written", markup=False, soft_wrap=True)
-    _tell_failed(job, frames)
+    _raise_if_failed(job, frames)
     return state
 
 
-def _tell_failed(job: str, frames: list[Frame]) -> None:
+def _raise_if_failed(job: str, frames: list[Frame]) -> None:
     failed = [frame for frame in frames if frame.state == "failed"]
     if not failed:
         return

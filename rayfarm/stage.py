@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from renderer.scene.frame_reuse import PartOffsets, ShotCache
     from renderer.scene.load import Shot
 
-__all__ = ["Stage"]
+__all__ = ["OpenScene"]
 
 Say = Callable[[str], None]
 
 
-class _Built(NamedTuple):
+class _CompiledMoment(NamedTuple):
     """A scene at one moment: its description before and after compiling, the compiled scene, and its summary."""
 
     read: SceneDescription
@@ -30,7 +30,7 @@ class _Built(NamedTuple):
     summary: dict[str, Any]
 
 
-class Stage:
+class OpenScene:
     """A compiled scene over time. Its state at a moment does not depend on the moments requested before.
 
     camera: as in --camera. shutter: the given shutter settings.
@@ -46,7 +46,7 @@ class Stage:
     ) -> None:
         self._shot, self._camera, self._brute, self._threads = shot, camera, brute, threads
         self._shutter = shutter
-        self._last: _Built | None = None
+        self._last: _CompiledMoment | None = None
         self._kept: ShotCache | None = None
         self._auto: dict[str, Any] | None = None
 
@@ -78,7 +78,7 @@ class Stage:
             return self._last.compiled, self._last.summary
         say("reading")
         read = read_at(moment)
-        frames_itself = read.moves and self._is_auto(read)
+        frames_itself = read.moves and self._uses_automatic_camera(read)
         if frames_itself and self._auto is None and moment.frame != self._shot.start:
             say("framing")
             self._last = self._built(self._shot.at(replace(moment, frame=self._shot.start)))
@@ -99,7 +99,7 @@ class Stage:
             self._last = self._last._replace(summary=summary)
         return self._last.compiled, self._last.summary
 
-    def _built(self, read: SceneDescription) -> _Built:
+    def _built(self, read: SceneDescription) -> _CompiledMoment:
         from renderer.scene.compile import compile_scene, summarise
         from renderer.scene.frame_reuse import ShotCache
 
@@ -108,10 +108,10 @@ class Stage:
         described = _copied(read)
         compiled = compile_scene(described, brute=self._brute, threads=self._threads, kept=self._kept)
         if before is not None and read.still is not None and read.still is before.read.still:
-            return _Built(read, described, compiled, before.summary)
-        return _Built(read, described, compiled, summarise(described, compiled))
+            return _CompiledMoment(read, described, compiled, before.summary)
+        return _CompiledMoment(read, described, compiled, summarise(described, compiled))
 
-    def _is_auto(self, description: SceneDescription) -> bool:
+    def _uses_automatic_camera(self, description: SceneDescription) -> bool:
         """Whether the selected camera is the automatic one."""
         from rayfarm.options import find_camera
         from renderer.scene.compile import camera_names

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from rayfarm.errors import CommandError
 
-__all__ = ["refuse"]
+__all__ = ["refuse_warnings"]
 
 
-def refuse(scene: str, warnings: Sequence[str], strict: bool) -> None:
+def refuse_warnings(scene: str, warnings: Sequence[str], strict: bool) -> None:
     """Raises CommandError with all warnings if `strict` is set and there are any."""
     if not strict or not warnings:
         return

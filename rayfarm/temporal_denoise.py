@@ -26,12 +26,12 @@ class TemporalDenoiser:
         """frames: all requested frames. missing: those whose files must be written."""
         self._all = frozenset(frames)
         self.missing = frozenset(missing)
-        self.plan = sorted({*self.missing, *(each for frame in self.missing for each in self._near(frame))})
+        self.plan = sorted({*self.missing, *(each for frame in self.missing for each in self._neighbours(frame))})
         self._open = set(self.plan)  # not rendered yet
         self._held: dict[float, DenoisedFrame] = {}
         self._waiting: dict[float, Write] = {}
 
-    def _near(self, frame: float) -> list[float]:
+    def _neighbours(self, frame: float) -> list[float]:
         """Returns the neighbours of a frame: up to REACH consecutive requested frames on each side."""
         from renderer.temporal_denoise import REACH
 
@@ -45,7 +45,7 @@ class TemporalDenoiser:
 
     def has_neighbours(self, frame: float) -> bool:
         """Whether a frame has neighbours."""
-        return bool(self._near(frame))
+        return bool(self._neighbours(frame))
 
     def take(self, frame: float, still: DenoisedFrame, write: Write) -> None:
         """Adds a rendered frame. write: function that writes its denoised picture, if its file is missing."""
@@ -59,7 +59,7 @@ class TemporalDenoiser:
         Returns the frames that can now be denoised, each with the function that writes it.
         """
         self._open.discard(frame)
-        ready = [each for each in sorted(self._waiting) if not self._open.intersection(self._near(each))]
+        ready = [each for each in sorted(self._waiting) if not self._open.intersection(self._neighbours(each))]
         return [(each, self._writing(each)) for each in ready]
 
     def _writing(self, frame: float) -> Callable[[], None]:
@@ -71,7 +71,7 @@ class TemporalDenoiser:
                 done(stabilised_frame(self._held, frame))
             finally:
                 wanted = {*self._waiting, *(self._open & self.missing)}
-                keep = wanted.union(*(self._near(each) for each in wanted))
+                keep = wanted.union(*(self._neighbours(each) for each in wanted))
                 self._held = {each: still for each, still in self._held.items() if each in keep}
 
         return write

@@ -82,12 +82,12 @@ def described() -> list[dict[str, Any]]:
 def planes(name: str) -> tuple[int, ...]:
     """Returns the planes of a film that an AOV's values, or `color`, are made of."""
     if name == "color":
-        return _numbers(film.COLOR, film.SAMPLES)
+        return _channel_numbers(film.COLOR, film.SAMPLES)
     aov = _ALL[name]
-    return _numbers(*aov.planes, film.SAMPLES) if aov.mean else _numbers(*aov.planes)
+    return _channel_numbers(*aov.planes, film.SAMPLES) if aov.mean else _channel_numbers(*aov.planes)
 
 
-def _numbers(*channels: slice | int) -> tuple[int, ...]:
+def _channel_numbers(*channels: slice | int) -> tuple[int, ...]:
     return tuple(i for each in channels for i in (range(film.CHANNELS)[each] if isinstance(each, slice) else (each,)))
 
 
@@ -175,16 +175,16 @@ def _signed(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
     return plane * 0.5 + 0.5
 
 
-def _stretched(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+def _normalized(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
     return np.asarray((plane - low) / np.maximum(high - low, 1e-30), np.float32)
 
 
-def _near_is_light(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+def _depth_shades(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
     near = 1 - 0.9 * (plane - low) / max(high - low, 1e-30)
     return np.repeat(np.where(plane > 0, near, 0)[..., None], 3, axis=2)
 
 
-def _about_grey(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+def _motion_colors(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
     way = np.concatenate([-plane[..., 2:], np.zeros_like(plane[..., :1])], axis=2)
     return np.asarray(0.5 + 0.5 * way / max(float(high), 1e-30), np.float32)
 
@@ -228,7 +228,7 @@ _ALL = {
         "Distance from the eye to the first surface",
         ("Depth.Z",),
         ("Distance",),
-        _near_is_light,
+        _depth_shades,
         (film.DEPTH,),
         span=_span_of_depth,
     ),
@@ -237,7 +237,7 @@ _ALL = {
         "Where the first surface is, in the world",
         ("Position.X", "Position.Y", "Position.Z"),
         _XYZ,
-        _stretched,
+        _normalized,
         (film.POSITION,),
         span=_span_of_position,
     ),
@@ -270,7 +270,7 @@ _ALL = {
         "",
         ("Vector.X", "Vector.Y", "Vector.Z", "Vector.W"),
         ("X", "Y", "Z", "W"),
-        _about_grey,
+        _motion_colors,
         span=_span_of_motion,
     ),
 }

@@ -14,7 +14,15 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-__all__ = ["begin_line", "begun_later", "die_with_parent", "share_one_heap", "signal_name", "spawn_guard", "wait_to_begin"]
+__all__ = [
+    "delayed_command",
+    "die_with_parent",
+    "share_one_heap",
+    "signal_name",
+    "spawn_guard",
+    "start_line",
+    "wait_for_start_line",
+]
 
 PR_SET_PDEATHSIG = 1
 M_ARENA_MAX = -8
@@ -65,18 +73,18 @@ def signal_name(number: int) -> str:
     return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
 
 
-def begun_later(module: str, seconds: float) -> list[str]:
+def delayed_command(module: str, seconds: float) -> list[str]:
     """Returns a command line as `python -m MODULE` that loads nothing for some seconds, while others need the processor."""
     return [sys.executable, "-c", _BEGUN_LATER, str(seconds), module]
 
 
-def begin_line(arguments: Sequence[str], environment: Mapping[str, str], log: Path) -> bytes:
-    """Returns the line on which a process begins that waits in `wait_to_begin`."""
+def start_line(arguments: Sequence[str], environment: Mapping[str, str], log: Path) -> bytes:
+    """Returns the line on which a process begins that waits in `wait_for_start_line`."""
     return json.dumps({"arguments": [*arguments], "environment": {**environment}, "log": str(log)}).encode() + b"\n"
 
 
-def wait_to_begin() -> list[str] | None:
-    """Waits for a `begin_line` on standard input; returns its arguments, or None at the end of the input.
+def wait_for_start_line() -> list[str] | None:
+    """Waits for a `start_line` on standard input; returns its arguments, or None at the end of the input.
 
     Adds the line's variables to the environment, and appends standard output and error to its log from now on.
     """
@@ -85,13 +93,13 @@ def wait_to_begin() -> list[str] | None:
         return None
     begin = json.loads(line)
     os.environ |= begin["environment"]
-    _become(os.devnull, os.O_RDONLY, 0)
+    _redirect(os.devnull, os.O_RDONLY, 0)
     with contextlib.suppress(OSError):  # as on a full disk: the output stays where it went before
-        _become(begin["log"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 1, 2)
+        _redirect(begin["log"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 1, 2)
     return list(begin["arguments"])
 
 
-def _become(path: str, flags: int, *descriptors: int) -> None:
+def _redirect(path: str, flags: int, *descriptors: int) -> None:
     """Makes these descriptors refer to a file. Raises OSError."""
     opened = os.open(path, flags, 0o600)
     for each in descriptors:

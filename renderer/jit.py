@@ -57,7 +57,7 @@ def _meaning(name: str, parts: Iterable[str]) -> str:
     """
     beside, file = sources.ROOT / "__pycache__", f"{name}.meaning"
     folder = beside if os.access(beside, os.W_OK) or (beside / file).is_file() else private_folder("sources")
-    return sources.kept_meaning(sources.files_of(parts), folder / file)
+    return sources.cached_meaning(sources.files_of(parts), folder / file)
 
 
 def _hash(*parts: str) -> str:

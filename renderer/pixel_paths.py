@@ -16,7 +16,17 @@ from renderer.replay import Replay, Vertex
 from renderer.scene.compiled import CompiledScene
 from renderer.settings import RenderSettings, Vec3, View
 
-__all__ = ["MODELS", "MOST_SAMPLES", "Bounce", "PixelPath", "PixelPaths", "Spot", "bounce_of", "pixel_paths", "spot_of"]
+__all__ = [
+    "MODELS",
+    "MOST_SAMPLES",
+    "Bounce",
+    "PixelPath",
+    "PixelPaths",
+    "ProjectedPoint",
+    "bounce_of",
+    "pixel_paths",
+    "projected_point",
+]
 
 MOST_SAMPLES = 4096  # the number of first samples that are examined
 
@@ -26,7 +36,7 @@ Bounce = Literal["reflected", "transmitted"]
 MODELS = {kind.number: kind.model for kind in rows.KINDS if kind.model is not None}
 
 
-class Spot(NamedTuple):
+class ProjectedPoint(NamedTuple):
     """A projected point in homogeneous coordinates: x / w, y / w pixels from the picture's upper left corner if w > 0.
 
     Otherwise it is not in front of the camera. Segments between two points project to segments between their spots; a direction
@@ -45,8 +55,8 @@ class PixelPath:
     chosen: list[Choice]
     sample: int
     replay: Replay
-    spots: list[Spot]  # of each vertex, on the viewer's side; of the environment, in its direction
-    lamps: list[Spot | None]  # of the lights' points
+    spots: list[ProjectedPoint]  # of each vertex, on the viewer's side; of the environment, in its direction
+    lamps: list[ProjectedPoint | None]  # of the lights' points
 
 
 @dataclass(frozen=True)
@@ -95,11 +105,11 @@ def bounce_of(vertex: Vertex, following: Vertex | None) -> Bounce | None:
     return "reflected" if float(np.dot(vertex.normal, following.direction)) > 0 else "transmitted"
 
 
-def _spots(settings: RenderSettings, found: Replay) -> tuple[list[Spot], list[Spot | None]]:
+def _spots(settings: RenderSettings, found: Replay) -> tuple[list[ProjectedPoint], list[ProjectedPoint | None]]:
     view = _view_at(settings, found.time)
 
-    def spot(point: Vec3 | None, direction: Vec3) -> Spot:
-        return spot_of(view, settings.width, settings.height, point or direction, point is None)
+    def spot(point: Vec3 | None, direction: Vec3) -> ProjectedPoint:
+        return projected_point(view, settings.width, settings.height, point or direction, point is None)
 
     lamps = [None if v.lamp is None else spot(v.lamp.point, v.lamp.direction) for v in found.vertices]
     return [spot(v.point, v.direction) for v in found.vertices], lamps
@@ -112,7 +122,7 @@ def _view_at(settings: RenderSettings, time: float) -> View:
     return settings.views[round(time * (len(settings.views) - 1))]
 
 
-def spot_of(view: View, width: int, height: int, point: Vec3, is_far: bool = False) -> Spot:
+def projected_point(view: View, width: int, height: int, point: Vec3, is_far: bool = False) -> ProjectedPoint:
     """Projects a point, or a direction if `is_far`, through the centre of a view's lens."""
     right, up, back, eye = axes_of(view)
     away = np.array(point, np.float64) - (0.0 if is_far else eye)
@@ -120,10 +130,10 @@ def spot_of(view: View, width: int, height: int, point: Vec3, is_far: bool = Fal
     if view.projection == "panorama":
         turn = math.atan2(across, ahead) / (2 * math.pi)
         climb = math.atan2(rise, math.hypot(across, ahead)) / math.pi
-        return Spot(width * (0.5 + turn), height * (0.5 - climb), 1.0)
+        return ProjectedPoint(width * (0.5 + turn), height * (0.5 - climb), 1.0)
     if view.projection == "orthographic":
         pixels, w = height / view.height, 0.0 if is_far else 1.0
     else:
         pixels, w = height / (2 * math.tan(math.radians(view.fov) / 2)), ahead
     x, y = view.middle(width, height)
-    return Spot(x * w + across * pixels, y * w - rise * pixels, w)
+    return ProjectedPoint(x * w + across * pixels, y * w - rise * pixels, w)

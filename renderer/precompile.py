@@ -20,7 +20,7 @@ from renderer import jit
 from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import prepare
 from renderer.render import KERNEL_VARIANTS, kernel_name, warm_up
-from renderer.shipped_kernels import copy_loaded, take_shipped
+from renderer.shipped_kernels import copy_finished_kernels, copy_shipped_kernels
 from renderer.threads import cores
 
 __all__ = ["main"]
@@ -37,7 +37,7 @@ def _compile(job: str, prepares: bool) -> None:
         warm_up(variant=job, helpers=Helpers(job, wanted=False), prepares=prepares)
 
 
-def _beside(job: str, *options: str) -> None:
+def _compile_in_process(job: str, *options: str) -> None:
     subprocess.run([sys.executable, "-m", "renderer.precompile", "--job", job, *options], check=True)
 
 
@@ -56,7 +56,7 @@ def _compile_all(jobs: list[str], begin: float) -> None:
     count = _at_a_time(len(jobs))
     print(f"compiling {len(jobs)} kernels, {count} at a time ({', '.join(jobs)})", flush=True)
     with ThreadPoolExecutor(count) as pool:
-        waiting = {pool.submit(_beside, job): job for job in jobs}
+        waiting = {pool.submit(_compile_in_process, job): job for job in jobs}
         try:
             for ready, each in enumerate(as_completed(waiting), 1):
                 each.result()
@@ -98,14 +98,14 @@ def main(arguments: Iterable[str] | None = None) -> None:
         return
     begin = time.perf_counter()
     if not all(jit.is_cached(kernel_name(variant=name)) for name in options.kernels):
-        take_shipped(jit.cache_folder())
+        copy_shipped_kernels(jit.cache_folder())
     if missing := [name for name in options.kernels if not jit.is_cached(kernel_name(variant=name))]:
         _compile_all(_jobs(missing), begin)
     for name in options.kernels:
-        _beside(name, "--prepares")
+        _compile_in_process(name, "--prepares")
     print(f"{jit.kind()}: kernels ready after {time.perf_counter() - begin:.0f} s")
     if options.folder is not None:
-        copy_loaded(jit.cache_folder(), options.folder / "kernels" / jit.cache_folder().name)
+        copy_finished_kernels(jit.cache_folder(), options.folder / "kernels" / jit.cache_folder().name)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import numpy as np
 from renderer.bvh.top import LEAST_PART
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
-from renderer.scene.geometry import CROWD
+from renderer.scene.geometry import MIN_BATCH_INSTANCES
 from renderer.scene.readers.gltf.deform import Bones, skinned
 
 __all__ = ["is_prepared", "prepare", "prepare_first"]
@@ -26,7 +26,7 @@ def _mesh(triangles: int) -> Mesh:
 @functools.cache
 def prepare_first() -> None:
     """Compiles or loads the kernels for a static scene of a few triangles."""
-    for count in (1, CROWD):  # placed alone, and in a batch
+    for count in (1, MIN_BATCH_INSTANCES):  # placed alone, and in a batch
         meshes, instances = [_mesh(1)] * count, [Instance(number) for number in range(count)]
         compile_scene(SceneDescription(meshes=meshes, instances=instances, materials=[Material()], environment=Environment()))
 

@@ -28,10 +28,10 @@ from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.environment import environment_sampled_fully, with_environment_changed, without_environment_sampling
-from renderer.scene.lights import chosen_by
-from renderer.scene.origin import fixed_place, seen_from
+from renderer.scene.lights import with_light_choice
+from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
-from renderer.shipped_kernels import take_shipped
+from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.threads import cores
 
 __all__ = [
@@ -74,7 +74,7 @@ class RenderStats:
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     """Returns the scene with the settings' environment and the light tables of the settings' light sampling."""
     scene = with_environment_changed(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
-    scene = chosen_by(scene, settings.light_choice)
+    scene = with_light_choice(scene, settings.light_choice)
     if settings.sampling == "light" or settings.integrator == "whitted":
         scene = environment_sampled_fully(scene)
     else:
@@ -95,9 +95,9 @@ def _render(
     bad_count, rays = kernel(
         scene,
         new_scratch(kernel, tile.w, tile.h),
-        camera_frame(seen_from(settings, scene.origin)),
+        camera_frame(settings_relative_to_origin(settings, scene.origin)),
         kernel_options(settings, scene),
-        Batch(tile.x, tile.y, first, count, fixed_place(scene.origin, settings.film_exponent)),
+        Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent)),
         Output(sums, bad, log),
     )
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
@@ -108,8 +108,8 @@ def _render_on(
     card: CardRenderer, scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int
 ) -> tuple[BatchSums, int]:
     """Returns what `_render` returns, rendered by a card. Raises CardError."""
-    camera, options = camera_frame(seen_from(settings, scene.origin)), kernel_options(settings, scene)
-    batch = Batch(tile.x, tile.y, first, count, fixed_place(scene.origin, settings.film_exponent))
+    camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
+    batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
     variant = next(name for name, has in KERNEL_VARIANTS.items() if has == scene.has)
     found = card.render(scene, variant, camera, options, batch, tile.w, tile.h)
     bad: list[BadSample] = []
@@ -300,7 +300,7 @@ def warm_up(
     begin = time.perf_counter()
     name = kernel_name(settings, variant)
     if not jit.is_cached(name):
-        take_shipped(jit.cache_folder())
+        copy_shipped_kernels(jit.cache_folder())
     nothing = strip_absent_features(example(), variant)
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
     with (

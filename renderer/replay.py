@@ -13,7 +13,7 @@ from renderer.kernel.steps.continue_or_end import UNCOUNTED
 from renderer.kernel.steps.depths import DIFFUSE_LIMIT, GLOSSY_LIMIT, TRANSMISSION_LIMIT
 from renderer.settings import MAX_DEPTH, RenderSettings, Vec3
 
-__all__ = ["ENDS", "End", "Lamp", "Replay", "Vertex", "read_log"]
+__all__ = ["ENDS", "End", "LightSample", "Replay", "Vertex", "read_log"]
 
 End = Literal["missed", "absorbed", "roulette", "depth", "diffuse", "glossy", "transmission", "caught", "unlit", "passed"]
 ENDS: dict[End, str] = {
@@ -32,7 +32,7 @@ _BY_KIND: dict[float, End] = {DIFFUSE_LIMIT: "diffuse", GLOSSY_LIMIT: "glossy", 
 FAR = 1e17  # scene units; the kernel puts infinitely distant points slightly beyond
 
 
-class Lamp(NamedTuple):
+class LightSample(NamedTuple):
     """The light sample of a vertex: a point on a light chosen by next-event estimation."""
 
     point: Vec3 | None  # None: infinitely far
@@ -64,7 +64,7 @@ class Vertex(NamedTuple):
     beside: Vec3  # the radiance of the path's other branch, if this vertex splits it
     # Only for the production path tracer (settings' `path` without options for comparisons), else None:
     share: float | None = None  # MIS weight of `emitted`; None also if it emits nothing
-    lamp: Lamp | None = None  # None also without a light sample
+    lamp: LightSample | None = None  # None also without a light sample
     survival: float | None = None  # survival probability of Russian roulette; None also if not applied
 
 
@@ -122,12 +122,12 @@ def _vertex(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ve
     )
 
 
-def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Lamp:
+def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> LightSample:
     end, point = np.array(_vec(row, record.LIGHT_AT)), np.array(_vec(row, record.POINT))
     away = float(np.linalg.norm(end - point))
     x, y, z = (float(v) for v in (end - point) / (away or 1.0))
     at = None if away >= FAR else _place(row, record.LIGHT_AT, origin)
-    return Lamp(at, (x, y, z), float(row[record.LIGHT_PDF]), float(row[record.LIGHT_WEIGHT]), _vec(row, record.BROUGHT))
+    return LightSample(at, (x, y, z), float(row[record.LIGHT_PDF]), float(row[record.LIGHT_WEIGHT]), _vec(row, record.BROUGHT))
 
 
 def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:

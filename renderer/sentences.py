@@ -17,16 +17,16 @@ from typing import Any, Self, SupportsIndex, cast
 
 __all__ = [
     "Sentence",
-    "amount",
     "codes_of",
+    "count_of",
     "decoded",
     "encoded",
     "first_items",
     "from_json",
     "from_text",
-    "joined",
+    "in_lower_case",
     "joined_faults",
-    "lowered",
+    "joined_sentences",
     "reason_of",
     "to_json",
     "to_text",
@@ -123,14 +123,14 @@ class Sentence(str):
             return text
 
 
-def joined(first: str, second: str) -> str:
+def joined_sentences(first: str, second: str) -> str:
     """Returns two sentences as one text; either may be empty."""
     if not first or not second:
         return str(first or second)
     return Sentence("sentences-joined", "{first} {second}", first=first, second=second)
 
 
-def lowered(text: str) -> str:
+def in_lower_case(text: str) -> str:
     """Returns a text that begins in lower case, for use within a sentence."""
     begun = text[:1].lower() + text[1:]
     return text._of(begun, text.code, text.params) if isinstance(text, Sentence) else begun
@@ -153,7 +153,7 @@ def reason_of(sentence: str) -> str:
     return sentence.partition(";")[0]
 
 
-def amount(n: int, what: str) -> str:
+def count_of(n: int, what: str) -> str:
     """Returns a number of things that are named in the plural."""
     return Sentence("amount-of", "{n} {things}", n=n, things=what)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from renderer.cache_folders import make_private, read_private
 from renderer.sources import ROOT
 
-__all__ = ["FOLDER", "copy_loaded", "take_shipped"]
+__all__ = ["FOLDER", "copy_finished_kernels", "copy_shipped_kernels"]
 
 FOLDER = "RAYFARM_KERNELS"  # a folder with a subfolder per state of the sources, as in the cache
 IN_WHEEL = ROOT / "kernels"  # such a folder, if hatch_build.py added one to the wheel
@@ -21,19 +21,19 @@ LISTS = "*.done"
 log = logging.getLogger(__name__)
 
 
-def take_shipped(cache: Path) -> None:
+def copy_shipped_kernels(cache: Path) -> None:
     """Copies the installation's kernels for this cache folder; warns if that fails, and the kernels are compiled instead.
 
     Read from $RAYFARM_KERNELS, else from the wheel that Rayfarm was installed from.
     """
     shipped = Path(os.environ.get(FOLDER, "") or IN_WHEEL)
     try:
-        copy_loaded(shipped / cache.name, cache)
+        copy_finished_kernels(shipped / cache.name, cache)
     except OSError as error:
         log.warning("the kernels in %s cannot be copied to %s and are compiled: %s", shipped, cache, error)
 
 
-def copy_loaded(source: Path, to: Path) -> int:
+def copy_finished_kernels(source: Path, to: Path) -> int:
     """Copies the files that a folder's finished kernels are loaded from, with their lists; returns how many.
 
     Existing files are not replaced: equal names mean equal content. The lists are copied last, so that every listed file exists.

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from renderer.cache_folders import make_private
 
-__all__ = ["ARRAYS", "MACHINE_CODE", "files_of", "kept_meaning", "meaning"]
+__all__ = ["ARRAYS", "MACHINE_CODE", "cached_meaning", "files_of", "meaning"]
 
 ROOT = Path(__file__).parent
 
@@ -90,7 +90,7 @@ def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
     return total.hexdigest()
 
 
-def kept_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
+def cached_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
     """Returns the same as `meaning`, cached in a file together with a hash of the files' bytes and of this module's.
 
     Computing it takes a good part of a second.

@@ -26,9 +26,9 @@ Mask = npt.NDArray[np.bool_]
 
 REACH = 2  # frames before and after
 _LEAST_COSINE = 0.9
-_ASTRAY = 0.5  # pixels: tolerance between a motion vector and the reverse one
+_MOTION_TOLERANCE = 0.5  # pixels: tolerance between a motion vector and the reverse one
 _ALIKE = 0.12  # relative difference of light with weight exp(-1)
-_WHOLE = 0.05  # pixels: tolerance of a whole-pixel shift
+_SHIFT_TOLERANCE = 0.05  # pixels: tolerance of a whole-pixel shift
 _DARK = 0.02  # minimum divisor for albedo
 
 
@@ -41,7 +41,7 @@ class DenoisedFrame(NamedTuple):
     motion: F32  # (h, w, 4), renderer.vectors
 
 
-class _Places(NamedTuple):
+class _PixelPositions(NamedTuple):
     """The positions of a frame's pixels in a neighbouring frame: rows, columns, and which are valid."""
 
     rows: F64
@@ -60,17 +60,17 @@ def stabilised_frame(frames: Mapping[float, DenoisedFrame], number: float) -> F3
     colors, times = surface.copy(), np.ones(light.shape[:2])
     for way in (-1, 1):
         rows, columns = np.mgrid[0 : light.shape[0], 0 : light.shape[1]].astype(np.float64)
-        places = _Places(rows, columns, np.ones(light.shape[:2], bool))
+        places = _PixelPositions(rows, columns, np.ones(light.shape[:2], bool))
         for step in range(1, REACH + 1):
             there = frames.get(number + way * step)
             if there is None:
                 break
-            places = _followed(frames[number + way * (step - 1)], there, places, way)
+            places = _step_along_motion(frames[number + way * (step - 1)], there, places, way)
             found, share = _interpolated_light(here, there, places)
             share = share * _light_similarity(light, found)
             total += share[..., None] * found
             weight += share
-            share = np.where(_is_whole(places.rows) & _is_whole(places.columns), share, 0.0)
+            share = np.where(_is_whole_pixel(places.rows) & _is_whole_pixel(places.columns), share, 0.0)
             colors += share[..., None] * _nearest(_surface(there), places)
             times += share
     return (total / weight[..., None] * (colors / times[..., None])).astype(np.float32)
@@ -84,30 +84,30 @@ def _light(still: DenoisedFrame) -> F64:
     return still.clean.color / _surface(still)
 
 
-def _is_whole(place: F64) -> Mask:
-    near: Mask = np.abs(place - np.rint(place)) < _WHOLE
+def _is_whole_pixel(place: F64) -> Mask:
+    near: Mask = np.abs(place - np.rint(place)) < _SHIFT_TOLERANCE
     return near
 
 
-def _nearest(plane: npt.NDArray[np.floating], places: _Places) -> npt.NDArray[np.floating]:
+def _nearest(plane: npt.NDArray[np.floating], places: _PixelPositions) -> npt.NDArray[np.floating]:
     found: npt.NDArray[np.floating] = plane[np.rint(places.rows).astype(np.intp), np.rint(places.columns).astype(np.intp)]
     return found
 
 
-def _followed(before: DenoisedFrame, there: DenoisedFrame, places: _Places, way: int) -> _Places:
+def _step_along_motion(before: DenoisedFrame, there: DenoisedFrame, places: _PixelPositions, way: int) -> _PixelPositions:
     """Returns the positions one frame further: before (way -1) or after. Invalid where the vector back differs (occlusion)."""
     shift = _nearest(before.motion, places)
     x, y = (shift[..., 0], shift[..., 1]) if way < 0 else (-shift[..., 2], -shift[..., 3])
     rows, columns = places.rows - y, places.columns + x
     height, width = rows.shape
     alive = places.alive & (rows > -0.5) & (rows < height - 0.5) & (columns > -0.5) & (columns < width - 0.5)
-    found = _Places(np.where(alive, rows, 0.0), np.where(alive, columns, 0.0), alive)
+    found = _PixelPositions(np.where(alive, rows, 0.0), np.where(alive, columns, 0.0), alive)
     back = _nearest(there.motion, found)
     gone, come = (shift[..., :2], back[..., 2:]) if way < 0 else (shift[..., 2:], back[..., :2])
-    return found._replace(alive=alive & (np.abs(gone - come).max(axis=-1) < _ASTRAY))
+    return found._replace(alive=alive & (np.abs(gone - come).max(axis=-1) < _MOTION_TOLERANCE))
 
 
-def _interpolated_light(here: DenoisedFrame, there: DenoisedFrame, places: _Places) -> tuple[F64, F64]:
+def _interpolated_light(here: DenoisedFrame, there: DenoisedFrame, places: _PixelPositions) -> tuple[F64, F64]:
     """Interpolates the other frame's light from those of four pixels that show the same surface.
 
     Also returns their total weight, 0 ... 1.

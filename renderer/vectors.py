@@ -22,7 +22,7 @@ from renderer.bvh.traverse import new_stack
 from renderer.kernel.camera import axes_of, camera_frame, extent_at_one
 from renderer.kernel.vectors import trace_motion_points
 from renderer.scene.compiled import CompiledScene
-from renderer.scene.origin import seen_from
+from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings, View
 from renderer.threads import Team, parts_of
 
@@ -34,7 +34,7 @@ F64 = npt.NDArray[np.float64]
 _MOVING = "moving"
 _KERNEL = "vectors"
 _ROWS = 16  # rows of pixels per part
-_FURTHEST = 1e7  # pixels
+_MAX_OFFSET = 1e7  # pixels
 
 
 def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int | None = None) -> F32:
@@ -48,7 +48,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
     """
     sharp = [replace(view, aperture=0.0) for view in settings.views]
     settings = replace(settings, view=replace(settings.view, aperture=0.0), views=tuple(sharp))
-    settings = seen_from(settings, scene.origin)
+    settings = settings_relative_to_origin(settings, scene.origin)
     views = [settings.views[k] for k in (0, len(sharp) // 2, -1)] if sharp else [settings.view] * 3
     places = np.empty((settings.height, settings.width, 3, 4))
     prepared, camera = strip_absent_features(scene, _MOVING), camera_frame(settings)
@@ -81,7 +81,7 @@ def _pixel_offsets(start: F64, end: F64, settings: RenderSettings, views: list[V
     if views[1].projection == "panorama":
         way[..., 0] -= settings.width * np.rint(way[..., 0] / settings.width)  # the shorter way around the panorama
     way[..., 1] = -way[..., 1]
-    nowhere = ~(np.abs(way) < _FURTHEST).all(axis=2)
+    nowhere = ~(np.abs(way) < _MAX_OFFSET).all(axis=2)
     way[nowhere] = 0.0
     return way + 0.0  # no -0
 

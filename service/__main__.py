@@ -20,14 +20,14 @@ __all__ = ["serve"]
 # short. Idle connections are kept for longer than clients keep theirs (httpx: 5 s, uvicorn's default too): if both close at the
 # same time, a request may arrive on a connection that is being closed, and fails.
 KEEP_ALIVE_S = 20
-ALWAYS = (
+UVICORN_OPTIONS = (
     *("--factory", "--http", "auto", "--timeout-keep-alive", str(KEEP_ALIVE_S)),
     *("--ws-per-message-deflate", "false", "--ws-max-size", str(4 << 20)),
     "--no-proxy-headers",  # service/http/client_address.py uses RAYFARM_TRUSTED_PROXIES instead
 )
 HOST, PORT = "127.0.0.1", "8000"
 log = logging.getLogger(__name__)
-PROBES = ("/healthz", "/readyz")
+HEALTH_CHECK_PATHS = ("/healthz", "/readyz")
 
 
 def serve(arguments: Sequence[str]) -> None:
@@ -46,12 +46,12 @@ def serve(arguments: Sequence[str]) -> None:
     os.environ |= {"RAYFARM_HOST": told.host, "RAYFARM_PORT": told.port}
     if "FORWARDED_ALLOW_IPS" in os.environ:
         log.warning("FORWARDED_ALLOW_IPS is not read. Set RAYFARM_TRUSTED_PROXIES to the addresses of your proxies.")
-    logging.getLogger("uvicorn.access").addFilter(_is_no_probe)
+    logging.getLogger("uvicorn.access").addFilter(_is_not_health_check)
     listening = ("--host", told.host, "--port", told.port)
-    uvicorn.main(args=["service.main:create_app", *ALWAYS, *listening, *others], prog_name="python -m service")
+    uvicorn.main(args=["service.main:create_app", *UVICORN_OPTIONS, *listening, *others], prog_name="python -m service")
 
 
-def _is_no_probe(record: logging.LogRecord) -> bool:
+def _is_not_health_check(record: logging.LogRecord) -> bool:
     """Logging filter: drops access log records of successful health probes, which come every few seconds.
 
     uvicorn's arguments of the record are client, method, path, HTTP version and status.
@@ -59,7 +59,7 @@ def _is_no_probe(record: logging.LogRecord) -> bool:
     if not isinstance(record.args, tuple) or len(record.args) != 5:
         return True
     _, method, path, _, status = record.args
-    return not (method == "GET" and str(path).partition("?")[0] in PROBES and status == 200)
+    return not (method == "GET" and str(path).partition("?")[0] in HEALTH_CHECK_PATHS and status == 200)
 
 
 if __name__ == "__main__":

@@ -8,27 +8,27 @@ import zipfile
 from pathlib import Path
 
 from renderer import __version__
-from service.locations import shipped
+from service.locations import shipped_folder
 
 __all__ = ["FILE", "addon_zip"]
 
 FILE = "rayfarm-blender.zip"
 FOLDER = "rayfarm_addon"
-LONG_AGO = (1980, 1, 1, 0, 0, 0)  # fixed time, so that equal sources give equal bytes
+ENTRY_TIME = (1980, 1, 1, 0, 0, 0)  # fixed time, so that equal sources give equal bytes
 MANIFEST_VERSION = '\nversion = "0.0.0"\n'
 BL_INFO_VERSION = '"version": (0, 0, 0)'
 
 
 def addon_zip(version: str = __version__) -> bytes:
     """Returns the add-on's zip archive. Blender 4.2 and later install it as an extension, older ones as a legacy add-on."""
-    folder = shipped("blender") / FOLDER
+    folder = shipped_folder("blender") / FOLDER
     found = io.BytesIO()
     with zipfile.ZipFile(found, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(folder.rglob("*")):
             name = path.relative_to(folder)
             if path.suffix not in (".py", ".toml") or "__pycache__" in name.parts:
                 continue
-            info = zipfile.ZipInfo(f"{FOLDER}/{name.as_posix()}", LONG_AGO)
+            info = zipfile.ZipInfo(f"{FOLDER}/{name.as_posix()}", ENTRY_TIME)
             info.compress_type = zipfile.ZIP_DEFLATED
             info.external_attr = 0o644 << 16
             archive.writestr(info, _versioned(path, version))

@@ -9,7 +9,7 @@ from protocol.hours import local_now
 
 __all__ = ["Clock", "WorkClock", "deadline_of"]
 
-FURTHEST = timedelta(days=3660)
+MAX_DEADLINE = timedelta(days=3660)
 
 
 class Clock(Protocol):
@@ -38,7 +38,7 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
     try:
         if len(text) <= 5 and ":" in text:
             hour, minute = map(int, text.split(":"))
-            found = _next(now.replace(hour=hour, minute=minute, second=0, microsecond=0, fold=0), now)
+            found = _next_occurrence(now.replace(hour=hour, minute=minute, second=0, microsecond=0, fold=0), now)
         else:
             found = datetime.fromisoformat(text)
         seconds = found.timestamp()
@@ -46,12 +46,12 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
         raise ValueError(f"{text[:60]!r} is no time; give 08:00, 2026-05-01T08:00 or 2026-05-01T08:00+02:00") from None
     if seconds <= now.timestamp():
         raise ValueError(f"{text} has passed already")
-    if seconds > now.timestamp() + FURTHEST.total_seconds():
+    if seconds > now.timestamp() + MAX_DEADLINE.total_seconds():
         raise ValueError(f"{text} is more than ten years from now")
     return seconds
 
 
-def _next(today: datetime, now: datetime) -> datetime:
+def _next_occurrence(today: datetime, now: datetime) -> datetime:
     """Returns the next occurrence of a time of day. When clocks are set back, a time can occur twice in one night."""
     for found in (today, today.replace(fold=1)):
         if found.timestamp() > now.timestamp() and (found > now or found.fold):

@@ -17,14 +17,14 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResp
 
 __all__ = ["Connection", "most_connections"]
 
-HEAD_WITHIN_S = 20.0
-LARGEST_HEAD = 1 << 16  # bytes, in addition to those received together with its beginning
-BODY_WITHIN_S = 60.0  # seconds, plus one second for each BODY_BYTES_A_SECOND received
-BODY_BYTES_A_SECOND = 1 << 10
-SHORT_BODY = 1 << 16  # bytes; uvicorn buffers as many before it pauses reading
-FILES = 1 << 16  # file descriptors that the service requests from the system
-OWN_FILES = 512  # the minimum of these that is left for films, blobs and the database
-REFUSED = b"HTTP/1.1 %s\r\ncontent-type: text/plain\r\ncontent-length: %d\r\nconnection: close\r\n\r\n%s"
+HEAD_TIMEOUT_S = 20.0
+MAX_HEAD_BYTES = 1 << 16  # bytes, in addition to those received together with its beginning
+BODY_TIMEOUT_S = 60.0  # seconds, plus one second for each BODY_BYTES_A_SECOND received
+MIN_BODY_RATE = 1 << 10
+MAX_SHORT_BODY = 1 << 16  # bytes; uvicorn buffers as many before it pauses reading
+WANTED_DESCRIPTORS = 1 << 16  # file descriptors that the service requests from the system
+RESERVED_DESCRIPTORS = 512  # the minimum of these that is left for films, blobs and the database
+REFUSAL_RESPONSE = b"HTTP/1.1 %s\r\ncontent-type: text/plain\r\ncontent-length: %d\r\nconnection: close\r\n\r\n%s"
 
 
 def most_connections() -> int:
@@ -33,13 +33,13 @@ def most_connections() -> int:
     First raises the process's descriptor limit if possible.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = FILES if hard == resource.RLIM_INFINITY else min(FILES, hard)
+    wanted = WANTED_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(WANTED_DESCRIPTORS, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         with contextlib.suppress(ValueError, OSError):
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
             soft = wanted
-    allowed = FILES if soft == resource.RLIM_INFINITY else soft
-    return max(allowed - max(OWN_FILES, allowed // 4), allowed // 4)
+    allowed = WANTED_DESCRIPTORS if soft == resource.RLIM_INFINITY else soft
+    return max(allowed - max(RESERVED_DESCRIPTORS, allowed // 4), allowed // 4)
 
 
 class Connection(HttpToolsProtocol):
@@ -71,11 +71,11 @@ class Connection(HttpToolsProtocol):
                 return
             oldest.transport.abort()
             self._saying.pop(oldest, None)
-        self._wait(HEAD_WITHIN_S)
+        self._start_timer(HEAD_TIMEOUT_S)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Cancels the timeout of a closed connection."""
-        self._rest()
+        self._cancel_timer()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -85,12 +85,12 @@ class Connection(HttpToolsProtocol):
         if self.transport.is_closing() or self._head is None or self._has_begun:
             return
         self._head += len(data)
-        if self._head > LARGEST_HEAD:
+        if self._head > MAX_HEAD_BYTES:
             self._refuse(b"431 Request Header Fields Too Large", b"The request's address and headers are too long.")
 
     def handle_websocket_upgrade(self) -> None:
         """Passes the connection to the WebSocket protocol and cancels its timeout."""
-        self._rest()
+        self._cancel_timer()
         super().handle_websocket_upgrade()
 
     def on_message_begin(self) -> None:
@@ -98,13 +98,13 @@ class Connection(HttpToolsProtocol):
         super().on_message_begin()
         self._head, self._has_begun = 0, True
         if self._timer is None:
-            self._wait(HEAD_WITHIN_S)
+            self._start_timer(HEAD_TIMEOUT_S)
 
     def on_headers_complete(self) -> None:
         """Starts the timeout for the request's body."""
         self._head, self._received, self._body_since = None, 0, time.monotonic()
         super().on_headers_complete()
-        self._wait(BODY_WITHIN_S)
+        self._start_timer(BODY_TIMEOUT_S)
 
     def on_body(self, body: bytes) -> None:
         """Extends the timeout by the received bytes of the body."""
@@ -113,7 +113,7 @@ class Connection(HttpToolsProtocol):
 
     def on_message_complete(self) -> None:
         """Cancels the timeout, since the request is complete."""
-        self._rest()
+        self._cancel_timer()
         super().on_message_complete()
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
@@ -121,52 +121,52 @@ class Connection(HttpToolsProtocol):
 
         If the body is short, first waits until it is complete, so that stalled requests use few resources.
         """
-        super()._start_asgi_task(cycle, partial(_once_whole, cycle, app) if _is_short(cycle) else app)
+        super()._start_asgi_task(cycle, partial(_run_when_complete, cycle, app) if _has_short_body(cycle) else app)
 
-    def _wait(self, seconds: float) -> None:
-        self._rest()
+    def _start_timer(self, seconds: float) -> None:
+        self._cancel_timer()
         self._saying[self] = None
-        self._timer = self.loop.call_later(seconds, self._is_late)
+        self._timer = self.loop.call_later(seconds, self._time_out)
 
-    def _rest(self) -> None:
+    def _cancel_timer(self) -> None:
         self._saying.pop(self, None)
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
-    def _is_late(self) -> None:
+    def _time_out(self) -> None:
         self._timer = None
         if self._head is None:
             if self.flow.read_paused:  # the service itself has paused reading
-                self._body_since += BODY_WITHIN_S
-            left_s = self._body_since + BODY_WITHIN_S + self._received / BODY_BYTES_A_SECOND - time.monotonic()
+                self._body_since += BODY_TIMEOUT_S
+            left_s = self._body_since + BODY_TIMEOUT_S + self._received / MIN_BODY_RATE - time.monotonic()
             if left_s > 0:
-                self._wait(left_s)
+                self._start_timer(left_s)
                 return
             if self.cycle is not None and self.cycle.response_started:
-                self._rest()
+                self._cancel_timer()
                 self.transport.close()
                 return
         if self._is_silent:  # browsers open connections in advance, and would take a response for that of their next request
-            self._rest()
+            self._cancel_timer()
             self.transport.close()
             return
         self._refuse(b"408 Request Timeout", b"The request did not arrive in time.")
 
     def _refuse(self, status: bytes, sentence: bytes) -> None:
-        self._rest()
+        self._cancel_timer()
         if self.cycle is None or self.cycle.response_complete or self._head is None:
-            self.transport.write(REFUSED % (status, len(sentence), sentence))
+            self.transport.write(REFUSAL_RESPONSE % (status, len(sentence), sentence))
         self.transport.close()
 
 
-def _is_short(cycle: RequestResponseCycle) -> bool:
+def _has_short_body(cycle: RequestResponseCycle) -> bool:
     """Whether a request has a short body that it sends without waiting for `100 Continue`."""
     length = next((value for name, value in cycle.scope["headers"] if name == b"content-length"), b"0")
-    return not cycle.waiting_for_100_continue and length.isdigit() and 0 < int(length[:18]) <= SHORT_BODY
+    return not cycle.waiting_for_100_continue and length.isdigit() and 0 < int(length[:18]) <= MAX_SHORT_BODY
 
 
-async def _once_whole(cycle: RequestResponseCycle, app: Any, *request: Any) -> None:
+async def _run_when_complete(cycle: RequestResponseCycle, app: Any, *request: Any) -> None:
     """Runs the application once the request is complete. Does nothing if the client disconnects first."""
     while cycle.more_body and not cycle.disconnected:
         cycle.message_event.clear()

@@ -22,25 +22,25 @@ QueueError          Redis cannot be reached; not reported to users, since the en
 
 from __future__ import annotations
 
-from renderer.sentences import Sentence, joined
+from renderer.sentences import Sentence, joined_sentences
 
 __all__ = [
-    "CannotStart",
+    "AnswerTimeout",
     "Conflict",
     "Failed",
     "FarmError",
     "FilmDamaged",
     "FilmLost",
-    "FilmWaits",
+    "FilmUnavailable",
     "Invalid",
-    "NoRoom",
     "NotAllowed",
     "NotFound",
     "NotOwner",
+    "OutOfSpace",
     "OverQuota",
     "QueueError",
+    "StartupError",
     "TooLarge",
-    "TooLate",
     "Unavailable",
     "UnknownFormat",
 ]
@@ -53,7 +53,7 @@ class FarmError(Exception):
     """
 
     def __init__(self, sentence: str = "", *, advice: str = "") -> None:
-        super().__init__(joined(sentence, advice))
+        super().__init__(joined_sentences(sentence, advice))
         self.fact = sentence
 
 
@@ -85,7 +85,7 @@ class UnknownFormat(FarmError):  # noqa: N818
     """The file format is not supported by this farm."""
 
 
-class NoRoom(FarmError):  # noqa: N818
+class OutOfSpace(FarmError):  # noqa: N818
     """The disk, or the caller's quota of bytes, is full."""
 
 
@@ -116,15 +116,15 @@ class Failed(FarmError):  # noqa: N818
     """A worker failed to process a request. The message is its error."""
 
 
-class TooLate(FarmError):  # noqa: N818
+class AnswerTimeout(FarmError):  # noqa: N818
     """A worker did not answer in time."""
 
 
-class CannotStart(FarmError):  # noqa: N818
+class StartupError(FarmError):
     """The service cannot start on this data folder or with these settings."""
 
 
-class FilmWaits(FarmError):  # noqa: N818
+class FilmUnavailable(FarmError):  # noqa: N818
     """A film cannot be read or written at present: full disk, lock, read-only disk."""
 
 

@@ -24,7 +24,7 @@ __all__ = [
     "PreparationRequested",
     "RowWritten",
     "TilesChanged",
-    "WorkerSetAside",
+    "WorkerQuarantined",
 ]
 
 log = logging.getLogger(__name__)
@@ -80,7 +80,7 @@ class FilmSuspected:
 
 
 @dataclass(frozen=True, slots=True)
-class WorkerSetAside:
+class WorkerQuarantined:
     """A worker was quarantined because its results differ from those of others.
 
     details: the content of the webhook message; None if it was found in an earlier run of the service.
@@ -104,7 +104,7 @@ class Events:
         """Registers a handler for all events of type `kind` that are published later."""
 
         def submit(event: Event) -> None:
-            self._background.submit(_guarded, handler, event)
+            self._background.submit(_call_handler, handler, event)
 
         self._handlers[kind].append(submit if in_background else handler)
 
@@ -118,7 +118,7 @@ class Events:
         self._background.shutdown()
 
 
-def _guarded(handler: Callable[[Event], object], event: Event) -> None:
+def _call_handler(handler: Callable[[Event], object], event: Event) -> None:
     try:
         handler(event)
     except FarmError as error:

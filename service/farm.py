@@ -20,7 +20,7 @@ from renderer.variables import VariableError
 from service.access.access import Access
 from service.access.quotas import Limits, Quotas
 from service.access.redis_users import RedisUsers
-from service.errors import CannotStart, Conflict, FarmError
+from service.errors import Conflict, FarmError, StartupError
 from service.events import BlobsReleased, Events
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
@@ -34,7 +34,7 @@ from service.ownership.ownership import Ownership
 from service.scheduling.dispatching.celery_dispatcher import CeleryDispatcher
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
-from service.scheduling.snapshot import SnapshotBoard
+from service.scheduling.snapshot import SnapshotHolder
 from service.settings import Settings
 from service.store.blobs import BlobFolder, BlobStore
 from service.store.film_snapshots import FilmSnapshots
@@ -42,7 +42,7 @@ from service.store.film_store import FilmFolder
 from service.store.films import Film
 from service.store.garbage import Garbage
 from service.store.kernels import KernelStore
-from service.store.models import FINAL, Job
+from service.store.models import FINAL_STATES, Job
 from service.store.reserve import Reserve
 from service.viewing.explaining import PixelExplainer
 from service.viewing.view_scheduler import ViewScheduler
@@ -54,9 +54,9 @@ __all__ = ["Farm"]
 
 log = logging.getLogger(__name__)
 
-ENGINE_PATIENCE_S = 0.25  # with a locked database: meanwhile all jobs stand still
-READ_BYTES = 1 << 20  # bytes that the engine reads at a time; a result may have megabytes
-OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
+ENGINE_LOCK_TIMEOUT_S = 0.25  # with a locked database: meanwhile all jobs stand still
+RESULTS_READ_BYTES = 1 << 20  # bytes that the engine reads at a time; a result may have megabytes
+OWNERSHIP_TIMEOUT_S = 10.0  # an earlier service may still be ending
 
 
 class Farm:
@@ -68,7 +68,7 @@ class Farm:
         owning: the ownership of the farm; None: acquires it. Raises CannotStart if that fails.
         """
         self.settings = settings
-        self.owning = owning or take_farm(settings, OWN_PATIENCE_S)
+        self.owning = owning or take_farm(settings, OWNERSHIP_TIMEOUT_S)
         self.database, self.sessions = self.owning.engine, self.owning.sessions
         self.instance = settings.instance()
         try:
@@ -80,7 +80,7 @@ class Farm:
         self.events = Events()
         self._assemble_store(settings)
         self._assemble_scheduling(settings)
-        self._assemble_keeping(settings)
+        self._assemble_maintenance(settings)
         self._assemble_delivery(settings)
         self._parts = (
             *(self.engine, self.views, self.retention, self.taint, self.scrubber),
@@ -103,11 +103,11 @@ class Farm:
 
     def _assemble_scheduling(self, settings: Settings) -> None:
         """Creates the engine, live views, pixel explanations and quotas."""
-        self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
-        board = SnapshotBoard(self.events)
+        self.records = Records(self.sessions.with_lock_timeout(ENGINE_LOCK_TIMEOUT_S), settings.max_pixels)
+        board = SnapshotHolder(self.events)
         self.views = ViewScheduler(*_broker(settings), board, self.events)
         self.explaining = PixelExplainer(*_broker(settings), board)
-        connection = _redis(settings, health_check_interval=30, socket_read_size=READ_BYTES)
+        connection = _redis(settings, health_check_interval=30, socket_read_size=RESULTS_READ_BYTES)
         dispatcher = CeleryDispatcher(settings.redis_url, connection, self.owning.guard)
         self.engine = Engine(
             *(settings, connection, dispatcher, self.records, self.films, self.snapshots, self.blobs, board, self.events),
@@ -119,7 +119,7 @@ class Farm:
         usual = Limits(settings.quota_bytes, settings.quota_jobs, settings.quota_samples_day)
         self.quotas = Quotas(self.sessions, usual, self.films.size)
 
-    def _assemble_keeping(self, settings: Settings) -> None:
+    def _assemble_maintenance(self, settings: Settings) -> None:
         """Creates the deletion of jobs, the checks of films, and retention."""
         self.deleting = JobDeleter(self.sessions, self.garbage, self.reserve, self.events)
         self.frame_changes = self.deleting.frames
@@ -177,7 +177,7 @@ class Farm:
             raise Conflict(
                 Sentence("picture-unavailable", "The picture cannot be shown: {error}. Render it again.", error=error)
             ) from None
-        recorded = self.records.samples(job.id, frame) if job.state in FINAL else 0
+        recorded = self.records.samples(job.id, frame) if job.state in FINAL_STATES else 0
         return self.films.open(job.id, settings, job.tile_size, recorded=recorded, frame=frame)
 
 
@@ -200,8 +200,8 @@ def open_blobs(settings: Settings) -> BlobStore:
     try:
         from service.store.s3 import S3Blobs
     except ImportError as error:
-        raise CannotStart("RAYFARM_BLOBS needs obstore. Install it: pip install 'rayfarm[s3]'.") from error
+        raise StartupError("RAYFARM_BLOBS needs obstore. Install it: pip install 'rayfarm[s3]'.") from error
     try:
         return S3Blobs(settings.blobs, temporary)
     except VariableError as error:
-        raise CannotStart(str(error)) from error
+        raise StartupError(str(error)) from error

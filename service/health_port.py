@@ -15,13 +15,13 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from service.errors import CannotStart
+from service.errors import StartupError
 
 __all__ = ["HealthPort"]
 
 TICK_S = 0.25
-HANGS_S = 20.0  # seconds without a turn after which the loop counts as hanging
-PATIENCE_S = 5.0  # seconds; timeout of a client's connection
+HANG_TIMEOUT_S = 20.0  # seconds without a turn after which the loop counts as hanging
+CLIENT_TIMEOUT_S = 5.0  # seconds; timeout of a client's connection
 
 
 class HealthPort:
@@ -36,7 +36,7 @@ class HealthPort:
         try:
             self._server = _Server((host, port), handler)
         except OSError as error:
-            raise CannotStart(
+            raise StartupError(
                 f"Nobody can listen at {host}:{port} ({error}). Set RAYFARM_HEALTH_PORT to a port that is free."
             ) from None
         self.port = self._server.server_port
@@ -57,7 +57,7 @@ class HealthPort:
         """Returns a sentence on why the process should be restarted; None if it is healthy."""
         if not self._is_engine_alive():
             return "The scheduler has stopped. Restart the service."
-        if self.waited_s > HANGS_S:
+        if self.waited_s > HANG_TIMEOUT_S:
             return f"The event loop has not had a turn for {self.waited_s:.0f} s. Restart the service."
         return None
 
@@ -77,7 +77,7 @@ class _Server(ThreadingHTTPServer):
 
 class _Handler(BaseHTTPRequestHandler):
     health: HealthPort
-    timeout = PATIENCE_S
+    timeout = CLIENT_TIMEOUT_S
 
     def do_GET(self) -> None:
         if self.path != "/healthz":

@@ -6,13 +6,13 @@ The check runs often, so it imports very few modules: 15 ms instead of the 100 m
 import socket
 import sys
 
-PATIENCE_S = 2.0
+TIMEOUT_S = 2.0
 
 
 def main(port: int = 8000) -> int:
     """Returns exit code 0 if the service at this port is ready or a standby, else 1."""
     try:
-        with socket.create_connection(("127.0.0.1", port), PATIENCE_S) as service:
+        with socket.create_connection(("127.0.0.1", port), TIMEOUT_S) as service:
             # HTTP/1.1, since the service takes HTTP/1.0 for a sign of a proxy (service/http/client_address.py).
             service.sendall(b"GET /readyz HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
             return int(b" 200 " not in service.recv(64))

@@ -11,17 +11,17 @@ from pathlib import Path
 
 import platformdirs
 
-__all__ = ["CLONE", "default_data_folder", "shipped", "sqlite_url"]
+__all__ = ["SOURCE_CHECKOUT", "default_data_folder", "shipped_folder", "sqlite_url"]
 
 _PACKAGE = Path(__file__).resolve().parent
-_ABOVE = _PACKAGE.parent
+_PACKAGE_PARENT = _PACKAGE.parent
 
-CLONE = _ABOVE if (_ABOVE / "farm.py").is_file() and (_ABOVE / "web").is_dir() else None
+SOURCE_CHECKOUT = _PACKAGE_PARENT if (_PACKAGE_PARENT / "farm.py").is_file() and (_PACKAGE_PARENT / "web").is_dir() else None
 
 
-def shipped(name: str) -> Path:
+def shipped_folder(name: str) -> Path:
     """Returns the path of a folder shipped with Rayfarm: `web`, `scenes` or `blender`."""
-    return CLONE / name if CLONE else _PACKAGE / ("examples" if name == "scenes" else name)
+    return SOURCE_CHECKOUT / name if SOURCE_CHECKOUT else _PACKAGE / ("examples" if name == "scenes" else name)
 
 
 def default_data_folder() -> Path:
@@ -29,7 +29,7 @@ def default_data_folder() -> Path:
     named = os.environ.get("RAYFARM_DATA")
     if named:
         return Path(named).expanduser().resolve()
-    return CLONE / "data" if CLONE else platformdirs.user_data_path("rayfarm", appauthor=False)
+    return SOURCE_CHECKOUT / "data" if SOURCE_CHECKOUT else platformdirs.user_data_path("rayfarm", appauthor=False)
 
 
 def sqlite_url(path: Path) -> str:

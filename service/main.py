@@ -18,7 +18,7 @@ from starlette.responses import RedirectResponse
 
 from renderer import __version__
 from renderer.printable import LogRecord, printable
-from service.errors import CannotStart
+from service.errors import StartupError
 from service.farm import Farm
 from service.health_port import HealthPort
 from service.http import problems
@@ -28,12 +28,12 @@ from service.http.gate import AuthorizationMiddleware
 from service.http.security import SecurityMiddleware
 from service.http.standby_requests import StandbyMiddleware
 from service.pages import Pages, WebPages
-from service.process_lifecycle import REFUSES_TO_START, Life
+from service.process_lifecycle import REFUSES_TO_START, ServiceLifecycle
 from service.routes import registry
 from service.settings import Settings
-from service.watching.allocator import keep_one_heap
+from service.watching.allocator import use_one_heap
 from telemetry import tracing
-from telemetry.log_lines import as_json, by_json
+from telemetry.log_lines import as_json, uses_json
 
 __all__ = ["create_app"]
 
@@ -44,27 +44,27 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     """Returns the service as an ASGI application. settings: None: read from the environment."""
     try:
         settings = settings or Settings.read()
-    except CannotStart as error:
+    except StartupError as error:
         print(printable(f"ERROR:    {error}"), file=sys.stderr)
         sys.exit(REFUSES_TO_START)
     logging.setLogRecordFactory(LogRecord)
-    if by_json():
+    if uses_json():
         as_json("service")
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        keep_one_heap()
+        use_one_heap()
 
         def take_over(farm: Farm) -> None:
             app.state.farm = farm
 
-        life = app.state.life = Life(settings, take_over)
+        life = app.state.life = ServiceLifecycle(settings, take_over)
         health = None
         try:
             if settings.health_port:
                 health = HealthPort(settings.host, settings.health_port, lambda: life.is_alive)
             await life.begin()
-        except CannotStart as error:
+        except StartupError as error:
             app.state.refusal = str(error)
             raise
         if health is not None:
@@ -79,7 +79,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
                 if health is not None:
                     health.stop()
                 await life.end()
-                await asyncio.to_thread(tracing.end)
+                await asyncio.to_thread(tracing.stop_tracing)
 
     app = FastAPI(
         title="Rayfarm",

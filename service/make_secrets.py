@@ -14,12 +14,12 @@ from pathlib import Path
 
 from renderer.printable import printable
 from renderer.variables import VariableError, value_of
-from service.store.atomic_files import write_once, write_whole
+from service.store.atomic_files import write_atomically, write_if_missing
 
 __all__ = ["SECRETS", "main", "make_secrets"]
 
 SECRETS = {"token": "RAYFARM_TOKEN", "redis-password": "RAYFARM_REDIS_PASSWORD"}
-BYTES = 32
+SECRET_BYTES = 32
 
 
 def make_secrets(folder: Path) -> None:
@@ -28,10 +28,10 @@ def make_secrets(folder: Path) -> None:
         path, given = folder / name, value_of(variable)
         known = path.read_text().strip() if path.exists() else ""
         if given and given != known:
-            write_whole(path, f"{given}\n".encode())
+            write_atomically(path, f"{given}\n".encode())
         elif not known:
             path.unlink(missing_ok=True)  # an empty file
-            write_once(path, f"{secrets.token_hex(BYTES)}\n".encode())
+            write_if_missing(path, f"{secrets.token_hex(SECRET_BYTES)}\n".encode())
 
 
 def main() -> int:

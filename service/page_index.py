@@ -24,11 +24,11 @@ _GROUPS = {
     "js/joined.js": re.compile(r'<script src="js/[^"]+"></script>(?:\s*<script src="js/[^"]+"></script>)*'),
 }
 _LINKED = re.compile(r'(?:href|src)="([^"]+)"')
-_NAMED = re.compile(r'\b(href|src)="((?:js|css)/[^"]+|icon\.svg)"')
+_REFERENCE = re.compile(r'\b(href|src)="((?:js|css)/[^"]+|icon\.svg)"')
 _MODULE = re.compile(r'<script type="module" src="([^"]+)"')
 _IMPORT = re.compile(r'^(?:import|export|\})[^"\n]*"(\.{1,2}/[^"]+)"', re.MULTILINE)
 _VIEW = re.compile(r'^\s*"([\w/]*)": async \(\) => \(await import\("(\.{1,2}/[^"]+)"\)\)', re.MULTILINE)  # in views/showing.js
-_ON_DEMAND = re.compile(r'\bawait import\("(\.{1,2}/[^"]+)"\)')
+_DYNAMIC_IMPORT = re.compile(r'\bawait import\("(\.{1,2}/[^"]+)"\)')
 
 
 def joined_files(html: str, sources: Mapping[str, str]) -> dict[str, str]:
@@ -47,7 +47,7 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
     on_demand = {
         posixpath.basename(name).removesuffix(".js"): [base + each for each in _imported([name], sources) if each not in at_once]
         for module in at_once
-        for name in _named_in(module, _ON_DEMAND, sources)
+        for name in _imported_modules(module, _DYNAMIC_IMPORT, sources)
     }
     views = {
         address: posixpath.basename(name).removesuffix(".js")
@@ -63,21 +63,21 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
     for name, group in _GROUPS.items():
         tag = f'<link rel="stylesheet" href="{name}" />' if name.endswith(".css") else f'<script src="{name}"></script>'
         html = group.sub(tag, html, count=1)
-    return _NAMED.sub(rf'\1="{base}\2"', html)
+    return _REFERENCE.sub(rf'\1="{base}\2"', html)
 
 
 def _imported(modules: Iterable[str], sources: Mapping[str, str]) -> list[str]:
     """Returns the modules and all their static imports, direct and indirect, in import order."""
     found = dict.fromkeys(modules)
     for name in (waiting := list(found)):
-        for other in _named_in(name, _IMPORT, sources):
+        for other in _imported_modules(name, _IMPORT, sources):
             if other not in found:
                 found[other] = None
                 waiting.append(other)
     return list(found)
 
 
-def _named_in(module: str, statement: re.Pattern[str], sources: Mapping[str, str]) -> list[str]:
+def _imported_modules(module: str, statement: re.Pattern[str], sources: Mapping[str, str]) -> list[str]:
     """Returns the existing modules that a module imports. statement: pattern of the import statement."""
     folder = posixpath.dirname(module)
     names = [posixpath.normpath(posixpath.join(folder, relative)) for relative in statement.findall(sources.get(module, ""))]

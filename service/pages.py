@@ -25,9 +25,9 @@ from service.page_index import index_of, joined_files
 __all__ = ["Pages", "WebPages"]
 
 FOLDER = "v"  # v/HASH/js/main.js
-PARTS = ("js", "css", "words", "examples")
-FOREVER = "public, max-age=31536000, immutable"
-PACKED = (".js", ".css", ".svg", ".html", ".json")
+PAGE_FOLDERS = ("js", "css", "words", "examples")
+CACHE_FOREVER = "public, max-age=31536000, immutable"
+COMPRESSED_SUFFIXES = (".js", ".css", ".svg", ".html", ".json")
 SOURCES = (".js", ".css", ".html")
 
 mimetypes.add_type("text/javascript", ".js")
@@ -51,7 +51,7 @@ class WebPages(Pages):
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder, html=True)
         self._folder = folder
-        self._shelf = Shelf(folder, ())
+        self._shelf = PageFiles(folder, ())
         self._lock = threading.Lock()
 
     async def get_response(self, path: str, scope: Scope) -> Response:
@@ -67,17 +67,17 @@ class WebPages(Pages):
         version, _, name = rest.partition("/")
         shelf = self._shelf if version == self._shelf.version else await run_in_threadpool(self._latest)
         is_of_it = version == shelf.version
-        lasts = FOREVER if is_of_it else "no-store"
+        lasts = CACHE_FOREVER if is_of_it else "no-store"
         if (content := shelf.contents.get(name)) is not None and (is_of_it or not name.endswith(".js")):
             return _answer(content, name, lasts, scope)
         return await super().get_response("no such file", scope)
 
-    def _latest(self) -> Shelf:
+    def _latest(self) -> PageFiles:
         """Returns the snapshot of the current files, so that changes to the page need no restart."""
         with self._lock:
             files = tuple(_files(self._folder))
             if files != self._shelf.files:
-                self._shelf = Shelf(self._folder, files)
+                self._shelf = PageFiles(self._folder, files)
             return self._shelf
 
 
@@ -99,7 +99,7 @@ class Content:
 
 
 @dataclass(frozen=True)
-class Shelf:
+class PageFiles:
     """A snapshot of all files of the page. files: name, size and modification time of each."""
 
     folder: Path
@@ -124,7 +124,7 @@ class Shelf:
 def _files(folder: Path) -> list[tuple[str, int, int]]:
     """Returns name, size and modification time of every file of the page, sorted."""
     found = []
-    for path in [*folder.glob("*"), *(path for part in PARTS for path in folder.glob(f"{part}/**/*"))]:
+    for path in [*folder.glob("*"), *(path for part in PAGE_FOLDERS for path in folder.glob(f"{part}/**/*"))]:
         name = path.relative_to(folder)
         if not _is_hidden(name) and path.is_file():
             known = path.stat()
@@ -139,7 +139,7 @@ def _is_hidden(name: Path) -> bool:
 def _answer(content: Content, name: str, lasts: str, scope: Scope) -> Response:
     """Returns the response with a file, compressed if the client accepts gzip. Status 304 if the client's ETag matches."""
     asked = Headers(scope=scope)
-    packs = name.endswith(PACKED) and "gzip" in asked.get("accept-encoding", "")
+    packs = name.endswith(COMPRESSED_SUFFIXES) and "gzip" in asked.get("accept-encoding", "")
     tag = content.tag[:-1] + '-gzip"' if packs else content.tag
     headers = {"ETag": tag, "Cache-Control": lasts, "Vary": "Accept-Encoding"}
     if tag in asked.get("if-none-match", ""):

@@ -13,24 +13,24 @@ from collections.abc import Callable
 
 from renderer import __version__
 from renderer.printable import printable
-from service.errors import CannotStart, FarmError, NotOwner
+from service.errors import FarmError, NotOwner, StartupError
 from service.farm import Farm
 from service.ownership.candidate import Candidate
 from service.ownership.ownership import Ownership
 from service.settings import Settings
 from telemetry import tracing
-from telemetry.log_lines import by_json
+from telemetry.log_lines import uses_json
 
-__all__ = ["REFUSES_TO_START", "Life"]
+__all__ = ["REFUSES_TO_START", "ServiceLifecycle"]
 
-TRY_EVERY_S = 0.1
+TAKEOVER_ATTEMPT_EVERY_S = 0.1
 REFUSES_TO_START = 3  # uvicorn's exit code for a failed start
-FAULT = 1
+EXIT_FAULT = 1
 
 log = logging.getLogger(__name__)
 
 
-class Life:
+class ServiceLifecycle:
     """The state of a service process: owner or standby. Use it on a single event loop."""
 
     def __init__(self, settings: Settings, take_over: Callable[[Farm], None]) -> None:
@@ -53,15 +53,15 @@ class Life:
         self._candidate = Candidate(self._settings)
         try:
             owning = self._candidate.attempt()
-        except CannotStart:
+        except StartupError:
             raise
         except FarmError as error:  # the database is unreachable, or locked by a suspended service
             owning, self._trouble = None, str(error)
         if owning is not None:
-            self._own(owning)
+            self._start_farm(owning)
         else:
             log.warning("%s", self.why)
-        self._task = asyncio.create_task(self._go_on())
+        self._task = asyncio.create_task(self._run())
 
     async def end(self) -> None:
         """Stops the farm if this process owns it; otherwise stops being a standby."""
@@ -113,7 +113,7 @@ class Life:
         if self._farm is not None:
             self._farm.broadcast.close()
 
-    def _own(self, owning: Ownership) -> None:
+    def _start_farm(self, owning: Ownership) -> None:
         """Starts the farm with this ownership. Raises CannotStart; then this process is a standby again."""
         self._lost.clear()
         loop = asyncio.get_running_loop()
@@ -123,7 +123,7 @@ class Life:
             owning.stop()
             self._candidate = Candidate(self._settings)
             raise
-        tracing.begin("rayfarm-service", farm.instance, __version__)
+        tracing.start_tracing("rayfarm-service", farm.instance, __version__)
 
         def lose() -> None:
             loop.call_soon_threadsafe(self._lost.set)
@@ -133,22 +133,22 @@ class Life:
         self._farm, self._candidate = farm, None
         self.taken.set()
         if self._settings.print_link and farm.access.needs_login and not self._has_printed:
-            self._print_link(farm)
+            self._print_login_link(farm)
 
-    def _print_link(self, farm: Farm) -> None:
+    def _print_login_link(self, farm: Farm) -> None:
         self._has_printed = True
         link = f"{self._settings.page_url}/#/login?code={farm.access.owner_link()}"
         said = f"Log in, once, within a day: {link}"
-        log.warning(said) if by_json() else print(printable(said))
+        log.warning(said) if uses_json() else print(printable(said))
 
-    async def _go_on(self) -> None:
+    async def _run(self) -> None:
         try:
-            await self._change_hands()
+            await self._alternate_roles()
         except Exception:
             log.critical("the service cannot go on, and ends", exc_info=True)
-            os._exit(FAULT)
+            os._exit(EXIT_FAULT)
 
-    async def _change_hands(self) -> None:
+    async def _alternate_roles(self) -> None:
         while True:
             if self._farm is None:
                 await self._stand_by()
@@ -169,9 +169,9 @@ class Life:
                 owning = await asyncio.to_thread(self._candidate.attempt)
                 self._trouble = ""
                 if owning is not None:
-                    self._own(owning)
+                    self._start_farm(owning)
                     return
-            except CannotStart as error:
+            except StartupError as error:
                 log.critical("%s", error)
                 os._exit(REFUSES_TO_START)  # the server offers no other way to end with an exit code
             except Exception as error:
@@ -183,4 +183,4 @@ class Life:
                         error,
                         exc_info=not isinstance(error, FarmError),
                     )
-            await asyncio.sleep(TRY_EVERY_S)
+            await asyncio.sleep(TAKEOVER_ATTEMPT_EVERY_S)

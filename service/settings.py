@@ -18,17 +18,17 @@ from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, Settings
 
 from protocol.redis_tls import with_certificate_authority, with_password, without_local_options
 from renderer.variables import FILE, VariableError, value_of
-from service.errors import CannotStart
-from service.hooks.signing import key_of, new_secret
-from service.locations import default_data_folder, shipped, sqlite_url
-from service.store.atomic_files import PRIVATE_FOLDER, write_once, write_whole
+from service.errors import StartupError
+from service.hooks.signing import new_secret, secret_bytes
+from service.locations import default_data_folder, shipped_folder, sqlite_url
+from service.store.atomic_files import PRIVATE_FOLDER, write_atomically, write_if_missing
 
 __all__ = ["OWNER_TOKEN", "Settings", "is_address"]
 
 MIB = 1 << 20
 GIB = 1 << 30
 OWNER_TOKEN = "owner-token"  # file in the data folder; its content grants the owner's rights
-ANYWHERE = ("0.0.0.0", "::", "")
+WILDCARD_ADDRESSES = ("0.0.0.0", "::", "")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -64,8 +64,8 @@ class Settings(BaseSettings):
     oidc_logout: bool = True  # whether logging out also ends the session at the provider, if that supports it
     trusted_proxies: str = ""  # space-separated addresses and networks whose X-Forwarded-For and -Proto are trusted
     allowed_hosts: list[str] = Field(default_factory=list)  # further host names of this service, besides loopback
-    web: Path = shipped("web")
-    examples: Path = shipped("scenes")
+    web: Path = shipped_folder("web")
+    examples: Path = shipped_folder("scenes")
 
     webhooks: list[str] = Field(default_factory=list)  # URLs that are notified when a job ends
     webhook_secret: str = ""  # whsec_...: signs messages; empty: generated and stored in the data folder
@@ -132,13 +132,13 @@ class Settings(BaseSettings):
         try:
             return cls(**given)
         except VariableError as error:
-            raise CannotStart(str(error)) from error
+            raise StartupError(str(error)) from error
         except ValidationError as error:
             first = error.errors()[0]
             name, why = str(first["loc"][0]), first["msg"].removeprefix("Value error, ")
         except SettingsError as error:
             name, why = str(error).partition('"')[2].partition('"')[0], 'it is no JSON; a list is written as ["a", "b"]'
-        raise CannotStart(f"RAYFARM_{name.upper()} is invalid: {why[:1].lower()}{why[1:]}. Change or unset it.")
+        raise StartupError(f"RAYFARM_{name.upper()} is invalid: {why[:1].lower()}{why[1:]}. Change or unset it.")
 
     @field_validator("data")
     @classmethod
@@ -191,7 +191,7 @@ class Settings(BaseSettings):
     @classmethod
     def _secret(cls, value: str) -> str:
         if value:
-            key_of(value)
+            secret_bytes(value)
         return value
 
     @property
@@ -209,7 +209,7 @@ class Settings(BaseSettings):
         """URL at which other services of this farm reach this one."""
         if self.peer_url:
             return self.peer_url.rstrip("/")
-        host = self.host if self.host not in ANYWHERE else _own_address()
+        host = self.host if self.host not in WILDCARD_ADDRESSES else _own_address()
         return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
 
     @property
@@ -233,7 +233,7 @@ class Settings(BaseSettings):
         named = [name for name in self.published_names if not is_address(name) and name not in LOOPBACK]
         if named:
             return f"https://{named[0]}"
-        reached = [name for name in (*self.published_names, self.host) if name not in ANYWHERE]
+        reached = [name for name in (*self.published_names, self.host) if name not in WILDCARD_ADDRESSES]
         host = reached[0] if reached else socket.gethostname() if not self.published_names else "localhost"
         return f"http://{f'[{host}]' if ':' in host else host}:{self.published_port or self.port}"
 
@@ -250,7 +250,7 @@ class Settings(BaseSettings):
         try:
             self._make_folders()
         except OSError as error:
-            raise CannotStart(
+            raise StartupError(
                 f"The data folder {self.data} cannot be written ({error.strerror or error}). "
                 "Make room there, let this user write into it, or choose another folder (RAYFARM_DATA)."
             ) from error
@@ -262,22 +262,22 @@ class Settings(BaseSettings):
         for name in ("blobs", "films", "tmp"):
             (self.data / name).mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
         if not self.token:
-            self.token = _kept(self.data / "token")
+            self.token = _persistent_id(self.data / "token")
         if not self.owner_token:
-            self.owner_token = _kept(self.data / OWNER_TOKEN)
+            self.owner_token = _persistent_id(self.data / OWNER_TOKEN)
         if self.webhooks and not self.webhook_secret:
             path = self.data / "webhook-secret"
             if not path.exists():
-                write_once(path, f"{new_secret()}\n".encode())
+                write_if_missing(path, f"{new_secret()}\n".encode())
             self.webhook_secret = path.read_text().strip()
 
     def login_key(self) -> bytes:
         """Returns the 32-byte key that encrypts cookies of unfinished OpenID logins. All services of a data folder share it."""
-        return hashlib.sha256(_kept(self.data / "login-key").encode()).digest()
+        return hashlib.sha256(_persistent_id(self.data / "login-key").encode()).digest()
 
     def instance(self) -> str:
         """Returns the random id of this data folder, by which workers recognise it."""
-        return _kept(self.data / "instance")
+        return _persistent_id(self.data / "instance")
 
 
 class _Files(PydanticBaseSettingsSource):
@@ -315,11 +315,11 @@ def _own_address() -> str:
         return "127.0.0.1"
 
 
-def _kept(path: Path) -> str:
+def _persistent_id(path: Path) -> str:
     """Returns the random id stored in a private file. Creates the file if needed; safe if several services start at once."""
     made = f"{secrets.token_hex(16)}\n".encode()
     if not path.exists():
-        write_once(path, made)
+        write_if_missing(path, made)
     elif not path.read_text().strip():
-        write_whole(path, made)
+        write_atomically(path, made)
     return path.read_text().strip()

@@ -8,9 +8,9 @@ from typing import Any, Self
 
 from renderer.frames import frame_key, frame_number, frames_text, parse_frames
 
-__all__ = ["IN_TURN", "Shot"]
+__all__ = ["IN_TURN_ORDER", "Shot"]
 
-IN_TURN = "in-turn"
+IN_TURN_ORDER = "in-turn"
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Shot:
     fps: float | None = None
     clip: str | None = None
     turntable: float | None = None
-    order: str = IN_TURN
+    order: str = IN_TURN_ORDER
     every: int = 8
     first: int | None = None
     revision: int = 0

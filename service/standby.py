@@ -12,10 +12,10 @@ import gc
 gc.disable()  # during imports, each collection would scan all modules loaded so far; service/main.py enables it
 
 import service.main  # noqa: E402, F401 - what takes so long
-from renderer.child_processes import wait_to_begin  # noqa: E402
+from renderer.child_processes import wait_for_start_line  # noqa: E402
 from service.__main__ import serve  # noqa: E402
 
 if __name__ == "__main__":
-    arguments = wait_to_begin()
+    arguments = wait_for_start_line()
     if arguments is not None:  # at the end of the input, the supervisor is gone
         serve(arguments)

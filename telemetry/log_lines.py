@@ -28,16 +28,16 @@ __all__ = [
     "JsonLines",
     "about",
     "as_json",
-    "by_json",
     "current_ids",
     "ids",
     "level",
+    "uses_json",
 ]
 
 FORMAT_VARIABLE, LEVEL_VARIABLE = "RAYFARM_LOG_FORMAT", "RAYFARM_LOG_LEVEL"
 FORMATS, LEVELS = ("text", "json"), ("debug", "info", "warning", "error")
 LONGEST = 20_000  # characters of a message or a trace
-QUIET = ("httpx", "httpcore", "alembic", "multipart", "asyncio", "opentelemetry", "urllib3", "PIL", "botocore", "boto3")
+QUIET_LOGGERS = ("httpx", "httpcore", "alembic", "multipart", "asyncio", "opentelemetry", "urllib3", "PIL", "botocore", "boto3")
 
 _about: ContextVar[Mapping[str, Any]] = ContextVar("about", default=MappingProxyType({}))
 
@@ -45,7 +45,7 @@ _about: ContextVar[Mapping[str, Any]] = ContextVar("about", default=MappingProxy
 @contextlib.contextmanager
 def about(**names: Any) -> Iterator[None]:
     """Context manager that adds ids to this thread's log lines: job, batch, frame, scene, worker ... None values are omitted."""
-    before = _about.set({**_about.get(), **_known(names)})
+    before = _about.set({**_about.get(), **_without_none(names)})
     try:
         yield
     finally:
@@ -59,10 +59,10 @@ def current_ids() -> Mapping[str, Any]:
 
 def ids(**names: Any) -> dict[str, Any]:
     """Returns the `extra` argument that adds ids to a single line: log.warning("...", extra=ids(job=job.id))."""
-    return {"about": _known(names)}
+    return {"about": _without_none(names)}
 
 
-def by_json() -> bool:
+def uses_json() -> bool:
     """Whether log lines are JSON objects."""
     return os.environ.get(FORMAT_VARIABLE, "text").strip().lower() == "json"
 
@@ -90,7 +90,7 @@ class JsonLines(logging.Formatter):
             "message": _message(record),
         }
         line |= self.always | {"pid": record.process}
-        line |= {**_about.get(), **getattr(record, "about", {}), **_of_access(record)}
+        line |= {**_about.get(), **getattr(record, "about", {}), **_access_fields(record)}
         if record.exc_info and record.exc_info[1] is not None:
             line["exception"] = _exception(*record.exc_info)
         elif record.exc_text:
@@ -114,7 +114,7 @@ def as_json(process: str) -> JsonLines:
         each = logging.getLogger(name)
         each.handlers.clear()
         each.propagate = True
-    for name in QUIET:
+    for name in QUIET_LOGGERS:
         logging.getLogger(name).setLevel(max(level(), logging.WARNING))
     logging.captureWarnings(True)
     log = logging.getLogger(process)
@@ -137,7 +137,7 @@ def as_json(process: str) -> JsonLines:
     return lines
 
 
-def _known(names: Mapping[str, Any]) -> dict[str, Any]:
+def _without_none(names: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in names.items() if value is not None}
 
 
@@ -153,7 +153,7 @@ def _exception(kind: type[BaseException], error: BaseException, trace: Traceback
     return {"type": kind.__name__, "message": str(error)[:LONGEST], "trace": lines[-LONGEST:]}
 
 
-def _of_access(record: logging.LogRecord) -> dict[str, Any]:
+def _access_fields(record: logging.LogRecord) -> dict[str, Any]:
     """Returns the fields of a uvicorn access log record; empty for other records."""
     if record.name != "uvicorn.access" or not isinstance(record.args, tuple) or len(record.args) != 5:
         return {}

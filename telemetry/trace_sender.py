@@ -20,8 +20,8 @@ from opentelemetry.sdk.trace.sampling import Decision
 from opentelemetry.sdk.util.instrumentation import InstrumentationScope
 from opentelemetry.trace import Link, SpanContext, SpanKind, Status, StatusCode, TraceFlags
 
-from telemetry.log_lines import as_json, by_json
-from telemetry.tracing import Where, where
+from telemetry.log_lines import as_json, uses_json
+from telemetry.tracing import SpanIds, parse_traceparent
 
 __all__ = ["main", "read_span"]
 
@@ -31,7 +31,7 @@ def main() -> int:
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, signal.SIG_IGN)  # the writing process decides when to end
     service, instance, version = sys.argv[1:4]
-    if by_json():
+    if uses_json():
         as_json(service.removeprefix("rayfarm-"))
     attributes = {"service.name": os.environ.get("OTEL_SERVICE_NAME") or service}
     resource = Resource.create(attributes | {"service.version": version, "service.instance.id": instance})
@@ -59,11 +59,11 @@ def read_span(said: dict[str, Any], resource: Resource, scope: InstrumentationSc
     error = said.get("error")
     return ReadableSpan(
         said["name"],
-        context=_context(where(said["own"])),
-        parent=_context(where(said["parent"])) if said.get("parent") else None,
+        context=_span_context(parse_traceparent(said["own"])),
+        parent=_span_context(parse_traceparent(said["parent"])) if said.get("parent") else None,
         resource=resource,
         attributes=said["attributes"],
-        links=[Link(_context(where(link))) for link in said["links"]],
+        links=[Link(_span_context(parse_traceparent(link))) for link in said["links"]],
         kind=SpanKind.INTERNAL,
         status=Status(StatusCode.ERROR, error) if error is not None else Status(StatusCode.UNSET),
         start_time=round(said["begun"] * 1e9),
@@ -72,7 +72,7 @@ def read_span(said: dict[str, Any], resource: Resource, scope: InstrumentationSc
     )
 
 
-def _context(place: Where | None) -> SpanContext:
+def _span_context(place: SpanIds | None) -> SpanContext:
     if place is None:
         raise ValueError("no place of a span")
     return SpanContext(int(place.trace, 16), int(place.span, 16), is_remote=False, trace_flags=TraceFlags(TraceFlags.SAMPLED))

@@ -26,7 +26,19 @@ from typing import Any
 
 from renderer.child_processes import spawn_guard
 
-__all__ = ["HEADER", "Where", "begin", "child_of", "end", "here", "is_on", "record", "root_of", "span", "where"]
+__all__ = [
+    "HEADER",
+    "SpanIds",
+    "child_of",
+    "current_span",
+    "is_on",
+    "parse_traceparent",
+    "record_span",
+    "root_span",
+    "span",
+    "start_tracing",
+    "stop_tracing",
+]
 
 HEADER = "traceparent"
 ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
@@ -39,7 +51,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Where:
+class SpanIds:
     """Identity of a span: its trace id and span id, in hexadecimal."""
 
     trace: str
@@ -50,7 +62,7 @@ class Where:
         return f"00-{self.trace}-{self.span}-01"
 
 
-_here: ContextVar[Where | None] = ContextVar("here", default=None)
+_here: ContextVar[SpanIds | None] = ContextVar("here", default=None)
 _sender: subprocess.Popen[bytes] | None = None
 _pipe: int | None = None
 
@@ -60,10 +72,10 @@ def is_on() -> bool:
     return _pipe is not None
 
 
-def begin(service: str, instance: str, version: str) -> None:
+def start_tracing(service: str, instance: str, version: str) -> None:
     """Starts recording in this process and its forks, if tracing is enabled. instance: name of this service or worker."""
     global _sender, _pipe
-    if _pipe is not None or not _is_asked():
+    if _pipe is not None or not _is_requested():
         return
     if not _has_packages():
         log.warning("OTEL_EXPORTER_OTLP_ENDPOINT asks for traces, which need more packages: pip install 'rayfarm[otel]'")
@@ -76,7 +88,7 @@ def begin(service: str, instance: str, version: str) -> None:
     os.set_blocking(_pipe, False)
 
 
-def end() -> None:
+def stop_tracing() -> None:
     """Stops recording. Waits a few seconds at most for recorded spans to be sent."""
     global _sender, _pipe
     if _pipe is not None:
@@ -90,27 +102,27 @@ def end() -> None:
             sender.wait()
 
 
-def root_of(what: str, id: str) -> Where:
+def root_span(what: str, id: str) -> SpanIds:
     """Returns the root span of a job or a scene, derived from its id. what: "job" or "scene"."""
     digest = hashlib.sha256(f"rayfarm {what} {id}".encode()).hexdigest()
-    return Where(digest[:32], digest[32:48])
+    return SpanIds(digest[:32], digest[32:48])
 
 
-def where(traceparent: Any) -> Where | None:
+def parse_traceparent(traceparent: Any) -> SpanIds | None:
     """Parses a traceparent; None if it is malformed."""
     found = PARENT.fullmatch(traceparent) if isinstance(traceparent, str) else None
     if found is None or not int(found[1], 16) or not int(found[2], 16):
         return None
-    return Where(found[1], found[2])
+    return SpanIds(found[1], found[2])
 
 
-def here() -> Where | None:
+def current_span() -> SpanIds | None:
     """Returns the current span of this thread; None if there is none."""
     return _here.get()
 
 
 @contextlib.contextmanager
-def child_of(parent: Where | None) -> Iterator[None]:
+def child_of(parent: SpanIds | None) -> Iterator[None]:
     """Context manager that makes a span of another process the current one of this thread. None: no span."""
     before = _here.set(parent)
     try:
@@ -120,7 +132,7 @@ def child_of(parent: Where | None) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def span(name: str, parent: Where | None = None, **attributes: Any) -> Iterator[dict[str, Any]]:
+def span(name: str, parent: SpanIds | None = None, **attributes: Any) -> Iterator[dict[str, Any]]:
     """Context manager that records a span as a child of `parent`, or of this thread's span; without either, nothing is recorded.
 
     Attributes can be added to the yielded dict. An exception is recorded as the span's error, and propagates.
@@ -129,7 +141,7 @@ def span(name: str, parent: Where | None = None, **attributes: Any) -> Iterator[
     if _pipe is None or parent is None:
         yield attributes
         return
-    own, error = Where(parent.trace, os.urandom(8).hex()), None
+    own, error = SpanIds(parent.trace, os.urandom(8).hex()), None
     before, begun = _here.set(own), time.time()
     try:
         yield attributes
@@ -138,24 +150,24 @@ def span(name: str, parent: Where | None = None, **attributes: Any) -> Iterator[
         raise
     finally:
         _here.reset(before)
-        record(name, begun, time.time(), parent, own=own, error=error, **attributes)
+        record_span(name, begun, time.time(), parent, own=own, error=error, **attributes)
 
 
-def record(
+def record_span(
     name: str,
     begun: float,
     ended: float,
-    parent: Where | None,
+    parent: SpanIds | None,
     *,
-    own: Where | None = None,
-    links: Sequence[Where | None] = (),
+    own: SpanIds | None = None,
+    links: Sequence[SpanIds | None] = (),
     error: str | None = None,
     **attributes: Any,
 ) -> None:
     """Records a span with known times (Unix time). own: its ids, if other spans refer to it; links: related spans."""
     if _pipe is None or (parent is None and own is None):
         return
-    place = own or Where(parent.trace if parent else "", os.urandom(8).hex())
+    place = own or SpanIds(parent.trace if parent else "", os.urandom(8).hex())
     said: dict[str, Any] = {"name": name, "begun": begun, "ended": ended, "own": str(place), "error": error and error[:LONGEST]}
     said["parent"] = str(parent) if parent is not None else None
     said["links"] = [str(link) for link in links if link is not None][:32]
@@ -185,7 +197,7 @@ def _has_packages() -> bool:
         return False
 
 
-def _is_asked() -> bool:
+def _is_requested() -> bool:
     off = os.environ.get("OTEL_SDK_DISABLED", "").strip().lower() == "true"
     none = os.environ.get("OTEL_TRACES_EXPORTER", "otlp").strip().lower() == "none"
     return not off and not none and any(os.environ.get(name, "").strip() for name in ENDPOINTS)

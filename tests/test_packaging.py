@@ -176,7 +176,7 @@ def test_where_the_data_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     assert locations.default_data_folder() == tmp_path / "named"
     monkeypatch.delenv("RAYFARM_DATA")
     assert locations.default_data_folder() == ROOT / "data"
-    monkeypatch.setattr(locations, "CLONE", None)
+    monkeypatch.setattr(locations, "SOURCE_CHECKOUT", None)
     assert locations.default_data_folder().is_relative_to(tmp_path if sys.platform == "linux" else Path.home())
     assert not (tmp_path / "rayfarm").exists(), "asking makes no folder"
 

@@ -54,7 +54,7 @@ def test_the_renderer_checks_it() -> None:
 
 
 def test_the_command_has_an_option_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(picture, "ASKED", {**picture.ASKED, **MORE})
+    monkeypatch.setattr(picture, "SETTINGS_OPTIONS", {**picture.SETTINGS_OPTIONS, **MORE})
     found: list[picture.Picture] = []
     app = typer.Typer()
 

@@ -9,11 +9,11 @@ from rayfarm import preload
 
 def main() -> None:
     """Runs the command line like `python -m rayfarm`."""
-    preload.begin(sys.argv[1:])
+    preload.start_preloading(sys.argv[1:])
     from rayfarm.cli import main as run
     from rayfarm.local import supervisor
 
-    supervisor.SPARE_AFTER_S = supervisor.SPARE_AGAIN_S = float("inf")
+    supervisor.SPARE_AFTER_S = supervisor.SPARE_AFTER_RESTART_S = float("inf")
     run()
 
 

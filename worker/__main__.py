@@ -39,17 +39,17 @@ from renderer.cuda.cards import CHOICES, NOT_YET_TRIED, CardsError, chosen_cards
 from renderer.cuda.driver import Card
 from renderer.printable import printable
 from renderer.render import helpers_for
-from renderer.shipped_kernels import take_shipped
+from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.variables import VariableError, value_of
-from telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
+from telemetry.log_lines import FORMAT_VARIABLE, FORMATS, uses_json
 from worker import app
 from worker.exchange.cache import BlobCache, default_cache_dir
 from worker.exchange.errors import RefusedError, WorkerError
 from worker.exchange.link import Link, check_redis_url
-from worker.exchange.ready import get_ready
+from worker.exchange.ready import make_kernel_ready
 from worker.joining import FarmJoin
 from worker.machine import health_file
-from worker.machine.health_file import State
+from worker.machine.health_file import WorkerState
 from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.apply_terms import TermsKeeper
@@ -75,20 +75,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options.token = options.token or value_of("RAYFARM_TOKEN")
         options.redis = with_password(options.redis or value_of("RAYFARM_REDIS_URL"), value_of("RAYFARM_REDIS_PASSWORD")) or None
-        return _work(options)
+        return _run_worker(options)
     except (WorkerError, VariableError) as error:
-        if by_json():
+        if uses_json():
             logging.getLogger("worker").error("%s", error)
         else:
             print(printable(f"rayfarm worker: {error}"), file=sys.stderr)
         return EXIT_REFUSED
 
 
-def _work(options: argparse.Namespace) -> int:
+def _run_worker(options: argparse.Namespace) -> int:
     tail, lines = logs.set_up()
-    health_file.write_state(State.STARTING)
-    blender = _check(options)
-    cards = _cards(options)
+    health_file.write_state(WorkerState.STARTING)
+    blender = _check_settings(options)
+    cards = _choose_cards(options)
     log = logging.getLogger("worker")
     stopping: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))
@@ -104,12 +104,12 @@ def _work(options: argparse.Namespace) -> int:
             name, host, os.getpid(), options.slots, cpu_name(), kind, "starting", started, denoises=denoise.is_available()
         )
 
-    take_shipped(jit.cache_folder())
+    copy_shipped_kernels(jit.cache_folder())
     helpers = helpers_for()  # forked before the joining thread starts
     joining = FarmJoin(link, options.redis, options.name or host, host, starting, log.info)
     joining.begin()
     begin_launcher()  # loads its modules while kernels are compiled, and then the kernels
-    get_ready(link, helpers=helpers)
+    make_kernel_ready(link, helpers=helpers)
     joined = joining.finish(lambda: bool(stopping))
     if joined is None or stopping:
         return 0
@@ -129,8 +129,8 @@ def _work(options: argparse.Namespace) -> int:
         tail=tail,
         blender=blender,
         cards=cards,
-        keeping=TermsKeeper(options.slots, _tags(options, host, kind), _own_terms(options)),
-        pieces=_pieces(log),
+        keeping=TermsKeeper(options.slots, _tags(options, host, kind), _command_line_terms(options)),
+        pieces=_create_pieces(log),
     )
     for number, card in enumerate(cards, options.slots - len(cards)):
         log.info("slot %d renders with card %s (%s)", number, described(card), NOT_YET_TRIED)
@@ -140,7 +140,7 @@ def _work(options: argparse.Namespace) -> int:
     return app.run(worker)
 
 
-def _pieces(log: logging.Logger) -> Pieces | None:
+def _create_pieces(log: logging.Logger) -> Pieces | None:
     try:
         return Pieces()
     except OSError as error:
@@ -184,13 +184,13 @@ def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*options.tag, *own]))
 
 
-def _own_terms(options: argparse.Namespace) -> Terms:
+def _command_line_terms(options: argparse.Namespace) -> Terms:
     """Returns the terms set on the command line. Raises ValueError."""
     memory = round(options.memory * 1e9)
     return Terms(options.hours, options.idle, options.nice, memory=memory).checked()
 
 
-def _check(options: argparse.Namespace) -> Blender | None:
+def _check_settings(options: argparse.Namespace) -> Blender | None:
     """Checks the settings that would otherwise make the first task fail. Returns the Blender to use, or None.
 
     Raises RefusedError.
@@ -201,7 +201,7 @@ def _check(options: argparse.Namespace) -> Blender | None:
     except ValueError as error:
         raise RefusedError(f"--redis or RAYFARM_REDIS_URL: {error}") from None
     try:
-        _own_terms(options)
+        _command_line_terms(options)
     except (ValueError, OverflowError) as error:
         raise RefusedError(str(error)) from None
     if options.site and not SITE_NAME.fullmatch(options.site):
@@ -214,10 +214,10 @@ def _check(options: argparse.Namespace) -> Blender | None:
         memory_budget()
     except ValueError:
         raise RefusedError("RAYFARM_PREPARE_MEMORY_MB is a number of megabytes, as 4000") from None
-    return _blender(options.blender) if options.blender is not None else None
+    return _inspect_blender(options.blender) if options.blender is not None else None
 
 
-def _cards(options: argparse.Namespace) -> tuple[Card, ...]:
+def _choose_cards(options: argparse.Namespace) -> tuple[Card, ...]:
     """Returns the graphics cards to use, and adds a slot for each to `options.slots`; with `only`, replaces all other slots.
 
     Raises RefusedError if a card is missing or cannot be used.
@@ -232,7 +232,7 @@ def _cards(options: argparse.Namespace) -> tuple[Card, ...]:
     return tuple(cards)
 
 
-def _blender(named: str) -> Blender:
+def _inspect_blender(named: str) -> Blender:
     """Returns the Blender at the given path. Raises RefusedError if it cannot be used."""
     try:
         found = program.inspect_blender(named) if named else program.find()

@@ -16,7 +16,7 @@ from protocol.broker import celery_config
 from renderer import __version__
 from renderer.child_processes import die_with_parent
 from telemetry import tracing
-from telemetry.log_lines import by_json
+from telemetry.log_lines import uses_json
 from worker import tasks
 from worker.exchange.kernel_precompile import precompile_full_kernel
 from worker.heartbeat import Heartbeat
@@ -26,7 +26,7 @@ from worker.process.queue_reading import skip_malformed_messages
 from worker.process.slot_number import slot
 from worker.shutdown_reporter import ShutdownReporter
 from worker.work.frames import forget_frames
-from worker.work.joint_render import hand_in
+from worker.work.joint_render import send_all_sums
 
 __all__ = ["make_app", "run"]
 
@@ -60,12 +60,12 @@ def run(worker: context.WorkerContext) -> int:
     # Celery warns root users because of pickle; only JSON is accepted here.
     warnings.filterwarnings("ignore", category=SecurityWarning)
     context.set_current(worker)
-    if by_json():
-        signals.setup_logging.connect(_keep_log)
-    signals.worker_process_init.connect(_child_starts)
-    signals.worker_process_shutdown.connect(_child_ends)
-    signals.worker_shutting_down.connect(_shutting_down)
-    signals.worker_ready.connect(_ready)
+    if uses_json():
+        signals.setup_logging.connect(_configure_log)
+    signals.worker_process_init.connect(_on_slot_start)
+    signals.worker_process_shutdown.connect(_on_slot_end)
+    signals.worker_shutting_down.connect(_on_shutdown)
+    signals.worker_ready.connect(_on_ready)
     leaving = ShutdownReporter(worker)
     signals.worker_shutting_down.connect(leaving.begin)
     celery = make_app(worker).Worker(
@@ -80,17 +80,17 @@ def run(worker: context.WorkerContext) -> int:
         quiet=True,
         loglevel="WARNING",
     )
-    tracing.begin("rayfarm-worker", worker.name, __version__)
+    tracing.start_tracing("rayfarm-worker", worker.name, __version__)
     celery.start()
-    hand_in(celery.app, worker)
+    send_all_sums(celery.app, worker)
     leaving.end()
     if worker.pieces is not None:
         worker.pieces.close()
-    tracing.end()
+    tracing.stop_tracing()
     return int(celery.exitcode or 0)
 
 
-def _keep_log(**_: Any) -> None:
+def _configure_log(**_: Any) -> None:
     """Replaces Celery's logging set-up: its loggers propagate to the worker's, from level WARNING."""
     for name in ("celery", "kombu", "amqp", "multiprocessing"):
         logging.getLogger(name).setLevel(logging.WARNING)
@@ -98,7 +98,7 @@ def _keep_log(**_: Any) -> None:
     setattr(sys, "__stdout__", None)  # noqa: B010 - where Celery writes that it shuts down, past all loggers
 
 
-def _child_starts(**_: Any) -> None:
+def _on_slot_start(**_: Any) -> None:
     """Initializes a new slot process: ends it together with its parent, opens its connections, and reports the slot as free."""
     worker = context.current()
     die_with_parent(worker.pid)
@@ -106,18 +106,18 @@ def _child_starts(**_: Any) -> None:
     worker.board.write(slot(), {})
 
 
-def _ready(**_: Any) -> None:
+def _on_ready(**_: Any) -> None:
     """Called when the worker is ready: starts to compile the kernel for scenes with textures in advance."""
     worker = context.current()
-    if worker.keeping is None or worker.keeping.may_work_ahead():
+    if worker.keeping is None or worker.keeping.may_precompile():
         precompile_full_kernel(worker.link)
 
 
-def _child_ends(**_: Any) -> None:
+def _on_slot_end(**_: Any) -> None:
     forget_frames()
 
 
-def _shutting_down(how: str = "", **_: Any) -> None:
+def _on_shutdown(how: str = "", **_: Any) -> None:
     signal.alarm(SHUTDOWN_S)
-    if by_json():
+    if uses_json():
         logging.getLogger("worker").info("%s shutdown", how)

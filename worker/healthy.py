@@ -8,10 +8,10 @@ import os
 import sys
 import time
 
-FRESH_S = 30.0
+MAX_AGE_S = 30.0
 
 
-def fault(path: str, ready: bool = False) -> str:
+def unhealthy_reason(path: str, ready: bool = False) -> str:
     """Returns a sentence on why the worker is unhealthy; "" if it is healthy. ready: also require that it accepts work."""
     try:
         with open(path) as file:  # noqa: PTH123 - pathlib takes longer to import than the rest
@@ -24,7 +24,7 @@ def fault(path: str, ready: bool = False) -> str:
         return f"the process {pid} is another user's"
     except (OSError, ValueError) as error:
         return f"{path} does not say how the worker is: {error}"
-    if state == "working" and age > FRESH_S:
+    if state == "working" and age > MAX_AGE_S:
         return f"the worker's event loop was last seen {age:.0f} s ago"
     if ready and state != "working":
         return f"the worker is {state}"
@@ -33,7 +33,7 @@ def fault(path: str, ready: bool = False) -> str:
 
 def main() -> int:
     """Returns the exit code: 0 if the worker is healthy."""
-    why = fault(os.environ.get("RAYFARM_ALIVE", ""), "--ready" in sys.argv[1:])
+    why = unhealthy_reason(os.environ.get("RAYFARM_ALIVE", ""), "--ready" in sys.argv[1:])
     if why:
         print(why)
     return int(bool(why))

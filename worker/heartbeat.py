@@ -36,7 +36,7 @@ from protocol.lifeline import lifeline
 from protocol.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, vitals_key
 from worker.exchange.heartbeat_message import HeartbeatConnection, HeartbeatReply
 from worker.machine import health_file
-from worker.machine.health_file import State
+from worker.machine.health_file import WorkerState
 from worker.process import context
 from worker.work.joint_render import ask_for_help
 
@@ -45,7 +45,7 @@ __all__ = ["Heartbeat", "Reporter"]
 WATCHDOG_S = 60
 IDLE_LIMIT_S = 20.0
 VITALS_EVERY_S = 5.0
-AT_ONCE_S = 0.05  # seconds to wait for Redis's reply; a later one is read at the next beat
+REPLY_WAIT_S = 0.05  # seconds to wait for Redis's reply; a later one is read at the next beat
 
 log = logging.getLogger(__name__)
 
@@ -96,37 +96,37 @@ class Heartbeat(bootsteps.StartStopStep):
 
     def start(self, consumer: Any) -> None:
         """Starts the heartbeat."""
-        health_file.write_state(State.WORKING)
+        health_file.write_state(WorkerState.WORKING)
         self.idle_since = time.monotonic()
         self.beat()
         self.timer = consumer.timer.call_repeatedly(HEARTBEAT_EVERY_S, self.beat)
 
     def stop(self, consumer: Any) -> None:
         """Stops the heartbeat before a shutdown or a reconnection."""
-        health_file.write_state(State.AWAY)
+        health_file.write_state(WorkerState.AWAY)
         if self.timer is not None:
             self.timer.cancel()
             self.timer = None
 
     def beat(self) -> None:
         """Sends the report, resets the watchdog, applies the service's terms, and checks that this worker gets queued tasks."""
-        health_file.write_state(State.WORKING)
+        health_file.write_state(WorkerState.WORKING)
         heard = self.telling.receive()  # on a slow line, the reply to an earlier beat
-        self._tell()
-        if (heard := self.telling.receive(AT_ONCE_S) or heard) is not None:
+        self._send_report()
+        if (heard := self.telling.receive(REPLY_WAIT_S) or heard) is not None:
             self.heard = heard
         before = self.is_paused, self.served
-        self._keep()
-        self._obey()
+        self._apply_terms()
+        self._apply_pause()
         if before != (self.is_paused, self.served):
-            self._tell()  # at once instead of with the next beat
+            self._send_report()  # at once instead of with the next beat
         if heard is not None and heard.is_taken:
-            self._go_on(heard)
+            self._handle_reply(heard)
 
-    def _tell(self) -> None:
+    def _send_report(self) -> None:
         worker, now = self.worker, time.monotonic()
         report = worker.report(self.is_paused)
-        report = replace(report, in_hand=[*dict.fromkeys([*report.in_hand, *_taken()])])
+        report = replace(report, in_hand=[*dict.fromkeys([*report.in_hand, *_unfinished_messages()])])
         more: list[tuple[Any, ...]] = []
         if not self.has_come:  # wakes the service, which then sees the new worker at once
             self.has_come = True
@@ -140,10 +140,10 @@ class Heartbeat(bootsteps.StartStopStep):
                 more.append(("SET", log_key(worker.name), json.dumps(worker.tail.lines()), "EX", LOG_TTL_S))
         self.telling.send(report, worker.keeping.offer() if worker.keeping is not None else None, more)
 
-    def _go_on(self, heard: HeartbeatReply) -> None:
+    def _handle_reply(self, heard: HeartbeatReply) -> None:
         signal.alarm(WATCHDOG_S)  # unless reset, SIGALRM ends this process and with it its children
         report, now = self.worker.report(self.is_paused), time.monotonic()
-        self._see_to_pieces(report, heard)
+        self._request_help(report, heard)
         if self.is_paused or any(report.current) or not heard.waiting:
             self.idle_since = now
         elif now - self.idle_since > IDLE_LIMIT_S:
@@ -151,7 +151,7 @@ class Heartbeat(bootsteps.StartStopStep):
             self.idle_since = now
             os.kill(os.getpid(), signal.SIGTERM)
 
-    def _see_to_pieces(self, report: WorkerReport, heard: HeartbeatReply) -> None:
+    def _request_help(self, report: WorkerReport, heard: HeartbeatReply) -> None:
         """Sends help requests if pieces of joint batches wait but no request is queued: the slot that should take them may have
         died.
         """
@@ -160,12 +160,12 @@ class Heartbeat(bootsteps.StartStopStep):
             with contextlib.suppress(OSError):
                 ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.pieces.waiting(), 1)))
 
-    def _obey(self) -> None:
+    def _apply_pause(self) -> None:
         """Pauses or resumes the fetching of tasks as the service requires. Running tasks are always finished."""
         keeping = self.worker.keeping
         wanted = (keeping is not None and keeping.why is not None) or self.heard.is_paused
         if wanted == self.is_paused:
-            self._serve_needs(() if wanted or keeping is None else keeping.terms.queues)
+            self._consume_needs_queues(() if wanted or keeping is None else keeping.terms.queues)
             return
         try:
             for queue in self.worker.queues:
@@ -184,9 +184,9 @@ class Heartbeat(bootsteps.StartStopStep):
         self.said = ""
         why = keeping.why if keeping is not None else None
         log.warning("%s", (why or "paused by the service") if wanted else "taking tasks again")
-        self._serve_needs(() if wanted or keeping is None else keeping.terms.queues)
+        self._consume_needs_queues(() if wanted or keeping is None else keeping.terms.queues)
 
-    def _serve_needs(self, queues: tuple[str, ...]) -> None:
+    def _consume_needs_queues(self, queues: tuple[str, ...]) -> None:
         """Serves exactly these queues for requirements, in addition to the worker's own queues."""
         try:
             for queue in self.served:
@@ -200,7 +200,7 @@ class Heartbeat(bootsteps.StartStopStep):
             return  # retried at the next beat; repeated calls are harmless
         self.served = queues
 
-    def _keep(self) -> None:
+    def _apply_terms(self) -> None:
         """Applies the terms that the service requires, including the number of slots. Running tasks are always finished."""
         if (keeping := self.worker.keeping) is None:
             return
@@ -212,7 +212,7 @@ class Heartbeat(bootsteps.StartStopStep):
             change(abs(missing))
 
 
-def _taken() -> list[str]:
+def _unfinished_messages() -> list[str]:
     """Returns the ids of batch messages that were fetched from the queue and are not finished.
 
     Needed in addition to the slots' reports, since a slot of a busy machine may take seconds to report its batch.

@@ -21,10 +21,10 @@ from worker.heartbeat import Reporter
 __all__ = ["FarmJoin", "Joined", "check_redis", "free_name"]
 
 # Errors that a retry does not resolve: the address or the token must change.
-OF_NO_USE = (RefusedError, TokenError, NotAFarmError)
+PERMANENT_ERRORS = (RefusedError, TokenError, NotAFarmError)
 FIRST_PAUSE_S = 0.05
-LAST_PAUSE_S = 3.0
-LONGER = 1.02  # growth per retry; small, since a service started together with this worker answers within seconds
+MAX_PAUSE_S = 3.0
+PAUSE_GROWTH = 1.02  # growth per retry; small, since a service started together with this worker answers within seconds
 
 log = logging.getLogger(__name__)
 
@@ -86,8 +86,8 @@ class FarmJoin:
 
     def _run(self) -> None:
         try:
-            self._joined = self._patiently()
-        except OF_NO_USE as error:
+            self._joined = self._join_with_retries()
+        except PERMANENT_ERRORS as error:
             self._refused = error
         except Exception as error:  # `finish` waits for an answer, so any error must end the wait
             log.exception("joining failed")
@@ -95,30 +95,30 @@ class FarmJoin:
         finally:
             self._answered.set()
         if self._joined is not None:
-            self._beat(self._joined)
+            self._report_until_stopped(self._joined)
 
-    def _patiently(self) -> Joined | None:
+    def _join_with_retries(self) -> Joined | None:
         """Joins once service and Redis are reachable; None if stopped. Logs each distinct reason for waiting once."""
         said = ""
         pause = FIRST_PAUSE_S
         while not self._stop.is_set():
             try:
-                return self._join()
+                return self._join_once()
             except LinkError as error:
                 if str(error) != said:
                     said = str(error)
                     self._say(f"waiting: {said}")
                 self._stop.wait(pause)
-                pause = min(pause * LONGER, LAST_PAUSE_S)
+                pause = min(pause * PAUSE_GROWTH, MAX_PAUSE_S)
         return None
 
-    def _join(self) -> Joined:
+    def _join_once(self) -> Joined:
         farm = self._link.join()
         redis_url = with_certificate_authority(self._redis_url or farm.redis_url)
         check_redis(redis_url)
         return Joined(farm, redis_url, free_name(self._name, redis_url, self._host))
 
-    def _beat(self, joined: Joined) -> None:
+    def _report_until_stopped(self, joined: Joined) -> None:
         reporter = Reporter(joined.redis_url)
         while True:
             reporter.beat(self._report(joined.name))
@@ -166,12 +166,12 @@ def _is_taken(store: redis.Redis, name: str, host: str) -> bool:
     """Whether a live worker has this name. A report that this release cannot parse is treated as live until it expires."""
     try:
         data = store.get(worker_key(name))
-        return isinstance(data, bytes) and not _is_dead(WorkerReport.from_bytes(data), host)
+        return isinstance(data, bytes) and not _has_ended(WorkerReport.from_bytes(data), host)
     except (ValueError, redis.ResponseError):
         return True
 
 
-def _is_dead(report: WorkerReport, host: str) -> bool:
+def _has_ended(report: WorkerReport, host: str) -> bool:
     """Whether a report is from a process on this host that has ended."""
     if report.host != host or report.pid <= 0:
         return False

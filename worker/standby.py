@@ -10,16 +10,16 @@ import contextlib
 import sys
 
 from renderer import jit
-from renderer.child_processes import wait_to_begin
+from renderer.child_processes import wait_for_start_line
 from renderer.render import kernel_name, warm_up
-from renderer.shipped_kernels import take_shipped
+from renderer.shipped_kernels import copy_shipped_kernels
 from worker.__main__ import main
 from worker.work.reader import begin_launcher
 
 
 def load() -> None:
     """Loads the plain kernel and starts the launcher of confined readers, if the kernel is cached on this machine."""
-    take_shipped(jit.cache_folder())
+    copy_shipped_kernels(jit.cache_folder())
     if jit.is_cached(kernel_name()):
         begin_launcher()
         warm_up()
@@ -28,6 +28,6 @@ def load() -> None:
 if __name__ == "__main__":
     with contextlib.suppress(Exception):  # `main` meets the same error, and reports it
         load()
-    arguments = wait_to_begin()
+    arguments = wait_for_start_line()
     if arguments is not None:  # at the end of the input, the supervisor is gone
         sys.exit(main(arguments))

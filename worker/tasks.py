@@ -30,25 +30,25 @@ from protocol.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
 from renderer.errors import RayfarmError
 from renderer.sentences import Sentence
 from telemetry.log_lines import about
-from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError, WorkerError, WorkError
+from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError, WorkerError, WorkError
 from worker.exchange.retry import retry_on_trouble
 from worker.process import context
-from worker.telemetry.task_context import Steps, named, traced_task
-from worker.work.deaths import DEATHS_ALLOWED, deaths_of, is_redelivered, survived
+from worker.telemetry.task_context import Steps, message_ids, traced_task
+from worker.work.deaths import DEATHS_ALLOWED, count_deaths, is_redelivered, reset_deaths
 from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTORS
 from worker.work.explain import explain_pixel, send_answer
 from worker.work.frames import prepare_frames
-from worker.work.joint_render import help_out, remaining_pieces, share_pieces
+from worker.work.joint_render import remaining_pieces, render_waiting_piece, share_pieces
 from worker.work.prepare import prepare_scene
-from worker.work.render import failure, not_understood
+from worker.work.render import failure_event, not_understood_event
 from worker.work.scenes import discard_damaged
-from worker.work.slot import SlotTask, at_work
+from worker.work.slot import SlotTask, rendering_batch
 from worker.work.thumbnail import make_thumbnail
 from worker.work.viewport import ViewAnswers, prepare_view_frame, render_view
 
 __all__ = ["register"]
 
-LINK_PATIENCE_S = 60.0
+LINK_TIMEOUT_S = 60.0
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ def register(app: Celery) -> None:
         RENDER_BATCH: (_render_batch, ""),
         RENDER_BATCHES: (_render_batches, ""),
         RENDER_JOINTLY: (_render_jointly, ""),
-        HELP: (_help, ""),
+        HELP: (_help_with_piece, ""),
         DENOISE: (DENOISING, "denoise"),
         VECTORS: (MOTION_VECTORS, "vectors"),
         RENDER_VIEW: (_render_view, "view"),
@@ -81,7 +81,7 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
 def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
     """Renders batches one after another, and sends the sums of each as soon as it is rendered."""
     for batch in batches:
-        with about(**named(batch)):
+        with about(**message_ids(batch)):
             _render(task, context.current(), batch)
 
 
@@ -89,23 +89,23 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
     try:
         work = RenderBatch.from_json(batch)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
-        worker.results.send(not_understood(worker, batch, error))
+        worker.results.send(not_understood_event(worker, batch, error))
         return
-    with at_work(worker, work, task.request.id) as do:
-        deaths = deaths_of(task, worker, work.batch)
+    with rendering_batch(worker, work, task.request.id) as do:
+        deaths = count_deaths(task, worker, work.batch)
         if deaths >= DEATHS_ALLOWED:
             sentence = Sentence(
                 "worker-died-rendering-batch",
                 "the worker process died {count} times while it rendered this batch",
                 count=DEATHS_ALLOWED,
             )
-            worker.results.send(failure(worker, work, sentence))
+            worker.results.send(failure_event(worker, work, sentence))
             return
         if deaths:
-            with contextlib.suppress(Trouble):  # the slot's death may come from a file damaged on this disk
+            with contextlib.suppress(TemporaryError):  # the slot's death may come from a file damaged on this disk
                 discard_damaged(worker.cache, work.compiled)
         worker.results.send(do())
-        survived(task, worker, work.batch)
+        reset_deaths(task, worker, work.batch)
 
 
 def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
@@ -115,20 +115,20 @@ def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
         work = JointBatch.from_json(joint)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
         whole = joint.get("whole")
-        worker.results.send(not_understood(worker, whole if isinstance(whole, dict) else {}, error))
+        worker.results.send(not_understood_event(worker, whole if isinstance(whole, dict) else {}, error))
         return
     if not is_redelivered(task) and share_pieces(task.app, worker, work, task.request.id):
-        help_out(worker)
+        render_waiting_piece(worker)
         return
     for number in remaining_pieces(worker, work, task.request.id):  # in turn: one of them may have killed the slot
         batch = work.batch(number).to_json()
-        with about(**named(batch)):
+        with about(**message_ids(batch)):
             _render(task, worker, batch)
 
 
-def _help(task: Any, asked: dict[str, Any]) -> None:
+def _help_with_piece(task: Any, asked: dict[str, Any]) -> None:
     """Renders a piece that waits on this machine, if any, and sends the sums that are due."""
-    help_out(context.current())
+    render_waiting_piece(context.current())
 
 
 def _prepare(task: Any, scene: str) -> None:
@@ -151,7 +151,7 @@ def _prepare(task: Any, scene: str) -> None:
     with SlotTask(worker, {"scene": scene}):
         info: SceneInfo | None = None
         try:
-            if deaths_of(task, worker, scene) >= DEATHS_ALLOWED:
+            if count_deaths(task, worker, scene) >= DEATHS_ALLOWED:
                 send(
                     "prepare-failed",
                     error=Sentence(
@@ -162,15 +162,15 @@ def _prepare(task: Any, scene: str) -> None:
                 )
                 return
             send("prepare-started")
-            manifest = retry_on_trouble(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
-            info = retry_on_trouble(lambda: prepare_scene(worker, manifest, progress, show), LINK_PATIENCE_S)
+            manifest = retry_on_trouble(lambda: worker.link.manifest(scene), LINK_TIMEOUT_S)
+            info = retry_on_trouble(lambda: prepare_scene(worker, manifest, progress, show), LINK_TIMEOUT_S)
             steps.now(None)
             send("prepared", info=asdict(info))
         except WorkError as error:
             send("prepare-failed", error=str(error))
         except MachineError as error:
             send("prepare-returned", error=str(error), unfit=True, passing=True)
-        except Trouble as error:
+        except TemporaryError as error:
             send(
                 "prepare-returned",
                 error=Sentence("worker-returned-scene", "{worker} returned the scene: {error}", worker=worker.name, error=error),
@@ -236,7 +236,7 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
         return
     with SlotTask(worker, {"scene": work.scene, "work": work.work}):
         try:
-            if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
+            if count_deaths(task, worker, work.work) >= DEATHS_ALLOWED:
                 sentence = Sentence(
                     "worker-died-preparing-frame",
                     "The worker process died {count} times while it prepared this frame.",
@@ -245,11 +245,11 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
                 send("frame-failed", frame=work.frames[0], error=sentence)
                 send("frames-returned", error=sentence)
                 return
-            manifest = retry_on_trouble(lambda: worker.link.manifest(work.scene), LINK_PATIENCE_S)
+            manifest = retry_on_trouble(lambda: worker.link.manifest(work.scene), LINK_TIMEOUT_S)
             prepare_frames(worker, manifest, work, send)
         except MachineError as error:
             send("frames-returned", error=str(error), unfit=True, passing=True)
-        except Trouble as error:
+        except TemporaryError as error:
             send(
                 "frames-returned",
                 error=Sentence("worker-returned-frames", "{worker} returned frames: {error}", worker=worker.name, error=error),
@@ -278,7 +278,7 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
         log.warning("a view is left out, in words of another release: %s", error)
         return
     with SlotTask(worker, {"view": work.watch, "message": work.message}) as hand:
-        if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
+        if count_deaths(task, worker, work.message) >= DEATHS_ALLOWED:
             sentence = Sentence(
                 "worker-died-rendering-view",
                 "The worker process died {count} times while it rendered this view.",
@@ -298,7 +298,7 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
         log.warning("a frame of a view is left out, in words of another release: %s", error)
         return
     with SlotTask(worker, {"view": work.watch, "message": work.message}):
-        if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
+        if count_deaths(task, worker, work.message) >= DEATHS_ALLOWED:
             sentence = Sentence(
                 "worker-died-preparing-frame",
                 "The worker process died {count} times while it prepared this frame.",
@@ -324,5 +324,5 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
         send_answer(worker, str(pixel.get("message")), "failed", error=sentence)
         return
     with SlotTask(worker, {"explain": work.job, "message": work.message}) as hand:
-        if not deaths_of(task, worker, work.message):  # after a death the client has already got an error
+        if not count_deaths(task, worker, work.message):  # after a death the client has already got an error
             explain_pixel(worker, work, hand.compiling)

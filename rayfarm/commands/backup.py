@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rayfarm.console import PROGRAM, Ticker, bar, err, out
+from rayfarm.console import PROGRAM, PlainProgress, bar, err, out
 from rayfarm.errors import CommandError
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _only_sqlite() -> None:
 
 @contextmanager
 def _shown(verb: str) -> Iterator[Progress]:
-    ticker = Ticker()
+    ticker = PlainProgress()
     with bar() as shown:
         task = shown.add_task(verb, total=None)
 

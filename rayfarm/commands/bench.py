@@ -17,7 +17,7 @@ from rayfarm.errors import CommandError
 from rayfarm.options import Env
 from rayfarm.picture import Picture
 from rayfarm.reading import open_stage
-from service.locations import shipped
+from service.locations import shipped_folder
 
 if TYPE_CHECKING:
     from renderer.film import Sums
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
-SCENE = shipped("scenes") / "still-life.yaml"
+SCENE = shipped_folder("scenes") / "still-life.yaml"
 SIZE = "64x36"
-ENOUGH_S = 0.5  # seconds; shorter runs are repeated with more samples
+MIN_RUN_S = 0.5  # seconds; shorter runs are repeated with more samples
 MOST_SAMPLES = 4096
-PROBE = 8  # factor by which the picture is reduced to estimate the time
+PROBE_FACTOR = 8  # factor by which the picture is reduced to estimate the time
 
 Scene = Annotated[Path | None, typer.Option(metavar="SCENE", help="The scene to measure; by default scenes/still-life.yaml.")]
 Json = Annotated[bool, typer.Option("--json", help="For programs.")]
@@ -94,8 +94,8 @@ def bvh(
             for threads in (1, cores):
                 seconds, sums = _timed(compiled, settings, spp, threads)
                 same = digest(sums)
-                if seconds < ENOUGH_S:
-                    more = min(int(spp * ENOUGH_S / seconds) + 1, MOST_SAMPLES)
+                if seconds < MIN_RUN_S:
+                    more = min(int(spp * MIN_RUN_S / seconds) + 1, MOST_SAMPLES)
                     seconds = _timed(compiled, settings, more, threads)[0] * spp / more
                 rows.append(Row(has_tree, threads, seconds, same))
                 progress.advance(task)
@@ -115,7 +115,7 @@ def _timed(compiled: CompiledScene, settings: RenderSettings, spp: int, threads:
 
 def _expected_s(compiled: CompiledScene, settings: RenderSettings, spp: int) -> float:
     """Returns the estimated time of the whole picture with one thread, in seconds, from a smaller picture that is timed."""
-    small = replace(settings, width=max(settings.width // PROBE, 1), height=max(settings.height // PROBE, 1))
+    small = replace(settings, width=max(settings.width // PROBE_FACTOR, 1), height=max(settings.height // PROBE_FACTOR, 1))
     return _timed(compiled, small, 1, 1)[0] * settings.width * settings.height * spp / (small.width * small.height)
 
 

@@ -18,7 +18,7 @@ from rayfarm.output_files import check_writable, write
 __all__ = ["register"]
 
 BLOCK = 8
-TOP = 0.5  # relative difference shown in full colour
+MAX_SHOWN_DIFFERENCE = 0.5  # relative difference shown in full colour
 MISSING = 'Mitsuba is not installed in this Python: pip install "mitsuba>=3.5"'
 MISSING_PBRT = (
     "There is no program pbrt on the PATH to compare with. Build pbrt-v4 (github.com/mmp/pbrt-v4) and put it there, or render "
@@ -77,7 +77,7 @@ def compare(
         err.print(f"note: {note.message}", markup=False, soft_wrap=True)
     with bar() as progress:
         progress.add_task(f"{peer_name} is rendering", total=None)
-        theirs = _of_pbrt(peer, scene, spp) if peer_name == "pbrt" else _theirs(peer, scene, spp)
+        theirs = _of_pbrt(peer, scene, spp) if peer_name == "pbrt" else _mitsuba_picture(peer, scene, spp)
     if theirs.shape != ours.shape:
         sizes = [f"{each.shape[1]}x{each.shape[0]}" for each in (theirs, ours)]
         raise CommandError(f"{peer_name}'s picture is {sizes[0]}, and ours {sizes[1]}")
@@ -111,7 +111,7 @@ def _mitsuba() -> Any:
     return mitsuba
 
 
-def _theirs(mitsuba: Any, scene: Path, spp: int) -> Any:
+def _mitsuba_picture(mitsuba: Any, scene: Path, spp: int) -> Any:
     """Renders the scene with Mitsuba. Returns the picture, (h, w, 3) float64."""
     import numpy as np
 
@@ -168,7 +168,7 @@ def _side_by_side(ours: Any, theirs: Any, exposure: float) -> bytes:
 
     from renderer.image import encode, tonemap
 
-    away = (ours - theirs).mean(-1) / (theirs.mean(-1) + 0.02 * max(float(theirs.mean()), 1e-12)) / TOP
+    away = (ours - theirs).mean(-1) / (theirs.mean(-1) + 0.02 * max(float(theirs.mean()), 1e-12)) / MAX_SHOWN_DIFFERENCE
     more, less = np.clip(away, 0, 1), np.clip(-away, 0, 1)
     shade = np.stack([1 - less, 1 - np.maximum(more, less), 1 - more], axis=-1)
     shown = [tonemap.apply(each.astype(np.float32), exposure) for each in (ours, theirs)]

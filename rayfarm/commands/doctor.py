@@ -50,7 +50,7 @@ def doctor(
       rayfarm doctor --json | jq '.[] | select(.level == "fault")'
     """
     found = []
-    for finding in _looks(data, deep, port):
+    for finding in _findings(data, deep, port):
         found.append(finding)
         if not as_json:
             _show(finding)
@@ -64,10 +64,10 @@ def doctor(
         raise typer.Exit(EXIT_FAILED)
 
 
-def _looks(data: Path | None, deep: bool, port: int) -> Iterator[Finding]:
-    from rayfarm.doctor.folder import look_at_folder
-    from rayfarm.doctor.machine import look_at_machine
-    from rayfarm.doctor.running import look_at_running
+def _findings(data: Path | None, deep: bool, port: int) -> Iterator[Finding]:
+    from rayfarm.doctor.folder import check_folder
+    from rayfarm.doctor.machine import check_machine
+    from rayfarm.doctor.running import check_running_farm
     from service.errors import FarmError
     from service.locations import default_data_folder
     from service.settings import Settings
@@ -76,11 +76,11 @@ def _looks(data: Path | None, deep: bool, port: int) -> Iterator[Finding]:
         settings = Settings.read(data=data.expanduser().resolve() if data else default_data_folder())
     except FarmError as error:
         raise CommandError(str(error)) from None
-    yield from look_at_machine()
+    yield from check_machine()
     with bar() as shown:
         task = shown.add_task("Reading uploads and films", total=None, visible=deep)
-        yield from look_at_folder(settings, deep, lambda done, total: shown.update(task, completed=done, total=total))
-    yield from look_at_running(settings, port)
+        yield from check_folder(settings, deep, lambda done, total: shown.update(task, completed=done, total=total))
+    yield from check_running_farm(settings, port)
 
 
 def _show(finding: Finding) -> None:

@@ -18,7 +18,7 @@ from rayfarm.login import farm_client
 __all__ = ["register"]
 
 SHOWN = 40
-WORDS = {"film": "film", "compiled": "compiled scene", "upload": "upload"}
+KIND_NAMES = {"film": "film", "compiled": "compiled scene", "upload": "upload"}
 
 
 def register(app: typer.Typer) -> None:
@@ -93,7 +93,7 @@ def _show(found: dict[str, Any]) -> None:
         table.add_column(title, justify="right" if title in ("SIZE", "DAYS") else "left")
     for item in items[:SHOWN]:
         days = f"{item['age_s'] / 86400:.0f}"
-        table.add_row(WORDS[item["what"]], item["id"], _gigabytes(item["bytes"]), days, item["why"], escape(item["name"]))
+        table.add_row(KIND_NAMES[item["what"]], item["id"], _gigabytes(item["bytes"]), days, item["why"], escape(item["name"]))
     out.print(table)
     more = f" {len(items) - SHOWN} more are not shown." if len(items) > SHOWN else ""
     out.print(f"{len(items)} may go, {_gigabytes(found['bytes'])}.{more}")

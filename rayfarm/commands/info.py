@@ -13,7 +13,7 @@ import typer
 from rayfarm import options
 from rayfarm.console import bar, out
 from rayfarm.reading import describe
-from rayfarm.strict import refuse
+from rayfarm.strict import refuse_warnings
 
 __all__ = ["register"]
 
@@ -44,7 +44,7 @@ def info(
         print(json.dumps(summary, indent=1))
     else:
         _show(summary)
-    refuse(scene.name, summary["warnings"], strict)
+    refuse_warnings(scene.name, summary["warnings"], strict)
 
 
 def _show(summary: dict[str, Any]) -> None:

@@ -12,7 +12,7 @@ import typer
 from rayfarm import options
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, CommandError
-from rayfarm.frame import Order, camera_words, moment_words, motion_of, render_to, say_bad_samples, statistics
+from rayfarm.frame import PictureOrder, camera_options, moment_options, motion_of, render_to, report_bad_samples, statistics
 from rayfarm.graphics_card import open_card
 from rayfarm.movie import render_movie
 from rayfarm.output_files import check_writable
@@ -21,7 +21,7 @@ from rayfarm.reading import open_stage
 from rayfarm.rendering import Clock, load_kernels, load_scene, show_progress
 from rayfarm.replay import show_path
 from rayfarm.sequence import Sequence, check_outputs, render_sequence
-from rayfarm.strict import refuse
+from rayfarm.strict import refuse_warnings
 from renderer import aovs
 from renderer.cuda.cards import NOT_YET_TRIED
 from renderer.denoise import is_available
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
-WRITTEN = "What is written"
+OUTPUT_PANEL = "What is written"
 PART = "A part of it"
-HOW = "This machine"
+MACHINE_PANEL = "This machine"
 LINEAR = (".exr", ".hdr")  # not tone mapped
 
 
@@ -59,7 +59,7 @@ def render(
             "-o",
             help="The picture: .png .jpg (tone mapped) .exr .hdr (scene-linear); of several frames also .mp4 .webm .webp. "
             "By default SCENE.png, of several frames SCENE.####.png.",
-            rich_help_panel=WRITTEN,
+            rich_help_panel=OUTPUT_PANEL,
         ),
     ] = None,
     picture: Picture = Picture(),
@@ -74,13 +74,13 @@ def render(
     turntable: options.Turntable = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
-    exposure: Annotated[float, typer.Option(help="Exposure in stops; .png and .jpg only.", rich_help_panel=WRITTEN)] = 0.0,
+    exposure: Annotated[float, typer.Option(help="Exposure in stops; .png and .jpg only.", rich_help_panel=OUTPUT_PANEL)] = 0.0,
     tonemap: Annotated[
-        str, typer.Option(metavar="CURVE", help="Tone curve; .png and .jpg only.", rich_help_panel=WRITTEN)
+        str, typer.Option(metavar="CURVE", help="Tone curve; .png and .jpg only.", rich_help_panel=OUTPUT_PANEL)
     ] = "neutral",
     stats: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.json", help="Write times and counts there; `-` for the screen.", rich_help_panel=WRITTEN),
+        typer.Option(metavar="FILE.json", help="Write times and counts there; `-` for the screen.", rich_help_panel=OUTPUT_PANEL),
     ] = None,
     tile: Annotated[
         str | None,
@@ -99,18 +99,22 @@ def render(
         int | None, typer.Option(min=0, help="Which of the pixel's samples; by default 0.", rich_help_panel=PART)
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the path as JSON, for programs.", rich_help_panel=PART)] = False,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads; by default one per core.", rich_help_panel=HOW)] = None,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="Threads; by default one per core.", rich_help_panel=MACHINE_PANEL)
+    ] = None,
     gpu: Annotated[
         bool,
         typer.Option(
             "--gpu",
             help=f"Render with the first NVIDIA card instead of the cores, to the same bits; {NOT_YET_TRIED}.",
-            rich_help_panel=HOW,
+            rich_help_panel=MACHINE_PANEL,
         ),
     ] = False,
     no_bvh: Annotated[
         bool,
-        typer.Option("--no-bvh", help="Test every ray against every triangle: the same picture, slowly.", rich_help_panel=HOW),
+        typer.Option(
+            "--no-bvh", help="Test every ray against every triangle: the same picture, slowly.", rich_help_panel=MACHINE_PANEL
+        ),
     ] = False,
 ) -> None:
     """Render a scene to a picture, or a shot to one picture a frame, in this process and on all cores.
@@ -128,7 +132,7 @@ def render(
     """
     moment = Moment(frame or 0.0, fps, clip)
     rectangle = options.parse_tile(tile) if tile else None
-    order = Order(picture, [], denoise, exposure, tonemap, rectangle, first, turntable, threads, strict)
+    order = PictureOrder(picture, [], denoise, exposure, tonemap, rectangle, first, turntable, threads, strict)
     if pixel is not None:
         if gpu:
             raise CommandError("--pixel follows a path on the processor: leave out --gpu")
@@ -174,7 +178,7 @@ def render(
         root=root,
     )
     warnings = options.relevant_warnings(summary["warnings"], environment)
-    refuse(scene.name, warnings, strict)
+    refuse_warnings(scene.name, warnings, strict)
     for warning in warnings:
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
@@ -184,8 +188,8 @@ def render(
             *(output, order, compiled, summary["defaults"], settings, clock, show, motion[0]),
             seen=lambda picture: _say_darkness(picture, output, exposure),
         )
-    _say(output, settings, clock, done)
-    say_bad_samples(scene, settings, done, moment_words(moment) + camera_words(order, settings))
+    _print_summary(output, settings, clock, done)
+    report_bad_samples(scene, settings, done, moment_options(moment) + camera_options(order, settings))
     if stats is not None:
         _write(stats, statistics(clock, done))
 
@@ -205,7 +209,7 @@ def _say_darkness(picture: F32, output: Path, exposure: float) -> None:
     )
 
 
-def _check(output: Path, shot: Sequence | None, order: Order, stats: Path | None) -> None:
+def _check(output: Path, shot: Sequence | None, order: PictureOrder, stats: Path | None) -> None:
     """Raises CommandError, before rendering, if the requested files cannot be written."""
     from renderer.image import encode
     from renderer.image import tonemap as tonemaps
@@ -229,7 +233,7 @@ def _replay(
     scene: Path,
     variant: str | None,
     moment: Moment,
-    order: Order,
+    order: PictureOrder,
     pixel: str,
     sample: int,
     no_bvh: bool,
@@ -239,7 +243,7 @@ def _replay(
     x, y = options.parse_pixel(pixel)
     environment, camera, shutter = order.picture.environment(), order.picture.camera, order.picture.shutter()
     compiled, summary = load_scene(scene, environment, Clock(), no_bvh, variant, None, moment, camera, shutter, root=root)
-    refuse(scene.name, options.relevant_warnings(summary["warnings"], environment), order.strict)
+    refuse_warnings(scene.name, options.relevant_warnings(summary["warnings"], environment), order.strict)
     settings = order.settings(summary, moment)
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")
@@ -254,7 +258,7 @@ def _aovs(text: str | None, output: Path) -> list[str]:
     return names
 
 
-def _say(output: Path, settings: RenderSettings, clock: Clock, done: RenderStats) -> None:
+def _print_summary(output: Path, settings: RenderSettings, clock: Clock, done: RenderStats) -> None:
     seconds = max(clock.seconds["render_s"], 1e-9)
     taken = done.samples / (settings.width * settings.height)
     speed = f"{taken:.4g} spp, {seconds:.1f} s, {done.samples / seconds / 1e6:.2f} M samples/s"

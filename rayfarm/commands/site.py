@@ -10,7 +10,7 @@ import typer
 
 from protocol.site import SITE_NAME
 from rayfarm.errors import CommandError
-from rayfarm.joining import farm_address, run, shown_token
+from rayfarm.joining import farm_address, run, token_to_send
 from rayfarm.log_format import LogFormat, use_log_format
 
 __all__ = ["register"]
@@ -53,7 +53,7 @@ def site(
     join = farm_address(join)
     if not SITE_NAME.fullmatch(name):
         raise CommandError(f"{name!r} is no name of a site; take small letters, digits and . _ -")
-    token = shown_token("A site", "", token_file)
+    token = token_to_send("A site", "", token_file)
     command = [
         sys.executable,
         "-m",

@@ -11,15 +11,15 @@ import typer
 
 from rayfarm import options
 from rayfarm.client import Client, ClientError
-from rayfarm.console import PROGRAM, Ticker, bar, err, out
+from rayfarm.console import PROGRAM, PlainProgress, bar, err, out
 from rayfarm.errors import EXIT_INTERRUPTED, CommandError
 from rayfarm.login import farm_client
 from rayfarm.output_files import check_writable, write
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.responses import Job, Scene
-from rayfarm.scene_files import belonging, is_numbered, relative_to_root
+from rayfarm.scene_files import files_to_upload, is_numbered, relative_to_root
 from rayfarm.shot import FarmShot, fetch_shot
-from rayfarm.strict import refuse
+from rayfarm.strict import refuse_warnings
 from renderer.frames import frames_text
 from service.clock import deadline_of
 from service.watching.movie import MOVIES
@@ -115,7 +115,7 @@ def submit(
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
     _check_name(output, is_shot=frames is not None)
     shot = FarmShot.of(frames, frame, moving, output, aov, denoise, overwrite)
-    if shot is not None and picture.is_partly_a_view():
+    if shot is not None and picture.changes_view_partly():
         raise CommandError(
             "A farm's frames are seen by a camera of the scene, or by a view of your own: give --eye and --target too"
         )
@@ -134,9 +134,9 @@ def submit(
     place = {"after": after, "max_slots": max_slots, "deadline": _deadline(deadline), "needs": need, "verify": verify}
     with farm_client(server) as farm:
         main = relative_to_root(scene, root) if root is not None else scene.name if is_numbered(scene) else None
-        ready = _prepared(farm, farm.upload(belonging(scene, root), main=main, name=scene.name, project=project))
+        ready = _wait_until_prepared(farm, farm.upload(files_to_upload(scene, root), main=main, name=scene.name, project=project))
         warnings = options.relevant_warnings(ready.warnings, picture.environment())
-        refuse(scene.name, warnings, strict)
+        refuse_warnings(scene.name, warnings, strict)
         for warning in warnings:
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
         asked = picture.request([asdict(camera) for camera in ready.cameras])
@@ -148,7 +148,7 @@ def submit(
         asked |= {name: value for name, value in chosen.items() if value is not None and value != []}
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
-        _tell_taken(job)
+        _report_reused_samples(job)
         if wait or output is not None:
             _wait(farm, job.id, output, aov, denoise, shot)
         else:
@@ -182,7 +182,7 @@ def _format(output: Path) -> str:
     return output.suffix.lower().lstrip(".").replace("jpeg", "jpg")
 
 
-def _tell_taken(job: Job) -> None:
+def _report_reused_samples(job: Job) -> None:
     if job.taken is not None:
         of = f" of {job.spp}" if job.spp and job.noise is None else ""
         sentence = f"Taken from job {job.taken['job']}: {job.taken['spp']:g}{of} samples. --fresh renders it anew"
@@ -197,8 +197,8 @@ def _deadline(text: str | None) -> str | None:
         raise CommandError(f"--deadline: {error}") from None
 
 
-def _prepared(farm: Client, uploaded: Scene) -> Scene:
-    ticker = Ticker()
+def _wait_until_prepared(farm: Client, uploaded: Scene) -> Scene:
+    ticker = PlainProgress()
     with bar() as progress:
         task = progress.add_task("preparing", total=1.0)
 
@@ -211,12 +211,12 @@ def _prepared(farm: Client, uploaded: Scene) -> Scene:
 
 
 def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise: bool, shot: FarmShot | None = None) -> None:
-    ticker = Ticker()
+    ticker = PlainProgress()
     try:
         if shot is not None:
             ended = fetch_shot(farm, job, shot)
             if ended.state != "finished":
-                raise CommandError(f"The job {job} {_outcome(ended)}")
+                raise CommandError(f"The job {job} {_failure_text(ended)}")
             return
         with bar() as progress:
             task = progress.add_task("rendering", total=1.0)
@@ -230,7 +230,7 @@ def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise:
         err.print(f"The job goes on. Its state: `{PROGRAM} jobs {job}`, its picture: {farm.url}", markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     if final.state != "finished":
-        raise CommandError(f"The job {job} {_outcome(final)}")
+        raise CommandError(f"The job {job} {_failure_text(final)}")
     if output is None:
         return
     try:
@@ -244,7 +244,7 @@ def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise:
         raise CommandError(f"{error} The farm keeps the picture: {farm.url}/#/jobs/{job}") from error
 
 
-def _outcome(job: Job) -> str:
+def _failure_text(job: Job) -> str:
     if job.state == "failed":
         return f"failed: {job.error or 'no reason given'}"
     return f"was {job.state} before it was finished."

@@ -78,7 +78,7 @@ def up(
       rayfarm up --host 0.0.0.0 --allow-host farm.example
     """
     from rayfarm.local.farm import LocalFarm
-    from rayfarm.local.state import locked
+    from rayfarm.local.state import locked_folder
     from service.locations import default_data_folder
 
     use_log_format(log_format)
@@ -93,7 +93,7 @@ def up(
         with contextlib.suppress(OSError):  # output to a closed terminal must not prevent the stop
             err.print(sentence, markup=False, soft_wrap=True)
 
-    with locked(folder):
+    with locked_folder(folder):
         farm = LocalFarm(folder, host, port, slots, say, allow_host or (), tls, program_for(blender, blender_program, say))
         try:
             farm.start(signals.stop)
@@ -107,11 +107,11 @@ def up(
                 elif not slots:
                     out.print("Ready without a worker of its own. Ctrl-C stops the farm.")
             while not signals.stop():
-                farm.tend()
+                farm.check_parts()
                 time.sleep(0.05)
         finally:
             say("Stopping (Ctrl-C again: at once) ...")
-            farm.stop(signals.hurry)
+            farm.stop(signals.is_immediate)
     say("Stopped. Nothing is left running.")
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
-ALONE = ("--tev", "--viewer")  # options with an optional value
+OPTIONS_WITH_OPTIONAL_VALUE = ("--tev", "--viewer")  # options with an optional value
 ACTIVE = ("running", "queued", "paused")
 
 
@@ -41,7 +41,7 @@ class _WatchCommand(TyperCommand):
         for number, each in enumerate(args):
             told.append(each)
             following = args[number + 1] if number + 1 < len(args) else "--"
-            if each in ALONE and following.startswith("-"):
+            if each in OPTIONS_WITH_OPTIONAL_VALUE and following.startswith("-"):
                 told.append("")
         return super().parse_args(ctx, told)
 
@@ -126,7 +126,7 @@ def watch(
             ends.enter_context(feed)
         ended = _show(farm, live, terminal, graphics, exposure, tonemap, news)
         final = live.job
-        _afterwards(farm, live, feed, viewer, output)
+        _pass_on_result(farm, live, feed, viewer, output)
     if ended == signal.SIGINT:
         raise typer.Exit(EXIT_INTERRUPTED)
     if terminal is None and final.state != "finished":
@@ -150,13 +150,13 @@ def _show(
     farm: Client, live: LiveJob, terminal: Any, graphics: Any, exposure: float, tonemap: str, news: threading.Event
 ) -> int | None:
     """Shows the job until it ends or the user quits. Returns the signal that ended the display, or None."""
-    from rayfarm.watch.lines import tell
+    from rayfarm.watch.lines import print_progress
     from rayfarm.watch.screen import Screen
-    from rayfarm.watch.words import frame_title, how_far
+    from rayfarm.watch.words import frame_title, progress_text
 
     if terminal is None:
         try:
-            tell(live, news)
+            print_progress(live, news)
         except KeyboardInterrupt:
             return signal.SIGINT
         except BrokenPipeError:  # the reader of the pipe has closed it
@@ -164,13 +164,13 @@ def _show(
         return None
     with terminal:
         ended = Screen(terminal, farm, live, graphics, exposure, tonemap).run()
-    err.print(f"{frame_title(live.job, live.shown)} · {how_far(live.job)}", markup=False, soft_wrap=True)
+    err.print(f"{frame_title(live.job, live.shown)} · {progress_text(live.job)}", markup=False, soft_wrap=True)
     if not live.job.is_over:
         err.print(f"The job goes on: `{PROGRAM} watch {live.job.id}`", markup=False, soft_wrap=True)
     return None if ended is None else int(ended)
 
 
-def _afterwards(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
+def _pass_on_result(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
     """After the job has finished, passes its EXR to tev and to the viewer, if requested."""
     from rayfarm.reading_files import read_picture
     from rayfarm.watch.viewer import open_in

@@ -10,7 +10,7 @@ import typer
 from rayfarm.blender import Program, Wanted, program_for
 from rayfarm.console import err
 from rayfarm.errors import CommandError
-from rayfarm.joining import farm_address, run, shown_token
+from rayfarm.joining import farm_address, run, token_to_send
 from rayfarm.local import early
 from rayfarm.log_format import LogFormat, use_log_format
 from rayfarm.machine import cores
@@ -99,7 +99,7 @@ def worker(
     """
     use_log_format(log_format)
     join = farm_address(join)
-    token = shown_token("A worker", token, token_file)
+    token = token_to_send("A worker", token, token_file)
     count = _slots(gpu, slots or cores())
     arguments = ["--service", join, "--slots", str(slots or cores()), f"--gpu={gpu}"]
     if name:
@@ -111,7 +111,7 @@ def worker(
     if (program := program_for(blender, blender_program, lambda text: err.print(text, markup=False, soft_wrap=True))) is not None:
         arguments.append(f"--blender={program}")
     sentence = f"Joining {join} with {count} slots. Ctrl-C leaves the farm."
-    run("worker", early.command(early.WORKER), token, sentence, arguments, early.take(early.WORKER))
+    run("worker", early.waiting_command(early.WORKER), token, sentence, arguments, early.take_process(early.WORKER))
 
 
 def _slots(gpu: str, cpu_slots: int) -> int:

@@ -29,9 +29,9 @@ from service.store.film_store import FilmFolder
 from service.store.models import Frame, Job
 from service.store.upgrade import SchemaState, schema_state
 
-__all__ = ["look_at_folder"]
+__all__ = ["check_folder"]
 
-LITTLE_ROOM = 5 << 30
+LOW_DISK_SPACE = 5 << 30
 NETWORKS = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p")
 SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret", "login-key", "farm.json", "redis.conf", "rayfarm.sqlite")
 NAMED = 3  # examples listed of many faults
@@ -39,7 +39,7 @@ NAMED = 3  # examples listed of many faults
 Progress = Callable[[int, int], None]
 
 
-def look_at_folder(settings: Settings, deep: bool, progress: Progress) -> Iterator[Finding]:
+def check_folder(settings: Settings, deep: bool, progress: Progress) -> Iterator[Finding]:
     """Checks the folder's permissions and space, the database, and the files that it refers to. Yields the findings.
 
     deep: also reads every blob and film. progress: called with the number of checked items and their total.
@@ -55,19 +55,19 @@ def look_at_folder(settings: Settings, deep: bool, progress: Progress) -> Iterat
             "Run as its owner, or name another with --data.",
         )
         return
-    yield from _rights(data)
-    yield _room(data, settings.min_free_bytes)
+    yield from _check_permissions(data)
+    yield _check_free_space(data, settings.min_free_bytes)
     if (kind := _file_system(data)) in NETWORKS:
         yield note(
             "Data folder",
             f"It lies on a network drive ({kind}), on which SQLite's locks may fail and a cut connection damages databases.",
             "Keep it on a disk of this machine, and `backup` to the network.",
         )
-    yield from _put_aside(data)
+    yield from _check_dead_letters(data)
     yield from _database(settings, deep, progress)
 
 
-def _put_aside(data: Path) -> Iterator[Finding]:
+def _check_dead_letters(data: Path) -> Iterator[Finding]:
     """Checks for messages of workers that the service could not handle."""
     try:
         told = [json.loads(line) for line in (data / FILE).read_text(encoding="utf-8").splitlines()]
@@ -82,7 +82,7 @@ def _put_aside(data: Path) -> Iterator[Finding]:
         )
 
 
-def _rights(data: Path) -> Iterator[Finding]:
+def _check_permissions(data: Path) -> Iterator[Finding]:
     if data.stat().st_uid != os.getuid():
         yield note("Data folder", f"{data} belongs to {_user(data)}, not to this user.", "Run the farm as its owner.")
     if data.stat().st_mode & 0o077:
@@ -97,7 +97,7 @@ def _rights(data: Path) -> Iterator[Finding]:
         )
 
 
-def _room(data: Path, least: int) -> Finding:
+def _check_free_space(data: Path, least: int) -> Finding:
     free = shutil.disk_usage(data).free
     if free < least:
         return fault(
@@ -105,7 +105,7 @@ def _room(data: Path, least: int) -> Finding:
             f"{free / 1e6:.0f} MB are free: uploads are refused and jobs wait.",
             "Delete jobs or scenes, or enlarge the disk.",
         )
-    if free < LITTLE_ROOM:
+    if free < LOW_DISK_SPACE:
         return note(
             "Room", f"{free / 1e9:.1f} GB are free.", f"Make room before the night: `{PROGRAM} gc --dry-run` says what may go."
         )
@@ -118,7 +118,7 @@ def _database(settings: Settings, deep: bool, progress: Progress) -> Iterator[Fi
         if not path.is_file():
             yield note("Database", "There is none yet.", f"{PROGRAM} up makes it.")
             return
-        if (broken := _broken(path, deep)) is not None:
+        if (broken := _film_error(path, deep)) is not None:
             yield fault(
                 "Database", f"{path} is damaged ({broken}).", f"Stop the farm and `{PROGRAM} restore` your latest backup."
             )
@@ -135,7 +135,7 @@ def _database(settings: Settings, deep: bool, progress: Progress) -> Iterator[Fi
         engine.dispose()
 
 
-def _broken(path: Path, deep: bool) -> str | None:
+def _film_error(path: Path, deep: bool) -> str | None:
     try:
         with closing(sqlite3.connect(f"{path.as_uri()}?mode=rw", uri=True, timeout=10)) as database:
             (said,) = database.execute("PRAGMA integrity_check(1)" if deep else "PRAGMA quick_check(1)").fetchone()

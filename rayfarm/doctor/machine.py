@@ -16,15 +16,15 @@ from pathlib import Path
 from rayfarm.doctor.finding import Finding, fault, fine, note
 from renderer.cache_folders import cache_home, reason_to_distrust
 
-__all__ = ["look_at_machine"]
+__all__ = ["check_machine"]
 
 PYTHONS = ((3, 11), (3, 12))
 NEEDED_CACHE = 2 << 30
-LITTLE_MEMORY = 4 << 30
+LOW_MEMORY = 4 << 30
 OLDEST_CLOCK = 1735689600.0  # 2025: older than any release
 
 
-def look_at_machine() -> Iterator[Finding]:
+def check_machine() -> Iterator[Finding]:
     """Checks Python, the compiler, processor and graphics cards, the denoiser, memory, the cache and the clock.
 
     Yields the findings.
@@ -89,7 +89,7 @@ def _denoiser() -> Finding:
 
 def _memory() -> Finding:
     total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    if total < LITTLE_MEMORY:
+    if total < LOW_MEMORY:
         return note(
             "Memory",
             f"This machine has {total / 1e9:.1f} GB.",

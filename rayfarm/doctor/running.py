@@ -22,16 +22,16 @@ from renderer import __version__
 from renderer.variables import FILE
 from service.access.redis_release import RedisRelease, release_of
 from service.settings import Settings
-from worker.exchange.foreign_server import is_here
+from worker.exchange.foreign_server import is_loopback
 
-__all__ = ["look_at_redis", "look_at_running"]
+__all__ = ["check_redis", "check_running_farm"]
 
 NEARLY_FULL = 0.8
-CLOCKS_APART_S = 5.0
+MAX_CLOCK_DIFFERENCE_S = 5.0
 PATIENCE_S = 5.0
 
 
-def look_at_running(settings: Settings, port: int) -> Iterator[Finding]:
+def check_running_farm(settings: Settings, port: int) -> Iterator[Finding]:
     """Checks the farm that runs on a data folder or in this container; if none runs, whether one could be started."""
     farm = running_farm(settings.data)
     told = any(os.environ.get(f"RAYFARM_REDIS_URL{more}") for more in ("", FILE))
@@ -39,20 +39,20 @@ def look_at_running(settings: Settings, port: int) -> Iterator[Finding]:
     server = os.environ.get("RAYFARM_SERVER", "")
     if farm is not None:
         yield from _service(farm.url)
-    elif server and is_here(server):
+    elif server and is_loopback(server):
         yield from _service(server)
     else:
         yield note("Farm", f"No farm runs on {settings.data}.", f"{PROGRAM} up starts it.")
         yield _port(port)
     if address is not None:
-        yield from look_at_redis(address)
+        yield from check_redis(address)
     else:
         yield from _redis_program()
 
 
 def _service(url: str) -> Iterator[Finding]:
     try:
-        answer = httpx.get(f"{url}/readyz", timeout=PATIENCE_S, verify=False, trust_env=not is_here(url))
+        answer = httpx.get(f"{url}/readyz", timeout=PATIENCE_S, verify=False, trust_env=not is_loopback(url))
     except httpx.HTTPError as error:
         yield fault("Service", f"{url} does not answer ({type(error).__name__}).", "Look at logs/service.log of the data folder.")
         return
@@ -66,7 +66,7 @@ def _service(url: str) -> Iterator[Finding]:
             why = f"It answers {answer.status_code}."
         yield fault("Service", why, f"What it says above; else look at logs/service.log. It answers at {url}.")
     said = email.utils.parsedate_to_datetime(answer.headers["Date"]).timestamp() if "Date" in answer.headers else time.time()
-    if abs(said - time.time()) > CLOCKS_APART_S:
+    if abs(said - time.time()) > MAX_CLOCK_DIFFERENCE_S:
         yield _clocks("the service", said - time.time())
 
 
@@ -99,7 +99,7 @@ def _release(found: RedisRelease, where: str) -> Finding:
     return fine("Redis", f"{found} {where}.")
 
 
-def look_at_redis(url: str) -> Iterator[Finding]:
+def check_redis(url: str) -> Iterator[Finding]:
     """Checks the state of a Redis server, and which workers report to it."""
     where = url.rpartition("@")[2].removeprefix("redis://").removeprefix("rediss://")  # without its password
     try:
@@ -109,7 +109,7 @@ def look_at_redis(url: str) -> Iterator[Finding]:
             yield _release(release_of(told), f"answers at {where}")
             yield from _memory(told)
             yield from _persistence(told)
-            if abs(apart := seconds + micros / 1e6 - time.time()) > CLOCKS_APART_S:
+            if abs(apart := seconds + micros / 1e6 - time.time()) > MAX_CLOCK_DIFFERENCE_S:
                 yield _clocks("Redis", apart)
             yield from _workers(store)
     except redis.AuthenticationError:

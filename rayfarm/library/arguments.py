@@ -13,7 +13,7 @@ import numpy as np
 from rayfarm import options
 from rayfarm.errors import CommandError
 from rayfarm.options import Env
-from rayfarm.picture import ASKED, ENDS, LIGHT, Picture
+from rayfarm.picture import ENVIRONMENT_OPTIONS, LIMIT_OPTIONS, SETTINGS_OPTIONS, Picture
 from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.scene.animation import Moment
@@ -22,11 +22,11 @@ from renderer.settings import VIEW
 
 __all__ = ["RenderArguments", "parse_arguments"]
 
-_OWN = ("width", "height", "camera", "environment", "frame", "fps", "clip", "variant", "aovs", "denoise", "threads")
-_TABLES: tuple[Mapping[str, DeclaredSetting], ...] = (ENDS, VIEW, ASKED, LIGHT)
+_LIBRARY_ARGUMENTS = ("width", "height", "camera", "environment", "frame", "fps", "clip", "variant", "aovs", "denoise", "threads")
+_TABLES: tuple[Mapping[str, DeclaredSetting], ...] = (LIMIT_OPTIONS, VIEW, SETTINGS_OPTIONS, ENVIRONMENT_OPTIONS)
 
 
-class _Wanted(Picture):
+class _LibraryPicture(Picture):
     """A Picture whose size and environment are given as values instead of text."""
 
     def _size(self) -> tuple[int, int] | None:
@@ -54,15 +54,15 @@ def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
     """Parses the keywords of `render`. Raises TypeError for an unknown one, SettingsError for an invalid value."""
     names = {each.name: each for table in _TABLES for each in table.values()}
     for name in given:
-        if name not in names and name not in _OWN:
-            near = difflib.get_close_matches(name, [*names, *_OWN], 1)
+        if name not in names and name not in _LIBRARY_ARGUMENTS:
+            near = difflib.get_close_matches(name, [*names, *_LIBRARY_ARGUMENTS], 1)
             raise TypeError(f"{name!r} is no setting of a picture" + (f"; did you mean {near[0]!r}?" if near else ""))
     values = {each.option.replace("-", "_"): _to_builtin(given[name]) for name, each in names.items() if name in given}
     for name, each in names.items():
         if given.get(name) is not None:
             each.check(_to_builtin(given[name]))
     camera = given.get("camera")
-    picture = _Wanted(
+    picture = _LibraryPicture(
         {
             **values,
             "size": _size(given),

@@ -17,7 +17,7 @@ from rayfarm import options
 from rayfarm.library.arguments import RenderArguments
 from rayfarm.library.image import F32, Image
 from rayfarm.library.local_render import SceneWarning
-from rayfarm.scene_files import belonging
+from rayfarm.scene_files import files_to_upload
 from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.frames import frame_text
@@ -27,19 +27,19 @@ if TYPE_CHECKING:
     from rayfarm.client import Client
     from rayfarm.responses import Job, Scene
 
-__all__ = ["images", "requested", "submitted"]
+__all__ = ["images", "submit_ready_scene", "upload_and_submit"]
 
 POLL_S = 0.3
 _COLOR = ("R", "G", "B")
 
 
-def submitted(farm: Client, scene: Path, wanted: RenderArguments) -> Job:
+def upload_and_submit(farm: Client, scene: Path, wanted: RenderArguments) -> Job:
     """Uploads the scene and submits a job. Raises ClientError, or SettingsError for settings that a farm does not support."""
-    return requested(farm, farm.wait_for_scene(farm.upload(belonging(scene), name=scene.stem).id), wanted)
+    return submit_ready_scene(farm, farm.wait_for_scene(farm.upload(files_to_upload(scene), name=scene.stem).id), wanted)
 
 
-def requested(farm: Client, ready: Scene, wanted: RenderArguments) -> Job:
-    """Submits a job for a scene that is ready on the farm. Raises as `submitted` does."""
+def submit_ready_scene(farm: Client, ready: Scene, wanted: RenderArguments) -> Job:
+    """Submits a job for a scene that is ready on the farm. Raises as `upload_and_submit` does."""
     if wanted.threads is not None:
         raise SettingsError("threads are this machine's; a farm's workers have slots of their own")
     light = wanted.picture.environment()

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rayfarm import options
-from rayfarm.frame import Order, motion_of
+from rayfarm.frame import PictureOrder, motion_of
 from rayfarm.library.arguments import RenderArguments
 from rayfarm.library.image import F32, Image
 from rayfarm.reading import open_stage
@@ -40,7 +40,7 @@ def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Ima
 
     picture, clock = wanted.picture, Clock()
     planes = [name for name in wanted.aovs if name != "color"]
-    order = Order(picture, planes, wanted.denoise, 0.0, "neutral", None, 0, None, wanted.threads)
+    order = PictureOrder(picture, planes, wanted.denoise, 0.0, "neutral", None, 0, None, wanted.threads)
     light = picture.environment()
     with open_stage(*(scene, light, wanted.variant, picture.camera), threads=wanted.threads, shutter=picture.shutter()) as stage:
         motion = motion_of(stage, order, wanted.moment, clock)

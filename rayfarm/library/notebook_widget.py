@@ -20,7 +20,7 @@ from renderer.image import rgbe9995
 
 __all__ = ["has_widgets", "show"]
 
-_MISSING = 'A picture that grows in a notebook needs anywidget: pip install "rayfarm[notebook]"'
+_MISSING_ANYWIDGET = 'A picture that grows in a notebook needs anywidget: pip install "rayfarm[notebook]"'
 
 
 def show(what: Any, *, farm: Any = None, exposure: float = 0.0, **settings: Any) -> Any:
@@ -55,13 +55,13 @@ def _images(what: Any, farm: Any, settings: dict[str, Any]) -> Generator[Image]:
 
 def _of_farm(what: Job | Scene, farm: Any, settings: dict[str, Any]) -> Generator[Image]:
     from rayfarm.library.arguments import parse_arguments
-    from rayfarm.library.farm_render import images, requested
+    from rayfarm.library.farm_render import images, submit_ready_scene
     from rayfarm.login import farm_client
 
     with ExitStack() as stack:
         client = stack.enter_context(farm_client(farm)) if farm is None or isinstance(farm, str) else farm
         wanted = parse_arguments({"aovs": (), **settings})
-        job = what if isinstance(what, Job) else requested(client, client.wait_for_scene(what.id), wanted)
+        job = what if isinstance(what, Job) else submit_ready_scene(client, client.wait_for_scene(what.id), wanted)
         yield from images(client, job.id, wanted)
 
 
@@ -75,7 +75,7 @@ def _widget_class() -> Any:
         import anywidget
         import traitlets
     except ImportError:
-        raise SettingsError(_MISSING) from None
+        raise SettingsError(_MISSING_ANYWIDGET) from None
 
     class Shown(anywidget.AnyWidget):  # type: ignore[misc,unused-ignore]
         """The widget class. `pixels`: RGB9E5 words, rows from the top."""

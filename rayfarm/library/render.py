@@ -57,11 +57,11 @@ def _images(scene: Any, farm: str | Client | None, base: str | Path, settings: d
             yield from passes(path, wanted, at_once)
             return
         from rayfarm.client import ClientError
-        from rayfarm.library.farm_render import images, submitted
+        from rayfarm.library.farm_render import images, upload_and_submit
         from rayfarm.login import farm_client
 
         client = stack.enter_context(farm_client(farm)) if isinstance(farm, str) else farm
-        job = submitted(client, path, wanted)
+        job = upload_and_submit(client, path, wanted)
         is_done = False
         try:
             for image in images(client, job.id, wanted, at_once):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rayfarm.library.glb import ATTRIBUTES, mesh_as_glb
-from rayfarm.scene_files import belonging
+from rayfarm.scene_files import files_to_upload
 from renderer.errors import SceneError
 
 __all__ = ["as_files"]
@@ -133,7 +133,7 @@ class _Writer:
                 raise SceneError(f"{where}: there is no file {path}")
             self._count += 1
             inside = f"file-{self._count}"
-            for name, source in belonging(path).items():
+            for name, source in files_to_upload(path).items():
                 target = self._folder / inside / name
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(source, target)

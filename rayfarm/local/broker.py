@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 
 from rayfarm.errors import CommandError
-from service.access.redis_release import RedisRelease, release_printed
+from service.access.redis_release import RedisRelease, parse_version_output
 
 __all__ = ["LOOPBACK", "find_server", "memory_limit", "release", "write_config"]
 
@@ -62,7 +62,7 @@ def release(program: Path) -> RedisRelease:
         told = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout
     except (OSError, subprocess.TimeoutExpired):
         told = ""
-    return release_printed(told)
+    return parse_version_output(told)
 
 
 def memory_limit() -> int:

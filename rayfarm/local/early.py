@@ -1,7 +1,7 @@
 """Processes that `rayfarm up` and `rayfarm worker` start first, so that their imports run in parallel with the command line's.
 
-Each waits until the supervisor writes its options to its standard input (renderer.child_processes.wait_to_begin), and ends with
-this process. This module imports little, since every import before `begin` delays the processes.
+Each waits until the supervisor writes its options to its standard input (renderer.child_processes.wait_for_start_line), and
+ends with this process. This module imports little, since every import before `start_processes` delays the processes.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from pathlib import Path
 
 from renderer.child_processes import spawn_guard
 
-__all__ = ["SERVICE", "WORKER", "begin", "command", "end", "take"]
+__all__ = ["SERVICE", "WORKER", "end_processes", "start_processes", "take_process", "waiting_command"]
 
 SERVICE, WORKER = "service.standby", "worker.standby"
 _ROOT = Path(__file__).resolve().parents[2]
 _loading: dict[str, subprocess.Popen[bytes]] = {}
 
 
-def command(module: str) -> list[str]:
+def waiting_command(module: str) -> list[str]:
     """Returns the command line of a process that imports a module and then waits for its options."""
     return [sys.executable, "-m", module]
 
 
-def begin(modules: Sequence[str]) -> None:
+def start_processes(modules: Sequence[str]) -> None:
     """Starts a waiting process for each module. If one cannot be started, the supervisor tries again and reports the reason."""
-    atexit.register(end)
+    atexit.register(end_processes)
     for module in modules:
         try:
             _loading[module] = subprocess.Popen(
-                command(module),
+                waiting_command(module),
                 cwd=_ROOT,
                 env={**os.environ, "PYTHONUNBUFFERED": "1"},
                 stdin=subprocess.PIPE,
@@ -47,12 +47,12 @@ def begin(modules: Sequence[str]) -> None:
             return
 
 
-def take(module: str) -> subprocess.Popen[bytes] | None:
+def take_process(module: str) -> subprocess.Popen[bytes] | None:
     """Returns the waiting process of a module, which then belongs to the caller; None if there is none."""
     return _loading.pop(module, None)
 
 
-def end() -> None:
+def end_processes() -> None:
     """Ends the waiting processes that were not taken."""
     for process in _loading.values():
         process.kill()

@@ -20,16 +20,16 @@ from protocol.contract import WORKER_KEYS, WorkerReport
 from rayfarm.client import Client
 from rayfarm.errors import CommandError
 from rayfarm.local import broker, early
-from rayfarm.local.state import ROOT, FarmAddress, announce, save_secrets, secrets_of
+from rayfarm.local.state import ROOT, FarmAddress, save_secrets, secrets_of, write_address
 from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
 from rayfarm.login import link_of, owner_token
-from service.access.redis_care import end_busy, is_busy
+from service.access.redis_care import end_blocking_script, is_busy
 from service.access.roles import OWNER
 from worker.exchange.trust import TRUST_VARIABLE
 
 __all__ = ["LocalFarm", "Tls", "free_port"]
 
-ANYWHERE = ("0.0.0.0", "::", "")
+WILDCARD_ADDRESSES = ("0.0.0.0", "::", "")
 PATIENCE_S = 180.0  # seconds; on a busy machine loading the service takes a minute
 SERVICE_STEADY_S = 15.0  # seconds; includes a database migration
 ANNOUNCE_EVERY_S = 5.0  # seconds between retries while the disk is full
@@ -84,7 +84,7 @@ class LocalFarm:
     @property
     def url(self) -> str:
         """URL of the farm for a browser on this machine."""
-        host = "127.0.0.1" if self.host in ANYWHERE else self.host
+        host = "127.0.0.1" if self.host in WILDCARD_ADDRESSES else self.host
         return f"{self._scheme}://{f'[{host}]' if ':' in host else host}:{self.port}"
 
     @property
@@ -92,7 +92,7 @@ class LocalFarm:
         """URL of the farm for other machines."""
         if self.names and self.tls:
             return f"{self._scheme}://{self.names[0]}:{self.port}"  # the certificate is for a host name
-        return self.url if self.host not in ANYWHERE else f"{self._scheme}://{_own_address()}:{self.port}"
+        return self.url if self.host not in WILDCARD_ADDRESSES else f"{self._scheme}://{_own_address()}:{self.port}"
 
     @property
     def _scheme(self) -> str:
@@ -133,20 +133,30 @@ class LocalFarm:
             uvicorn += ["--ssl-certfile", str(self.tls.certificate), "--ssl-keyfile", str(self.tls.key)]
             env[TRUST_VARIABLE] = str(self.tls.certificate)
         service = Part(
-            "service", early.command(early.SERVICE), self._log("service"), env, steady_s=SERVICE_STEADY_S, arguments=uvicorn
+            "service",
+            early.waiting_command(early.SERVICE),
+            self._log("service"),
+            env,
+            steady_s=SERVICE_STEADY_S,
+            arguments=uvicorn,
         )
         service.serves = self._service_listens
-        service.has_spare, service.spare = True, early.take(early.SERVICE)
-        service.at_peace = self._worker_rests if self.slots else None  # it may be compiling on all cores until then
+        service.has_spare, service.spare = True, early.take_process(early.SERVICE)
+        service.at_peace = self._is_worker_idle if self.slots else None  # it may be compiling on all cores until then
         self._start(service)
         if self.slots:
             # The token is passed in the environment, since command lines are visible to all users.
             options = ["--service", self.url, "--slots", str(self.slots)]
             options += [f"--blender={self.blender}"] if self.blender is not None else []
             worker = Part(
-                "worker", early.command(early.WORKER), self._log("worker"), env, steady_s=WORKER_STEADY_S, arguments=options
+                "worker",
+                early.waiting_command(early.WORKER),
+                self._log("worker"),
+                env,
+                steady_s=WORKER_STEADY_S,
+                arguments=options,
             )
-            worker.spare = early.take(early.WORKER)
+            worker.spare = early.take_process(early.WORKER)
             self._start(worker)
         self._announce()
 
@@ -160,15 +170,15 @@ class LocalFarm:
                 "Give --tls-cert and --tls-key, or let a proxy on this machine end TLS and leave --host out."
             )
 
-    def tend(self) -> None:
+    def check_parts(self) -> None:
         """Checks all parts once, restarts those that have ended, and records their process ids."""
         before = self._pids()
-        self.supervisor.tend()
+        self.supervisor.check_parts()
         if self._pids() != before or (self._unannounced is not None and time.monotonic() > self._unannounced):
             self._announce()
-        self._end_blocking_script()
+        self._restart_if_blocked()
 
-    def _end_blocking_script(self) -> None:
+    def _restart_if_blocked(self) -> None:
         """Restarts Redis if it is blocked by a script that cannot be ended. The service ends scripts that can be."""
         if time.monotonic() < self._look_at_redis:
             return
@@ -182,7 +192,7 @@ class LocalFarm:
                 return
             with contextlib.suppress(redis.RedisError):
                 with redis.Redis.from_url(self.redis_url, socket_timeout=1, retry=None) as store:
-                    ended = end_busy(store)
+                    ended = end_blocking_script(store)
                 if not ended and process is not None and process.poll() is None:
                     self.supervisor.say("A script blocks Redis and cannot be ended: Redis is restarted.")
                     process.kill()
@@ -203,8 +213,8 @@ class LocalFarm:
                 return True
             cannot_live = part.process is not None and part.process.poll() == REFUSES_TO_START
             if cannot_live or part.failures >= 3 or time.monotonic() > deadline:
-                raise CommandError(f"{name} does not start. The end of its log ({part.log}):\n{part.last_words()}")
-            self.tend()
+                raise CommandError(f"{name} does not start. The end of its log ({part.log}):\n{part.last_log_lines()}")
+            self.check_parts()
             time.sleep(0.05)
         return False
 
@@ -230,7 +240,7 @@ class LocalFarm:
         report = self._worker_report()
         return report is not None and report.state == "ready"
 
-    def _worker_rests(self) -> bool:
+    def _is_worker_idle(self) -> bool:
         """Whether this farm's worker is ready and idle."""
         report = self._worker_report()
         return report is not None and report.state == "ready" and not any(report.current)
@@ -278,7 +288,7 @@ class LocalFarm:
         pids = self._pids()
         about = FarmAddress(self.url, self.secrets.token, self.redis_url, os.getpid(), pids, self.public_url, self._certificate)
         try:
-            announce(self.data, about)
+            write_address(self.data, about)
         except OSError as error:
             if self._unannounced is None:
                 self.supervisor.say(f"{self.data / 'farm.json'} cannot be written ({error.strerror}). It is tried again.")

@@ -18,9 +18,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rayfarm.errors import CommandError
-from service.store.atomic_files import write_whole
+from service.store.atomic_files import write_atomically
 
-__all__ = ["ROOT", "FarmAddress", "Secrets", "locked", "running_farm", "secrets_of"]
+__all__ = ["ROOT", "FarmAddress", "Secrets", "locked_folder", "running_farm", "secrets_of"]
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -63,12 +63,12 @@ def secrets_of(data: Path) -> Secrets:
 
 def save_secrets(data: Path, known: Secrets) -> None:
     """Writes the secrets atomically."""
-    write_whole(data / "secrets.json", json.dumps(asdict(known), indent=1).encode())
+    write_atomically(data / "secrets.json", json.dumps(asdict(known), indent=1).encode())
 
 
-def announce(data: Path, farm: FarmAddress) -> None:
+def write_address(data: Path, farm: FarmAddress) -> None:
     """Writes the address of the running farm to farm.json."""
-    write_whole(data / "farm.json", json.dumps(asdict(farm), indent=1).encode())
+    write_atomically(data / "farm.json", json.dumps(asdict(farm), indent=1).encode())
 
 
 def running_farm(data: Path) -> FarmAddress | None:
@@ -82,7 +82,7 @@ def running_farm(data: Path) -> FarmAddress | None:
 
 
 @contextlib.contextmanager
-def locked(data: Path) -> Iterator[None]:
+def locked_folder(data: Path) -> Iterator[None]:
     """Context manager that holds the data folder's lock.
 
     Raises CommandError if another farm holds it, or the folder cannot be created.

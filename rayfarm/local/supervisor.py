@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-from renderer.child_processes import begin_line, signal_name, spawn_guard
+from renderer.child_processes import signal_name, spawn_guard, start_line
 
 __all__ = ["WORKER_STEADY_S", "Part", "Supervisor"]
 
@@ -28,12 +28,12 @@ PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
 KILLED_PAUSE_S = 1.0  # maximum after a kill from outside, which says nothing about the part's health
 SERVED_PAUSE_S = 0.2  # after a part that has served
 LOOK_EVERY_S = 0.05  # seconds between checks whether a new part serves
-PEACE_EVERY_S = 0.5  # seconds between checks whether the other parts are ready
+IDLE_CHECK_EVERY_S = 0.5  # seconds between checks whether the other parts are ready
 SPARE_AFTER_S = 10.0  # seconds of serving before the first spare, since a starting farm and its first picture need the CPU
 SPARE_LATEST_S = 30.0  # seconds of serving after which a spare starts even if other parts are busy: it takes two seconds of CPU
 SPARE_PAUSE_S = 3.0  # seconds between starts of spares
-SPARE_AGAIN_S = 0.3  # seconds of serving after a restart, as the same fault may strike again
-KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+SPARE_AFTER_RESTART_S = 0.3  # seconds of serving after a restart, as the same fault may strike again
+KILL_SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 @dataclass
@@ -41,8 +41,9 @@ class Part:
     """One process of the farm. grace_s: time to stop gracefully, in seconds. fatal_codes: exit codes after which it is not
     restarted.
 
-    arguments: options for a process that imports first and then reads them from stdin (renderer.child_processes.wait_to_begin);
-    None for others. spare: such a process that waits; has_spare: whether there should always be one.
+    arguments: options for a process that imports first and then reads them from standard input
+    (renderer.child_processes.wait_for_start_line); None for others.
+    spare: such a process that waits; has_spare: whether there should always be one.
 
     Pauses before restarts increase while the part ends before it is in service. serves: whether it is in service; a quick check,
     called until it is true. Without `serves`, a part has failed if it ends within steady_s seconds of its start; steady_s exceeds
@@ -76,7 +77,7 @@ class Part:
         """Whether the process is alive."""
         return self.process is not None and self.process.poll() is None
 
-    def last_words(self, lines: int = 12) -> str:
+    def last_log_lines(self, lines: int = 12) -> str:
         """Returns the last lines of the process's log."""
         try:
             with self.log.open("rb") as file:
@@ -107,7 +108,7 @@ class Supervisor:
         part.process = spare or self._spawn(part)
         part.start_failures = 0
         if part.arguments is not None:
-            _let_begin(part, part.process, part.arguments)
+            _release_spare(part, part.process, part.arguments)
         part.started = time.monotonic()
         part.restart_at = None
         part.has_served = False
@@ -128,22 +129,22 @@ class Supervisor:
     def _keep_spare(self, part: Part, now: float) -> None:
         """Starts a spare process if the part has none and has been in service for a while."""
         is_there = part.spare is not None and part.spare.poll() is None
-        pause = SPARE_AGAIN_S if part.ends else SPARE_AFTER_S
+        pause = SPARE_AFTER_RESTART_S if part.ends else SPARE_AFTER_S
         is_time = now - part.started > pause and (not part.spare_started or now - part.spare_started > SPARE_PAUSE_S)
-        if part.has_spare and part.has_served and not is_there and is_time and self._is_peace(part, now):
+        if part.has_spare and part.has_served and not is_there and is_time and self._is_idle(part, now):
             part.spare_started = now
             with contextlib.suppress(OSError, subprocess.SubprocessError):  # tried again after SPARE_PAUSE_S
                 part.spare = self._spawn(part)
 
-    def _is_peace(self, part: Part, now: float) -> bool:
+    def _is_idle(self, part: Part, now: float) -> bool:
         if part.ends or part.spare_started or part.at_peace is None or now - part.started > SPARE_LATEST_S:
             return True
-        if now - part.looked < PEACE_EVERY_S:
+        if now - part.looked < IDLE_CHECK_EVERY_S:
             return False
         part.looked = now
         return part.at_peace()
 
-    def tend(self) -> Part | None:
+    def check_parts(self) -> Part | None:
         """Checks all parts once, and restarts those that have ended.
 
         Returns a part that ended with a fatal exit code, or None.
@@ -167,9 +168,9 @@ class Supervisor:
                 part.ends += 1
                 if code in part.fatal_codes:
                     return part
-                pause = self._pause(part, code, now - part.started)
+                pause = self._restart_delay_s(part, code, now - part.started)
                 part.restart_at = now + pause
-                self.say(f"{part.name} ended ({_ending(code)}); it starts again in {pause:g} s. Its log: {part.log}")
+                self.say(f"{part.name} ended ({_describe_exit(code)}); it starts again in {pause:g} s. Its log: {part.log}")
             elif now >= part.restart_at:
                 self._start_again(part, now)
         return None
@@ -201,7 +202,7 @@ class Supervisor:
             self._end_group(part)
         self.parts.clear()
 
-    def _pause(self, part: Part, code: int | None, lived_s: float) -> float:
+    def _restart_delay_s(self, part: Part, code: int | None, lived_s: float) -> float:
         """Returns the time to wait before restarting a part that has ended, in seconds. lived_s: how long it ran."""
         if part.has_served:
             return SERVED_PAUSE_S
@@ -209,7 +210,7 @@ class Supervisor:
             part.failures = 0
         pause = PAUSES_S[min(part.failures, len(PAUSES_S) - 1)]
         part.failures += 1
-        was_killed = code is not None and -code in KILLS
+        was_killed = code is not None and -code in KILL_SIGNALS
         return min(pause, KILLED_PAUSE_S) if was_killed else pause
 
     def _end_group(self, part: Part) -> None:
@@ -221,10 +222,10 @@ class Supervisor:
         part.process.wait()
 
 
-def _let_begin(part: Part, process: subprocess.Popen[bytes], arguments: list[str]) -> None:
+def _release_spare(part: Part, process: subprocess.Popen[bytes], arguments: list[str]) -> None:
     assert process.stdin is not None
     with contextlib.suppress(BrokenPipeError):  # it died just now, which the next check detects
-        process.stdin.write(begin_line(arguments, {**os.environ, **part.env}, part.log))
+        process.stdin.write(start_line(arguments, {**os.environ, **part.env}, part.log))
         process.stdin.close()
 
 
@@ -261,7 +262,7 @@ def _log_of(part: Part) -> IO[bytes]:
         return Path(os.devnull).open("ab")
 
 
-def _ending(code: int | None) -> str:
+def _describe_exit(code: int | None) -> str:
     if code is not None and code < 0:
         return f"by {signal_name(-code)}"
     return f"exit code {code}"

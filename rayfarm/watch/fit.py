@@ -8,12 +8,12 @@ from PIL import Image
 
 from renderer.image import tonemap
 
-__all__ = ["fitted", "fitted_picture"]
+__all__ = ["fitted_picture", "fitted_size"]
 
 F32 = npt.NDArray[np.float32]
 
 
-def fitted(size: tuple[int, int], room: tuple[int, int]) -> tuple[int, int]:
+def fitted_size(size: tuple[int, int], room: tuple[int, int]) -> tuple[int, int]:
     """Returns the size of a picture of `size` scaled to fit into `room`, at least 1 x 1. Enlarges only by integers."""
     scale = min(room[0] / size[0], room[1] / size[1])
     if scale >= 1:

@@ -7,16 +7,16 @@ import threading
 import time
 
 from rayfarm.watch.live import LiveJob
-from rayfarm.watch.words import frame_title, how_far
+from rayfarm.watch.words import frame_title, progress_text
 from renderer.printable import one_line
 
-__all__ = ["tell"]
+__all__ = ["print_progress"]
 
 EVERY_S = 5.0
 LOOK_S = 1.0
 
 
-def tell(live: LiveJob, news: threading.Event) -> None:
+def print_progress(live: LiveJob, news: threading.Event) -> None:
     """Prints a line when the state changes, and every few seconds, until the job ends. Raises ClientError."""
     told_at, told = 0.0, ("", "")
     while True:
@@ -26,7 +26,7 @@ def tell(live: LiveJob, news: threading.Event) -> None:
         state = (job.state, job.message or "")
         if state != told or now - told_at >= EVERY_S:
             told_at, told = now, state
-            line = f"{frame_title(job, live.shown)} · {how_far(job)}"
+            line = f"{frame_title(job, live.shown)} · {progress_text(job)}"
             print(one_line(line), flush=True)
         if job.is_over:
             sys.stdout.flush()

@@ -24,7 +24,7 @@ from renderer.settings import Tile
 __all__ = ["LiveJob"]
 
 PAUSES_S = (0.2, 1.0, 2.0, 5.0)
-AWAY_S = 60.0
+UNREACHABLE_TIMEOUT_S = 60.0
 LOOK_EVERY_S = 0.5  # whether it is to end
 ACTIVE = ("preparing", "running")
 
@@ -107,7 +107,7 @@ class LiveJob:
             except ClientError as error:
                 away_since = away_since or time.monotonic()
                 gone = error.status is not None and error.status < 500
-                if gone or time.monotonic() - away_since > AWAY_S:
+                if gone or time.monotonic() - away_since > UNREACHABLE_TIMEOUT_S:
                     self.error = error
                     self._wake()
                     return
@@ -128,7 +128,7 @@ class LiveJob:
             try:
                 while not self._stop.is_set():
                     with contextlib.suppress(TimeoutError):
-                        self._take(socket, socket.recv(timeout=LOOK_EVERY_S))
+                        self._handle_message(socket, socket.recv(timeout=LOOK_EVERY_S))
                         self.trouble = None
                         self._wake()
             except ConnectionClosed as closed:
@@ -139,7 +139,7 @@ class LiveJob:
                 with self._lock:
                     self._socket = None
 
-    def _take(self, socket: ClientConnection, message: str | bytes) -> None:
+    def _handle_message(self, socket: ClientConnection, message: str | bytes) -> None:
         if isinstance(message, bytes):
             socket.send(Acknowledge(self._tile(message)).to_text())
             return
@@ -149,7 +149,7 @@ class LiveJob:
             case Frames(frames):
                 found = [read(Frame, each) for each in frames]
                 self.frames |= {each.number: each for each in found}
-                self._follow()
+                self._follow_rendering()
 
     def _state(self, job: Job) -> None:
         with self._lock:
@@ -159,7 +159,7 @@ class LiveJob:
         if job.shot is None:
             self.frames = {each.number: each for each in job.frames}
 
-    def _follow(self) -> None:
+    def _follow_rendering(self) -> None:
         """Switches to a frame of the shot that is being rendered, once the present one no longer is."""
         shown = self.shown
         if not self.follows or (shown is not None and shown.state in ACTIVE):

@@ -10,27 +10,27 @@ import numpy.typing as npt
 
 from rayfarm.client import Client, ClientError
 from rayfarm.watch.blocks import Blocks
-from rayfarm.watch.fit import fitted, fitted_picture
+from rayfarm.watch.fit import fitted_picture, fitted_size
 from rayfarm.watch.live import LiveJob
 from rayfarm.watch.pixels import Kitty, Sixel
 from rayfarm.watch.terminal import Abilities, Terminal
-from rayfarm.watch.words import fit_columns, frame_title, how_far
+from rayfarm.watch.words import fit_columns, frame_title, progress_text
 from renderer.image.tonemap import CURVES
 
-__all__ = ["GRAPHICS", "Graphics", "Screen", "surface"]
+__all__ = ["GRAPHICS", "Graphics", "Screen", "drawing_surface"]
 
 Graphics = Literal["auto", "kitty", "sixel", "blocks"]
 GRAPHICS: tuple[Graphics, ...] = ("auto", "kitty", "sixel", "blocks")
 EXPOSURE_STEP = 0.5
 EXPOSURE_MOST = 20.0
-SAY_EVERY_S = 0.25
+TEXT_EVERY_S = 0.25
 DRAW_EVERY_S = 0.1
-REST = 2.0  # times as long as drawing took, nothing is drawn: the terminal may be far away
+DRAWING_PAUSE_FACTOR = 2.0  # times as long as drawing took, nothing is drawn: the terminal may be far away
 LINES = 3  # beneath the picture
 KEYS = "q quit · +/- exposure · 0 reset · t curve · c cancel"
 
 
-def surface(graphics: Graphics, can: Abilities) -> Blocks | Kitty | Sixel:
+def drawing_surface(graphics: Graphics, can: Abilities) -> Blocks | Kitty | Sixel:
     """Returns the drawing object for a terminal: by pixels if the terminal supports it, otherwise half blocks."""
     if graphics == "kitty" or (graphics == "auto" and can.kitty):
         return Kitty(can.cell)
@@ -46,7 +46,7 @@ class Screen:
         self._terminal = terminal
         self._farm = farm
         self._live = live
-        self._surface = surface(graphics, terminal.abilities())
+        self._surface = drawing_surface(graphics, terminal.abilities())
         self._exposure = exposure
         self._curve = curve
         self._asks = False  # whether to cancel
@@ -67,15 +67,15 @@ class Screen:
                 if self._live.error is not None:
                     raise self._live.error
                 self._draw()
-                wait_s = max(self._not_before - time.monotonic(), 0.0) if self._is_dirty else SAY_EVERY_S
+                wait_s = max(self._not_before - time.monotonic(), 0.0) if self._is_dirty else TEXT_EVERY_S
                 for key in self._terminal.keys(wait_s):
-                    if self._quits(key):
+                    if self._handle_key(key):
                         return None
             return self._terminal.ended
         finally:
             self._terminal.write(self._surface.clear())
 
-    def _quits(self, key: str) -> bool:
+    def _handle_key(self, key: str) -> bool:
         self._error = None
         if self._asks:
             self._asks = False
@@ -86,25 +86,25 @@ class Screen:
             case "q" | "Q":
                 return True
             case "+" | "=":
-                self._expose(self._exposure + EXPOSURE_STEP)
+                self._set_exposure(self._exposure + EXPOSURE_STEP)
             case "-" | "_":
-                self._expose(self._exposure - EXPOSURE_STEP)
+                self._set_exposure(self._exposure - EXPOSURE_STEP)
             case "0":
-                self._expose(0.0)
+                self._set_exposure(0.0)
             case "t":
                 self._curve = CURVES[(CURVES.index(self._curve) + 1) % len(CURVES)]
                 self._is_dirty = True
             case "c":
                 self._asks = not self._live.job.is_over
             case "left" | "right":
-                self._turn(1 if key == "right" else -1)
+                self._change_frame(1 if key == "right" else -1)
         return False
 
-    def _expose(self, stops: float) -> None:
+    def _set_exposure(self, stops: float) -> None:
         self._exposure = min(max(stops, -EXPOSURE_MOST), EXPOSURE_MOST)
         self._is_dirty = True
 
-    def _turn(self, by: int) -> None:
+    def _change_frame(self, by: int) -> None:
         numbers = sorted(self._live.frames)
         if self._live.job.shot is None or not numbers:
             return
@@ -140,13 +140,13 @@ class Screen:
             self._terminal.draw(data)
         if draws:
             now = time.monotonic()
-            self._not_before = now + max(DRAW_EVERY_S, REST * (now - begun))
+            self._not_before = now + max(DRAW_EVERY_S, DRAWING_PAUSE_FACTOR * (now - begun))
 
     def _picture(self, film: npt.NDArray[np.float32] | None, columns: int, rows: int) -> bytes:
         if film is None or rows < 1:
             return b""
         self._shape = film.shape
-        size = fitted((film.shape[1], film.shape[0]), self._surface.room(columns, rows))
+        size = fitted_size((film.shape[1], film.shape[0]), self._surface.room(columns, rows))
         wide, high = self._surface.cells(size)
         picture = fitted_picture(film, size, self._exposure, self._curve)
         return self._surface.draw(picture, (columns - wide) // 2 + 1, max((rows - high) // 2, 0) + 1)
@@ -161,7 +161,7 @@ class Screen:
             turn = " · ←/→ frame" if job.shot is not None else ""
             keys = self._error or f"{KEYS}{turn} · {look}"
         lines = [
-            fit_columns(self._live.trouble or job.error or how_far(job, with_bar=columns >= 60), columns),
+            fit_columns(self._live.trouble or job.error or progress_text(job, with_bar=columns >= 60), columns),
             fit_columns(frame_title(job, self._live.shown), columns),
             fit_columns(keys, columns),
         ][-rows:]

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
-__all__ = ["Abilities", "Terminal", "understood"]
+__all__ = ["Abilities", "Terminal", "parse_answers"]
 
 ANSWER_S = 2.0  # over slow lines; DA1's answer ends it
 CELL = (10, 20)  # pixels, if the terminal does not report it
@@ -48,7 +48,7 @@ class Abilities:
     cell: tuple[int, int] = CELL
 
 
-def understood(answers: bytes) -> Abilities:
+def parse_answers(answers: bytes) -> Abilities:
     """Parses a terminal's answers to the queries of its capabilities."""
     attributes = re.search(rb"\x1b\[\?([\d;]+)c", answers)
     cell = re.search(rb"\x1b\[6;(\d+);(\d+)t", answers)
@@ -87,11 +87,11 @@ class Terminal:
         self._before = termios.tcgetattr(self._in)
         for each in SIGNALS:
             self._handlers[each] = signal.signal(each, self._signalled)
-        self._take_over()
+        self._enter_raw_mode()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._give_back()
+        self._restore()
         for each, handler in self._handlers.items():
             signal.signal(each, handler)
         os.close(self._wake_read)
@@ -107,7 +107,7 @@ class Terminal:
                 if not data:
                     break
                 answers += data
-        found = understood(answers)
+        found = parse_answers(answers)
         if os.environ.get("COLORTERM", "") in ("truecolor", "24bit"):
             found = Abilities(found.kitty, found.sixel, True, found.cell)
         return found if found.cell != CELL else Abilities(found.kitty, found.sixel, found.true_colour, self._cell())
@@ -162,12 +162,12 @@ class Terminal:
                 return width // columns, height // rows
         return CELL
 
-    def _take_over(self) -> None:
+    def _enter_raw_mode(self) -> None:
         tty.setcbreak(self._in, termios.TCSANOW)
         self.write(ENTER)
         self.resized = True
 
-    def _give_back(self) -> None:
+    def _restore(self) -> None:
         self.write(LEAVE)
         if self._before is not None:
             with contextlib.suppress(termios.error):  # the window is closed
@@ -187,11 +187,11 @@ class Terminal:
     def _stop(self) -> None:
         """Handles Ctrl-Z: restores the terminal until the shell resumes the process."""
         self._is_to_stop = self._goes_on = False
-        self._give_back()
+        self._restore()
         os.kill(os.getpid(), signal.SIGSTOP)
         while not self._goes_on and self.ended is None:  # another thread may be the one that is stopped first
             time.sleep(0.02)
-        self._take_over()
+        self._enter_raw_mode()
 
 
 def _keys(data: bytes) -> Iterator[str]:

@@ -7,13 +7,13 @@ from rich.cells import cell_len, set_cell_size
 from rayfarm.responses import Frame, Job
 from renderer.printable import one_line
 
-__all__ = ["fit_columns", "frame_title", "how_far"]
+__all__ = ["fit_columns", "frame_title", "progress_text"]
 
 BAR = 24  # cells
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
-def how_far(job: Job, with_bar: bool = False) -> str:
+def progress_text(job: Job, with_bar: bool = False) -> str:
     """Returns a job's state, progress, rate and remaining time: `rendering · 43 % · 12.3 M samples/s · 1:05 left`."""
     done = f"{100 * job.progress:.0f} %"
     parts = [job.message or job.state, f"{_bar(job.progress)} {done}" if with_bar else done]

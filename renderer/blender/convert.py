@@ -24,10 +24,10 @@ SCRIPT = HERE / "inside" / "export.py"
 # The folder of Blender's add-on with shader modules: at the top of a clone, in the service's package of an installation.
 _ABOVE = HERE.parents[1]
 _ADDONS = tuple(place / "blender" / "rayfarm_addon" for place in (_ABOVE, _ABOVE / "service"))
-WRITTEN = ("blender-scene.yaml", "blender-scene.glb", "blender-world.exr", "blender-lamp-*.exr")
+OUTPUT_FILES = ("blender-scene.yaml", "blender-scene.glb", "blender-world.exr", "blender-lamp-*.exr")
 OWN_MEMORY = 6 << 30  # address space that Blender uses before opening a file
 MOST_BYTES = 8 << 30
-LAST_WORDS = 600
+MAX_ERROR_OUTPUT = 600
 # System files: libraries, font settings, the time zone, the number of processors.
 SYSTEM = (
     *("/usr", "/lib", "/lib64", "/bin", "/opt", "/etc/ld.so.cache", "/etc/fonts", "/etc/localtime", "/etc/alternatives"),
@@ -81,10 +81,10 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
             ) from None
         if "error" in report:
             raise SceneError(Sentence("blender-import-error", "{file}: {error}.", file=main, error=report["error"]))
-        for path in sorted(found for each in WRITTEN for found in work.glob(each)):
+        for path in sorted(found for each in OUTPUT_FILES for found in work.glob(each)):
             if path.is_file() and not path.is_symlink():
                 shutil.move(path, out / path.name)
-    return WRITTEN[0]
+    return OUTPUT_FILES[0]
 
 
 def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, seconds: float) -> str:
@@ -124,7 +124,7 @@ def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, sec
                 os.killpg(child.pid, signal.SIGKILL)
             child.wait()
     with log.open("rb") as said:
-        said.seek(max(log.stat().st_size - LAST_WORDS, 0))
+        said.seek(max(log.stat().st_size - MAX_ERROR_OUTPUT, 0))
         words = said.read().decode("utf-8", "replace").strip().splitlines()
     print("\n".join(words), file=sys.stderr)
     how = next((each.name for each in signal.Signals if each == -code), f"code {code}")

@@ -25,14 +25,14 @@ def temporary_folder(prefix: str, in_memory: bool = False) -> Iterator[Path]:
 
     in_memory: in shared memory if that has room for a large scene. Raises MachineError if no temporary folder is writable.
     """
-    folder = _made(prefix, _MEMORY if in_memory and _has_room(_MEMORY) else None)
+    folder = _create_folder(prefix, _MEMORY if in_memory and _has_enough_memory(_MEMORY) else None)
     try:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _made(prefix: str, where: Path | None) -> Path:
+def _create_folder(prefix: str, where: Path | None) -> Path:
     tried = []
     for parent in dict.fromkeys((where, None, _MEMORY)):
         if parent is _MEMORY and not parent.is_dir():
@@ -56,7 +56,7 @@ def _made(prefix: str, where: Path | None) -> Path:
     )
 
 
-def _has_room(folder: Path) -> bool:
+def _has_enough_memory(folder: Path) -> bool:
     """Returns True if /dev/shm can hold half of the available memory: a container's default of 64 MiB cannot."""
     try:
         found = os.statvfs(folder)

@@ -70,7 +70,7 @@ class _Launcher:
         while os.getppid() == self._parent:
             for descriptor, _ in self._poll.poll(_POLL_MS):
                 if descriptor == self._control.fileno():
-                    if not self._take():
+                    if not self._accept_request():
                         return
                 elif descriptor == self._woken:
                     os.read(self._woken, 1 << 12)
@@ -78,9 +78,9 @@ class _Launcher:
                     with contextlib.suppress(ProcessLookupError):
                         os.kill(self._running[descriptor].pid, signal.SIGKILL)
                     self._poll.unregister(descriptor)
-            self._reap()
+            self._reap_children()
 
-    def _take(self) -> bool:
+    def _accept_request(self) -> bool:
         data, descriptors, _, _ = socket.recv_fds(self._control, MOST_REQUEST, 3)
         if not data:
             return False
@@ -144,7 +144,7 @@ class _Launcher:
         self._poll.register(asked, 0)  # reports only that the other end is closed
         return None
 
-    def _reap(self) -> None:
+    def _reap_children(self) -> None:
         by_pid = {running.pid: running for running in self._running.values()}
         while by_pid:
             try:

@@ -11,14 +11,14 @@ from pathlib import Path
 from renderer.sentences import Sentence
 
 __all__ = [
-    "amount",
-    "at_most",
     "available_memory",
-    "callers_limit",
+    "callers_limit_phrase",
     "importer_memory",
-    "inherited",
+    "inherited_limit",
     "limit_program",
+    "limited_memory",
     "set_limits",
+    "size_text",
 ]
 
 LARGEST_FILE = 16 << 30
@@ -70,11 +70,11 @@ def _of_cgroups() -> Iterator[int]:
             for folder in (inside, *inside.parents):  # a container sees its own cgroup as the root
                 if not folder.is_relative_to(root):
                     break
-                if (left := _left(folder, *names)) is not None:
+                if (left := _cgroup_memory_left(folder, *names)) is not None:
                     yield left
 
 
-def _left(folder: Path, limit_name: str, used_name: str, cache_name: str) -> int | None:
+def _cgroup_memory_left(folder: Path, limit_name: str, used_name: str, cache_name: str) -> int | None:
     try:
         limit, used = (int((folder / name).read_text()) for name in (limit_name, used_name))
         stat = dict(line.split(" ", 1) for line in (folder / "memory.stat").read_text().splitlines())
@@ -123,7 +123,7 @@ def _address_space() -> int:
 
 
 @contextmanager
-def at_most(memory: int) -> Iterator[bool]:
+def limited_memory(memory: int) -> Iterator[bool]:
     """Context manager: limits this process to `memory` bytes of address space beyond its current use.
 
     Yields whether the previous limit is lower still.
@@ -138,21 +138,21 @@ def at_most(memory: int) -> Iterator[bool]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-def inherited(option: str) -> int | None:
+def inherited_limit(option: str) -> int | None:
     """Returns the soft limit that this process was started with, in bytes or seconds, by `ulimit`'s option; None without one."""
     soft, _ = resource.getrlimit(_NAMED[option][0])
     return None if soft == resource.RLIM_INFINITY else soft
 
 
-def callers_limit(option: str) -> str | None:
+def callers_limit_phrase(option: str) -> str | None:
     """Returns a phrase that names a limit this process was started with; None if there is none.
 
     For example "its limit on address space (ulimit -v) of 2.0 GiB".
     """
-    value = inherited(option)
+    value = inherited_limit(option)
     if value is None:
         return None
-    size = f"{value} s" if option == "-t" else amount(value)
+    size = f"{value} s" if option == "-t" else size_text(value)
     return Sentence(
         "machine-limit",
         "its limit on {resource} (ulimit {option}) of {size}",
@@ -162,6 +162,6 @@ def callers_limit(option: str) -> str | None:
     )
 
 
-def amount(value: int) -> str:
+def size_text(value: int) -> str:
     """Returns a number of bytes as text: "1.5 GiB"."""
     return f"{value / 2**30:.1f} GiB" if value >= 2**29 else f"{value / 2**20:.1f} MiB"

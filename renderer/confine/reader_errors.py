@@ -8,11 +8,11 @@ import signal
 from dataclasses import dataclass
 from typing import Any
 
-from renderer.confine.limits import amount, callers_limit
+from renderer.confine.limits import callers_limit_phrase, size_text
 from renderer.errors import MachineError, RayfarmError, SceneError
-from renderer.sentences import Sentence, joined
+from renderer.sentences import Sentence, joined_sentences
 
-__all__ = ["Bounds", "TooLargeError", "error_of", "error_of_exit", "too_slow"]
+__all__ = ["Bounds", "TooLargeError", "error_of", "error_of_exit", "timeout_error"]
 
 log = logging.getLogger(__name__)
 
@@ -47,7 +47,7 @@ def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
     if sentence == "memory":
         return _out_of_memory(bounds)
     if sentence == "size":
-        limit = callers_limit("-f")
+        limit = callers_limit_phrase("-f")
         what = (
             Sentence("advice-raise-limit-too-small", "{limit} is too small. Raise it.", limit=limit)
             if limit
@@ -61,11 +61,11 @@ def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
     if "trace" in message:
         log.warning("%s: %s", bounds.subject, message["trace"])
     if message.get("rest"):
-        return SceneError(joined(bounds.subject, sentence))
-    return _kinds().get(str(message.get("kind")), SceneError)(sentence)
+        return SceneError(joined_sentences(bounds.subject, sentence))
+    return _exception_classes().get(str(message.get("kind")), SceneError)(sentence)
 
 
-def _kinds() -> dict[str, type[RayfarmError]]:
+def _exception_classes() -> dict[str, type[RayfarmError]]:
     """Returns the exception classes that this process knows, by name."""
     found: dict[str, type[RayfarmError]] = {}
     waiting = [RayfarmError]
@@ -77,7 +77,7 @@ def _kinds() -> dict[str, type[RayfarmError]]:
 
 
 def _out_of_memory(bounds: Bounds) -> MachineError:
-    if (limit := callers_limit("-v")) is not None:
+    if (limit := callers_limit_phrase("-v")) is not None:
         return MachineError(
             Sentence(
                 "file-unreadable-limit-too-small",
@@ -115,7 +115,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
         )
     number = os.WTERMSIG(status)
     if number == signal.SIGXCPU:
-        if (limit := callers_limit("-t")) is not None:
+        if (limit := callers_limit_phrase("-t")) is not None:
             return MachineError(
                 Sentence(
                     "file-unreadable-limit-too-small",
@@ -124,7 +124,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
                     limit=limit,
                 )
             )
-        return too_slow(bounds)
+        return timeout_error(bounds)
     if number == signal.SIGKILL:
         return MachineError(
             Sentence(
@@ -135,7 +135,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
         )
     name = signal.Signals(number).name if number in set(signal.Signals) else ""
     if number in _OF_ALLOCATION and room is not None and room < needed:
-        limit = callers_limit("-v")
+        limit = callers_limit_phrase("-v")
         return MachineError(
             Sentence(
                 "importer-crashed-low-memory",
@@ -144,8 +144,8 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
                 subject=subject,
                 number=number,
                 name=name,
-                granted=amount(room),
-                needed=amount(needed),
+                granted=size_text(room),
+                needed=size_text(needed),
                 advice=Sentence("advice-raise-limit", "Raise {limit}.", limit=limit) if limit else bounds.smaller,
             )
         )
@@ -159,7 +159,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
     )
 
 
-def too_slow(bounds: Bounds) -> SceneError:
+def timeout_error(bounds: Bounds) -> SceneError:
     """Returns the error for a reader that exceeded its time limit."""
     return SceneError(
         Sentence(

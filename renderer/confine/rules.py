@@ -22,7 +22,7 @@ __all__ = [
     "READ",
     "RUN",
     "WRITE",
-    "available",
+    "available_features",
     "die_with_parent",
     "drop_capabilities",
     "enter_empty_network",
@@ -83,7 +83,7 @@ def enter_empty_network() -> bool:
     return _libc is not None and (_libc.unshare(_NEW_USER | _NEW_NET) == 0 or _libc.unshare(_NEW_NET) == 0)
 
 
-def available() -> tuple[list[str], list[str]]:
+def available_features() -> tuple[list[str], list[str]]:
     """Returns the names of available and of missing kernel features, Landlock and seccomp. Changes nothing."""
     version = _libc.syscall(_CREATE, None, 0, _VERSION) if _libc is not None else 0
     # For a filter at address 0, a kernel with filters returns EFAULT, others EINVAL.

@@ -24,13 +24,13 @@ from typing import IO, Any
 
 from renderer.cache_folders import cache_home
 from renderer.confine.launcher import MOST_REQUEST
-from renderer.confine.limits import callers_limit, importer_memory
+from renderer.confine.limits import callers_limit_phrase, importer_memory
 from renderer.confine.reader import TAKEN, Job, Link, Send
-from renderer.confine.reader_errors import Bounds, TooLargeError, error_of, error_of_exit, too_slow
-from renderer.confine.rules import available
+from renderer.confine.reader_errors import Bounds, TooLargeError, error_of, error_of_exit, timeout_error
+from renderer.confine.rules import available_features
 from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.library_messages import library_message
-from renderer.sentences import Sentence, decoded, encoded, joined
+from renderer.sentences import Sentence, decoded, encoded, joined_sentences
 
 __all__ = ["Bounds", "Reader", "TooLargeError", "begin_launcher", "confinement", "error_of", "error_of_exit", "run"]
 
@@ -129,13 +129,13 @@ def _close_current() -> None:
 
 def confinement() -> tuple[str, bool]:
     """Returns a sentence on how readers are confined on this machine, and whether confinement is complete."""
-    has, lacks = available()
+    has, lacks = available_features()
     kept = ", ".join([*has, "limits and an empty environment"])
     sentence = f"files are read in processes of their own, confined by {kept}"
     return (f"{sentence}; this system lacks {' and '.join(lacks)}" if lacks else sentence), not lacks
 
 
-def _give_up(launcher: _Launcher) -> None:
+def _discard_launcher(launcher: _Launcher) -> None:
     """Discards a launcher; the next reader gets a new one."""
     global _current
     with _lock:
@@ -174,7 +174,7 @@ class Reader:
             try:
                 self._begin(launcher, preload)
             except OSError as error:
-                _give_up(launcher)
+                _discard_launcher(launcher)
                 if attempt == 2:
                     raise _no_launcher(launcher, error.strerror or "") from error
                 continue
@@ -209,7 +209,7 @@ class Reader:
                 answer: dict[str, Any] = message["answer"]
                 return answer
             on_message(message)
-        raise self._ended()
+        raise self._ended_error()
 
     def ask(self, request: dict[str, Any], on_message: Send) -> bool:
         """Sends a request to a job that handles `Link.requests`; returns False if it had ended. Raises as `result`."""
@@ -233,7 +233,7 @@ class Reader:
         self.close()
         if ended.get("status") == 0:
             return False
-        raise self._sentence(ended)
+        raise self._error_of_status(ended)
 
     def _messages(self, seconds: float) -> Iterator[dict[str, Any]]:
         """Yields messages until the reader closes its pipe.
@@ -245,7 +245,7 @@ class Reader:
             begun = time.monotonic()
             if seconds <= 0 or not _readable(self._saying, seconds if self._is_started else seconds + _READY_S):
                 self.close()
-                raise too_slow(self.bounds)
+                raise timeout_error(self.bounds)
             if self._is_started:
                 seconds -= time.monotonic() - begun
             data = os.read(self._saying, 1 << 16)
@@ -280,11 +280,11 @@ class Reader:
                 if "started" in message and not self._is_started:  # the first is sent before the job, so it can be trusted
                     self._is_started, self._room = True, int(message["room"])
                 elif "call" in message:
-                    self._answer(message)
+                    self._answer_call(message)
                 else:
                     yield message
 
-    def _answer(self, message: dict[str, Any]) -> None:
+    def _answer_call(self, message: dict[str, Any]) -> None:
         call = self._calls.get(str(message.pop("call")))
         try:
             reply = {"reply": call(**message)} if call is not None else {"error": _UNKNOWN_CALL}
@@ -293,12 +293,12 @@ class Reader:
         with contextlib.suppress(BrokenPipeError):
             self._write(json.dumps(encoded(reply)).encode() + b"\n")
 
-    def _ended(self) -> RayfarmError:
+    def _ended_error(self) -> RayfarmError:
         ended = self._status()
         self.close()
-        return self._sentence(ended)
+        return self._error_of_status(ended)
 
-    def _sentence(self, ended: dict[str, Any]) -> RayfarmError:
+    def _error_of_status(self, ended: dict[str, Any]) -> RayfarmError:
         bounds = self.bounds
         if "failed" in ended:
             return MachineError(
@@ -312,7 +312,7 @@ class Reader:
                 )
             )
         if "status" not in ended:
-            _give_up(self._launcher)
+            _discard_launcher(self._launcher)
             return _no_launcher(self._launcher, Sentence("launcher-ended", "it has ended"))
         return error_of_exit(int(ended["status"]), bounds, self._room, importer_memory(_largest_file(self._reads)))
 
@@ -381,8 +381,8 @@ def _no_launcher(launcher: _Launcher, why: str) -> MachineError:
 
 def _with_limits(sentence: str) -> str:
     """Returns a sentence, with advice about the limits of memory and time that this process was started with."""
-    limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
-    return joined(sentence, Sentence("advice-raise-limit", "Raise {limit}.", limit=limits)) if limits else sentence
+    limits = [limit for option in ("-v", "-t") if (limit := callers_limit_phrase(option)) is not None]
+    return joined_sentences(sentence, Sentence("advice-raise-limit", "Raise {limit}.", limit=limits)) if limits else sentence
 
 
 def _readable(descriptor: int, seconds: float) -> bool:

@@ -18,7 +18,7 @@ from renderer.kernel.backends.cuda.megakernel import render_thread
 from renderer.kernel.backends.cuda.ptx import card_module, emit_ptx, linked_module
 from renderer.machine_code import SUFFIX, note_file
 from renderer.reference import Reference
-from renderer.shipped_kernels import take_shipped
+from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.target import KernelDispatcher
 
 __all__ = ["card_module_of", "kernel_name", "path_of", "ptx_of"]
@@ -39,7 +39,7 @@ def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
     name = kernel_name(variant)
     path = path_of(variant)
     if not jit.is_cached(name):
-        take_shipped(jit.cache_folder())
+        copy_shipped_kernels(jit.cache_folder())
     with jit.compiling(name, None if fetch is None else lambda: fetch(name)):
         kept = _read(path)
         if kept is None:

@@ -8,23 +8,23 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Dark", "darkness"]
+__all__ = ["DarkPicture", "darkness"]
 
-DARK = 0.01  # of white: below it a picture looks black
+DARK_THRESHOLD = 0.01  # of white: below it a picture looks black
 BRIGHTEST = 0.995  # quantile: a few fireflies or a lamp do not make a picture bright
 
 
-class Dark(NamedTuple):
+class DarkPicture(NamedTuple):
     """A picture that looks black. brightest: its radiance; exposure: the stops that make this white."""
 
     brightest: float
     exposure: float
 
 
-def darkness(picture: npt.NDArray[Any]) -> Dark | None:
+def darkness(picture: npt.NDArray[Any]) -> DarkPicture | None:
     """Returns how dark a scene-linear (h, w, 3) picture is; None if it is bright enough, or all black."""
     peaks = np.nan_to_num(picture, posinf=0.0).max(axis=-1)
     brightest = float(np.quantile(peaks, BRIGHTEST))
-    if not 0.0 < brightest < DARK:
+    if not 0.0 < brightest < DARK_THRESHOLD:
         return None
-    return Dark(brightest, math.floor(-2.0 * math.log2(brightest)) / 2.0)
+    return DarkPicture(brightest, math.floor(-2.0 * math.log2(brightest)) / 2.0)

@@ -13,7 +13,7 @@ import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 
 from renderer.errors import SceneError
 from renderer.image.channels import Colour, colour_of
-from renderer.image.unread import of_header, of_primaries, of_profile
+from renderer.image.unread import header_notes, primaries_notes, profile_notes
 from renderer.sentences import Sentence
 
 __all__ = ["Decoded", "Limits", "straightened", "through_openimageio"]
@@ -135,8 +135,8 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
         rgba = _within_display(rgba, spec, factor)
     if suffix == ".hdr":
         rgba = _upright(rgba, data)
-        notes += of_header(data, name)
-    notes += of_primaries(spec.getattribute("chromaticities"), name) + of_profile(spec.getattribute("ICCProfile"), name)
+        notes += header_notes(data, name)
+    notes += primaries_notes(spec.getattribute("chromaticities"), name) + profile_notes(spec.getattribute("ICCProfile"), name)
     if rgba.dtype == np.float32:
         if odd := int((~np.isfinite(rgba)).any(axis=-1).sum()):
             notes.append(
@@ -186,12 +186,12 @@ def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
                     channels=listed,
                 )
             )
-        colour = Colour(0, "", *_by_place(len(parts[0][1])), [])
+        colour = Colour(0, "", *_channels_by_position(len(parts[0][1])), [])
     source.seek_subimage(colour.part, 0)
     return colour, source.spec()
 
 
-def _by_place(count: int) -> tuple[str, dict[str, int]]:
+def _channels_by_position(count: int) -> tuple[str, dict[str, int]]:
     """Returns the colour channels by position, for formats that do not name them."""
     if count < 3:
         return "y", {"y": 0, "a": 1} if count == 2 else {"y": 0}

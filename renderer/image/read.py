@@ -14,7 +14,7 @@ from PIL import Image
 from renderer.errors import SceneError
 from renderer.image.kinds import IMAGE_SUFFIXES, KTX2, PILLOW, is_deep_png, suffix_of, targa_alpha
 from renderer.image.openimageio import Decoded, Limits, straightened, through_openimageio
-from renderer.image.unread import of_pillow
+from renderer.image.unread import pillow_notes
 from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 
@@ -93,7 +93,7 @@ def _through_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> Deco
         warnings.simplefilter("ignore")
         with Image.open(io.BytesIO(data), formats=(PILLOW[suffix],)) as source:
             factor = limits.factor(name, *source.size)
-            notes += of_pillow(source, name)
+            notes += pillow_notes(source, name)
             image: Image.Image = source
             if source.mode == "CMYK":
                 image = source.convert("RGB")

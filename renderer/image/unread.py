@@ -12,7 +12,7 @@ from PIL import Image, ImageCms
 
 from renderer.sentences import Sentence
 
-__all__ = ["of_header", "of_pillow", "of_primaries", "of_profile"]
+__all__ = ["header_notes", "pillow_notes", "primaries_notes", "profile_notes"]
 
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 _EQUAL_ENERGY = (*_REC709[:6], 0.3333, 0.3333)  # the white that Radiance writes beside primaries of its own
@@ -21,9 +21,9 @@ _SRGB_GAMMA = 0.45455
 _ORIENTATION = 0x0112  # of Exif
 
 
-def of_pillow(source: Image.Image, name: str) -> list[str]:
+def pillow_notes(source: Image.Image, name: str) -> list[str]:
     """Returns the notes for an image opened by Pillow."""
-    notes = of_profile(source.info.get("icc_profile"), name)
+    notes = profile_notes(source.info.get("icc_profile"), name)
     gamma = source.info.get("gamma")
     if not notes and "srgb" not in source.info and gamma is not None and abs(gamma - _SRGB_GAMMA) > _TOLERANCE:
         notes.append(
@@ -64,7 +64,7 @@ def of_pillow(source: Image.Image, name: str) -> list[str]:
     return notes
 
 
-def of_profile(profile: Any, name: str) -> list[str]:
+def profile_notes(profile: Any, name: str) -> list[str]:
     """Returns a note if the colour profile (ICC) is not sRGB."""
     if not profile:
         return []
@@ -91,7 +91,7 @@ def of_profile(profile: Any, name: str) -> list[str]:
     ]
 
 
-def of_primaries(chromaticities: Any, name: str) -> list[str]:
+def primaries_notes(chromaticities: Any, name: str) -> list[str]:
     """Returns a note if the chromaticities (x and y of red, green, blue, white) are not those of Rec.709."""
     if chromaticities is None or np.shape(chromaticities) != (8,):
         return []
@@ -108,7 +108,7 @@ def of_primaries(chromaticities: Any, name: str) -> list[str]:
     ]
 
 
-def of_header(data: bytes, name: str) -> list[str]:
+def header_notes(data: bytes, name: str) -> list[str]:
     """Returns the notes for a Radiance file's header: its exposure factor and its primaries."""
     head = data[: max(data.find(b"\n\n"), 0)].decode("latin-1")
     said: Mapping[str, list[str]] = {
@@ -132,7 +132,7 @@ def of_header(data: bytes, name: str) -> list[str]:
                 )
             )
     if said["PRIMARIES"]:
-        notes += of_primaries(_numbers(said["PRIMARIES"][-1]), name)
+        notes += primaries_notes(_numbers(said["PRIMARIES"][-1]), name)
     return notes
 
 

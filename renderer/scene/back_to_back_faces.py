@@ -17,9 +17,9 @@ __all__ = ["separate_coincident"]
 
 I64 = npt.NDArray[np.int64]
 
-_APART = 2.0**-17  # relative to the scene's size: about eight micrometres per metre
+_SEPARATION = 2.0**-17  # relative to the scene's size: about eight micrometres per metre
 _ULPS = 2.0**-21  # relative to the coordinates: the resolution of float32
-_ODD = [np.uint64(each) for each in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x85EBCA77C2B2AE63)]
+_HASH_FACTORS = [np.uint64(each) for each in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x85EBCA77C2B2AE63)]
 _HALF = np.uint64(32)
 
 
@@ -48,7 +48,7 @@ def separate_coincident(
         here = np.flatnonzero(chosen & (space == each))
         first, end = ([0, *begins, len(triangle)][each + k] for k in range(2))
         size = float(np.ptp(position[triangle[first:end].reshape(-1)], axis=0).max())
-        step = max(_APART * size, _ULPS * float(np.abs(corners[here]).max()))
+        step = max(_SEPARATION * size, _ULPS * float(np.abs(corners[here]).max()))
         unit = normal[here] / np.linalg.norm(normal[here], axis=1, keepdims=True)
         for k in range(3):
             moved[triangle[numbers[here], k]] = step * unit
@@ -59,12 +59,12 @@ def _repeated(position: F32, triangle: I32, begins: Sequence[int]) -> I64:
     """Returns candidates for triangles with the corners of another one, in any order; includes a few false positives."""
     vertex = np.zeros(len(position), np.uint64)
     for axis in range(3):
-        bits = (position[:, axis] + np.float32(0)).view(np.uint32) * _ODD[axis]
-        vertex += (bits ^ (bits >> _HALF)) * _ODD[axis]
-    vertex = (vertex ^ (vertex >> _HALF)) * _ODD[3]
+        bits = (position[:, axis] + np.float32(0)).view(np.uint32) * _HASH_FACTORS[axis]
+        vertex += (bits ^ (bits >> _HALF)) * _HASH_FACTORS[axis]
+    vertex = (vertex ^ (vertex >> _HALF)) * _HASH_FACTORS[3]
     code = vertex[triangle[:, 0]] + vertex[triangle[:, 1]] + vertex[triangle[:, 2]]
     for begin in begins:
-        code[begin:] += _ODD[0]
+        code[begin:] += _HASH_FACTORS[0]
     ordered = np.sort(code)
     twice = ordered[1:][ordered[1:] == ordered[:-1]]
     return np.flatnonzero(np.isin(code, twice)) if len(twice) else np.zeros(0, np.int64)

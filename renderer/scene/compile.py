@@ -26,15 +26,15 @@ from renderer.scene.environment import (
     tabulate_environment,
 )
 from renderer.scene.frame_reuse import PartOffsets, ShotCache
-from renderer.scene.geometry import NOWHERE, Geometry, by_triangle
+from renderer.scene.geometry import NO_PLACEMENT, Geometry, by_triangle
 from renderer.scene.guiding_targets import list_guides
-from renderer.scene.lights import list_lights, with_area
+from renderer.scene.lights import emitters_with_area, list_lights
 from renderer.scene.object_ids import number_objects
-from renderer.scene.origin import origin_of, rebased
+from renderer.scene.origin import origin_of, relative_to_origin
 from renderer.scene.placed_bodies import PlacedGeometry, place_geometry
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.scene_bvh import build_scene_bvh
-from renderer.scene.studio import STUDIO_TOO, light_studio
+from renderer.scene.studio import WEAK_LIGHTS_WARNING, light_studio
 from renderer.sentences import Sentence
 from renderer.settings import View
 from renderer.threads import Team
@@ -72,7 +72,7 @@ def compile_scene(
 def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, kept: ShotCache) -> CompiledScene:
     say(Sentence("progress-placing-meshes", "placing meshes"), 0.0)
     origin = origin_of(description, kept)
-    whole, description = description, rebased(description, origin, kept)
+    whole, description = description, relative_to_origin(description, origin, kept)
     stood = place_geometry(description, team, kept)
     sphere, joined, placement = stood.sphere, stood.joined, stood.placement
     geometry = joined.geometry
@@ -84,7 +84,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     punctual = tabulate_punctual(description.lights, stood.bounds, maps, emission)
     double_sided = np.array([m.double_sided for m in description.materials], bool)
     all_emitters = emitting_triangles(packed, geometry)
-    emitters = with_area(all_emitters, geometry)
+    emitters = emitters_with_area(all_emitters, geometry)
     if left_out := max(len(all_emitters.triangle) - len(emitters.triangle), _dark_lamps(description, packed.emitted)):
         description.warnings.append(
             Sentence("emitters-without-area", "Emitting triangles without an area give no light: {count}.", count=left_out)
@@ -96,7 +96,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     lit_on_purpose = bool(description.lights or description.environment)  # a scene with its own lights may be dark on purpose
     if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, stood.bounds):
         light_studio(whole)
-        whole.warnings.append(STUDIO_TOO)
+        whole.warnings.append(WEAK_LIGHTS_WARNING)
     environment, search = kept.recall(
         "environment",
         lambda: (whole.environment, _image_of(whole)),
@@ -115,7 +115,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     arrays = CompiledScene(
         bvh=laid.bvh,
         to_world=placement.to_world,
-        instance_stretch=motion_keys.stretches_of(description, placement),
+        instance_stretch=motion_keys.scale_ranges(description, placement),
         instance_material=placement.material,
         instance_object=placement.object,
         position=geometry.position,
@@ -172,8 +172,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         origin=origin,
     )
     kept.lights_power = lights.power
-    kept.cuts = _cuts(stood, laid, (environment, search), emission)
-    scene = seal(arrays, _to_check(stood, laid, arrays, kept))
+    kept.cuts = _part_offsets(stood, laid, (environment, search), emission)
+    scene = seal(arrays, _rows_to_check(stood, laid, arrays, kept))
     say("done", 1.0)
     return scene
 
@@ -188,7 +188,7 @@ def _image_of(description: SceneDescription) -> np.ndarray | None:
     return None if source is None or source.image is None else description.images[source.image].pixels
 
 
-def _cuts(stood: PlacedGeometry, laid: AssembledBvh, environment: tuple[object, ...], emission: object) -> PartOffsets:
+def _part_offsets(stood: PlacedGeometry, laid: AssembledBvh, environment: tuple[object, ...], emission: object) -> PartOffsets:
     still, bodies, _ = stood.sections
     joined = stood.joined
     geometry = joined.geometry
@@ -205,7 +205,7 @@ def _cuts(stood: PlacedGeometry, laid: AssembledBvh, environment: tuple[object, 
     return PartOffsets(joined.first_vertex, joined.first_triangle, laid.node, laid.packet, heads)
 
 
-def _to_check(stood: PlacedGeometry, laid: AssembledBvh, scene: CompiledScene, kept: ShotCache) -> dict[str, np.ndarray]:
+def _rows_to_check(stood: PlacedGeometry, laid: AssembledBvh, scene: CompiledScene, kept: ShotCache) -> dict[str, np.ndarray]:
     """Returns the rows to check of arrays that were checked for another frame; those not listed in full."""
     if not kept.is_unchanged(
         "checked", (*stood.sections[:2], *laid.node[1:4], *laid.packet[1:4], *stood.joined.first_triangle[:3])
@@ -236,7 +236,7 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         "cameras": camera_dicts(description, _bounds(compiled), points + compiled.origin),
         "counts": {
             "triangles": sum(len(description.meshes[i.mesh].triangles) for i in description.instances) - 2 * floor,
-            "unique_triangles": len(compiled.triangle) - _filling(compiled) - 2 * floor,
+            "unique_triangles": len(compiled.triangle) - _padding_triangles(compiled) - 2 * floor,
             "vertices": int(np.count_nonzero(compiled.normal.any(axis=1))) - 6 * floor,
             "spheres": len(compiled.sphere),
             "meshes": len(description.meshes) - floor,
@@ -342,10 +342,10 @@ def _parts(geometry: Geometry, emitting: np.ndarray) -> I32:
     return part
 
 
-def _filling(compiled: CompiledScene) -> int:
+def _padding_triangles(compiled: CompiledScene) -> int:
     """Returns the number of padding triangles that only fill a page."""
     first = np.searchsorted(compiled.triangle[:, 3], np.arange(len(compiled.part) + 1))
-    return int(np.diff(first)[compiled.part[:, PART_OBJECT] == NOWHERE].sum())
+    return int(np.diff(first)[compiled.part[:, PART_OBJECT] == NO_PLACEMENT].sum())
 
 
 def _bounds(compiled: CompiledScene) -> np.ndarray:

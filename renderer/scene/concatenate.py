@@ -15,7 +15,7 @@ import numpy.typing as npt
 from renderer.bvh.subtrees import padded
 from renderer.scene.description import I32
 from renderer.scene.frame_reuse import ShotCache
-from renderer.scene.geometry import NOWHERE, Geometry, Section, by_triangle
+from renderer.scene.geometry import NO_PLACEMENT, Geometry, Section, by_triangle
 
 __all__ = ["Joined", "join"]
 
@@ -82,7 +82,7 @@ def _parting(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dict[str
         is_filled = int(last < end)
         first += [part.first[:-1] + np.int32(start), np.full(is_filled, last, np.int32)]
         material += [part.material, np.zeros(is_filled, np.int32)]
-        object += [part.object, np.full(is_filled, NOWHERE, np.int32)]
+        object += [part.object, np.full(is_filled, NO_PLACEMENT, np.int32)]
         count += len(part.material) + is_filled
     first.append(np.array([starts[-1]], np.int32))
     columns = {name: np.concatenate(column) for name, column in (("first", first), ("material", material), ("object", object))}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Scissors"]
+__all__ = ["EarClipper"]
 
 F64 = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -22,7 +22,7 @@ _NOISE = 1e-13  # of the square of the polygon's size: areas below are 0
 _CLEAN, _TOUCHING, _ANY = range(3)  # how strictly an ear is tested
 
 
-class Scissors:
+class EarClipper:
     """Clips polygons within a total work limit; once `are_blunt`, later polygons are to be triangulated as fans."""
 
     def __init__(self) -> None:

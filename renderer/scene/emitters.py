@@ -8,7 +8,7 @@ import numpy.typing as npt
 from renderer.arrays import rows
 from renderer.kernel.light.mean_emission import mean_texels
 from renderer.luminance import luminance
-from renderer.scene.geometry import NOWHERE, Geometry
+from renderer.scene.geometry import NO_PLACEMENT, Geometry
 from renderer.scene.lights import Emitters
 from renderer.scene.material_packing import Packed
 
@@ -19,7 +19,7 @@ _SPREAD = 0.05  # of a mesh's light is assumed uniform over its triangles: a mea
 
 def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
     """Returns the emitting triangles of a geometry and their emission, including textures."""
-    bright = np.flatnonzero((packed.emitted[geometry.material] > 0) & (geometry.object != NOWHERE))
+    bright = np.flatnonzero((packed.emitted[geometry.material] > 0) & (geometry.object != NO_PLACEMENT))
     ranges = [np.arange(geometry.first[p], geometry.first[p + 1]) for p in bright]
     triangle = np.concatenate([np.zeros(0, np.int64), *ranges])
     material_of = np.repeat(geometry.material[bright], [len(r) for r in ranges])

@@ -22,10 +22,10 @@ from renderer.confine.faults import is_of_machine
 from renderer.errors import SceneError
 from renderer.frames import frame_name, numbers_of
 from renderer.library_messages import library_message
-from renderer.scene.text_encoding import is_readable, readings
+from renderer.scene.text_encoding import is_readable, possible_decodings
 from renderer.sentences import Sentence
 
-__all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri", "folded"]
+__all__ = ["MAX_FILE_BYTES", "SceneFiles", "case_folded", "data_uri"]
 
 MAX_FILE_BYTES = 2 << 30
 MAX_DATA_URI_BYTES = 256 << 20
@@ -164,7 +164,7 @@ class SceneFiles:
         """Returns the file of a reference that is not UTF-8, by the first encoding that yields an existing file."""
         if is_readable(reference):
             return None
-        for encoding, text in readings(reference):
+        for encoding, text in possible_decodings(reference):
             if found := self._look_for(text, PurePosixPath(home)):
                 self.encodings[encoding] += 1
                 return found
@@ -233,7 +233,7 @@ class SceneFiles:
                 return exact
         here = base
         for part in parts:
-            wanted = self._names_in(str(here)).get(folded(part))
+            wanted = self._names_in(str(here)).get(case_folded(part))
             if not wanted:
                 return None
             here = here / (part if part in wanted else wanted[0])
@@ -246,12 +246,12 @@ class SceneFiles:
             folder = self._inside(name)
             with contextlib.suppress(OSError):
                 for each in sorted(e.name for e in folder.iterdir()) if folder is not None and folder.is_dir() else ():
-                    found.setdefault(folded(each), []).append(each)
+                    found.setdefault(case_folded(each), []).append(each)
             self._listed[name] = found
         return self._listed[name]
 
     def _search(self, name: str) -> str | None:
-        found = self._by_name.get(folded(name))
+        found = self._by_name.get(case_folded(name))
         return found if found and self._is_file(found) else None
 
     @functools.cached_property
@@ -262,7 +262,7 @@ class SceneFiles:
         for folder, folders, files in os.walk(self._root):
             folders[:] = sorted(d for d in folders if not d.startswith("."))
             for file in sorted(files)[: MAX_SEARCHED - seen]:
-                found.setdefault(folded(file), (Path(folder) / file).relative_to(self._root).as_posix())
+                found.setdefault(case_folded(file), (Path(folder) / file).relative_to(self._root).as_posix())
             seen += len(files)
             if seen >= MAX_SEARCHED:
                 break
@@ -276,7 +276,7 @@ class SceneFiles:
             return False
 
 
-def folded(name: str) -> str:
+def case_folded(name: str) -> str:
     """Returns a name normalised for comparison: Unicode normal form and case folded."""
     return name.lower() if name.isascii() else unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 

@@ -24,27 +24,27 @@ from renderer.sentences import Sentence
 from renderer.threads import PART, Team, parts_of
 
 __all__ = [
-    "CROWD",
     "MAX_TRIANGLES",
-    "NOWHERE",
+    "MIN_BATCH_INSTANCES",
+    "NO_PLACEMENT",
     "Geometry",
     "Placement",
     "Section",
+    "build_bodies",
+    "build_per_frame",
+    "build_static",
     "by_triangle",
     "check_size",
     "flatten",
     "keys_step",
-    "make_bodies",
-    "make_loose",
-    "make_still",
     "moving_corners",
     "placement_of",
     "still_corners",
 ]
 
 MAX_TRIANGLES = 20_000_000
-NOWHERE = -2
-CROWD = 8  # number of small instances that is worth a batch
+NO_PLACEMENT = -2
+MIN_BATCH_INSTANCES = 8  # number of small instances that is worth a batch
 _FEW_KEYS = 5
 _MOST_POINTS = 2_000_000  # instances times vertices that are transformed one by one
 
@@ -106,22 +106,22 @@ class Section(NamedTuple):
     corners: tuple[F64, ...]  # (n, 3): points that bound the world's triangles, then for each tree those of its own, in its space
 
 
-def make_still(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
+def build_static(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
     """Builds the static section. Raises SceneError if a position exceeds the range of float32."""
     world = _copies(description, sharing.copied, objects, team)
     return _section(world, [_group(description, group, team) for group in sharing.groups], team, apart=True)
 
 
-def make_bodies(description: SceneDescription, sharing: Sharing, team: Team) -> Section:
+def build_bodies(description: SceneDescription, sharing: Sharing, team: Team) -> Section:
     """Builds the section of rigid moving bodies."""
     return _section([], [_group(description, group, team) for group in sharing.bodies], team, apart=True)
 
 
-def make_loose(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
+def build_per_frame(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
     """Builds the section of world-space geometry that is placed for each frame; with keys, if any moves while the shutter is
     open.
     """
-    parts = [_copy(description, n, objects[n], team, whole=True) for n in sharing.loose]
+    parts = [_world_space_copy(description, n, objects[n], team, whole=True) for n in sharing.loose]
     parts = _over_the_shutter(description, sharing.loose, parts, team)
     section = _section(parts, [], team)
     if parts and len(parts[0].placed.keys):
@@ -133,7 +133,7 @@ def make_loose(description: SceneDescription, sharing: Sharing, objects: Sequenc
 def _section(world: list[_Part], trees: list[list[_Part]], team: Team, apart: bool = False) -> Section:
     """Builds a section. apart: whether coincident faces back to back are separated."""
     geometry = _concatenated(world + [part for tree in trees for part in tree])
-    ends = np.cumsum([_count(world), *(map(_count, trees))]).tolist()
+    ends = np.cumsum([_count_triangles(world), *(map(_count_triangles, trees))]).tolist()
     if apart:
         material, looks = by_triangle(geometry, geometry.material), (geometry.color, geometry.uv, geometry.uv1)
         apart_ones = separate_coincident(geometry.position, geometry.triangle, material, looks, [end for end in ends[:-1] if end])
@@ -170,7 +170,7 @@ def flatten(description: SceneDescription) -> Geometry:
     """Copies every instance into world space."""
     objects = number_objects(description).instance
     team = Team(1)
-    return _concatenated([_copy(description, n, number, team) for n, number in enumerate(objects)])
+    return _concatenated([_world_space_copy(description, n, number, team) for n, number in enumerate(objects)])
 
 
 def check_size(description: SceneDescription, sharing: Sharing) -> None:
@@ -202,7 +202,7 @@ def check_size(description: SceneDescription, sharing: Sharing) -> None:
         )
 
 
-def _copy(description: SceneDescription, number: int, object: int, team: Team, whole: bool = False) -> _Part:
+def _world_space_copy(description: SceneDescription, number: int, object: int, team: Team, whole: bool = False) -> _Part:
     """Copies an instance into world space."""
     instance = description.instances[number]
     mesh = description.meshes[instance.mesh]
@@ -219,8 +219,8 @@ def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequ
     found: list[_Part] = []
     for is_small, run in groupby(numbers, lambda n: _is_small(description, n)):
         some = list(run)
-        part = _crowd(description, some, objects) if is_small and len(some) >= CROWD else None
-        found += [part] if part is not None else [_copy(description, n, objects[n], team) for n in some]
+        part = _copy_small_instances(description, some, objects) if is_small and len(some) >= MIN_BATCH_INSTANCES else None
+        found += [part] if part is not None else [_world_space_copy(description, n, objects[n], team) for n in some]
     return found
 
 
@@ -233,7 +233,7 @@ def _is_small(description: SceneDescription, number: int) -> bool:
     return 0 < count <= MOST_VERTICES and mesh.normals is not None and len(mesh.triangles) > 0 and not needs_tangents(material)
 
 
-def _crowd(description: SceneDescription, numbers: list[int], objects: Sequence[int]) -> _Part | None:
+def _copy_small_instances(description: SceneDescription, numbers: list[int], objects: Sequence[int]) -> _Part | None:
     shown = [description.instances[n] for n in numbers]
     meshes = [description.meshes[instance.mesh] for instance in shown]
     found = placed_together(meshes, [instance.transform for instance in shown])
@@ -282,7 +282,7 @@ def _group(description: SceneDescription, group: Group, team: Team) -> list[_Par
     return parts
 
 
-def _count(parts: Sequence[_Part]) -> int:
+def _count_triangles(parts: Sequence[_Part]) -> int:
     return sum(len(part.placed.triangle) for part in parts)
 
 
@@ -333,7 +333,9 @@ def still_corners(still: Section, placement: Placement) -> list[F64]:
     for g, (a, b) in enumerate(still.trees):
         shown = placement.to_world[: placement.still][placement.group[: placement.still] == g]
         shape = still.geometry.position[np.unique(still.geometry.triangle[a:b])].astype(np.float64)
-        points += _transformed_bounds(_box(still.corners[1 + g]) if len(shape) * len(shown) > _MOST_POINTS else shape, shown)
+        points += _transformed_bounds(
+            _box_corners(still.corners[1 + g]) if len(shape) * len(shown) > _MOST_POINTS else shape, shown
+        )
     return [p for p in points if len(p)]
 
 
@@ -342,11 +344,11 @@ def moving_corners(still: Section, bodies: Section, loose: Section, placement: P
     points = [loose.corners[0]]
     for g in range(len(bodies.trees)):
         shown = placement.to_world[placement.still :][placement.group[placement.still :] == g + len(still.trees)]
-        points += _transformed_bounds(_box(bodies.corners[1 + g]), shown)
+        points += _transformed_bounds(_box_corners(bodies.corners[1 + g]), shown)
     return [p for p in points if len(p)]
 
 
-def _box(corners: F64) -> F64:
+def _box_corners(corners: F64) -> F64:
     """Returns all corners of the box between two points: (8, 3), or (0, 3) if empty."""
     return np.array([np.where(which, corners[1], corners[0]) for which in np.ndindex(2, 2, 2)]) if len(corners) else corners
 

@@ -22,13 +22,13 @@ __all__ = [
     "StaticSharing",
     "is_linearly_keyed",
     "is_placed_per_frame",
-    "share",
-    "share_movers",
-    "share_still",
+    "plan_instancing",
+    "plan_moving_instances",
+    "plan_static_instancing",
 ]
 
-_FEW = 8  # triangles: too few for a separate tree
-_WORTH = 30_000  # triangles that copying would add, from which on a mesh is stored once
+_MIN_TREE_TRIANGLES = 8  # triangles: too few for a separate tree
+_MIN_SAVED_TRIANGLES = 30_000  # triangles that copying would add, from which on a mesh is stored once
 _LARGE = 2_000_000  # triangles of all copies together, from which on everything is stored once
 _CONDITION = 1e6  # transforms of a higher condition number are too imprecise for rays
 
@@ -57,34 +57,34 @@ class StaticSharing(NamedTuple):
     movers: list[int]
 
 
-def share(description: SceneDescription) -> Sharing:
+def plan_instancing(description: SceneDescription) -> Sharing:
     """Decides for every instance. Emitting ones are always copied, since light sampling works in world space."""
-    standing = share_still(description)
-    return Sharing(standing.copied, standing.groups, *share_movers(description, standing.movers))
+    standing = plan_static_instancing(description)
+    return Sharing(standing.copied, standing.groups, *plan_moving_instances(description, standing.movers))
 
 
-def share_still(description: SceneDescription) -> StaticSharing:
+def plan_static_instancing(description: SceneDescription) -> StaticSharing:
     """Decides for static instances, independently of the moving ones."""
     instances, meshes = description.instances, description.meshes
     movers = [n for n, instance in enumerate(instances) if instance.moves or meshes[instance.mesh].deforms]
     moving = set(movers)
     still = [n for n in range(len(instances)) if n not in moving]
     sane = _are_invertible([instances[n] for n in still])
-    fit = [n for n, is_sane in zip(still, sane, strict=True) if is_sane and not _is_loose(description, n)]
+    fit = [n for n, is_sane in zip(still, sane, strict=True) if is_sane and not _is_placed_per_frame(description, n)]
     groups = _repeated(description, number_objects(description).instance, still, fit)
     kept = {m for group in groups for m in group.meshes}
     once = {n for n in fit if instances[n].mesh in kept}
     return StaticSharing([n for n in still if n not in once], groups, movers)
 
 
-def share_movers(description: SceneDescription, movers: list[int]) -> tuple[list[Group], list[int]]:
+def plan_moving_instances(description: SceneDescription, movers: list[int]) -> tuple[list[Group], list[int]]:
     """Divides moving instances into rigid bodies and geometry placed for each frame."""
     instances = description.instances
     sane = _are_invertible([instances[n] for n in movers])
     bodily = [
         n
         for n, is_sane in zip(movers, sane, strict=True)
-        if is_sane and not description.meshes[instances[n].mesh].deforms and not _is_loose(description, n)
+        if is_sane and not description.meshes[instances[n].mesh].deforms and not _is_placed_per_frame(description, n)
     ]
     bodies = set(bodily)
     return _bodies(description, bodily), [n for n in movers if n not in bodies]
@@ -102,7 +102,7 @@ def is_placed_per_frame(material: Material) -> bool:
     return max(material.emission) > 0 or material.lamp or material.unseen or material.shadeless
 
 
-def _is_loose(description: SceneDescription, number: int) -> bool:
+def _is_placed_per_frame(description: SceneDescription, number: int) -> bool:
     instance = description.instances[number]
     material = description.meshes[instance.mesh].material if instance.material is None else instance.material
     return is_placed_per_frame(description.materials[material])
@@ -123,12 +123,12 @@ def _repeated(description: SceneDescription, objects: list[int], still: list[int
             )
             together.setdefault(key, []).append(mesh)
     shown = sum(len(description.meshes[description.instances[n].mesh].triangles) for n in still)
-    worth = 0 if shown > _LARGE else _WORTH
+    worth = 0 if shown > _LARGE else _MIN_SAVED_TRIANGLES
     groups = []
     for meshes in together.values():
         numbers = placed[meshes[0]]
         triangles = sum(len(description.meshes[m].triangles) for m in meshes)
-        if triangles > _FEW and triangles * (len(numbers) - 1) > worth:
+        if triangles > _MIN_TREE_TRIANGLES and triangles * (len(numbers) - 1) > worth:
             groups.append(Group(meshes, numbers))
     return groups
 

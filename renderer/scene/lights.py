@@ -15,7 +15,7 @@ from renderer.scene.light_tree import LightBounds, build_light_tree
 from renderer.scene.parallelograms import pair, tabulate_parallelograms
 from renderer.scene.punctual import Punctual
 
-__all__ = ["TREE_FROM", "Emitters", "LightList", "chosen_by", "cumulative", "list_lights", "with_area"]
+__all__ = ["TREE_FROM", "Emitters", "LightList", "cumulative", "emitters_with_area", "list_lights", "with_light_choice"]
 
 TREE_FROM = 3  # lights; for two triangles that form no parallelogram, the descent costs more than it saves (docs/speed-notes.md)
 _BETWEEN_KEYS = 0.1  # radians, by which a normal may deviate further between two keys
@@ -138,14 +138,14 @@ def _lamps(emitters: Emitters, even: npt.NDArray[np.bool_], geometry: Geometry) 
     return _AreaLights(first, corners[:, kept], most[kept], np.searchsorted(kept, pairs), second, shapes)
 
 
-def with_area(emitters: Emitters, geometry: Geometry) -> Emitters:
+def emitters_with_area(emitters: Emitters, geometry: Geometry) -> Emitters:
     """Returns the emitting triangles with non-zero area; deforming ones may have other areas in other frames."""
     a, b, c = (geometry.position[geometry.triangle[emitters.triangle, k]].astype(np.float64) for k in range(3))
     solid = np.cross(b - a, c - a).any(axis=1)
     return emitters if solid.all() else Emitters(emitters.triangle[solid], emitters.material[solid], emitters.emitted[solid])
 
 
-def chosen_by(scene: CompiledScene, light_choice: str) -> CompiledScene:
+def with_light_choice(scene: CompiledScene, light_choice: str) -> CompiledScene:
     """Returns the scene with lights chosen as specified by RenderSettings.light_choice.
 
     The environment keeps its probability if lights are chosen by power, and counts as one light among the others if uniformly.

@@ -23,7 +23,7 @@ from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.polygon_meshes import of_triangles, triangulated
 from renderer.scene.readers.up_axis import turn_up
 from renderer.scene.shutter_merge import between_files, merge_over_shutter
-from renderer.scene.studio import STUDIO_ALONE, add_floor, light_studio
+from renderer.scene.studio import NO_LIGHTS_WARNING, add_floor, light_studio
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence, first_items, joined_faults, reason_of
 from renderer.settings import chosen
@@ -71,7 +71,7 @@ class Shot:
             environment_light(self._files, self._environment, description)
         if description.environment is None and not _emits(description):
             light_studio(description)
-            description.warnings.append(STUDIO_ALONE)
+            description.warnings.append(NO_LIGHTS_WARNING)
         if self._floor == "on" or (self._floor == "auto" and not is_lit):
             add_floor(description, self._box_at_start(moment, description))
         return description

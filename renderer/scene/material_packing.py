@@ -126,7 +126,7 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
     transmits = m.kind == "glass" or (principled and m.transmission > 0)
     flags = {
         rows.TEXTURED: bool(used),
-        rows.SECOND_UV: any(texels.looks_at_second_uvs(row) for row in used),
+        rows.SECOND_UV: any(texels.uses_second_uv_set(row) for row in used),
         rows.NORMAL_MAPPED: m.normal_texture is not None,
         rows.NEEDS_TANGENT: mapped or m.anisotropy != 0,
         rows.MASKED: m.alpha_mode == "mask",

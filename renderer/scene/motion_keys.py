@@ -17,7 +17,7 @@ from renderer.scene.emission_maps import emission_frames
 from renderer.scene.geometry import Placement, keys_step
 from renderer.scene.punctual import is_emitting, light_rows
 
-__all__ = ["emission_frame_keys", "instance_keys", "punctual_keys", "sphere_keys", "stretches_of"]
+__all__ = ["emission_frame_keys", "instance_keys", "punctual_keys", "scale_ranges", "sphere_keys"]
 
 F64 = npt.NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def instance_keys(description: SceneDescription, placement: Placement) -> list[F
     return found
 
 
-def stretches_of(description: SceneDescription, placement: Placement) -> F64:
+def scale_ranges(description: SceneDescription, placement: Placement) -> F64:
     """Returns the greatest and least scale, (I, 2), of each instance's transform at any time of the shutter."""
     found = scale_range(placement.to_world)
     for i, number in enumerate(placement.number):

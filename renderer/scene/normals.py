@@ -12,7 +12,7 @@ from renderer.kernel.mesh.smooth import measure_corners, round_corners, sort_cor
 from renderer.scene.deduplicate import unique_threes
 from renderer.scene.description import F32, I32, Mesh
 from renderer.scene.kernel_arguments import read_only
-from renderer.scene.origin import about_centre
+from renderer.scene.origin import split_offset
 
 __all__ = ["CREASE_DEGREES", "cofactors", "corner_angles", "face_normals", "smoothed", "smoothed_together"]
 
@@ -73,7 +73,7 @@ def _smoothed(meshes: list[Mesh], limit: float, surfaces: list[int | I32] | None
             raise IndexError(f"a triangle of {mesh.name} names a vertex that is not there")
     offset = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
     begin = np.cumsum([0, *(len(mesh.triangles) for mesh in meshes)])
-    positions = read_only(_joined([about_centre(mesh.positions)[0] for mesh in meshes]).astype(np.float32, copy=False))
+    positions = read_only(_joined([split_offset(mesh.positions)[0] for mesh in meshes]).astype(np.float32, copy=False))
     triangles = [mesh.triangles.astype(np.int32, copy=False) for mesh in meshes]
     triangle = read_only(_joined([each + np.int32(at) if at else each for each, at in zip(triangles, offset, strict=False)]))
     corners = triangle.reshape(-1)

@@ -18,7 +18,14 @@ from renderer.scene.description import F32, Instance, Light, SceneDescription, S
 from renderer.scene.frame_reuse import ShotCache
 from renderer.settings import RenderSettings, Vec3, View
 
-__all__ = ["about_centre", "exact", "fixed_place", "origin_of", "rebased", "seen_from"]
+__all__ = [
+    "fixed_point_origin",
+    "in_exact_type",
+    "origin_of",
+    "relative_to_origin",
+    "settings_relative_to_origin",
+    "split_offset",
+]
 
 F64 = npt.NDArray[np.float64]
 
@@ -29,14 +36,14 @@ _WORLD = np.zeros(3)
 _MOST_FIXED = 2.0**62
 
 
-def exact(points: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def in_exact_type(points: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Returns points (N, 3) in float32, or in float64 if they are far from the origin relative to their size."""
     if points.dtype == np.float32 or not _origin(points).any():
         return points.astype(np.float32, copy=False)
     return points.astype(np.float64, copy=False)
 
 
-def about_centre(points: npt.NDArray[Any]) -> tuple[F32, F64]:
+def split_offset(points: npt.NDArray[Any]) -> tuple[F32, F64]:
     """Splits points (N, 3) into float32 points and an offset (3,), which is zero for points that are float32 already."""
     if points.dtype == np.float32:
         return points, _WORLD
@@ -114,7 +121,7 @@ def _corners(description: SceneDescription, instance: Instance, triangles: npt.N
     return found
 
 
-def rebased(description: SceneDescription, origin: F64, kept: ShotCache | None = None) -> SceneDescription:
+def relative_to_origin(description: SceneDescription, origin: F64, kept: ShotCache | None = None) -> SceneDescription:
     """Returns the description with float32 meshes, and with instances, spheres and lights relative to another origin.
 
     Cameras are unchanged. kept: cache of the same shot.
@@ -124,7 +131,7 @@ def rebased(description: SceneDescription, origin: F64, kept: ShotCache | None =
         return description
     meshes, offsets = list(description.meshes), {}
     points = (kept or ShotCache()).recall(
-        "points", lambda: [meshes[n].positions for n in far], lambda: [about_centre(meshes[n].positions) for n in far]
+        "points", lambda: [meshes[n].positions for n in far], lambda: [split_offset(meshes[n].positions) for n in far]
     )
     for n, (position, offset) in zip(far, points, strict=True):
         keys = tuple(((each - offset).astype(np.float32), normals) for each, normals in meshes[n].keys)
@@ -164,7 +171,7 @@ def _point(point: Sequence[float], origin: F64) -> Vec3:
     return x, y, z
 
 
-def seen_from(settings: RenderSettings, origin: F64) -> RenderSettings:
+def settings_relative_to_origin(settings: RenderSettings, origin: F64) -> RenderSettings:
     """Returns the settings with their views relative to a compiled scene's origin."""
     if not origin.any():
         return settings
@@ -172,7 +179,7 @@ def seen_from(settings: RenderSettings, origin: F64) -> RenderSettings:
     return replace(settings, view=view, views=tuple(views))
 
 
-def fixed_place(origin: F64, film_exponent: int) -> tuple[int, int, int]:
+def fixed_point_origin(origin: F64, film_exponent: int) -> tuple[int, int, int]:
     """Returns an origin in the film's fixed point."""
     if not origin.any():
         return 0, 0, 0

@@ -13,15 +13,15 @@ from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.geometry import (
     Placement,
     Section,
+    build_bodies,
+    build_per_frame,
+    build_static,
     check_size,
-    make_bodies,
-    make_loose,
-    make_still,
     moving_corners,
     placement_of,
     still_corners,
 )
-from renderer.scene.instances import Group, Sharing, is_placed_per_frame, share_movers, share_still
+from renderer.scene.instances import Group, Sharing, is_placed_per_frame, plan_moving_instances, plan_static_instancing
 from renderer.scene.material_packing import Packed, pack
 from renderer.scene.object_ids import number_objects
 from renderer.scene.placed_mesh import MAX_COORDINATE
@@ -60,21 +60,21 @@ def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -
         token,
     )
     objects = numbers.instance
-    standing = kept.recall("standing", lambda: _standing_key(description), lambda: share_still(description), token)
-    sharing = Sharing(standing.copied, standing.groups, *share_movers(description, standing.movers))
+    standing = kept.recall("standing", lambda: _standing_key(description), lambda: plan_static_instancing(description), token)
+    sharing = Sharing(standing.copied, standing.groups, *plan_moving_instances(description, standing.movers))
     check_size(description, sharing)
     still = kept.recall(
         "still",
         lambda: _still_key(description, sharing, objects),
-        lambda: make_still(description, sharing, objects, team),
+        lambda: build_static(description, sharing, objects, team),
         token,
     )
     bodies = kept.recall(
         "bodies",
         lambda: [_group_key(description, group) for group in sharing.bodies],
-        lambda: make_bodies(description, sharing, team),
+        lambda: build_bodies(description, sharing, team),
     )
-    loose = make_loose(description, sharing, objects, team)
+    loose = build_per_frame(description, sharing, objects, team)
     packed = kept.recall(
         "packed",
         lambda: (description.materials, description.medium, description.textures, [image.pixels for image in description.images]),
@@ -100,7 +100,7 @@ def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -
 
 
 def _standing_key(description: SceneDescription) -> Any:
-    """Returns the cache key of how static geometry is stored (`share_still`)."""
+    """Returns the cache key of how static geometry is stored (`plan_static_instancing`)."""
     return (
         [(i.mesh, None if i.moves else i.transform, i.material, i.name, i.moves) for i in description.instances],
         [(m.name, len(m.triangles), m.material, m.deforms) for m in description.meshes],

@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.ear_clipping import Scissors
+from renderer.scene.ear_clipping import EarClipper
 
-__all__ = ["Cut", "triangulate"]
+__all__ = ["Triangulation", "triangulate"]
 
 Codes = npt.NDArray[np.int64]
 _NOISE = 1e-6  # relative to a polygon's area: reversed triangles of collinear corners in 32-bit positions
 Points = npt.NDArray[np.floating]
 
 
-class Cut(NamedTuple):
+class Triangulation(NamedTuple):
     """Triangles that fill polygons, in the polygons' order and winding."""
 
     triangles: Codes  # (T, 3) places in `corners`
@@ -24,7 +24,7 @@ class Cut(NamedTuple):
     unfilled: int  # concave polygons triangulated as fans because clipping them takes too long
 
 
-def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Points) -> Cut:
+def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Points) -> Triangulation:
     """Triangulates polygons of any number of corners; those with fewer than three have no triangles.
 
     counts: (F,) the number of corners of each. corners: (C,) rows of points, polygon by polygon.
@@ -35,7 +35,7 @@ def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Poi
     counts = np.asarray(counts, np.int64)
     first = np.cumsum(counts) - counts
     if len(counts) and counts.min() == counts.max() == 3:
-        return Cut(np.arange(len(corners)).reshape(-1, 3), np.arange(len(counts)), 0)
+        return Triangulation(np.arange(len(corners)).reshape(-1, 3), np.arange(len(counts)), 0)
     number = np.maximum(counts - 2, 0)
     face = np.repeat(np.arange(len(counts)), number)
     start = np.cumsum(number) - number
@@ -46,15 +46,15 @@ def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Poi
     a = first[bent]
     fans[start[bent]] = np.stack([a, a + 1, a + 3], axis=1)
     fans[start[bent] + 1] = np.stack([a + 1, a + 2, a + 3], axis=1)
-    scissors, unfilled = Scissors(), 0
-    for k in _hollow(counts, corners, points):
+    scissors, unfilled = EarClipper(), 0
+    for k in _badly_fanned(counts, corners, points):
         at, n = int(first[k]), int(counts[k])
         if not scissors.are_blunt:
             cut = scissors.cut(points[corners[at : at + n]].astype(np.float64))
             if not scissors.are_blunt:
                 fans[start[k] : start[k] + n - 2] = at + cut
         unfilled += scissors.are_blunt
-    return Cut(fans, face, unfilled)
+    return Triangulation(fans, face, unfilled)
 
 
 def _bent_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> npt.NDArray[np.bool_]:
@@ -65,7 +65,7 @@ def _bent_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> npt.
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), np.cross(c - a, d - a)) < 0
 
 
-def _hollow(counts: Codes, corners: npt.NDArray[Any], points: Points) -> Codes:
+def _badly_fanned(counts: Codes, corners: npt.NDArray[Any], points: Points) -> Codes:
     """Returns the polygons of five corners and more that a fan does not fill, since some of its triangles are reversed."""
     large = np.flatnonzero(counts > 4)
     if len(large) == 0:

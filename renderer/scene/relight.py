@@ -6,9 +6,9 @@ from renderer.arrays.scene import CompiledScene
 from renderer.scene.description import SceneDescription
 from renderer.scene.environment import choose_environment, search_tables, tabulate_environment
 
-__all__ = ["CHANGED", "replace_environment"]
+__all__ = ["CHANGED_ARRAYS", "replace_environment"]
 
-CHANGED = (
+CHANGED_ARRAYS = (
     "environment",
     "environment_marginal",
     "environment_conditional",
@@ -31,5 +31,5 @@ def replace_environment(scene: CompiledScene, light: SceneDescription, lights_po
     for array in (frame, radiance):
         array.flags.writeable = False
     changed = {"environment": radiance, "environment_frame": frame, **search_tables(tables.marginal, tables.conditional)}
-    assert changed.keys() == set(CHANGED)
+    assert changed.keys() == set(CHANGED_ARRAYS)
     return scene._replace(**changed)

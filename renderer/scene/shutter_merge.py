@@ -48,7 +48,7 @@ def merge_over_shutter(read: Callable[[Moment], SceneDescription], moment: Momen
     while True:
         middle = found[keys // 2] if keys % 2 else read(shutter.moment(moment, 0.5))
         moving = _merged_as_keys(middle, found)
-        if shutter.keys or keys == MOST_KEYS or _is_fine(moving):
+        if shutter.keys or keys == MOST_KEYS or _has_small_rotations(moving):
             return moving
         keys = 2 * keys - 1
         between = (read(shutter.moment(moment, i / (keys - 1))) for i in range(1, keys, 2))
@@ -210,7 +210,7 @@ def _name(thing: Sphere | Light | Camera) -> str:
     return thing.name
 
 
-def _is_fine(moving: SceneDescription) -> bool:
+def _has_small_rotations(moving: SceneDescription) -> bool:
     """Returns True if rotations between keys are small enough to be unambiguous and to be interpolated without visible error."""
     free: list[list[np.ndarray]] = []
     straight: list[list[np.ndarray]] = []

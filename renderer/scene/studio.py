@@ -13,14 +13,14 @@ from renderer.scene.bounds import bounds_of
 from renderer.scene.description import F32, Environment, Image, Instance, Material, Mesh, SceneDescription
 from renderer.sentences import Sentence
 
-__all__ = ["FLOOR", "STUDIO_ALONE", "STUDIO_NOTES", "STUDIO_TOO", "add_floor", "light_studio", "studio_image"]
+__all__ = ["FLOOR", "NO_LIGHTS_WARNING", "STUDIO_NOTES", "WEAK_LIGHTS_WARNING", "add_floor", "light_studio", "studio_image"]
 
 # Warnings about it. Neither applies to a picture whose settings set its lighting.
-STUDIO_ALONE = Sentence(
+NO_LIGHTS_WARNING = Sentence(
     "scene-without-light", "The scene has no light: lit by a soft studio light. Give an environment to change that."
 )
-STUDIO_TOO = Sentence("scene-lights-weak", "The scene's own lights are weak: a soft studio light is added.")
-STUDIO_NOTES = (STUDIO_ALONE, STUDIO_TOO)
+WEAK_LIGHTS_WARNING = Sentence("scene-lights-weak", "The scene's own lights are weak: a soft studio light is added.")
+STUDIO_NOTES = (NO_LIGHTS_WARNING, WEAK_LIGHTS_WARNING)
 
 F64 = npt.NDArray[np.float64]
 

@@ -95,7 +95,7 @@ class Texels:
             self._means[row] = max(float(luminance(mean.mean(axis=0, dtype=np.float64))), _LEAST_MEAN * sum(gains))
         return self._means[row]
 
-    def looks_at_second_uvs(self, row: int) -> bool:
+    def uses_second_uv_set(self, row: int) -> bool:
         """Returns True if the row's texture, or a layer of it, uses the second UV set."""
         return any(self._rows[r][UV_SET] != 0 for r in self._chain(row))
 
@@ -103,7 +103,7 @@ class Texels:
         """Adds a row for one texture; returns its texels' scale."""
         image = self._description.images[texture.image]
         scaled = light and image.pixels.dtype == np.float32
-        first, block, scale = self._place(texture.image, scaled)
+        first, block, scale = self._place_image(texture.image, scaled)
         height, width = image.pixels.shape[:2]
         wraps = _WRAPS[texture.wrap_s], _WRAPS[texture.wrap_t]
         self._rows.append([first, width, height, *wraps, _encoding(image, scaled), texture.uv_set, -1, 0, 0])
@@ -144,7 +144,7 @@ class Texels:
         found = np.clip(np.array(over, np.float64), -_MOST_TRANSFORMED, _MOST_TRANSFORMED)
         return found.astype(np.float32).reshape(-1, 6)
 
-    def _place(self, index: int, scaled: bool) -> tuple[int, int, float]:
+    def _place_image(self, index: int, scaled: bool) -> tuple[int, int, float]:
         if (index, scaled) not in self._images:
             image = self._description.images[index]
             pixels = image.pixels

@@ -11,7 +11,7 @@ import contextlib
 import re
 from collections.abc import Iterator
 
-__all__ = ["as_utf8", "decoded", "is_readable", "readable", "readings", "title", "with_points"]
+__all__ = ["as_utf8", "decoded", "is_readable", "possible_decodings", "readable", "title", "with_decimal_points"]
 
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -57,7 +57,7 @@ def _unmarked_utf16(data: bytes) -> str | None:
     return "utf-16-be" if even > 0.4 * len(sample) and odd == 0 else None
 
 
-def with_points(text: str) -> tuple[str, int]:
+def with_decimal_points(text: str) -> tuple[str, int]:
     """Returns a text with decimal commas replaced by points, and how many there were."""
     return _DECIMAL_COMMA.subn(".", text) if "," in text else (text, 0)
 
@@ -72,7 +72,7 @@ def is_readable(text: str) -> bool:
     return text.isascii() or not any("\udc80" <= letter <= "\udcff" for letter in text)
 
 
-def readings(text: str) -> Iterator[tuple[str, str]]:
+def possible_decodings(text: str) -> Iterator[tuple[str, str]]:
     """Yields possible decodings of a string with lone surrogates: (encoding, text)."""
     data = text.encode("utf-8", "surrogateescape")
     for encoding in _ENCODINGS:

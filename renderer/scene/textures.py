@@ -13,13 +13,13 @@ from renderer.errors import SceneError
 from renderer.image import read
 from renderer.scene.description import Image, SceneDescription, SurfaceNote, TexelFilter, Texture, TextureLayer, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
-from renderer.scene.udim import composed, is_tiled, placed, side_by_side, tile_name, tiles_of
+from renderer.scene.udim import atlas_transform, composed_transform, is_tiled, side_by_side, tile_name, tiles_of
 from renderer.scene.warning_list import WarningList
 from renderer.sentences import Sentence, with_full_stop
 
-__all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
+__all__ = ["IDENTITY_UV_TRANSFORM", "MAX_IMAGE_BYTES", "TextureShelf"]
 
-UNMOVED: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+IDENTITY_UV_TRANSFORM: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 MAX_IMAGE_BYTES = 4 << 30  # of all decoded images of a scene
 
 
@@ -70,9 +70,9 @@ class TextureShelf:
 
     def image_bytes(self, name: str, data: bytes, srgb: bool = True) -> int | None:
         """Returns the index of an image embedded in a scene file; `name` identifies it."""
-        return self.image_made(name, lambda: data, srgb)
+        return self.computed_image(name, lambda: data, srgb)
 
-    def image_made(self, name: str, data: Callable[[], bytes], srgb: bool = True) -> int | None:
+    def computed_image(self, name: str, data: Callable[[], bytes], srgb: bool = True) -> int | None:
         """Returns the index of an embedded image whose bytes are computed on demand. data: may raise SceneError."""
         key = (f"\0{name}", srgb)
         if key not in self._images:
@@ -100,22 +100,22 @@ class TextureShelf:
         wrap_s: Wrap = "repeat",
         wrap_t: Wrap = "repeat",
         uv_set: int = 0,
-        transform: UvTransform = UNMOVED,
+        transform: UvTransform = IDENTITY_UV_TRANSFORM,
         layers: tuple[TextureLayer, ...] = (),
         filter: TexelFilter = "linear",
     ) -> int | None:
         """Returns the index of a texture of an image, with wrap modes, lookup and layers; None for a missing image."""
         if image is None:
             return None
-        return self._shelve(Texture(image, wrap_s, wrap_t, uv_set, transform, layers, filter))
+        return self._texture_index(Texture(image, wrap_s, wrap_t, uv_set, transform, layers, filter))
 
-    def _shelve(self, texture: Texture) -> int:
+    def _texture_index(self, texture: Texture) -> int:
         if texture not in self._textures:
             self._description.textures.append(texture)
             self._textures[texture] = len(self._description.textures) - 1
         return self._textures[texture]
 
-    def derived(self, texture: int | None, what: str, make: Callable[[Image], Image]) -> int | None:
+    def derived_texture(self, texture: int | None, what: str, make: Callable[[Image], Image]) -> int | None:
         """Returns a texture whose image is computed from another's, with its layers and lookup; `what` identifies the result."""
         if texture is None:
             return None
@@ -125,7 +125,7 @@ class TextureShelf:
         if key not in self._images:
             self._images[key] = self.add(make(image))
         made = self._images[key]
-        return None if made is None else self._shelve(replace(source, image=made))
+        return None if made is None else self._texture_index(replace(source, image=made))
 
     def calculated(self, what: str, sources: list[Image], make: Callable[[], Image]) -> int | None:
         """Returns an image computed from others, cached between frames; `what` identifies the computation."""
@@ -140,14 +140,16 @@ class TextureShelf:
         """Returns a texture with these layers added on top."""
         if texture is None or not layers:
             return texture
-        return self._shelve(replace(self._description.textures[texture], layers=layers))
+        return self._texture_index(replace(self._description.textures[texture], layers=layers))
 
     def combined(self, first: int | None, second: int | None, what: str, make: Callable[[Image, Image], Image]) -> int | None:
         """Returns a texture with an image computed from two others', with the first's lookup; None if either is missing."""
         if first is None or second is None:
             return None
         other = self._description.textures[second].image
-        return self.derived(first, f"{what} with image {other}", lambda image: make(image, self._description.images[other]))
+        return self.derived_texture(
+            first, f"{what} with image {other}", lambda image: make(image, self._description.images[other])
+        )
 
     def texture_of(self, number: int) -> Texture:
         """Returns the texture of this index."""
@@ -164,11 +166,13 @@ class TextureShelf:
         user: str,
         srgb: bool = True,
         wrap: Wrap = "repeat",
-        transform: UvTransform = UNMOVED,
+        transform: UvTransform = IDENTITY_UV_TRANSFORM,
     ) -> int | None:
         """Returns the texture that scene file `beside` refers to; warns about a missing one, naming it and `user`."""
         image, place = self.image_and_transform(reference, beside, user, srgb)
-        return self.texture(image, wrap, wrap, transform=composed(transform, place) if place != UNMOVED else transform)
+        return self.texture(
+            image, wrap, wrap, transform=composed_transform(transform, place) if place != IDENTITY_UV_TRANSFORM else transform
+        )
 
     def image_and_transform(self, reference: str, beside: str, user: str, srgb: bool = True) -> tuple[int | None, UvTransform]:
         """Returns the image that scene file `beside` refers to, including UDIM tiles, and its UV transform.
@@ -179,12 +183,12 @@ class TextureShelf:
             name = self._files.find(reference, beside)
             if name is None:
                 self.missing(reference, user)
-                return None, UNMOVED
-            return self.image_file(name, srgb), UNMOVED
+                return None, IDENTITY_UV_TRANSFORM
+            return self.image_file(name, srgb), IDENTITY_UV_TRANSFORM
         tiles = tiles_of(reference, lambda name: self._files.find(name, beside))
         if not tiles:
             self.missing(tile_name(reference, 1001), user)
-            return None, UNMOVED
+            return None, IDENTITY_UV_TRANSFORM
 
         def make() -> npt.NDArray[Any]:
             return side_by_side({number: read.read(self._files.read(name), name) for number, name in tiles.items()}, srgb)
@@ -197,7 +201,7 @@ class TextureShelf:
             except SceneError as error:
                 self._images[key] = None
                 self.warn_of_surface(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
-        return self._images[key], placed(tiles)
+        return self._images[key], atlas_transform(tiles)
 
     def missing(self, reference: str, user: str) -> None:
         """Warns about a texture that is not among the files."""

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from renderer.image.tonemap import decode_srgb
 from renderer.scene.description import UvTransform
 
-__all__ = ["composed", "is_tiled", "placed", "side_by_side", "tile_name", "tiles_of"]
+__all__ = ["atlas_transform", "composed_transform", "is_tiled", "side_by_side", "tile_name", "tiles_of"]
 
 MAX_ATLAS = 16384  # texels a side
 _MARK = re.compile(r"(?i)<UDIM>|%\(UDIM\)d|<UVTILE>|%\(UVTILE\)d")
@@ -55,7 +55,7 @@ def side_by_side(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> npt.NDArray[
     return atlas
 
 
-def placed(numbers: dict[int, Any]) -> UvTransform:
+def atlas_transform(numbers: dict[int, Any]) -> UvTransform:
     """Returns the UV transform into the image of these tiles: u' = u / across; t' = t / up, and v is 1 - t."""
     across, up = _extent(numbers)
     return 1 / across, 0.0, 0.0, 0.0, 1 / up, 1 - 1 / up
@@ -87,7 +87,7 @@ def _linear(pixels: npt.NDArray[Any], srgb: bool) -> npt.NDArray[np.float32]:
     return found
 
 
-def composed(inner: UvTransform, outer: UvTransform) -> UvTransform:
+def composed_transform(inner: UvTransform, outer: UvTransform) -> UvTransform:
     """Returns the UV transform that applies `inner` first, then `outer`."""
     a, b = (np.array([*t, 0.0, 0.0, 1.0]).reshape(3, 3) for t in (inner, outer))
     m = b @ a

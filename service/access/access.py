@@ -10,13 +10,13 @@ from service.access.projects import Projects
 from service.access.roles import OWNER, Caller, Role
 from service.access.secrets import fingerprint, is_same
 from service.access.users import Users
-from service.errors import CannotStart
+from service.errors import StartupError
 from service.settings import Settings
 from service.store.database import Sessions
 
 __all__ = ["LINK_S", "SESSION_S", "Access"]
 
-FOR_THIS_MACHINE = "this-machine-only"  # docker-compose.yml's default
+LOCAL_ONLY_TOKEN = "this-machine-only"  # docker-compose.yml's default
 SESSION_S = 30 * 86400.0
 LINK_S = 86400.0
 
@@ -28,8 +28,8 @@ class Access:
     """
 
     def __init__(self, sessions: Sessions, settings: Settings, instance: str) -> None:
-        if settings.needs_login and settings.token == FOR_THIS_MACHINE:
-            raise CannotStart(
+        if settings.needs_login and settings.token == LOCAL_ONLY_TOKEN:
+            raise StartupError(
                 "The farm's token is the one that everybody knows, and other machines reach this service. "
                 "Set RAYFARM_TOKEN to one of your own, as of `openssl rand -hex 16`."
             )

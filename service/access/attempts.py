@@ -15,10 +15,10 @@ from collections import OrderedDict, deque
 __all__ = ["Attempts"]
 
 WINDOW_S = 900.0
-OF_ONE = 6  # limit for one address and one name
-OF_ADDRESS = 30
-OF_NAME = 120
-MOST = 20_000  # counters kept; the least recently used are dropped first
+MAX_PER_ADDRESS_AND_NAME = 6  # limit for one address and one name
+MAX_PER_ADDRESS = 30
+MAX_PER_NAME = 120
+MAX_COUNTERS = 20_000  # counters kept; the least recently used are dropped first
 
 
 class Attempts:
@@ -32,13 +32,13 @@ class Attempts:
         """Counts a login attempt and returns None. If the limit is reached, counts nothing and returns the seconds to wait."""
         now = time.monotonic()
         with self._lock:
-            waits = [self._wait(key, most, now) for key, most in self._keys(address, name)]
+            waits = [self._seconds_to_wait(key, most, now) for key, most in self._keys(address, name)]
             if (longest := max(waits)) > 0:
                 return longest
             for key, _ in self._keys(address, name):
                 self._tries.setdefault(key, deque()).append(now)
                 self._tries.move_to_end(key)
-            while len(self._tries) > MOST:
+            while len(self._tries) > MAX_COUNTERS:
                 self._tries.popitem(last=False)
         return None
 
@@ -51,7 +51,7 @@ class Attempts:
                 for _ in range(min(failed, len(self._tries.get(key, ())))):
                     self._tries[key].pop()
 
-    def _wait(self, key: tuple[str, str], most: int, now: float) -> float:
+    def _seconds_to_wait(self, key: tuple[str, str], most: int, now: float) -> float:
         tries = self._tries.get(key)
         while tries and now - tries[0] > WINDOW_S:
             tries.popleft()
@@ -62,7 +62,7 @@ class Attempts:
     @staticmethod
     def _keys(address: str, name: str) -> list[tuple[tuple[str, str], int]]:
         where, name = _network(address), name.casefold()[:64]
-        return [((where, name), OF_ONE), ((where, ""), OF_ADDRESS), (("", name), OF_NAME)]
+        return [((where, name), MAX_PER_ADDRESS_AND_NAME), ((where, ""), MAX_PER_ADDRESS), (("", name), MAX_PER_NAME)]
 
 
 def _network(address: str) -> str:

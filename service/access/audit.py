@@ -24,10 +24,10 @@ __all__ = ["Audit"]
 
 log = logging.getLogger(__name__)
 
-LARGE = 8 << 20
-KEPT = 4
-LONGEST = 200  # characters of a value chosen by the caller
-READ_AT_ONCE = 1 << 16
+MAX_FILE_BYTES = 8 << 20
+FILES_KEPT = 4
+MAX_VALUE_LENGTH = 200  # characters of a value chosen by the caller
+READ_CHUNK = 1 << 16
 
 
 class Audit:
@@ -39,14 +39,14 @@ class Audit:
 
     def add(self, who: str, what: str, *, kind: str = "", address: str = "", about: str = "", status: int | None = None) -> None:
         """Appends a line to the audit log. If the file cannot be written, writes the line to the service's log instead."""
-        fields = {"at": round(time.time(), 3), "who": printable(who[:LONGEST]), "kind": kind, "from": address}
-        fields |= {"what": what[:LONGEST], "about": printable(about[:LONGEST]), "status": status}
+        fields = {"at": round(time.time(), 3), "who": printable(who[:MAX_VALUE_LENGTH]), "kind": kind, "from": address}
+        fields |= {"what": what[:MAX_VALUE_LENGTH], "about": printable(about[:MAX_VALUE_LENGTH]), "status": status}
         line = json.dumps(fields) + "\n"
         try:
             with self._lock:
                 path = self._path(0)
-                if path.exists() and path.stat().st_size > LARGE:
-                    self._set_aside()
+                if path.exists() and path.stat().st_size > MAX_FILE_BYTES:
+                    self._rotate()
                 with os.fdopen(os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, PRIVATE), "ab") as file:
                     file.write(line.encode())
         except OSError as error:
@@ -55,8 +55,8 @@ class Audit:
     def latest(self, count: int) -> list[dict[str, Any]]:
         """Returns the latest `count` entries of the audit log, newest first."""
         found: list[dict[str, Any]] = []
-        for number in range(KEPT):
-            for line in _backwards(self._path(number)):
+        for number in range(FILES_KEPT):
+            for line in _lines_from_end(self._path(number)):
                 try:
                     fields = json.loads(line)
                 except ValueError:
@@ -70,13 +70,13 @@ class Audit:
     def _path(self, number: int) -> Path:
         return self._folder / (f"audit.{number}.jsonl" if number else "audit.jsonl")
 
-    def _set_aside(self) -> None:
-        for number in reversed(range(KEPT - 1)):
+    def _rotate(self) -> None:
+        for number in reversed(range(FILES_KEPT - 1)):
             if self._path(number).exists():
                 self._path(number).replace(self._path(number + 1))
 
 
-def _backwards(path: Path) -> Iterator[bytes]:
+def _lines_from_end(path: Path) -> Iterator[bytes]:
     """Yields the non-empty lines of a file, last line first; yields nothing if the file does not exist."""
     try:
         file = path.open("rb")
@@ -85,7 +85,7 @@ def _backwards(path: Path) -> Iterator[bytes]:
     with file:
         end, rest = file.seek(0, os.SEEK_END), b""
         while end > 0:
-            begin = max(0, end - READ_AT_ONCE)
+            begin = max(0, end - READ_CHUNK)
             file.seek(begin)
             lines = (file.read(end - begin) + rest).split(b"\n")
             end, rest = begin, lines[0]

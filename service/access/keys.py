@@ -20,17 +20,17 @@ from service.errors import FarmError, NotFound
 from service.store.database import Sessions
 from service.store.models import Key, User
 
-__all__ = ["FRESH_S", "KeyKind", "Keys"]
+__all__ = ["CACHE_TTL_S", "KeyKind", "Keys"]
 
 KeyKind = Literal["session", "token", "link", "worker"]
-FRESH_S = 3.0  # seconds for which a key is cached: another process may revoke it
-SEEN_EVERY_S = 300.0
-MOST_KNOWN = 4096
-KEPT_S = 30 * 86400.0  # seconds that an expired key is kept, in case the clock was temporarily ahead
+CACHE_TTL_S = 3.0  # seconds for which a key is cached: another process may revoke it
+LAST_USE_INTERVAL_S = 300.0
+MAX_CACHED = 4096
+KEEP_EXPIRED_S = 30 * 86400.0  # seconds that an expired key is kept, in case the clock was temporarily ahead
 
 
 @dataclass(frozen=True)
-class _Known:
+class _CachedKey:
     caller: Caller
     expires: float | None
     read: float  # time.monotonic()
@@ -42,7 +42,7 @@ class Keys:
     def __init__(self, sessions: Sessions) -> None:
         self._sessions = sessions
         self._lock = threading.Lock()
-        self._known: dict[str, _Known] = {}
+        self._known: dict[str, _CachedKey] = {}
         self._version = 0
 
     def make(self, kind: KeyKind, user: str, role: Role, name: str = "", lasts_s: float | None = None) -> tuple[str, Key]:
@@ -51,21 +51,23 @@ class Keys:
         lasts_s: lifetime in seconds; None: unlimited. Raises NotFound if the user does not exist.
         """
         secret, now = new_secret(kind), time.time()
-        row = Key(id=secrets.token_hex(6), hash=fingerprint(secret), kind=kind, user=user, name=name, role=role.word, created=now)
+        row = Key(
+            id=secrets.token_hex(6), hash=fingerprint(secret), kind=kind, user=user, name=name, role=role.api_name, created=now
+        )
         row.expires = None if lasts_s is None else now + lasts_s
         with self._sessions.begin() as session:
             if user != OWNER and session.get(User, user, with_for_update={"read": True, "key_share": True}) is None:
                 raise NotFound(
                     Sentence("key-user-gone", "The user {user} does not exist any more.", user=repr(user[:64]))
                 )  # else the key would admit a later user of this name
-            session.execute(delete(Key).where(Key.expires < now - KEPT_S))
+            session.execute(delete(Key).where(Key.expires < now - KEEP_EXPIRED_S))
             session.add(row)
         return secret, row
 
     def cached_caller(self, secret: str) -> Caller | None:
         """Returns the caller who owns this key, or None if it is not in the cache. Does not query the database."""
         known = self._known.get(fingerprint(secret))
-        if known is None or time.monotonic() - known.read > FRESH_S or _is_over(known.expires):
+        if known is None or time.monotonic() - known.read > CACHE_TTL_S or _has_expired(known.expires):
             return None
         return known.caller
 
@@ -77,17 +79,17 @@ class Keys:
         hash, version = fingerprint(secret), self._version
         with self._sessions() as session:
             row = session.scalar(select(Key).where(Key.hash == hash, Key.kind != "link"))
-            caller = None if row is None or _is_over(row.expires) else _caller(row, session)
+            caller = None if row is None or _has_expired(row.expires) else _caller(row, session)
         if row is None or caller is None:
             return None
-        if row.seen is None or time.time() - row.seen > SEEN_EVERY_S:
+        if row.seen is None or time.time() - row.seen > LAST_USE_INTERVAL_S:
             with contextlib.suppress(FarmError), self._sessions.begin() as session:
                 session.execute(update(Key).where(Key.id == row.id).values(seen=time.time()))
         with self._lock:
             if version == self._version:
-                if len(self._known) >= MOST_KNOWN:
+                if len(self._known) >= MAX_CACHED:
                     self._known.clear()
-                self._known[hash] = _Known(caller, row.expires, time.monotonic())
+                self._known[hash] = _CachedKey(caller, row.expires, time.monotonic())
         return caller
 
     def use_link(self, secret: str) -> str | None:
@@ -100,7 +102,7 @@ class Keys:
             row = session.scalar(select(Key).where(*found))
             # Of two simultaneous uses, one deletes the row.
             deleted = cast("CursorResult[Any]", session.execute(delete(Key).where(*found))).rowcount
-            if row is None or deleted != 1 or _is_over(row.expires):
+            if row is None or deleted != 1 or _has_expired(row.expires):
                 return None
             return row.user if _role_of(row.user, session) is not Role.NOBODY else None
 
@@ -115,7 +117,7 @@ class Keys:
 
         user: only this user's keys and all worker keys; None: the keys of all users.
         """
-        wanted = select(Key).where(*_that_hold(*kinds)).order_by(Key.created.desc(), Key.id)
+        wanted = select(Key).where(*_is_valid_clauses(*kinds)).order_by(Key.created.desc(), Key.id)
         return wanted if user is None else wanted.where((Key.user == user) | (Key.kind == "worker"))
 
     def is_there(self, kind: KeyKind, id: str) -> bool:
@@ -126,7 +128,7 @@ class Keys:
     def count(self, kind: KeyKind, users: list[str]) -> Counter[str]:
         """Returns the number of valid keys of a kind for each of the given users."""
         with self._sessions() as session:
-            query = select(Key.user, func.count()).where(*_that_hold(kind), Key.user.in_(users)).group_by(Key.user)
+            query = select(Key.user, func.count()).where(*_is_valid_clauses(kind), Key.user.in_(users)).group_by(Key.user)
             return Counter({user: count for user, count in session.execute(query)})  # noqa: C416 - typed
 
     def withdraw(self, kind: KeyKind, id: str, user: str | None = None) -> Key:
@@ -170,9 +172,9 @@ def _role_of(user: str, session: Session) -> Role:
     return Role.NOBODY if found is None else Role.of(found.role)
 
 
-def _that_hold(*kinds: KeyKind) -> tuple[ColumnElement[bool], ...]:
+def _is_valid_clauses(*kinds: KeyKind) -> tuple[ColumnElement[bool], ...]:
     return Key.kind.in_(kinds), or_(Key.expires.is_(None), Key.expires > time.time())
 
 
-def _is_over(expires: float | None) -> bool:
+def _has_expired(expires: float | None) -> bool:
     return expires is not None and expires < time.time()

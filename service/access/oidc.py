@@ -26,23 +26,34 @@ from sqlalchemy import select
 
 from service.access.roles import Role
 from service.access.secrets import is_same
-from service.access.users import NAME, TAKEN
-from service.errors import CannotStart
+from service.access.users import NAME, RESERVED_NAMES
+from service.errors import StartupError
 from service.settings import Settings
 from service.store.database import Sessions
 from service.store.models import User
 
-__all__ = ["WAIT_S", "LoginRedirect", "Oidc", "OidcLogin", "Refused", "Why", "oidc_of"]
+__all__ = ["LOGIN_TIMEOUT_S", "LoginRedirect", "Oidc", "OidcLogin", "RefusalReason", "Refused", "oidc_of"]
 
-Why = Literal["cancelled", "late", "provider", "role", "name"]
+RefusalReason = Literal["cancelled", "late", "provider", "role", "name"]
 
-WAIT_S = 600  # seconds that a login at the provider may take
+LOGIN_TIMEOUT_S = 600  # seconds that a login at the provider may take
 ENCRYPTION = {"alg": "dir", "enc": "A256GCM"}
-KNOWN_S = 3600.0  # seconds for which the provider's metadata and keys are cached
+METADATA_TTL_S = 3600.0  # seconds for which the provider's metadata and keys are cached
 LEEWAY_S = 60
 TIMEOUT_S = 10.0
-SIGNED_BY = ("RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA")  # asymmetric only
-NEEDED = ("issuer", "authorization_endpoint", "token_endpoint", "jwks_uri")
+SIGNATURE_ALGORITHMS = (
+    "RS256",
+    "RS384",
+    "RS512",
+    "PS256",
+    "PS384",
+    "PS512",
+    "ES256",
+    "ES384",
+    "ES512",
+    "EdDSA",
+)  # asymmetric only
+REQUIRED_METADATA = ("issuer", "authorization_endpoint", "token_endpoint", "jwks_uri")
 
 
 class Refused(Exception):  # noqa: N818 - named as what it says
@@ -51,7 +62,7 @@ class Refused(Exception):  # noqa: N818 - named as what it says
     why: the reason shown on the page; the exception's message is the detail for the service's log.
     """
 
-    def __init__(self, why: Why, detail: str) -> None:
+    def __init__(self, why: RefusalReason, detail: str) -> None:
         super().__init__(detail)
         self.why = why
 
@@ -88,7 +99,7 @@ class _Pending:
 
 
 @cache
-def _trust() -> ssl.SSLContext:
+def _ssl_context() -> ssl.SSLContext:
     return httpx.create_ssl_context()  # created once: loading the certificates is slow
 
 
@@ -100,19 +111,19 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
     if not settings.oidc_discovery:
         return None
     if not settings.oidc_client:
-        raise CannotStart("RAYFARM_OIDC_DISCOVERY names a provider, but RAYFARM_OIDC_CLIENT no client. Set both.")
+        raise StartupError("RAYFARM_OIDC_DISCOVERY names a provider, but RAYFARM_OIDC_CLIENT no client. Set both.")
     if (unknown := [role for role in settings.oidc_roles.values() if Role.of(role) is Role.NOBODY]) != []:
-        raise CannotStart(f"RAYFARM_OIDC_ROLES gives the role {unknown[0]!r}; there are view, submit and admin.")
+        raise StartupError(f"RAYFARM_OIDC_ROLES gives the role {unknown[0]!r}; there are view, submit and admin.")
     url = urlsplit(settings.oidc_discovery)
     if url.scheme != "https" and url.hostname not in ("127.0.0.1", "localhost", "::1"):
-        raise CannotStart("RAYFARM_OIDC_DISCOVERY begins with https://: what a provider says must not be another's words.")
+        raise StartupError("RAYFARM_OIDC_DISCOVERY begins with https://: what a provider says must not be another's words.")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the library warns of future renamings
             import_module("authlib.integrations.httpx_client")
             import_module("joserfc.jwt")
     except ImportError:
-        raise CannotStart("RAYFARM_OIDC_DISCOVERY needs Authlib. Install it: pip install 'rayfarm[oidc]'.") from None
+        raise StartupError("RAYFARM_OIDC_DISCOVERY needs Authlib. Install it: pip install 'rayfarm[oidc]'.") from None
     return Oidc(settings, settings.oidc_secret, settings.login_key(), sessions)
 
 
@@ -139,11 +150,13 @@ class Oidc:
         """Starts a login. redirect: the URL to which the provider sends the browser afterwards. Raises Refused."""
         about, _ = self._provider()
         state, nonce, verifier = (secrets.token_urlsafe(32) for _ in range(3))
-        with self._speaking(redirect) as client:
+        with self._oauth_client(redirect) as client:
             url, _ = client.create_authorization_url(
                 about["authorization_endpoint"], state=state, nonce=nonce, code_verifier=verifier
             )
-        return LoginRedirect(url, state, self._sealed(_Pending(state, nonce, verifier, redirect, int(time.time()) + WAIT_S)))
+        return LoginRedirect(
+            url, state, self._encrypted(_Pending(state, nonce, verifier, redirect, int(time.time()) + LOGIN_TIMEOUT_S))
+        )
 
     def finish(self, state: str, code: str, error: str, sealed: str) -> OidcLogin:
         """Completes a login with the query parameters of the provider's redirect. Raises Refused.
@@ -151,22 +164,22 @@ class Oidc:
         The provider accepts each code once, so a redirect cannot be replayed. sealed: the cookie set by `begin`; empty if the
         browser sent none.
         """
-        pending = self._unsealed(sealed)
+        pending = self._decrypted(sealed)
         if pending is None or not is_same(state, pending.state):
             raise Refused("late", "the answer belongs to no login that this browser began here")
         if pending.expires < time.time():
-            raise Refused("late", f"the login was begun more than {WAIT_S // 60} minutes ago")
+            raise Refused("late", f"the login was begun more than {LOGIN_TIMEOUT_S // 60} minutes ago")
         if error or not code:
             raise Refused("cancelled", f"the provider says {error[:200] or 'nothing'}")
         claims, token = self._claims(code, pending)
         return OidcLogin(self._user(claims), token)
 
-    def _sealed(self, pending: _Pending) -> str:
+    def _encrypted(self, pending: _Pending) -> str:
         from joserfc import jwe
 
         return jwe.encrypt_compact(ENCRYPTION, json.dumps(asdict(pending), separators=(",", ":")), self._key)
 
-    def _unsealed(self, sealed: str) -> _Pending | None:
+    def _decrypted(self, sealed: str) -> _Pending | None:
         """Returns the state of a login from its encrypted cookie; None if the cookie was not encrypted with this farm's key."""
         from joserfc import jwe
         from joserfc.errors import JoseError
@@ -202,10 +215,10 @@ class Oidc:
 
         about, _ = self._provider()
         try:
-            with self._speaking(pending.redirect) as client:
+            with self._oauth_client(pending.redirect) as client:
                 token = client.fetch_token(about["token_endpoint"], code=code, code_verifier=pending.verifier)
             shown = str(token.get("id_token") or "")
-            read = self._decoded(shown)
+            read = self._decoded_token(shown)
             options = {
                 "iss": {"essential": True, "values": [about["issuer"]]},
                 "aud": {"essential": True, "value": self._client[0]},
@@ -222,19 +235,21 @@ class Oidc:
 
     def _userinfo_claims(self, url: str, token: str, subject: str) -> dict[str, Any]:
         """Returns the name and role claims from the provider's userinfo endpoint. Raises httpx.HTTPError and ValueError."""
-        answer = httpx.get(url, headers={"Authorization": f"Bearer {token}"}, timeout=TIMEOUT_S, verify=_trust())
+        answer = httpx.get(url, headers={"Authorization": f"Bearer {token}"}, timeout=TIMEOUT_S, verify=_ssl_context())
         answer.raise_for_status()
         told = answer.json()
         if not isinstance(told, dict) or told.get("sub") != subject:
             raise ValueError("it belongs to another subject")
         return {name: told[name] for name in (self._name_claim, self._role_claim) if name in told}
 
-    def _decoded(self, token: str) -> Any:
+    def _decoded_token(self, token: str) -> Any:
         from joserfc import jwt
         from joserfc.errors import InvalidKeyIdError
 
         about, keys = self._provider()
-        signed_by = [name for name in about.get("id_token_signing_alg_values_supported") or ["RS256"] if name in SIGNED_BY]
+        signed_by = [
+            name for name in about.get("id_token_signing_alg_values_supported") or ["RS256"] if name in SIGNATURE_ALGORITHMS
+        ]
         try:
             return jwt.decode(token, keys, algorithms=signed_by)
         except (InvalidKeyIdError, ValueError):  # the provider may have new keys
@@ -245,23 +260,25 @@ class Oidc:
         from joserfc.jwk import KeySet
 
         known = self._known
-        if known is not None and not anew and time.monotonic() - known[0] < KNOWN_S:
+        if known is not None and not anew and time.monotonic() - known[0] < METADATA_TTL_S:
             return known[1], known[2]
         try:
             about = (
-                httpx.get(self._discovery, timeout=TIMEOUT_S, verify=_trust(), follow_redirects=True).raise_for_status().json()
+                httpx.get(self._discovery, timeout=TIMEOUT_S, verify=_ssl_context(), follow_redirects=True)
+                .raise_for_status()
+                .json()
             )
-            if not isinstance(about, dict) or any(not isinstance(about.get(name), str) for name in NEEDED):
+            if not isinstance(about, dict) or any(not isinstance(about.get(name), str) for name in REQUIRED_METADATA):
                 raise ValueError("it is no description of an OpenID provider")
             keys = KeySet.import_key_set(
-                httpx.get(about["jwks_uri"], timeout=TIMEOUT_S, verify=_trust()).raise_for_status().json()
+                httpx.get(about["jwks_uri"], timeout=TIMEOUT_S, verify=_ssl_context()).raise_for_status().json()
             )
         except (httpx.HTTPError, httpx.InvalidURL, ValueError, KeyError, TypeError) as error:
             raise Refused("provider", f"{self._discovery} does not say what it should ({error})") from None
         self._known = time.monotonic(), about, keys
         return about, keys
 
-    def _speaking(self, redirect: str) -> Any:
+    def _oauth_client(self, redirect: str) -> Any:
         from authlib.integrations.httpx_client import OAuth2Client
 
         id, secret = self._client
@@ -272,7 +289,7 @@ class Oidc:
             code_challenge_method="S256",
             token_endpoint_auth_method="client_secret_basic" if secret else "none",
             timeout=TIMEOUT_S,
-            verify=_trust(),
+            verify=_ssl_context(),
         )
 
     def _user(self, claims: dict[str, Any]) -> User:
@@ -285,11 +302,11 @@ class Oidc:
         with self._sessions.begin() as session:
             user = session.scalar(select(User).where(User.subject == subject))
             if user is None:
-                if not NAME.fullmatch(name) or name in TAKEN or session.get(User, name) is not None:
+                if not NAME.fullmatch(name) or name in RESERVED_NAMES or session.get(User, name) is not None:
                     raise Refused("name", f"{subject} is called {name!r}, which cannot be a name here or is another's")
-                user = User(name=name, role=role.word, password=None, created=time.time(), subject=subject)
+                user = User(name=name, role=role.api_name, password=None, created=time.time(), subject=subject)
                 session.add(user)
-            user.role = role.word
+            user.role = role.api_name
         return user
 
     def _role(self, claims: dict[str, Any]) -> Role:

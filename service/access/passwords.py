@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 __all__ = ["check_strength", "hashed", "is_right"]
 
-SHORTEST = 10
-LONGEST = 256
-AT_ONCE = threading.BoundedSemaphore(2)
+MIN_LENGTH = 10
+MAX_LENGTH = 256
+CONCURRENT_HASHES = threading.BoundedSemaphore(2)
 
 
 @cache
@@ -39,21 +39,21 @@ def check_strength(password: str, name: str) -> None:
 
     name: the user's name, which it must not resemble.
     """
-    if len(password) < SHORTEST:
+    if len(password) < MIN_LENGTH:
         raise Invalid(
             Sentence(
                 "password-too-short",
                 "The password has {length} characters. Choose at least {least}: a few words are best.",
                 length=len(password),
-                least=SHORTEST,
+                least=MIN_LENGTH,
             )
         )
-    if len(password) > LONGEST:
+    if len(password) > MAX_LENGTH:
         raise Invalid(
             Sentence(
                 "password-too-long",
                 "The password is longer than {most} characters. Choose a shorter one.",
-                most=LONGEST,
+                most=MAX_LENGTH,
             )
         )
     if len(set(password)) < 4 or name.lower() in password.lower():
@@ -67,7 +67,7 @@ def check_strength(password: str, name: str) -> None:
 
 def hashed(password: str) -> str:
     """Returns the Argon2id hash of a password."""
-    with AT_ONCE:
+    with CONCURRENT_HASHES:
         return _hasher().hash(password)
 
 
@@ -78,9 +78,9 @@ def is_right(password: str, kept: str | None) -> bool:
     """
     from argon2.exceptions import InvalidHashError, VerificationError
 
-    with AT_ONCE:
+    with CONCURRENT_HASHES:
         try:
-            _hasher().verify(kept or _placeholder_hash(), password[:LONGEST])
+            _hasher().verify(kept or _placeholder_hash(), password[:MAX_LENGTH])
         except (VerificationError, InvalidHashError):
             return False
     return kept is not None

@@ -39,8 +39,8 @@ __all__ = [
 Kind = Literal["scene", "job", "environment", "reference"]
 MemberRole = Literal["view", "submit"]
 ROWS: dict[Kind, Any] = {"scene": Scene, "job": Job, "environment": Environment, "reference": Reference}
-FRESH_S = 3.0  # seconds for which a user's projects are cached: another process may change them
-MOST_KNOWN = 65536
+CACHE_TTL_S = 3.0  # seconds for which a user's projects are cached: another process may change them
+MAX_CACHED = 65536
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Projects:
         if caller.sees_everything:
             return EVERYTHING
         read, sight = self._sights.get(caller.name, (0.0, NOTHING))
-        return sight if read and time.monotonic() - read < FRESH_S else None
+        return sight if read and time.monotonic() - read < CACHE_TTL_S else None
 
     def visibility(self, caller: Caller | None) -> ProjectVisibility:
         """Returns the projects visible to a caller."""
@@ -116,7 +116,7 @@ class Projects:
             roles = {row.project: row.role for row in session.scalars(select(Member).where(Member.user == caller.name))}
         sight = ProjectVisibility(False, frozenset(roles), frozenset(name for name, role in roles.items() if role == "view"))
         with self._lock:
-            if len(self._sights) >= MOST_KNOWN:
+            if len(self._sights) >= MAX_CACHED:
                 self._sights.clear()
             self._sights[caller.name] = read, sight
         return sight
@@ -139,7 +139,7 @@ class Projects:
     def note(self, kind: Kind, id: str, project: str) -> None:
         """Caches which project an object belongs to."""
         with self._lock:
-            if len(self._where) >= MOST_KNOWN:
+            if len(self._where) >= MAX_CACHED:
                 self._where.clear()
             self._where[kind, id] = project
 
@@ -204,7 +204,7 @@ class Projects:
             raise read_only_project(name)
         return name
 
-    def check_again(self, name: str, caller: Caller | None, sight: ProjectVisibility) -> None:
+    def recheck(self, name: str, caller: Caller | None, sight: ProjectVisibility) -> None:
         """Repeats `check` after an upload, which may have taken hours. sight: the visibility at the upload's start.
 
         Raises as `check` does.

@@ -17,17 +17,17 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from renderer.sentences import Sentence
 from service.access.roles import Caller
-from service.errors import NoRoom, NotFound, OverQuota
+from service.errors import NotFound, OutOfSpace, OverQuota
 from service.store.database import Sessions
-from service.store.models import ACTIVE, Environment, Frame, FrameChange, Job, Key, Quota, Reference, Scene, Spent, User
+from service.store.models import ACTIVE_STATES, Environment, Frame, FrameChange, Job, Key, Quota, Reference, Scene, Spent, User
 
-__all__ = ["DAY_S", "MOST", "NO_LIMITS", "Allowance", "Limits", "Quotas", "record_spent_samples"]
+__all__ = ["DAY_S", "MAX_LIMIT", "NO_LIMITS", "Allowance", "Limits", "Quotas", "record_spent_samples"]
 
 DAY_S = 86400.0
-SOON_S = 60.0  # seconds after which a caller with too many jobs may retry
-FRESH_S = 5.0  # age up to which a sum of bytes admits further jobs; counting them reads one size per job
-MOST = (1 << 63) - 1  # largest number that is reported or may be set
-OTHERS = "or ask who runs the farm for more"
+RETRY_AFTER_S = 60.0  # seconds after which a caller with too many jobs may retry
+COUNT_TTL_S = 5.0  # age up to which a sum of bytes admits further jobs; counting them reads one size per job
+MAX_LIMIT = (1 << 63) - 1  # largest number that is reported or may be set
+ADVICE = "or ask who runs the farm for more"
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Quotas:
     def described(self, named: Collection[str]) -> list[Allowance]:
         """Returns the allowances of the given users and tokens (as `named` returns them). A deleted one has no usage."""
         names: dict[Kind, list[str]] = {kind: [] for kind in get_args(Kind)}
-        for kind, name in map(_parts, named):
+        for kind, name in map(_kind_and_name, named):
             names[kind].append(name)
         with self._sessions() as session:
             rows = {row.whose: _limits_of(row) for row in session.scalars(select(Quota).where(Quota.whose.in_(named)))}
@@ -93,14 +93,14 @@ class Quotas:
             used = {kind: [count(kind, session, some) for count in counts] for kind, some in names.items() if some}
         found = []
         for whose in named:
-            kind, name = _parts(whose)
+            kind, name = _kind_and_name(whose)
             usual = NO_LIMITS if kind == "token" or name in chiefs else self._usual
             uses = Limits(*(each[name] for each in used[kind]))
             found.append(Allowance(whose, rows.get(whose, usual), uses, whose in rows))
         return found
 
     def set(self, whose: str, limits: Limits | None) -> None:
-        """Sets the limits of a user or token (user:NAME or token:ID). None restores the defaults. Raises NotFound."""
+        """Sets the limits of a user or token (user:NAME or token:ID). None restores the defaults. Raises OutOfSpace."""
         kind, _, name = whose.partition(":")
         with self._sessions.begin() as session:
             row = session.get(User if kind == "user" else Key, name)
@@ -126,14 +126,14 @@ class Quotas:
             for whose, limits in self._limits(caller, session):
                 if limits.bytes is None:
                     continue
-                used = self._bytes_of(*_parts(whose), session)
+                used = self._bytes_of(*_kind_and_name(whose), session)
                 if used + more > limits.bytes or used >= limits.bytes:
-                    raise NoRoom(
+                    raise OutOfSpace(
                         Sentence(
                             "quota-bytes-exceeded",
                             "{owner} uploads and films use {used} of {limit}, and this needs {more} more. Delete jobs "
                             "or scenes, or ask who runs the farm for more.",
-                            owner=_whose(whose),
+                            owner=_possessive(whose),
                             used=_in_mb(used),
                             limit=_in_mb(limits.bytes),
                             more=_in_mb(more),
@@ -143,7 +143,7 @@ class Quotas:
                             "quota-bytes-full",
                             "{owner} uploads and films use {used} of {limit}. Delete jobs or scenes, or ask who runs "
                             "the farm for more.",
-                            owner=_whose(whose),
+                            owner=_possessive(whose),
                             used=_in_mb(used),
                             limit=_in_mb(limits.bytes),
                         )
@@ -157,18 +157,18 @@ class Quotas:
         sum.
         """
         for whose, limits in self._limits(caller, session):
-            kind, name = _parts(whose)
+            kind, name = _kind_and_name(whose)
             if is_new and limits.jobs is not None and (count := _jobs(kind, session, [name])[name]) >= limits.jobs:
                 raise OverQuota(
                     Sentence(
                         "quota-jobs-full",
                         "{owner} number of unfinished jobs is {count}; the limit is {limit}. Wait until one is "
                         "finished, cancel one, or ask who runs the farm for more.",
-                        owner=_whose(whose),
+                        owner=_possessive(whose),
                         count=count,
                         limit=limits.jobs,
                     ),
-                    SOON_S,
+                    RETRY_AFTER_S,
                 )
             if limits.samples_day is not None:
                 used = _samples(kind, session, [name])[name]
@@ -178,7 +178,7 @@ class Quotas:
                             "quota-samples-exceeded",
                             "{owner} jobs of the last 24 hours used {used} of {limit} samples a day, and this needs "
                             "{more} more. Ask for fewer, wait, or ask who runs the farm for more.",
-                            owner=_whose(whose),
+                            owner=_possessive(whose),
                             used=f"{used:,}",
                             limit=f"{limits.samples_day:,}",
                             more=f"{samples:,}",
@@ -188,13 +188,13 @@ class Quotas:
                             "quota-samples-full",
                             "{owner} jobs of the last 24 hours used {used} of {limit} samples a day. Ask for fewer, "
                             "wait, or ask who runs the farm for more.",
-                            owner=_whose(whose),
+                            owner=_possessive(whose),
                             used=f"{used:,}",
                             limit=f"{limits.samples_day:,}",
                         ),
-                        self._frees_after(whose, session),
+                        self._seconds_until_freed(whose, session),
                     )
-            if limits.bytes is not None and not self._had_room(kind, name, limits.bytes):
+            if limits.bytes is not None and not self._had_allowance_left(kind, name, limits.bytes):
                 self.check_bytes(caller)
 
     def _limits(self, caller: Caller | None, session: Session) -> Iterable[tuple[str, Limits]]:
@@ -212,7 +212,7 @@ class Quotas:
                 yield token, _limits_of(row)
 
     def _used(self, whose: str, session: Session) -> Limits:
-        kind, name = _parts(whose)
+        kind, name = _kind_and_name(whose)
         return Limits(*(count(kind, session, [name])[name] for count in (self._bytes, _jobs, _samples)))
 
     def _bytes(self, kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
@@ -233,20 +233,20 @@ class Quotas:
         return sizes
 
     def _bytes_of(self, kind: Kind, name: str, session: Session) -> int:
-        """Returns the total bytes of one user's or token's uploads and films, summed now and remembered for `_had_room`."""
+        """Returns the total bytes of one user's or token's uploads and films, and remembers them for `_had_allowance_left`."""
         used = self._bytes(kind, session, [name])[name]
         self._counted[kind, name] = time.monotonic(), used
         return used
 
-    def _had_room(self, kind: Kind, name: str, limit: int) -> bool:
+    def _had_allowance_left(self, kind: Kind, name: str, limit: int) -> bool:
         """Whether the latest sum of bytes is less than FRESH_S seconds old and below the limit."""
-        counted, used = self._counted.get((kind, name), (-FRESH_S, limit))
-        return used < limit and time.monotonic() - counted < FRESH_S
+        counted, used = self._counted.get((kind, name), (-COUNT_TTL_S, limit))
+        return used < limit and time.monotonic() - counted < COUNT_TTL_S
 
-    def _frees_after(self, whose: str, session: Session) -> float:
-        kind, name = _parts(whose)
+    def _seconds_until_freed(self, whose: str, session: Session) -> float:
+        kind, name = _kind_and_name(whose)
         oldest = session.scalar(select(func.min(Job.created)).where(_owner(Job, kind) == name, Job.created > time.time() - DAY_S))
-        return SOON_S if oldest is None else max(SOON_S, oldest + DAY_S - time.time())
+        return RETRY_AFTER_S if oldest is None else max(RETRY_AFTER_S, oldest + DAY_S - time.time())
 
 
 def record_spent_samples(jobs: Iterable[Job], session: Session) -> None:
@@ -263,8 +263,8 @@ def _samples_since(since: float) -> list[tuple[Select[Any], Any]]:
     """Returns the queries that sum the samples rendered since a time, each with the table that has the owner columns."""
     asked = case((Frame.target > Frame.samples, Frame.target), else_=Frame.samples)
     # as floats: SQLite's integer sums overflow at 2**63
-    of_jobs = select(func.sum(cast(case((Job.state.in_(ACTIVE), asked), else_=Frame.samples), Float)))
-    of_jobs = of_jobs.join(Job, Frame.job == Job.id).where((Job.created > since) | Job.state.in_(ACTIVE))
+    of_jobs = select(func.sum(cast(case((Job.state.in_(ACTIVE_STATES), asked), else_=Frame.samples), Float)))
+    of_jobs = of_jobs.join(Job, Frame.job == Job.id).where((Job.created > since) | Job.state.in_(ACTIVE_STATES))
     coming = select(func.sum(cast(FrameChange.samples, Float))).join(Job, FrameChange.job == Job.id)
     gone = select(func.sum(Spent.samples)).where(Spent.created > since)
     return [(of_jobs, Job), (coming, Job), (gone, Spent)]
@@ -276,7 +276,7 @@ def _limits_of(row: Quota) -> Limits:
 
 def _jobs(kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
     """Returns the number of unfinished jobs, by user or token."""
-    active = select(_owner(Job, kind), func.count()).where(Job.state.in_(ACTIVE))
+    active = select(_owner(Job, kind), func.count()).where(Job.state.in_(ACTIVE_STATES))
     return Counter({row[0]: row[1] for row in session.execute(_filtered_by_owner(Job, kind, names, active, grouped=True))})
 
 
@@ -287,7 +287,7 @@ def _samples(kind: Kind, session: Session, names: Collection[str]) -> Counter[st
         for count, owner in session.execute(
             _filtered_by_owner(row, kind, names, query.add_columns(_owner(row, kind)), grouped=True)
         ):
-            samples[owner] = min(samples[owner] + int(count or 0), MOST)
+            samples[owner] = min(samples[owner] + int(count or 0), MAX_LIMIT)
     return samples
 
 
@@ -303,12 +303,12 @@ def _owner(row: Any, kind: Kind) -> InstrumentedAttribute[str]:
     return found
 
 
-def _parts(whose: str) -> tuple[Kind, str]:
+def _kind_and_name(whose: str) -> tuple[Kind, str]:
     kind, _, name = whose.partition(":")
     return "user" if kind == "user" else "token", name
 
 
-def _whose(whose: str) -> str:
+def _possessive(whose: str) -> str:
     if whose.startswith("user:"):
         return Sentence("owner-you", "Your")
     return Sentence("owner-this-token", "This token's")

@@ -16,7 +16,7 @@ from redis.lock import Lock
 
 from service.access.redis_release import release_of
 
-__all__ = ["RedisCare", "end_busy", "is_busy"]
+__all__ = ["RedisCare", "end_blocking_script", "is_busy"]
 
 log = logging.getLogger(__name__)
 
@@ -33,14 +33,14 @@ TYPES: tuple[tuple[bytes, bytes], ...] = (
     (b"unacked", b"hash"),
 )
 MATCHES = ("rayfarm[:.]*", "_kombu.binding*", "unacked*")
-EVERY = 6  # rounds between two scans of all keys
-FULL = 0.5  # share of Redis's memory, or of its connections, above which excess use is searched for
+ROUNDS_BETWEEN_SCANS = 6  # rounds between two scans of all keys
+EXCESS_SHARE = 0.5  # share of Redis's memory, or of its connections, above which excess use is searched for
 MOST_OF_MEMORY = 0.125  # share of the memory for the keys of one kind, except results, whose size the service limits itself
 MOST_OF_CLIENTS = 0.25  # share of the connections for one worker's Redis user
 KIND = re.compile(rb"rayfarm:[a-z-]+|rayfarm\.|_kombu|unacked")
 RESULTS = b"rayfarm:results"
 WORKER_USER = "rayfarm-"
-AT_ONCE = 1000  # keys in one pipeline
+KEYS_PER_PIPELINE = 1000  # keys in one pipeline
 
 
 def is_busy(error: Exception) -> bool:
@@ -48,7 +48,7 @@ def is_busy(error: Exception) -> bool:
     return isinstance(error, redis.ResponseError) and str(error).startswith("BUSY")
 
 
-def end_busy(connection: redis.Redis) -> bool:
+def end_blocking_script(connection: redis.Redis) -> bool:
     """Ends the script or function that blocks Redis.
 
     Returns False if it has already written data: then only a restart ends it.
@@ -74,17 +74,17 @@ class RedisCare:
 
         Raises redis.RedisError.
         """
-        self._end_floods_of_connections()
-        self._make_room()
+        self._close_excess_connections()
+        self._remove_largest_keys()
         self._redis.script_load(Lock.LUA_RELEASE_SCRIPT)  # older workers release locks with it, and may not load scripts
-        if self._rounds % EVERY == 0:
+        if self._rounds % ROUNDS_BETWEEN_SCANS == 0:
             self._warn()
             self._repair()
         self._rounds += 1
 
     def unblock(self) -> None:
         """Ends a script that blocks Redis and logs the outcome. Raises redis.RedisError."""
-        if end_busy(self._redis):
+        if end_blocking_script(self._redis):
             log.warning("a script blocked Redis and was ended")
         else:
             log.error("a script blocks Redis and has written already; only a restart of Redis ends it")
@@ -95,11 +95,11 @@ class RedisCare:
             log.warning("%s", flaw)
         self._warned_flaw = flaw or ""
 
-    def _end_floods_of_connections(self) -> None:
+    def _close_excess_connections(self) -> None:
         """Closes the connections of worker users with more than MOST_OF_CLIENTS of Redis's limit, if few connections are left."""
         clients = self._redis.info("clients")
         most = int(clients.get("maxclients") or 0)
-        if not most or int(clients["connected_clients"]) < FULL * most:
+        if not most or int(clients["connected_clients"]) < EXCESS_SHARE * most:
             return
         users = Counter(str(client.get("user", "")) for client in self._redis.client_list())
         for user, count in users.items():
@@ -107,14 +107,14 @@ class RedisCare:
                 log.warning("the Redis user %s of a worker's token has %d connections, which are closed", user, count)
                 self._redis.execute_command("CLIENT", "KILL", "USER", user)
 
-    def _make_room(self) -> None:
+    def _remove_largest_keys(self) -> None:
         """If Redis has used half of its memory, deletes the largest keys of each kind that exceeds its normal size."""
         memory = self._redis.info("memory")
         limit = int(memory.get("maxmemory") or 0)
-        if not limit or int(memory["used_memory"]) < FULL * limit:
+        if not limit or int(memory["used_memory"]) < EXCESS_SHARE * limit:
             return
         kinds: dict[bytes, list[tuple[int, bytes]]] = {}
-        for names in self._names():
+        for names in self._key_batches():
             with self._redis.pipeline(transaction=False) as sizes:
                 for name in names:
                     sizes.memory_usage(name)
@@ -129,27 +129,27 @@ class RedisCare:
                     break
                 over -= size
                 gone.append(name)
-            for at in range(0, len(gone), AT_ONCE):
-                self._redis.unlink(*gone[at : at + AT_ONCE])
+            for at in range(0, len(gone), KEYS_PER_PIPELINE):
+                self._redis.unlink(*gone[at : at + KEYS_PER_PIPELINE])
             if gone:
                 log.warning(
                     "Redis is half full, mostly of keys %s*: %d are removed, as %.200r", kind.decode(), len(gone), gone[0]
                 )
 
-    def _names(self) -> Iterator[list[bytes]]:
+    def _key_batches(self) -> Iterator[list[bytes]]:
         """Yields the names of the farm's keys in lists of at most AT_ONCE."""
         for pattern in MATCHES:
             names: list[bytes] = []
-            for name in self._redis.scan_iter(pattern, count=AT_ONCE):
+            for name in self._redis.scan_iter(pattern, count=KEYS_PER_PIPELINE):
                 names.append(name)
-                if len(names) >= AT_ONCE:
+                if len(names) >= KEYS_PER_PIPELINE:
                     yield names
                     names = []
             if names:
                 yield names
 
     def _repair(self) -> None:
-        for names in self._names():
+        for names in self._key_batches():
             with self._redis.pipeline(transaction=False) as types:
                 for name in names:
                     types.type(name)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["OLDEST", "RedisRelease", "release_of", "release_printed"]
+__all__ = ["OLDEST", "RedisRelease", "parse_version_output", "release_of"]
 
 OLDEST = (6, 2)  # Celery's queues need LMPOP and ZRANGE BYSCORE
 # The first patch release of each series with the fixes of CVE-2025-49844 (code execution by a Lua script) and CVE-2025-21605
@@ -57,7 +57,7 @@ def release_of(info: Mapping[str, Any]) -> RedisRelease:
     return RedisRelease("Redis", _numbers(str(info.get("redis_version", ""))))
 
 
-def release_printed(text: str) -> RedisRelease:
+def parse_version_output(text: str) -> RedisRelease:
     """Returns the release in the output of `--version`, such as "Valkey server v=9.1.2 sha=..."."""
     found = re.search(r"(Redis|Valkey) server v=(\d+(?:\.\d+)*)", text)
     return RedisRelease(found[1], _numbers(found[2])) if found else RedisRelease("Redis", ())

@@ -23,11 +23,11 @@ from service.access.redis_care import RedisCare, is_busy
 from service.access.secrets import fingerprint
 from service.errors import FarmError, Unavailable
 
-__all__ = ["FLAT_RULES", "LOOK_EVERY_S", "RULES", "RedisUsers"]
+__all__ = ["REDIS_6_RULES", "REFRESH_EVERY_S", "RULES", "RedisUsers"]
 
 log = logging.getLogger(__name__)
 
-LOOK_EVERY_S = 5.0  # seconds between updates, for tokens revoked by other processes, expired tokens, and a restarted Redis
+REFRESH_EVERY_S = 5.0  # seconds between updates, for tokens revoked by other processes, expired tokens, and a restarted Redis
 CONNECTION = (
     *("+auth", "+hello", "+ping", "+select", "+quit", "+reset"),
     *("+client|setname", "+client|setinfo", "+client|getname", "+client|id"),
@@ -52,7 +52,7 @@ RULES = (
     "(~rayfarm:order:* ~rayfarm:terms:* ~rayfarm:log-wanted:* ~rayfarm:view:* +get +mget +exists +ttl)",
 )
 # For Redis 6.2, in which a user has one list of commands for all keys.
-FLAT_RULES = (
+REDIS_6_RULES = (
     *("reset", "on", *CONNECTION),
     *("~rayfarm:*", "~rayfarm.*", "~_kombu.binding*", "~unacked*"),
     *("+@list", "+@set", "+@sortedset", "+@hash", "+@string", "+watch", "+evalsha"),
@@ -106,7 +106,7 @@ class RedisUsers:
                         error=error,
                     )
                 ) from None
-            self._say(error)
+            self._warn(error)
             return url
         except (redis.RedisError, OSError) as error:
             raise Unavailable(
@@ -130,7 +130,7 @@ class RedisUsers:
             self._known = wanted
         self.trouble = None
 
-    def look_now(self) -> None:
+    def refresh_now(self) -> None:
         """Updates the Redis users at once, after a key was revoked. Ignores errors: the periodic update retries."""
         with contextlib.suppress(redis.RedisError, FarmError, OSError):
             self.refresh()
@@ -141,7 +141,7 @@ class RedisUsers:
         except redis.ResponseError as error:
             if "modifier" not in str(error):
                 raise
-            self._redis.execute_command("ACL SETUSER", name, *FLAT_RULES, f">{self._password(name)}")
+            self._redis.execute_command("ACL SETUSER", name, *REDIS_6_RULES, f">{self._password(name)}")
         self._known.add(name)
 
     def _password(self, name: str) -> str:
@@ -155,19 +155,19 @@ class RedisUsers:
                 if is_busy(error):
                     self._unblock()
                 else:
-                    self._say(error)
+                    self._warn(error)
             except (redis.RedisError, FarmError, OSError) as error:
                 log.debug("workers' users of Redis are not looked after now: %s", error)
             with contextlib.suppress(redis.RedisError, OSError):
                 self._care.maintain()
-            if self._stop.wait(LOOK_EVERY_S):
+            if self._stop.wait(REFRESH_EVERY_S):
                 return
 
     def _unblock(self) -> None:
         with contextlib.suppress(redis.RedisError, OSError):
             self._care.unblock()
 
-    def _say(self, error: Exception) -> None:
+    def _warn(self, error: Exception) -> None:
         if self.trouble is None:
             log.warning("Redis has no users for workers (%s): all share one password, withdrawn workers included", error)
         self.trouble = str(error)

@@ -28,7 +28,7 @@ class Role(IntEnum):
         return {"view": cls.VIEW, "submit": cls.SUBMIT, "admin": cls.ADMIN}.get(name, cls.NOBODY)
 
     @property
-    def word(self) -> str:
+    def api_name(self) -> str:
         """The role's name as used in the API."""
         return self.name.lower()
 

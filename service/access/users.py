@@ -18,7 +18,7 @@ from service.store.models import Key, Member, Quota, ShareTerms, User
 __all__ = ["Users"]
 
 NAME = re.compile(r"[a-z0-9][a-z0-9._@-]{0,62}")
-TAKEN = (OWNER, OPEN.name)
+RESERVED_NAMES = (OWNER, OPEN.name)
 
 
 class Users:
@@ -30,7 +30,7 @@ class Users:
 
     def add(self, name: str, role: Role, password: str | None) -> User:
         """Creates a user. Raises Invalid for an invalid name or password, Conflict if the name is taken."""
-        if not NAME.fullmatch(name) or name in TAKEN:
+        if not NAME.fullmatch(name) or name in RESERVED_NAMES:
             raise Invalid(
                 Sentence(
                     "user-name-invalid",
@@ -40,7 +40,7 @@ class Users:
                 )
             )
         kept = None if password is None else _checked(password, name)
-        user = User(name=name, role=role.word, password=kept, created=time.time())
+        user = User(name=name, role=role.api_name, password=kept, created=time.time())
         with self._sessions.begin() as session:
             if session.get(User, name) is not None:
                 raise Conflict(
@@ -63,7 +63,7 @@ class Users:
         with self._sessions() as session:
             user = session.get(User, name)
         if user is None:
-            raise _no_user(name)
+            raise _user_not_found(name)
         return user
 
     def set_role(self, name: str, role: Role) -> User:
@@ -71,8 +71,8 @@ class Users:
         with self._sessions.begin() as session:
             user = session.get(User, name)
             if user is None:
-                raise _no_user(name)
-            user.role = role.word
+                raise _user_not_found(name)
+            user.role = role.api_name
         self._keys.clear_cache()
         return user
 
@@ -86,7 +86,7 @@ class Users:
         with self._sessions.begin() as session:
             user = session.get(User, name)
             if user is None:
-                raise _no_user(name)
+                raise _user_not_found(name)
             user.password = kept
         self._keys.withdraw_sessions(name, stays)
         return user
@@ -96,7 +96,7 @@ class Users:
         with self._sessions.begin() as session:
             user = session.get(User, name)
             if user is None:
-                raise _no_user(name)
+                raise _user_not_found(name)
             session.delete(user)
             session.execute(delete(Key).where(Key.user == name, Key.kind != "worker"))
             session.execute(delete(Member).where(Member.user == name))
@@ -119,5 +119,5 @@ def _checked(password: str, name: str) -> str:
     return hashed(password)
 
 
-def _no_user(name: str) -> NotFound:
+def _user_not_found(name: str) -> NotFound:
     return NotFound(Sentence("user-not-found", "There is no user {name}. GET /api/users lists them.", name=repr(name[:64])))

@@ -19,11 +19,11 @@ import httpx
 
 from service.hooks.signing import headers
 
-__all__ = ["RefusedError", "UndeliveredError", "post", "redacted_hook", "run"]
+__all__ = ["RefusedError", "UndeliveredError", "post", "redacted_hook", "run_program"]
 
-ANSWER_WITHIN_S = 10.0
-RUN_WITHIN_S = 60.0
-SAID = 300  # characters of a program's error output that are kept
+ANSWER_TIMEOUT_S = 10.0
+RUN_TIMEOUT_S = 60.0
+MAX_ERROR_OUTPUT = 300  # characters of a program's error output that are kept
 
 
 def redacted_hook(hook: str) -> str:
@@ -47,7 +47,7 @@ def post(url: str, secret: str, id: str, message: dict[str, Any]) -> None:
     try:
         status = asyncio.run(_status(url, body, signed))
     except TimeoutError:
-        raise UndeliveredError(f"It did not answer within {ANSWER_WITHIN_S:.0f} s.") from None
+        raise UndeliveredError(f"It did not answer within {ANSWER_TIMEOUT_S:.0f} s.") from None
     except (httpx.HTTPError, httpx.InvalidURL) as error:
         raise UndeliveredError(f"It could not be reached ({type(error).__name__}: {error}).") from None
     if status == httpx.codes.GONE:
@@ -59,7 +59,7 @@ def post(url: str, secret: str, id: str, message: dict[str, Any]) -> None:
 async def _status(url: str, body: bytes, signed: dict[str, str]) -> int:
     # httpx's own timeouts apply to each chunk of a response, not to the whole.
     client = httpx.AsyncClient(timeout=None, follow_redirects=False, verify=_certificates())
-    async with asyncio.timeout(ANSWER_WITHIN_S), client, client.stream("POST", url, content=body, headers=signed) as answer:
+    async with asyncio.timeout(ANSWER_TIMEOUT_S), client, client.stream("POST", url, content=body, headers=signed) as answer:
         return answer.status_code
 
 
@@ -69,7 +69,7 @@ def _certificates() -> ssl.SSLContext:
     return httpx.create_ssl_context()
 
 
-def run(program: str, id: str, message: dict[str, Any]) -> None:
+def run_program(program: str, id: str, message: dict[str, Any]) -> None:
     """Runs a notification program with the message on its standard input. Raises UndeliveredError."""
     data = message["data"]
     told = {"RAYFARM_EVENT": message["type"], "RAYFARM_MESSAGE_ID": id}
@@ -79,18 +79,18 @@ def run(program: str, id: str, message: dict[str, Any]) -> None:
     try:
         with tempfile.TemporaryFile() as stderr:  # a pipe would stay open as long as background processes of the program run
             env = inherited | {key: value.replace("\0", "") for key, value in told.items()}
-            returned = _ended([program], json.dumps(message).encode(), env, stderr)
-            stderr.seek(max(0, stderr.seek(0, os.SEEK_END) - 4 * SAID))
-            said = stderr.read(4 * SAID).decode(errors="replace").strip()[-SAID:]
+            returned = _exit_status([program], json.dumps(message).encode(), env, stderr)
+            stderr.seek(max(0, stderr.seek(0, os.SEEK_END) - 4 * MAX_ERROR_OUTPUT))
+            said = stderr.read(4 * MAX_ERROR_OUTPUT).decode(errors="replace").strip()[-MAX_ERROR_OUTPUT:]
     except subprocess.TimeoutExpired:
-        raise UndeliveredError(f"The program took longer than {RUN_WITHIN_S:.0f} s and was ended.") from None
+        raise UndeliveredError(f"The program took longer than {RUN_TIMEOUT_S:.0f} s and was ended.") from None
     except OSError as error:
         raise UndeliveredError(f"The program could not be started ({error.strerror}).") from None
     if returned:
         raise UndeliveredError(f"The program ended with {returned}." + (f" It said: {said}" if said else ""))
 
 
-def _ended(command: list[str], text: bytes, env: dict[str, str], stderr: IO[bytes]) -> int:
+def _exit_status(command: list[str], text: bytes, env: dict[str, str], stderr: IO[bytes]) -> int:
     """Runs a command and returns its exit status.
 
     If it runs longer than RUN_WITHIN_S seconds, kills its process group, so that processes do not accumulate, and raises
@@ -100,7 +100,7 @@ def _ended(command: list[str], text: bytes, env: dict[str, str], stderr: IO[byte
         command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=stderr, env=env, start_new_session=True
     ) as process:
         try:
-            process.communicate(text, timeout=RUN_WITHIN_S)
+            process.communicate(text, timeout=RUN_TIMEOUT_S)
         except BaseException:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)

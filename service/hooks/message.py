@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Any
 
-from service.store.models import FINAL, Job
+from service.store.models import FINAL_STATES, Job
 
 __all__ = ["job_message", "quarantine_message", "test_message"]
 
@@ -28,7 +28,7 @@ def job_message(job: Job, public_url: str) -> dict[str, Any]:
         told["page"] = f"{public_url.rstrip('/')}/#/jobs/{job.id}"
     if job.deadline is not None:
         told["deadline"] = datetime.fromtimestamp(job.deadline, UTC).isoformat()
-    is_over = job.state in FINAL
+    is_over = job.state in FINAL_STATES
     return _event(f"job.{job.state}" if is_over else "job.late", (job.finished if is_over else job.late) or 0.0, told)
 
 

@@ -14,23 +14,23 @@ import uuid
 from sqlalchemy import delete, exists, func, or_, select
 
 from service.errors import FarmError
-from service.events import Events, WorkerSetAside
-from service.hooks.deliver import RefusedError, UndeliveredError, post, redacted_hook, run
+from service.events import Events, WorkerQuarantined
+from service.hooks.deliver import RefusedError, UndeliveredError, post, redacted_hook, run_program
 from service.hooks.message import job_message, quarantine_message
 from service.settings import Settings
 from service.store.database import Sessions
-from service.store.models import ACTIVE, FINAL, Delivery, Job
+from service.store.models import ACTIVE_STATES, FINAL_STATES, Delivery, Job
 
 __all__ = ["RETRIES_S", "Outbox"]
 
 log = logging.getLogger(__name__)
 
-LOOK_EVERY_S = 1.0
+POLL_EVERY_S = 1.0
 OVERLAP_S = 60.0  # seconds; rows may be committed in another order than their times
 AT_A_TIME = 100
-ENDS_WITHIN_S = 2.0
-LONGEST_REST_S = 60.0  # seconds that a hook which does not respond is left alone at most
-KEPT_S = 30 * 86400.0
+STOP_TIMEOUT_S = 2.0
+MAX_HOOK_PAUSE_S = 60.0  # seconds that a hook which does not respond is left alone at most
+KEEP_DELIVERED_S = 30 * 86400.0
 RETRIES_S = (5.0, 30.0, 120.0, 600.0, 3600.0, 6 * 3600.0, 12 * 3600.0)  # delay in seconds after each failed attempt
 
 
@@ -42,7 +42,7 @@ class Outbox:
         self._sessions = sessions
         self.hooks = list(dict.fromkeys([*settings.webhooks, *([settings.job_hook] if settings.job_hook else [])]))
         self._since: dict[str, float] = {}
-        events.subscribe(WorkerSetAside, self._worker_set_aside, in_background=True)
+        events.subscribe(WorkerQuarantined, self._worker_set_aside, in_background=True)
         self._rests: dict[str, float] = {}  # hooks that did not respond, and when they are tried again (time.monotonic)
         self._stop = threading.Event()
         self._threads = [threading.Thread(target=self._run, args=[hook], name="hooks", daemon=True) for hook in self.hooks]
@@ -55,7 +55,7 @@ class Outbox:
     def stop(self) -> None:
         """Stops the threads after the messages in progress. Messages that are due are sent after the next start."""
         self._stop.set()
-        until = time.monotonic() + ENDS_WITHIN_S
+        until = time.monotonic() + STOP_TIMEOUT_S
         for thread in self._threads:
             if thread.is_alive():
                 thread.join(max(until - time.monotonic(), 0.0))
@@ -63,11 +63,11 @@ class Outbox:
     def tell(self, hook: str, id: str, message: dict[str, object]) -> None:
         """Sends one message to a hook immediately. Raises UndeliveredError."""
         if hook == self._settings.job_hook:
-            run(hook, id, message)
+            run_program(hook, id, message)
         else:
             post(hook, self._settings.webhook_secret, id, message)
 
-    def _worker_set_aside(self, event: WorkerSetAside) -> None:
+    def _worker_set_aside(self, event: WorkerQuarantined) -> None:
         """Queues messages about a quarantined worker to all webhooks. The notification program is run for jobs only."""
         if event.details is None:
             return
@@ -82,19 +82,19 @@ class Outbox:
                 session.add_all(rows)
 
     def _run(self, hook: str) -> None:
-        while not self._stop.wait(LOOK_EVERY_S):
+        while not self._stop.wait(POLL_EVERY_S):
             try:
-                self._note_ends(hook)
+                self._record_ended_jobs(hook)
                 self._send_due(hook)
             except FarmError as error:
                 log.warning("hooks wait: %s", error)
             except Exception:
                 log.exception("a fault in telling hooks")
 
-    def _note_ends(self, hook: str) -> None:
+    def _record_ended_jobs(self, hook: str) -> None:
         since = self._since.get(hook)
         if since is None:
-            since = self._begun(hook)
+            since = self._last_recorded(hook)
         with self._sessions() as session:
             first = select(func.min(Delivery.ended)).where(Delivery.hook == hook, Delivery.job == "")
             begun = session.scalar(first) or 0.0
@@ -102,19 +102,21 @@ class Outbox:
             if after > now:  # the clock was set back: what was sent before is found by its row
                 after = now - OVERLAP_S
             told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.finished)
-            query = select(Job).where(Job.finished >= after, Job.state.in_(FINAL), ~told)
+            query = select(Job).where(Job.finished >= after, Job.state.in_(FINAL_STATES), ~told)
             ended = list(session.scalars(query.order_by(Job.finished).limit(AT_A_TIME)))
             told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.late)
-            query = select(Job).where(Job.late >= after, Job.state.in_(ACTIVE), ~told)
+            query = select(Job).where(Job.late >= after, Job.state.in_(ACTIVE_STATES), ~told)
             late = list(session.scalars(query.order_by(Job.late).limit(AT_A_TIME)))
         if news := ended + late:
             with self._sessions.begin() as session:
                 session.add_all(self._row(hook, job) for job in news)
-            left = [_at(some[-1]) for some in (ended, late) if len(some) == AT_A_TIME]  # there may be more events after these
-            since = min(left, default=max(map(_at, news)))
+            left = [
+                _event_time(some[-1]) for some in (ended, late) if len(some) == AT_A_TIME
+            ]  # there may be more events after these
+            since = min(left, default=max(map(_event_time, news)))
         self._since[hook] = since
 
-    def _begun(self, hook: str) -> float:
+    def _last_recorded(self, hook: str) -> float:
         """Returns the Unix time from which events are reported to a hook.
 
         For a new hook this is now, which is stored: earlier events are not reported.
@@ -125,13 +127,17 @@ class Outbox:
                 latest = time.time()
                 session.add(Delivery(id=uuid.uuid4().hex, hook=hook, job="", ended=latest, message={}, done=latest))
             session.execute(
-                delete(Delivery).where(Delivery.job != "", Delivery.due.is_(None), Delivery.ended < time.time() - KEPT_S)
+                delete(Delivery).where(
+                    Delivery.job != "", Delivery.due.is_(None), Delivery.ended < time.time() - KEEP_DELIVERED_S
+                )
             )
         return latest
 
     def _row(self, hook: str, job: Job) -> Delivery:
         message = job_message(job, self._settings.public_url)
-        return Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job.id, ended=_at(job), message=message, due=time.time())
+        return Delivery(
+            id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job.id, ended=_event_time(job), message=message, due=time.time()
+        )
 
     def _send_due(self, hook: str) -> None:
         """Sends a hook's due messages until one fails; then pauses that hook for a while."""
@@ -154,7 +160,7 @@ class Outbox:
                 if not isinstance(error, UndeliveredError):
                     log.exception("a fault in telling %s of job %s", redacted_hook(row.hook), row.job)
                 # One failure delays all waiting messages, so that not each of them waits for the timeout.
-                self._rests[hook] = time.monotonic() + min(RETRIES_S[min(row.attempts, len(RETRIES_S)) - 1], LONGEST_REST_S)
+                self._rests[hook] = time.monotonic() + min(RETRIES_S[min(row.attempts, len(RETRIES_S)) - 1], MAX_HOOK_PAUSE_S)
                 is_given_up = isinstance(error, RefusedError) or row.attempts > len(RETRIES_S)
                 row.due = None if is_given_up else time.time() + RETRIES_S[row.attempts - 1]
                 row.error = str(error)
@@ -165,6 +171,6 @@ class Outbox:
                 return
 
 
-def _at(job: Job) -> float:
+def _event_time(job: Job) -> float:
     """Returns the Unix time of the reported event: when the job ended, or when it became late."""
-    return (job.finished if job.state in FINAL else job.late) or 0.0
+    return (job.finished if job.state in FINAL_STATES else job.late) or 0.0

@@ -11,7 +11,7 @@ import hashlib
 import hmac
 import secrets
 
-__all__ = ["headers", "key_of", "new_secret"]
+__all__ = ["headers", "new_secret", "secret_bytes"]
 
 PREFIX = "whsec_"
 LEAST_BYTES, MOST_BYTES = 24, 64
@@ -22,7 +22,7 @@ def new_secret() -> str:
     return PREFIX + base64.b64encode(secrets.token_bytes(32)).decode()
 
 
-def key_of(secret: str) -> bytes:
+def secret_bytes(secret: str) -> bytes:
     """Decodes a signing secret to bytes. Raises ValueError if it is malformed."""
     try:
         key = base64.b64decode(secret.removeprefix(PREFIX), validate=True)
@@ -35,7 +35,7 @@ def key_of(secret: str) -> bytes:
 
 def headers(secret: str, id: str, timestamp: int, body: bytes) -> dict[str, str]:
     """Returns the HTTP headers that sign a message. id: of the message. timestamp: Unix time of this attempt, in seconds."""
-    signed = hmac.new(key_of(secret), f"{id}.{timestamp}.".encode() + body, hashlib.sha256).digest()
+    signed = hmac.new(secret_bytes(secret), f"{id}.{timestamp}.".encode() + body, hashlib.sha256).digest()
     return {
         "webhook-id": id,
         "webhook-timestamp": str(timestamp),

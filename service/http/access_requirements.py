@@ -14,7 +14,7 @@ from starlette.routing import compile_path
 from service.access.projects import Kind
 from service.access.roles import Caller, Role
 
-__all__ = ["NEEDS", "Need", "need_of", "thing_of"]
+__all__ = ["NEEDS", "Need", "need_of", "resource_of"]
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ WORKER = Need(None, workers=True)
 VIEW = Need(Role.VIEW)
 SUBMIT = Need(Role.SUBMIT)
 ADMIN = Need(Role.ADMIN)
-SELF = Need(Role.VIEW, known=True)
-KEEPER = Need(Role.ADMIN, known=True)  # for managing users and tokens
+IDENTIFIED = Need(Role.VIEW, known=True)
+IDENTIFIED_ADMIN = Need(Role.ADMIN, known=True)  # for managing users and tokens
 UNKNOWN = Need(Role.VIEW, workers=True)  # unknown path: authenticated callers get 404
 
 NEEDS: dict[tuple[str, str], Need] = {
@@ -64,25 +64,25 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/login/openid"): ANYONE,
     ("GET", "/api/login/openid/answer"): ANYONE,
     ("POST", "/api/logout"): ANYONE,
-    ("PUT", "/api/session/password"): SELF,
-    ("GET", "/api/tokens"): SELF,
-    ("POST", "/api/tokens"): SELF,
-    ("DELETE", "/api/tokens/{id}"): SELF,
-    ("GET", "/api/users"): KEEPER,
-    ("POST", "/api/users"): KEEPER,
-    ("PATCH", "/api/users/{name}"): KEEPER,
-    ("DELETE", "/api/users/{name}"): KEEPER,
-    ("POST", "/api/links"): KEEPER,
-    ("GET", "/api/audit"): KEEPER,
-    ("GET", "/api/quota"): SELF,
-    ("GET", "/api/quotas"): KEEPER,
-    ("PUT", "/api/quotas/{of}/{name}"): KEEPER,
-    ("DELETE", "/api/quotas/{of}/{name}"): KEEPER,
+    ("PUT", "/api/session/password"): IDENTIFIED,
+    ("GET", "/api/tokens"): IDENTIFIED,
+    ("POST", "/api/tokens"): IDENTIFIED,
+    ("DELETE", "/api/tokens/{id}"): IDENTIFIED,
+    ("GET", "/api/users"): IDENTIFIED_ADMIN,
+    ("POST", "/api/users"): IDENTIFIED_ADMIN,
+    ("PATCH", "/api/users/{name}"): IDENTIFIED_ADMIN,
+    ("DELETE", "/api/users/{name}"): IDENTIFIED_ADMIN,
+    ("POST", "/api/links"): IDENTIFIED_ADMIN,
+    ("GET", "/api/audit"): IDENTIFIED_ADMIN,
+    ("GET", "/api/quota"): IDENTIFIED,
+    ("GET", "/api/quotas"): IDENTIFIED_ADMIN,
+    ("PUT", "/api/quotas/{of}/{name}"): IDENTIFIED_ADMIN,
+    ("DELETE", "/api/quotas/{of}/{name}"): IDENTIFIED_ADMIN,
     ("GET", "/api/projects"): VIEW,
-    ("POST", "/api/projects"): KEEPER,
-    ("DELETE", "/api/projects/{name}"): KEEPER,
-    ("PUT", "/api/projects/{name}/members/{user}"): KEEPER,
-    ("DELETE", "/api/projects/{name}/members/{user}"): KEEPER,
+    ("POST", "/api/projects"): IDENTIFIED_ADMIN,
+    ("DELETE", "/api/projects/{name}"): IDENTIFIED_ADMIN,
+    ("PUT", "/api/projects/{name}/members/{user}"): IDENTIFIED_ADMIN,
+    ("DELETE", "/api/projects/{name}/members/{user}"): IDENTIFIED_ADMIN,
     ("GET", "/api/scenes"): VIEW,
     ("POST", "/api/scenes"): SUBMIT,
     ("GET", "/api/scenes/{id}"): VIEW,
@@ -154,15 +154,15 @@ NEEDS: dict[tuple[str, str], Need] = {
 
 
 # Collections whose items may belong to a project that the caller may not see.
-THINGS: dict[str, Kind] = {"scenes": "scene", "jobs": "job", "environments": "environment", "references": "reference"}
+PROJECT_RESOURCES: dict[str, Kind] = {"scenes": "scene", "jobs": "job", "environments": "environment", "references": "reference"}
 
 
-def thing_of(pattern: str, path: str) -> tuple[Kind, str] | None:
+def resource_of(pattern: str, path: str) -> tuple[Kind, str] | None:
     """Returns the kind and id of the object in a path that projects protect; None if there is none. pattern: from `need_of`."""
     _, _, collection, name, *_ = [*pattern.split("/"), "", "", ""]
-    if collection not in THINGS or name != "{id}":
+    if collection not in PROJECT_RESOURCES or name != "{id}":
         return None
-    return THINGS[collection], path.split("/")[3]
+    return PROJECT_RESOURCES[collection], path.split("/")[3]
 
 
 def need_of(method: str, path: str) -> tuple[str, Need]:

@@ -15,7 +15,7 @@ __all__ = ["CompressionMiddleware"]
 
 FEWEST, MOST = 1400, 1 << 20  # bytes: fewer fit into one packet; more are for programs on fast networks
 LEVEL = 1  # 1 ms of CPU time for 100 kB
-IN_PLACE = 1 << 16  # bytes compressed on the event loop, which is faster than another thread
+MAX_INLINE_BYTES = 1 << 16  # bytes compressed on the event loop, which is faster than another thread
 GZIP = 31  # zlib's window bits for the gzip format
 
 
@@ -34,13 +34,13 @@ class CompressionMiddleware:
 
         async def packed(message: Message) -> None:
             nonlocal start
-            if message["type"] == "http.response.start" and _is_packed(message):
+            if message["type"] == "http.response.start" and _is_compressed(message):
                 start = message
                 return
             if start is not None:
                 first, start = start, None
                 if not message.get("more_body"):
-                    message = {**message, "body": await _pack(message.get("body", b""))}
+                    message = {**message, "body": await _compress(message.get("body", b""))}
                     headers = MutableHeaders(scope=first)
                     headers["Content-Encoding"] = "gzip"
                     headers["Content-Length"] = str(len(message["body"]))
@@ -51,7 +51,7 @@ class CompressionMiddleware:
         await self._app(scope, receive, packed)
 
 
-def _is_packed(start: Message) -> bool:
+def _is_compressed(start: Message) -> bool:
     headers = Headers(raw=start["headers"])
     length = headers.get("content-length", "")
     is_json = headers.get("content-type", "").startswith("application/json")
@@ -59,8 +59,8 @@ def _is_packed(start: Message) -> bool:
     return is_json and is_free and length.isdigit() and FEWEST <= int(length) <= MOST
 
 
-async def _pack(body: bytes) -> bytes:
-    return _gzip(body) if len(body) <= IN_PLACE else await run_in_threadpool(_gzip, body)
+async def _compress(body: bytes) -> bytes:
+    return _gzip(body) if len(body) <= MAX_INLINE_BYTES else await run_in_threadpool(_gzip, body)
 
 
 def _gzip(body: bytes) -> bytes:

@@ -9,17 +9,17 @@ from urllib.parse import quote
 from renderer.frames import frame_name
 from service.store.models import Job
 
-__all__ = ["named", "picture_name", "title_of"]
+__all__ = ["content_disposition", "picture_name", "title_of"]
 
 LONGEST = 100  # characters of a title: file systems allow 255 bytes, and a character may take four
 SUFFIX = re.compile(r"\.[A-Za-z]\w{0,7}$")
-KEPT = "._-+()"  # in addition to letters and digits
+ALLOWED_PUNCTUATION = "._-+()"  # in addition to letters and digits
 
 
 def title_of(job: Job) -> str:
     """Returns the job's name in a form suited to file names: letters, digits and a few marks, without the scene file's suffix."""
     plain = unicodedata.normalize("NFC", SUFFIX.sub("", job.name))
-    clean = "".join(c if c in KEPT or unicodedata.category(c)[0] in "LNM" else "-" for c in plain)
+    clean = "".join(c if c in ALLOWED_PUNCTUATION or unicodedata.category(c)[0] in "LNM" else "-" for c in plain)
     return re.sub("-{2,}", "-", clean).strip("-.")[:LONGEST] or job.id
 
 
@@ -34,7 +34,7 @@ def picture_name(job: Job, frame: float, samples: int, kind: str, extension: str
     return f"{'-'.join(filter(None, parts))}.{extension}"
 
 
-def named(name: str, disposition: str = "inline") -> str:
+def content_disposition(name: str, disposition: str = "inline") -> str:
     """Returns a Content-Disposition header: with an ASCII name, and also the encoded name of RFC 6266 if it is not ASCII."""
     ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().replace('"', "")
     plain = f'{disposition}; filename="{ascii_name}"'

@@ -21,21 +21,30 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidSta
 from renderer.sentences import Sentence
 from service.errors import Unavailable
 from service.http.client_address import PASSED_ON, signed_origin
-from service.http.hosts import is_here
+from service.http.hosts import is_local_address
 from service.http.problems import Problem
-from service.http.security import refuse
+from service.http.security import send_error
 from service.settings import Settings
 
 __all__ = ["OwnerClient"]
 
 CONNECT_S = 3.0
-GOING_DOWN = 1012  # a WebSocket's close code: the client should reconnect
-NO_CODE = (None, 1005, 1006)
+CLOSE_SERVICE_RESTART = 1012  # a WebSocket's close code: the client should reconnect
+NO_CLOSE_CODE = (None, 1005, 1006)
 T = TypeVar("T")
 NO_PATH = Problem(400, Sentence("request-path-invalid", "The path is invalid. It must begin with / and be shorter than 64 KiB."))
 # Fields of one connection only (RFC 9110, 7.6.1), and those that the next server sets.
-HOP = {"connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade"}
-SERVERS = {"date", "server"}  # also set by this server
+HOP_BY_HOP_HEADERS = {
+    "connection",
+    "keep-alive",
+    "proxy-authenticate",
+    "proxy-authorization",
+    "te",
+    "trailer",
+    "transfer-encoding",
+    "upgrade",
+}
+SERVER_HEADERS = {"date", "server"}  # also set by this server
 HANDSHAKE = {"host", "sec-websocket-key", "sec-websocket-version", "sec-websocket-extensions", "sec-websocket-protocol"}
 
 
@@ -59,7 +68,7 @@ class OwnerClient:
         """Whether the service at this URL is ready. Returns False if `over` is set before it answers."""
         asking = self._client().get(f"{url}/readyz", headers={"Host": "localhost", PASSED_ON: "1"}, timeout=CONNECT_S)
         try:
-            answer = await _until(over, asking)
+            answer = await _result_unless(over, asking)
         except httpx.HTTPError:
             return False
         return answer is not None and answer.is_success
@@ -76,20 +85,23 @@ class OwnerClient:
             if not path.startswith("/"):
                 raise httpx.InvalidURL("no path")  # a path such as `*@elsewhere/` would change the host of the URL
             request = self._client().build_request(
-                scope["method"], url + path, headers=self._headers(scope, HOP), content=_body(receive) if has_body else None
+                scope["method"],
+                url + path,
+                headers=self._headers(scope, HOP_BY_HOP_HEADERS),
+                content=_body(receive) if has_body else None,
             )
         except httpx.InvalidURL:
-            await refuse(NO_PATH, scope, receive, send)
+            await send_error(NO_PATH, scope, receive, send)
             return
         try:
-            answer = await _until(over, self._client().send(request, stream=True))
+            answer = await _result_unless(over, self._client().send(request, stream=True))
         except httpx.HTTPError as error:
             raise _unreachable_owner(type(error).__name__) from error
         if answer is None:
             raise _unreachable_owner("no answer")
-        leaving = asyncio.create_task(_until_gone(receive))
+        leaving = asyncio.create_task(_wait_for_disconnect(receive))
         try:
-            await _until(over, _pass_back(answer, send), leaving)
+            await _result_unless(over, _stream_back(answer, send), leaving)
         finally:
             leaving.cancel()
             await answer.aclose()
@@ -99,14 +111,16 @@ class OwnerClient:
         await receive()
         there, path = urlsplit(url), _path(scope)
         if not path.startswith("/"):
-            await refuse(NO_PATH, scope, receive, send)
+            await send_error(NO_PATH, scope, receive, send)
             return
         host = Headers(scope=scope).get("host", there.netloc)
         connection = connect(
             f"{'wss' if there.scheme == 'https' else 'ws'}://{host}{path}",
             host=there.hostname,
             port=there.port,
-            additional_headers=[(_text(name), _text(value)) for name, value in self._headers(scope, HOP | HANDSHAKE)],
+            additional_headers=[
+                (_text(name), _text(value)) for name, value in self._headers(scope, HOP_BY_HOP_HEADERS | HANDSHAKE)
+            ],
             subprotocols=scope["subprotocols"] or None,
             user_agent_header=None,
             compression=None,
@@ -116,10 +130,10 @@ class OwnerClient:
         )
         try:
             async with connection as far:
-                await _between(far, over, receive, send)
+                await _relay(far, over, receive, send)
         except InvalidStatus as error:
             told = error.response
-            await refuse(Problem(told.status_code, _text(bytes(told.body or b""))[:300]), scope, receive, send)
+            await send_error(Problem(told.status_code, _text(bytes(told.body or b""))[:300]), scope, receive, send)
         except (InvalidHandshake, OSError, TimeoutError) as error:
             raise _unreachable_owner(type(error).__name__) from error
 
@@ -129,7 +143,7 @@ class OwnerClient:
         The origin of a loopback client has an empty address.
         """
         client = (scope.get("client") or ("", 0))[0]
-        origin = signed_origin(scope, "" if is_here(client) else client, self._settings.owner_token)
+        origin = signed_origin(scope, "" if is_local_address(client) else client, self._settings.owner_token)
         kept = [(name, value) for name, value in scope["headers"] if _text(name).lower() not in left_out]
         return [*kept, (PASSED_ON.encode(), origin.encode())]
 
@@ -165,8 +179,8 @@ async def _body(receive: Receive) -> AsyncIterator[bytes]:
             return
 
 
-async def _pass_back(answer: httpx.Response, send: Send) -> None:
-    kept = [(name, value) for name, value in answer.headers.raw if _text(name).lower() not in HOP | SERVERS]
+async def _stream_back(answer: httpx.Response, send: Send) -> None:
+    kept = [(name, value) for name, value in answer.headers.raw if _text(name).lower() not in HOP_BY_HOP_HEADERS | SERVER_HEADERS]
     await send(
         {"type": "http.response.start", "status": answer.status_code, "headers": [(name.lower(), value) for name, value in kept]}
     )
@@ -175,39 +189,39 @@ async def _pass_back(answer: httpx.Response, send: Send) -> None:
     await send({"type": "http.response.body", "body": b"", "more_body": False})
 
 
-async def _until_gone(receive: Receive) -> None:
+async def _wait_for_disconnect(receive: Receive) -> None:
     while (await receive())["type"] != "http.disconnect":
         pass
 
 
-async def _between(far: ClientConnection, over: asyncio.Event, receive: Receive, send: Send) -> None:
+async def _relay(far: ClientConnection, over: asyncio.Event, receive: Receive, send: Send) -> None:
     """Forwards WebSocket messages in both directions until either side disconnects or `over` is set."""
     await send({"type": "websocket.accept", "subprotocol": far.subprotocol})
-    going = asyncio.create_task(_up(far, receive))
+    going = asyncio.create_task(_relay_to_owner(far, receive))
     try:
         with suppress(ConnectionClosed):  # the owner died, and another service takes its place
-            await _until(over, _down(far, send), going)
+            await _result_unless(over, _relay_to_client(far, send), going)
         if not going.done():
-            code = far.close_code if far.close_code not in NO_CODE else GOING_DOWN
+            code = far.close_code if far.close_code not in NO_CLOSE_CODE else CLOSE_SERVICE_RESTART
             await send({"type": "websocket.close", "code": code, "reason": far.close_reason or ""})
     finally:
         going.cancel()
         far.transport.abort()  # without a closing handshake, since the owner may be suspended
 
 
-async def _up(far: ClientConnection, receive: Receive) -> None:
+async def _relay_to_owner(far: ClientConnection, receive: Receive) -> None:
     with suppress(ConnectionClosed, OSError):
         while (message := await receive())["type"] != "websocket.disconnect":
             text = message.get("text")
             await far.send(text if text is not None else message["bytes"])
 
 
-async def _down(far: ClientConnection, send: Send) -> None:
+async def _relay_to_client(far: ClientConnection, send: Send) -> None:
     async for message in far:
         await send({"type": "websocket.send", **({"text": message} if isinstance(message, str) else {"bytes": message})})
 
 
-async def _until(over: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:
+async def _result_unless(over: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:
     """Returns the result of a coroutine; None if `over` is set or another task ends first, which cancels it."""
     task, ending = asyncio.create_task(doing), asyncio.create_task(over.wait())
     try:

@@ -22,12 +22,12 @@ from service.access.projects import EVERYTHING, Kind, ProjectVisibility, read_on
 from service.access.roles import OPEN, Caller, Role
 from service.access.visit import Visit
 from service.errors import FarmError, Unavailable
-from service.http.access_requirements import Need, need_of, thing_of
+from service.http.access_requirements import Need, need_of, resource_of
 from service.http.client_address import is_from_proxy
-from service.http.hosts import LOOPBACK_NAMES, is_here, name_of
+from service.http.hosts import LOOPBACK_NAMES, is_local_address, name_of
 from service.http.problems import Problem
-from service.http.security import SAFE_METHODS, refuse
-from service.http.visit import VISIT, address_of, shown_secret
+from service.http.security import SAFE_METHODS, send_error
+from service.http.visit import VISIT, address_of, bearer_token
 from service.jobs.lookup import thing_not_found
 
 __all__ = ["LOG_IN", "AuthorizationMiddleware", "cookie_name"]
@@ -49,13 +49,15 @@ WORKERS = Sentence(
 )
 log = logging.getLogger(__name__)
 
-STAYS_OPEN = ("/api/events", "/api/jobs/{id}/frames.zip")
+LONG_RESPONSES = ("/api/events", "/api/jobs/{id}/frames.zip")
 UPLOADS = ("/api/scenes", "/api/environments", "/api/references")  # routes whose bodies may take hours to arrive
-AGAIN_S = 5.0
+REAUTHORIZE_EVERY_S = 5.0
 LOG_IN_AGAIN = 4401  # a WebSocket's close codes
 NOT_THERE = 4404
-LONGEST_REASON = 120
-CLOSED_SINCE = Sentence("project-membership-ended", "You can no longer see this: you are not a member of its project any more.")
+MAX_REASON_BYTES = 120
+NO_LONGER_MEMBER = Sentence(
+    "project-membership-ended", "You can no longer see this: you are not a member of its project any more."
+)
 
 
 class AuthorizationMiddleware:
@@ -77,24 +79,24 @@ class AuthorizationMiddleware:
         shown = _secret_of(connection.headers, cookie_name(access, scope))
         needs_login = _needs_login(access, connection)
         try:
-            caller = await _known(access, shown) if shown else None
+            caller = await _caller_of(access, shown) if shown else None
         except Unavailable as error:
-            await refuse(Problem(503, str(error)), scope, receive, send)
+            await send_error(Problem(503, str(error)), scope, receive, send)
             return
         if not needs_login and (caller is None or not need.is_met(caller)):
             caller = OPEN
         address = address_of(connection)
-        thing = thing_of(pattern, path)
+        thing = resource_of(pattern, path)
         try:
             sight = await _visible_projects(access, caller, needs_login)
         except Unavailable as error:
-            await refuse(Problem(503, str(error)), scope, receive, send)
+            await send_error(Problem(503, str(error)), scope, receive, send)
             return
         visit = scope[VISIT] = Visit(caller, needs_login, address, sight)
         if method != "OPTIONS" and (refusal := _access_problem(need, caller)) is not None:
             if caller is not None and caller.is_known and not caller.is_worker:
                 await _record_action(access, caller, address, f"{method} {pattern}", path, refusal.status)
-            await refuse(refusal, scope, receive, send)
+            await send_error(refusal, scope, receive, send)
             return
         if thing is not None and not await _may_see(access, sight, thing):
             if caller is not None and caller.is_known and method != "WS" and method not in SAFE_METHODS:
@@ -103,9 +105,9 @@ class AuthorizationMiddleware:
             return
         project = access.projects.cached_project(*thing) if thing is not None else None  # cached by the lookup above
         if need.role is not None and need.role > Role.VIEW and project is not None and not sight.changes(project):
-            await refuse(Problem(403, str(read_only_project(project)), {"Connection": "close"}), scope, receive, send)
+            await send_error(Problem(403, str(read_only_project(project)), {"Connection": "close"}), scope, receive, send)
             return
-        if method == "WS" or pattern in STAYS_OPEN:
+        if method == "WS" or pattern in LONG_RESPONSES:
             lasting = _ReauthorizedConnection(access, shown, need, visit, thing, receive, send)
             await self._app(scope, lasting.receive, lasting.send)
         elif method in SAFE_METHODS or caller is None or not caller.is_known or caller.is_worker or not need.role:
@@ -130,7 +132,7 @@ def _path(scope: Scope) -> str:
 
 def _secret_of(headers: Headers, cookie: str) -> str:
     """Returns the secret in a request: its bearer token, or else its session cookie."""
-    if token := shown_secret(headers):
+    if token := bearer_token(headers):
         return token
     return cookie_parser(headers["cookie"]).get(cookie, "") if "cookie" in headers else ""
 
@@ -146,7 +148,7 @@ def _needs_login(access: Access, connection: HTTPConnection) -> bool:
     if is_from_proxy(connection.scope):
         _warn_of_proxy()
         return True
-    is_local = is_here(address_of(connection)) and name_of(connection.headers.get("host", "")) in LOOPBACK_NAMES
+    is_local = is_local_address(address_of(connection)) and name_of(connection.headers.get("host", "")) in LOOPBACK_NAMES
     return not (is_local or access.is_published)
 
 
@@ -160,7 +162,7 @@ def _warn_of_proxy() -> None:
     )
 
 
-async def _known(access: Access, shown: str) -> Caller | None:
+async def _caller_of(access: Access, shown: str) -> Caller | None:
     return access.cached_caller(shown) or await run_in_threadpool(access.find, shown)
 
 
@@ -189,11 +191,11 @@ async def _not_found(thing: tuple[Kind, str], scope: Scope, receive: Receive, se
     """Sends the "not found" response of the object's kind, for a missing object or one in a hidden project."""
     sentence = str(thing_not_found(*thing))
     if scope["type"] == "http":
-        await refuse(Problem(404, sentence), scope, receive, send)
+        await send_error(Problem(404, sentence), scope, receive, send)
         return
     await receive()
     await send({"type": "websocket.accept"})
-    await send({"type": "websocket.close", "code": NOT_THERE, "reason": sentence[:LONGEST_REASON]})
+    await send({"type": "websocket.close", "code": NOT_THERE, "reason": sentence[:MAX_REASON_BYTES]})
 
 
 def _access_problem(need: Need, caller: Caller | None) -> Problem | None:
@@ -206,13 +208,13 @@ def _access_problem(need: Need, caller: Caller | None) -> Problem | None:
         return Problem(401, LOG_IN, challenge)
     if not caller.is_known:
         return Problem(401, OWNERS, challenge)
-    has = "worker" if caller.is_worker else caller.role.word
+    has = "worker" if caller.is_worker else caller.role.api_name
     return Problem(
         403,
         Sentence(
             "role-insufficient",
             "This needs the role {needed}; {name} has the role {role}. Ask who runs the farm.",
-            needed=need.role.word,
+            needed=need.role.api_name,
             name=caller.name,
             role=has,
         ),
@@ -277,7 +279,7 @@ class _ReauthorizedConnection:
     async def receive(self) -> Message:
         """Returns the next message from the client, or a disconnect message once the caller is no longer authorized."""
         message = await self._receive()
-        if message["type"] == "websocket.receive" and not await self._may_go_on():
+        if message["type"] == "websocket.receive" and not await self._is_still_authorized():
             await self._end("websocket")
         if self._is_over and message["type"] == "websocket.receive":
             return {"type": "websocket.disconnect", "code": self._why[0]}
@@ -288,13 +290,13 @@ class _ReauthorizedConnection:
         message = await self._receive()
         if message["type"] == "http.request" and not message.get("more_body"):
             self._looked = -math.inf  # checks again before the upload is stored
-        if message["type"] == "http.request" and not await self._may_go_on():
+        if message["type"] == "http.request" and not await self._is_still_authorized():
             raise Problem(401, LOG_IN, {"Connection": "close"})
         return message
 
     async def send(self, message: Message) -> None:
         """Sends a message to the client; ends the connection instead if the caller is no longer authorized."""
-        if message["type"] in ("websocket.send", "http.response.body") and not await self._may_go_on():
+        if message["type"] in ("websocket.send", "http.response.body") and not await self._is_still_authorized():
             await self._end(message["type"].partition(".")[0])
         elif not self._is_over:
             await self._send(message)
@@ -309,14 +311,14 @@ class _ReauthorizedConnection:
         else:
             await self._send({"type": "http.response.body", "body": b"", "more_body": False})
 
-    async def _may_go_on(self) -> bool:
+    async def _is_still_authorized(self) -> bool:
         if self._is_over:
             return False
-        if not self._looks or time.monotonic() - self._looked < AGAIN_S:
+        if not self._looks or time.monotonic() - self._looked < REAUTHORIZE_EVERY_S:
             return True
         self._looked = time.monotonic()
         try:
-            caller = await _known(self._access, self._shown)
+            caller = await _caller_of(self._access, self._shown)
             if not self._need.is_met(caller):
                 return False
             sight = await _visible_projects(self._access, caller, self._needs_login)
@@ -324,7 +326,7 @@ class _ReauthorizedConnection:
                 return False
             if self._thing is None or await _may_see(self._access, sight, self._thing):
                 return True
-            self._why = NOT_THERE, CLOSED_SINCE
+            self._why = NOT_THERE, NO_LONGER_MEMBER
             return False
         except FarmError:
             return True  # an unreachable database revokes nothing

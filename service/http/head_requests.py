@@ -8,7 +8,7 @@ from fastapi import Request
 from fastapi.responses import StreamingResponse
 from starlette.types import Scope
 
-__all__ = ["as_get", "headers_alone", "is_head"]
+__all__ = ["as_get", "headers_response", "is_head"]
 
 HEAD = "rayfarm.head"  # key in the ASGI scope of a HEAD request
 
@@ -23,6 +23,6 @@ def is_head(request: Request) -> bool:
     return HEAD in request.scope
 
 
-def headers_alone(headers: Mapping[str, str], media_type: str) -> StreamingResponse:
+def headers_response(headers: Mapping[str, str], media_type: str) -> StreamingResponse:
     """Returns the response to a HEAD request, without Content-Length, which is unknown until the content is generated."""
     return StreamingResponse(iter(()), media_type=media_type, headers=headers)

@@ -14,7 +14,7 @@ import threading
 
 from service.settings import Settings, is_address
 
-__all__ = ["LOOPBACK_NAMES", "Hosts", "is_here", "name_of"]
+__all__ = ["LOOPBACK_NAMES", "Hosts", "is_local_address", "name_of"]
 
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 HOST = re.compile(r"(?:\[(?P<address>[0-9A-Fa-f:.]{2,45})\]|(?P<name>[A-Za-z0-9._~-]{1,253}))(?::[0-9]{0,5})?")
@@ -30,7 +30,7 @@ def name_of(host: str) -> str | None:
     return found["address"].lower() if is_address(found["address"]) else None
 
 
-def is_here(address: str) -> bool:
+def is_local_address(address: str) -> bool:
     """Whether a client's address is on this machine. A Unix socket has no address and is treated as local."""
     try:
         parsed = ipaddress.ip_address(address)

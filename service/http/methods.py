@@ -8,9 +8,9 @@ from starlette.types import Scope
 
 __all__ = ["methods_of"]
 
-CHANGING = ("POST", "PUT", "PATCH", "DELETE")
+CHANGING_METHODS = ("POST", "PUT", "PATCH", "DELETE")
 API = "/api/"
-ENDLESS = "/api/events"  # endless stream, so HEAD is not supported
+ENDLESS_STREAM = "/api/events"  # endless stream, so HEAD is not supported
 
 
 def methods_of(app: Starlette, scope: Scope) -> list[str]:
@@ -24,7 +24,7 @@ def methods_of(app: Starlette, scope: Scope) -> list[str]:
         found = (route.matches({**asked, "method": method})[0] for route in routes if not isinstance(route, Mount))
         return any(match is Match.FULL for match in found)
 
-    known = [method for method in CHANGING if can(method)]
+    known = [method for method in CHANGING_METHODS if can(method)]
     if can("GET") or (not known and any(route.matches({**asked, "method": "GET"})[0] is Match.FULL for route in routes)):
-        known = ["GET", *([] if path == ENDLESS else ["HEAD"]), *known]
+        known = ["GET", *([] if path == ENDLESS_STREAM else ["HEAD"]), *known]
     return [*known, "OPTIONS"] if known else []

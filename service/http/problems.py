@@ -17,19 +17,19 @@ from starlette.requests import ClientDisconnect
 
 from renderer.sentences import Sentence, joined_faults, with_full_stop
 from service.errors import (
+    AnswerTimeout,
     Conflict,
     Failed,
     FarmError,
     FilmDamaged,
     FilmLost,
-    FilmWaits,
+    FilmUnavailable,
     Invalid,
-    NoRoom,
     NotAllowed,
     NotFound,
+    OutOfSpace,
     OverQuota,
     TooLarge,
-    TooLate,
     Unavailable,
     UnknownFormat,
 )
@@ -47,12 +47,12 @@ STATUS: dict[type[FarmError], int] = {
     Invalid: 422,
     TooLarge: 413,
     UnknownFormat: 415,
-    NoRoom: 507,
+    OutOfSpace: 507,
     OverQuota: 429,
     Unavailable: 503,
     Failed: 502,
-    TooLate: 504,
-    FilmWaits: 503,
+    AnswerTimeout: 504,
+    FilmUnavailable: 503,
     FilmLost: 409,
 }
 RETRY_AFTER_S = 2
@@ -135,15 +135,15 @@ def response(status: int, detail: str, headers: Mapping[str, str] | None = None,
     if status == 503:
         headers = {"Retry-After": str(RETRY_AFTER_S), **(headers or {})}
     body = {"type": "about:blank", "title": http.HTTPStatus(status).phrase, "status": status, "detail": detail}
-    body |= {**_coded(detail), **more}
+    body |= {**_code_fields(detail), **more}
     return ProblemResponse(body, status, headers=dict(headers or {}))
 
 
 def _error(field: str, message: str) -> dict[str, Any]:
-    return {"field": field, "message": message, **_coded(message)}
+    return {"field": field, "message": message, **_code_fields(message)}
 
 
-def _coded(text: str) -> dict[str, Any]:
+def _code_fields(text: str) -> dict[str, Any]:
     return text.coded if isinstance(text, Sentence) and text.code else {}
 
 
@@ -183,7 +183,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:
         faults = [("" if e["type"] == "json_invalid" else _field(e["loc"]), _message(e)) for e in error.errors()[:MOST_ERRORS]]
-        detail = reduce(joined_faults, (_of_field(*each) for each in faults[:5]))
+        detail = reduce(joined_faults, (_with_field(*each) for each in faults[:5]))
         return response(422, with_full_stop(detail), errors=[_error(*each) for each in faults])
 
     @app.exception_handler(ClientDisconnect)
@@ -208,10 +208,10 @@ JSON_OBJECT = Sentence(
 def validation_message(error: Mapping[str, Any]) -> str:
     """Returns the text of a request's validation error: the name of the field and what is wrong with it."""
     field, message = _field(error["loc"]), _message(error)
-    return _of_field(field, message)
+    return _with_field(field, message)
 
 
-def _of_field(field: str, message: str) -> str:
+def _with_field(field: str, message: str) -> str:
     return Sentence("request-field-invalid", "{field}: {fault}", field=field, fault=message) if field else message
 
 

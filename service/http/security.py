@@ -19,7 +19,7 @@ from service.http.hosts import Hosts, name_of
 from service.http.problems import Problem, response
 from service.settings import Settings
 
-__all__ = ["SAFE_METHODS", "SecurityMiddleware", "exceeds_limit", "refuse"]
+__all__ = ["SAFE_METHODS", "SecurityMiddleware", "exceeds_limit", "send_error"]
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -34,11 +34,11 @@ HEADERS = {
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
 }
 HSTS = f"max-age={365 * 86400}"  # not for localhost, where it would apply to programs on other ports too
-FOREIGN = Sentence(
+CROSS_SITE_ERROR = Sentence(
     "request-origin-forbidden",
     "The request comes from a page of another origin. Use the service's own page, or a program.",
 )
-OWN_SITE = ("same-origin", "none")  # none: typed into the address bar
+SAME_SITE_VALUES = ("same-origin", "none")  # none: typed into the address bar
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
 MAX_BODY = 1 << 20  # bytes; uploads have separate limits
 STREAMED = ("/api/scenes", "/api/environments", "/api/references", "/api/farm/blobs/", "/api/farm/kernels/")
@@ -58,11 +58,11 @@ class SecurityMiddleware:
             return
         refusal = self._rejection(scope)
         if refusal is not None:
-            await refuse(refusal, scope, receive, _with_headers(scope, send))
+            await send_error(refusal, scope, receive, _with_headers(scope, send))
         elif scope["type"] == "websocket":
             await self._app(scope, receive, _with_headers(scope, send))
         else:
-            await self._app(_head_as_get(scope), _bounded(scope, receive), _with_headers(scope, send))
+            await self._app(_head_as_get(scope), _limited_receive(scope, receive), _with_headers(scope, send))
 
     def _rejection(self, scope: Scope) -> Problem | None:
         headers = Headers(scope=scope)
@@ -93,16 +93,16 @@ class SecurityMiddleware:
             )
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if changes and any(_host_of(origin) != hosts[0].lower() for origin in headers.getlist("origin")):
-            return Problem(403, FOREIGN)
-        if scope["type"] == "http" and changes and headers.get("sec-fetch-site", "none") not in OWN_SITE:
-            return Problem(403, FOREIGN)
+            return Problem(403, CROSS_SITE_ERROR)
+        if scope["type"] == "http" and changes and headers.get("sec-fetch-site", "none") not in SAME_SITE_VALUES:
+            return Problem(403, CROSS_SITE_ERROR)
         length = headers.get("content-length", "")
         if scope["type"] == "http" and not scope["path"].startswith(STREAMED) and exceeds_limit(length, MAX_BODY):
             return _too_large()
         return None
 
 
-async def refuse(refusal: Problem, scope: Scope, receive: Receive, send: Send) -> None:
+async def send_error(refusal: Problem, scope: Scope, receive: Receive, send: Send) -> None:
     """Rejects a request, or a WebSocket before it is accepted, with an error response."""
     if scope["type"] == "http" or "websocket.http.response" in scope.get("extensions", {}):
         await response(refusal.status, refusal.detail, refusal.headers)(scope, receive, send)
@@ -162,7 +162,7 @@ def _with_headers(scope: Scope, send: Send) -> Send:
     return wrapped
 
 
-def _bounded(scope: Scope, receive: Receive) -> Receive:
+def _limited_receive(scope: Scope, receive: Receive) -> Receive:
     """Wraps `receive` to enforce the size limit on bodies without a Content-Length."""
     if scope["path"].startswith(STREAMED):
         return receive

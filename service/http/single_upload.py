@@ -16,10 +16,10 @@ from service.http.security import exceeds_limit
 from service.intake.multipart import Form, read_form
 from service.intake.names import safe_name
 from service.intake.uploads import joined_chunks
-from service.store.disk_space import disk_checker, full_disk
+from service.store.disk_space import disk_checker, translated_disk_errors
 from service.store.staging import BlobWriter
 
-__all__ = ["UPLOAD_FORM", "check_length", "check_room", "only_file", "read_one"]
+__all__ = ["UPLOAD_FORM", "check_length", "check_upload_quota", "only_file", "read_single_upload"]
 
 LONGEST = 200  # characters of a file name
 UPLOAD_FORM = {
@@ -55,19 +55,19 @@ def check_length(request: Request, farm: Farm, what: str, way_out: str = Sentenc
         raise Problem(413, sentence, headers={"Connection": "close"})
 
 
-async def check_room(request: Request, farm: Farm, visit: Visit) -> None:
+async def check_upload_quota(request: Request, farm: Farm, visit: Visit) -> None:
     """Rejects an upload if the caller's storage quota is used up, before any of it is read. Raises NoRoom."""
     length = request.headers.get("content-length", "")
     size = int(length) if length.isascii() and length.isdigit() and len(length) < 19 else 0
     await run_in_threadpool(farm.quotas.check_bytes, visit.caller, size)
 
 
-async def read_one(request: Request, farm: Farm, what: str) -> Form:
+async def read_single_upload(request: Request, farm: Farm, what: str) -> Form:
     """Parses the upload of one file and writes it to disk. The caller must discard the form. Raises FarmError."""
     check_length(request, farm, what)
     limit = farm.settings.max_upload_bytes
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
-    with full_disk():
+    with translated_disk_errors():
         chunks = joined_chunks(request.stream())
         return await read_form(request.headers.get("content-type", ""), chunks, farm.blobs, 1, limit, check_disk)
 

@@ -6,18 +6,18 @@ from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from renderer.sentences import Sentence, joined
+from renderer.sentences import Sentence, joined_sentences
 from service.errors import NotOwner, Unavailable
 from service.http.client_address import PASSED_ON
 from service.http.forward import OwnerClient
 from service.http.problems import Problem
-from service.http.security import SAFE_METHODS, refuse
-from service.process_lifecycle import Life
+from service.http.security import SAFE_METHODS, send_error
+from service.process_lifecycle import ServiceLifecycle
 from service.settings import Settings
 
 __all__ = ["StandbyMiddleware"]
 
-AGAIN = {"Retry-After": "1"}
+RETRY_HEADERS = {"Retry-After": "1"}
 
 
 class StandbyMiddleware:
@@ -36,14 +36,14 @@ class StandbyMiddleware:
             await self._app(scope, receive, send)
             await self._forward.close()
             return
-        life: Life = scope["app"].state.life
+        life: ServiceLifecycle = scope["app"].state.life
         if not life.stands_by:
             try:
                 await life.confirm()
             except NotOwner:
                 pass  # ownership was lost while this process was suspended
             except Unavailable as error:
-                await refuse(Problem(503, str(error), AGAIN), scope, receive, send)
+                await send_error(Problem(503, str(error), RETRY_HEADERS), scope, receive, send)
                 return
             else:
                 await self._app(scope, receive, send)
@@ -54,9 +54,9 @@ class StandbyMiddleware:
             if not life.stands_by and scope["type"] == "http" and scope["method"] in SAFE_METHODS:
                 await self._app(scope, receive, send)  # this service has become the owner meanwhile
             else:
-                await refuse(Problem(503, joined(life.why, str(error)), AGAIN), scope, receive, send)
+                await send_error(Problem(503, joined_sentences(life.why, str(error)), RETRY_HEADERS), scope, receive, send)
 
-    async def _answer(self, life: Life, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _answer(self, life: ServiceLifecycle, scope: Scope, receive: Receive, send: Send) -> None:
         path = scope["path"] if scope["type"] == "http" else ""
         owner = life.owner_url if PASSED_ON not in Headers(scope=scope) else ""
         if path == "/healthz" and life.is_alive:
@@ -64,7 +64,7 @@ class StandbyMiddleware:
         elif path == "/metrics":
             await PlainTextResponse("rayfarm_owner 0\n")(scope, receive, send)
         elif not owner:
-            await refuse(Problem(503, life.why, AGAIN), scope, receive, send)
+            await send_error(Problem(503, life.why, RETRY_HEADERS), scope, receive, send)
         elif path == "/readyz":
             if not await self._forward.is_ready(owner, life.taken):
                 raise Unavailable(Sentence("standby-not-ready", "The standby service is not ready."))

@@ -10,7 +10,7 @@ from starlette.requests import HTTPConnection
 
 from service.access.visit import Visit
 
-__all__ = ["VISIT", "InProject", "IntoProject", "VisitDependency", "address_of", "shown_secret"]
+__all__ = ["VISIT", "InProject", "IntoProject", "VisitDependency", "address_of", "bearer_token"]
 
 InProject = Annotated[str | None, Query(max_length=64, description="those of this project alone; empty: those of none")]
 IntoProject = Annotated[str, Query(max_length=64, description="whose members alone see it; empty: everybody who is let in")]
@@ -23,7 +23,7 @@ def address_of(connection: HTTPConnection) -> str:
     return connection.client.host if connection.client else ""
 
 
-def shown_secret(headers: Headers) -> str:
+def bearer_token(headers: Headers) -> str:
     """Returns the bearer token of a request; "" if it has none."""
     scheme, _, token = headers.get("authorization", "").partition(" ")
     return token.strip() if scheme.lower() == "bearer" else ""

@@ -15,19 +15,19 @@ from renderer.zip_names import entry_names
 from renderer.zips import DAMAGED
 from service.errors import Invalid, TooLarge
 from service.intake.names import safe_name
-from service.intake.unpack import CHUNK, pieces
+from service.intake.unpack import CHUNK, entry_chunks
 from service.store.blobs import BlobStore
 from service.store.staging import BlobWriter
 
-__all__ = ["expand"]
+__all__ = ["extract_archive"]
 
 RATIO_FREE_BYTES = 16 << 20  # smaller files may have any compression ratio
 DIRECTORY_BYTES_A_FILE = 512  # average size of a file's entry in the zip's directory
 
-UNPACKED = Sentence("archive-advice-unpack", "If it is not one, unpack it and upload the folder.")
+UNPACK_ADVICE = Sentence("archive-advice-unpack", "If it is not one, unpack it and upload the folder.")
 
 
-def expand(
+def extract_archive(
     archive: BinaryIO,
     name: str,
     store: BlobStore,
@@ -155,7 +155,7 @@ def _check_entries(entries: list[zipfile.ZipInfo], name: str, max_files: int, ma
                 "The archive {name} unpacks to {size} times its size, as zip bombs do. {advice}",
                 name=name,
                 size=total // max(packed, 1),
-                advice=UNPACKED,
+                advice=UNPACK_ADVICE,
             )
         )
 
@@ -175,7 +175,7 @@ def _extract(
     """
     writer = store.writer()
     try:
-        for piece in pieces(file, entry):
+        for piece in entry_chunks(file, entry):
             check_disk(len(piece))
             writer.write(piece)
             if writer.size > left:
@@ -184,7 +184,7 @@ def _extract(
                         "archive-size-misdeclared",
                         "The archive {name} unpacks to more than its stated size, as zip bombs do. {advice}",
                         name=name,
-                        advice=UNPACKED,
+                        advice=UNPACK_ADVICE,
                     )
                 )
             if writer.size > RATIO_FREE_BYTES and writer.size > max_ratio * max(entry.compress_size, 1):
@@ -195,7 +195,7 @@ def _extract(
                         entry=entry.filename,
                         name=name,
                         ratio=f"{max_ratio:g}",
-                        advice=UNPACKED,
+                        advice=UNPACK_ADVICE,
                     )
                 )
         writer.end()

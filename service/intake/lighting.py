@@ -24,15 +24,15 @@ from service.errors import Invalid, NotFound
 from service.events import Events, PreparationRequested, RowWritten
 from service.intake.projects import Owner, may_be_used_in
 from service.intake.record import record
-from service.intake.uploads import Upload, changed, light_text, sky_text
+from service.intake.uploads import Upload, changed_upload, light_text, sky_text
 from service.store.database import Sessions
 from service.store.garbage import Garbage
-from service.store.models import ACTIVE, Environment, Job, Scene
+from service.store.models import ACTIVE_STATES, Environment, Job, Scene
 
 __all__ = ["Lighting", "LitScene"]
 
-KEPT = 12  # unused derived scenes that are kept: users who try lighting often return to one
-TOUCHED_S = 60.0
+MAX_UNUSED = 12  # unused derived scenes that are kept: users who try lighting often return to one
+RECORD_USE_EVERY_S = 60.0
 Status = Literal["preparing", "ready", "failed"]
 
 
@@ -98,17 +98,17 @@ class Lighting:
         Raises as `scene_for` does.
         """
         base = self._upload(scene)
-        stored = self._wanted(base, asked)
+        stored = self._requested_upload(base, asked)
         if stored is None or stored.id == base.id:
             return base
         with self._sessions() as session:
             found = session.get(Scene, stored.id)
         if found is not None and found.status != "failed":
-            self._touch(found)
+            self._record_use(found)
             return found
         with self._garbage.pinned(ref.sha256 for ref in stored.files), self.held(stored.id):
             self._upload(scene)  # the scene may have been deleted meanwhile, with its files
-            self._wanted(base, asked)  # and so may the image
+            self._requested_upload(base, asked)  # and so may the image
             made = record(stored, self._sessions, self._events, of=base.of or base.id, owner=Owner(base.project))
             self.clear()
         return made
@@ -116,7 +116,7 @@ class Lighting:
     def find_row(self, scene: str, asked: Mapping[str, Any]) -> Scene | None:
         """Returns the row that `row` would return, whether or not it failed; None if it does not exist. Creates nothing."""
         base = self._upload(scene)
-        stored = self._wanted(base, asked)
+        stored = self._requested_upload(base, asked)
         if stored is None or stored.id == base.id:
             return base
         with self._sessions() as session:
@@ -145,12 +145,12 @@ class Lighting:
             self._held[id] -= 1
             self._held += Counter()
 
-    def clear(self, kept: int = KEPT) -> None:
+    def clear(self, kept: int = MAX_UNUSED) -> None:
         """Deletes unused derived scenes except the `kept` most recently used."""
         gone: list[str] = []
 
         def forget(session: Session) -> set[str]:
-            needed = set(session.scalars(select(Job.lit).where(Job.lit.is_not(None), Job.state.in_(ACTIVE))))
+            needed = set(session.scalars(select(Job.lit).where(Job.lit.is_not(None), Job.state.in_(ACTIVE_STATES))))
             blobs: set[str] = set()
             with self._lock:
                 rows = session.scalars(select(Scene).where(Scene.of.is_not(None)).order_by(Scene.created.desc()))
@@ -168,9 +168,9 @@ class Lighting:
         for id in gone:
             self._events.publish(RowWritten("scene", id))
 
-    def _touch(self, scene: Scene) -> None:
+    def _record_use(self, scene: Scene) -> None:
         """Updates the time of a derived scene's last use, at most once every TOUCHED_S seconds."""
-        if scene.of is not None and time.time() - scene.created > TOUCHED_S:
+        if scene.of is not None and time.time() - scene.created > RECORD_USE_EVERY_S:
             with self._sessions.begin() as session:
                 session.execute(update(Scene).where(Scene.id == scene.id).values(created=time.time()))
 
@@ -187,7 +187,7 @@ class Lighting:
             )
         return found
 
-    def _wanted(self, base: Scene, asked: Mapping[str, Any]) -> Upload | None:
+    def _requested_upload(self, base: Scene, asked: Mapping[str, Any]) -> Upload | None:
         """Returns the upload with the requested changes applied; None if the request changes nothing."""
         environment = asked.get("environment") or {}
         light: str | BlobRef | None = None
@@ -200,7 +200,7 @@ class Lighting:
         reading = {name: asked.get(name) for name in ("variant", "up", "floor")}
         if light is None and all(value is None for value in reading.values()):
             return None
-        return changed(base, light, **reading)
+        return changed_upload(base, light, **reading)
 
     def name_of(self, environment: Mapping[str, Any] | None) -> str | None:
         """Returns the name of the uploaded image in a request's environment, or None if there is none."""

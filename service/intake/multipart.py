@@ -118,10 +118,10 @@ class _Reader:
         self._writer = None
 
     def on_header_field(self, data: bytes, start: int, end: int) -> None:
-        self._name = self._bounded(self._name + data[start:end])
+        self._name = self._check_header_size(self._name + data[start:end])
 
     def on_header_value(self, data: bytes, start: int, end: int) -> None:
-        self._value = self._bounded(self._value + data[start:end])
+        self._value = self._check_header_size(self._value + data[start:end])
 
     def on_header_end(self) -> None:
         if self._name.lower() == b"content-disposition":
@@ -188,7 +188,7 @@ class _Reader:
         self.ended = True
 
     @staticmethod
-    def _bounded(header: bytes) -> bytes:
+    def _check_header_size(header: bytes) -> bytes:
         if len(header) > MAX_HEADER:
             raise TooLarge(
                 Sentence(

@@ -8,17 +8,17 @@ import json
 from service.shot import Shot
 from service.store.models import Job
 
-__all__ = ["picture_of"]
+__all__ = ["picture_hash"]
 
 # Fields of a request that do not affect the samples of a frame, or that the job's settings, tiles or shot already contain. Any
 # other field makes two shots different.
-_OF_SAMPLES = {"scene", "name", "spp", "noise", "seconds", "width", "height", "tile_size"}
-_OF_FRAMES = {"frames", "frame", "fps", "clip", "turntable", "order", "every"}
-_OF_THE_QUEUE = {"priority", "after", "max_slots", "deadline", "needs", "verify", "fresh"}
-IRRELEVANT = _OF_SAMPLES | _OF_FRAMES | _OF_THE_QUEUE
+_SIZE_AND_GOAL_FIELDS = {"scene", "name", "spp", "noise", "seconds", "width", "height", "tile_size"}
+_FRAME_FIELDS = {"frames", "frame", "fps", "clip", "turntable", "order", "every"}
+_QUEUE_FIELDS = {"priority", "after", "max_slots", "deadline", "needs", "verify", "fresh"}
+IGNORED_FIELDS = _SIZE_AND_GOAL_FIELDS | _FRAME_FIELDS | _QUEUE_FIELDS
 
 
-def picture_of(job: Job) -> str | None:
+def picture_hash(job: Job) -> str | None:
     """Returns the hash of everything that determines a job's samples and film tiles, except the renderer's kernels.
 
     None for a job whose settings are not fixed yet. The scene's id is a hash of its files, so uploading the same files again
@@ -29,6 +29,6 @@ def picture_of(job: Job) -> str | None:
         return None
     of = [job.stage, job.settings, job.tile_size]
     if (shot := Shot.of(job.shot)) is not None:
-        asked = {name: value for name, value in job.request.items() if name not in IRRELEVANT}
+        asked = {name: value for name, value in job.request.items() if name not in IGNORED_FIELDS}
         of += [shot.fps, shot.clip, shot.turntable, asked]
     return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()

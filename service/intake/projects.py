@@ -8,7 +8,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement
 
-__all__ = ["NOBODY", "Owner", "id_in", "may_be_used_in", "usable_in"]
+__all__ = ["NO_OWNER", "Owner", "id_in_project", "may_be_used_in", "usable_in"]
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class Owner:
     key: str | None = None
 
 
-NOBODY = Owner()
+NO_OWNER = Owner()
 
 
-def id_in(project: str, id: str) -> str:
+def id_in_project(project: str, id: str) -> str:
     """Returns the id of content inside a project: a hash of both. Without a project the id is unchanged.
 
     The same content has a different id in each project, so an id does not reveal that it exists in another one.

@@ -12,7 +12,7 @@ from renderer.errors import SceneError
 from renderer.image import rgbe9995
 from renderer.image.read import read
 from renderer.sentences import Sentence
-from service.watching.film_packet import packed_picture
+from service.watching.film_packet import picture_packet
 
 __all__ = ["as_film"]
 
@@ -48,7 +48,7 @@ def as_film(image: bytes, name: str, film: bytes, link: Link) -> dict[str, objec
         clipped += int(np.any((light < 0) | (light > rgbe9995.MAX), axis=2).sum())
         words[y : y + ROWS] = rgbe9995.pack(light)
     with Path(os.fsdecode(film)).open("wb") as file:
-        for piece in packed_picture(words):
+        for piece in picture_packet(words):
             file.write(piece)
     return {"width": width, "height": height, "is_display": is_display, "clipped": clipped}
 

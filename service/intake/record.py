@@ -9,7 +9,7 @@ from sqlalchemy.exc import IntegrityError
 
 from service.access.projects import lock_project
 from service.events import Events, RowWritten
-from service.intake.projects import NOBODY, Owner
+from service.intake.projects import NO_OWNER, Owner
 from service.intake.uploads import Upload
 from service.store.database import Sessions
 from service.store.models import Scene
@@ -17,7 +17,7 @@ from service.store.models import Scene
 __all__ = ["record"]
 
 
-def record(stored: Upload, sessions: Sessions, events: Events, of: str | None = None, owner: Owner = NOBODY) -> Scene:
+def record(stored: Upload, sessions: Sessions, events: Events, of: str | None = None, owner: Owner = NO_OWNER) -> Scene:
     """Records an upload, whose blobs are pinned, as a scene and starts its preparation.
 
     If the scene exists, it is unchanged, except that a failed one is prepared again. of: id of the uploaded scene, for a derived

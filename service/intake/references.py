@@ -16,11 +16,11 @@ from renderer.errors import MachineError, SceneError
 from renderer.sentences import Sentence, with_full_stop
 from service.access.projects import lock_project
 from service.errors import Failed, Invalid
-from service.intake.projects import NOBODY, Owner, id_in
+from service.intake.projects import NO_OWNER, Owner, id_in_project
 from service.intake.read_reference import as_film
 from service.store.blobs import BlobStore
 from service.store.database import Sessions
-from service.store.disk_space import full_disk
+from service.store.disk_space import translated_disk_errors
 from service.store.garbage import Garbage
 from service.store.models import Reference
 from service.store.staging import BlobWriter
@@ -34,13 +34,13 @@ PIECE = 1 << 20
 
 
 def keep_reference(
-    name: str, file: BlobWriter, sessions: Sessions, blobs: BlobStore, garbage: Garbage, temporary: Path, owner: Owner = NOBODY
+    name: str, file: BlobWriter, sessions: Sessions, blobs: BlobStore, garbage: Garbage, temporary: Path, owner: Owner = NO_OWNER
 ) -> Reference:
     """Stores an uploaded reference picture and returns its row; an existing row if the same content is stored already.
 
     Raises Invalid if the file is not a readable image, Failed if the process that reads it failed, and the errors of the stores.
     """
-    id = id_in(owner.project, file.sha256[:20])
+    id = id_in_project(owner.project, file.sha256[:20])
     if (known := _known(id, sessions)) is not None:
         return known
     with tempfile.TemporaryDirectory(prefix="reference-", dir=temporary) as folder:
@@ -49,7 +49,7 @@ def keep_reference(
         found = _read(file.path, name, packed)
         film = blobs.writer()
         try:
-            with full_disk(), packed.open("rb") as source:
+            with translated_disk_errors(), packed.open("rb") as source:
                 while piece := source.read(PIECE):
                     film.write(piece)
             row = Reference(
@@ -62,7 +62,7 @@ def keep_reference(
                 **found,
             )
             with garbage.pinned([file.sha256, film.sha256]):
-                with full_disk():
+                with translated_disk_errors():
                     file.commit()
                     film.commit()
                 return _recorded(row, sessions)

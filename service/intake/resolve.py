@@ -10,7 +10,7 @@ from renderer.errors import SettingsError
 from renderer.sentences import Sentence
 from renderer.settings import ENVIRONMENT, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, most_samples
-from service.intake.picture import picture_of
+from service.intake.picture import picture_hash
 from service.shot import Shot
 from service.store.models import Job, Scene
 
@@ -53,7 +53,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
                 most=max_pixels,
             )
         )
-    settings = _settings(request, width, height, _view(request, info.get("cameras") or []), defaults)
+    settings = _settings(request, width, height, _resolved_view(request, info.get("cameras") or []), defaults)
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
     job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
     tiles = -(-width // job.tile_size) * -(-height // job.tile_size)
@@ -70,7 +70,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     if settings.shutter and job.shot is None:
         job.shot = Shot().to_json()  # of one frame: moving objects are compiled with their keyframes
     job.settings = settings.to_json()
-    job.picture = picture_of(job)
+    job.picture = picture_hash(job)
 
 
 def refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
@@ -138,7 +138,7 @@ def _size(request: dict[str, Any], defaults: dict[str, Any]) -> tuple[int, int]:
     return own
 
 
-def _view(request: dict[str, Any], cameras: list[dict[str, Any]]) -> View:
+def _resolved_view(request: dict[str, Any], cameras: list[dict[str, Any]]) -> View:
     wanted = request.get("view")
     if wanted is None:
         number = camera_number([camera["name"] for camera in cameras], request.get("camera"))

@@ -13,14 +13,14 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 
-__all__ = ["CHUNK", "pieces"]
+__all__ = ["CHUNK", "entry_chunks"]
 
 CHUNK = 1 << 20
 LZMA_MEMORY = 256 << 20
 UNKNOWN_SIZE = b"\xff" * 8
 
 
-def pieces(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
+def entry_chunks(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
     """Yields the extracted bytes of an entry in chunks. Raises errors of zipfile, bz2 and lzma if the entry is damaged."""
     if entry.compress_type not in (zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
         with file.open(entry) as source:
@@ -28,14 +28,14 @@ def pieces(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
                 yield piece
         return
     crc = 0
-    for piece in _expanded(_packed(file, entry), entry.compress_type):
+    for piece in _decompressed(_compressed_chunks(file, entry), entry.compress_type):
         crc = zlib.crc32(piece, crc)
         yield piece
     if crc != entry.CRC:
         raise zipfile.BadZipFile(f"Bad CRC-32 for file {entry.filename!r}")
 
 
-def _packed(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
+def _compressed_chunks(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
     """Yields the still compressed bytes of an entry, by reading it as if it were stored uncompressed."""
     as_stored = copy.copy(entry)
     as_stored.compress_type = zipfile.ZIP_STORED
@@ -50,7 +50,7 @@ def _packed(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
             yield piece
 
 
-def _expanded(packed: Iterator[bytes], method: int) -> Iterator[bytes]:
+def _decompressed(packed: Iterator[bytes], method: int) -> Iterator[bytes]:
     decompressor: bz2.BZ2Decompressor | lzma.LZMADecompressor = bz2.BZ2Decompressor()
     if method == zipfile.ZIP_LZMA:
         decompressor = lzma.LZMADecompressor(lzma.FORMAT_ALONE, memlimit=LZMA_MEMORY)

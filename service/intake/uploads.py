@@ -19,18 +19,18 @@ from renderer.frames import frame_name, numbers_of
 from renderer.presets import PRESETS
 from renderer.sentences import Sentence
 from service.errors import Invalid, TooLarge
-from service.intake.archives import expand
+from service.intake.archives import extract_archive
 from service.intake.multipart import Form, read_form
 from service.intake.names import plain_title, safe_name
-from service.intake.projects import id_in
+from service.intake.projects import id_in_project
 from service.settings import Settings
 from service.store.blobs import BlobStore
-from service.store.disk_space import disk_checker, full_disk
+from service.store.disk_space import disk_checker, translated_disk_errors
 from service.store.garbage import Garbage
 from service.store.models import Scene
 from service.store.staging import BlobWriter, commit_all
 
-__all__ = ["Upload", "changed", "joined_chunks", "light_text", "receive", "sky_text", "store_form"]
+__all__ = ["Upload", "changed_upload", "joined_chunks", "light_text", "receive_upload", "sky_text", "store_form"]
 
 PIECE = 1 << 20
 SKY = "sky:"
@@ -89,7 +89,7 @@ async def joined_chunks(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
         yield b"".join(pieces)
 
 
-async def receive(
+async def receive_upload(
     content_type: str,
     chunks: AsyncIterator[bytes],
     store: BlobStore,
@@ -104,7 +104,7 @@ async def receive(
     """
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
     limits = settings.max_upload_files, settings.max_upload_bytes
-    with full_disk():
+    with translated_disk_errors():
         form = await read_form(content_type, joined_chunks(chunks), store, *limits, check_disk)
         try:
             return await run_in_threadpool(store_form, form, store, garbage, settings, check_disk, record, find)
@@ -123,14 +123,14 @@ def store_form(
 ) -> T:
     """Unpacks, checks and stores a received form. Returns the result of `record`, during which the new blobs are pinned.
 
-    find: see `receive`. Raises FarmError; then nothing is stored.
+    find: see `receive_upload`. Raises FarmError; then nothing is stored.
     """
     sent: list[tuple[str, BlobWriter]] = []
     files: dict[str, BlobWriter] = {}
     notes: list[str] = []
     try:
         title = plain_title(form.fields.get("name", ""))
-        is_strict = _flag("strict", form)
+        is_strict = _boolean_field("strict", form)
         sent = _expanded(form, store, settings, check_disk, notes)
         for name, writer in sent:
             if name in files:
@@ -139,16 +139,18 @@ def store_form(
         _refuse_files_as_folders(files)
         if find is not None and "base" in form.fields:
             main = form.fields.get("main", "").strip()
-            return _added(partial(find, form.fields["base"].strip()), files, main, is_strict, garbage, settings, record)
+            return _record_added_files(
+                partial(find, form.fields["base"].strip()), files, main, is_strict, garbage, settings, record
+            )
         main, environment = _choose(form, files, notes)
         chosen = _strip_common_folder(files, main)
         if environment is not None and environment in files:
             environment = chosen.strip(environment)
         name = title[:200] or PurePosixPath(chosen.main).stem
-        with full_disk(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
+        with translated_disk_errors(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
             refs = _committed(chosen.files)
             up, floor = _axis(_choice("up", form, UPS), chosen.main), _floor(_choice("floor", form, FLOORS))
-            id = _id(refs, chosen.main, environment, None, up, floor)
+            id = _scene_id(refs, chosen.main, environment, None, up, floor)
             upload = Upload(id, name, chosen.main, environment, refs, notes, up=up, floor=floor)
             return record(upload.as_strict() if is_strict else upload)
     finally:
@@ -157,7 +159,7 @@ def store_form(
             writer.discard()
 
 
-def _added(
+def _record_added_files(
     find: Callable[[], Scene],
     files: dict[str, BlobWriter],
     asked: str,
@@ -192,15 +194,15 @@ def _added(
         )
     _refuse_files_as_folders([*files, *(ref.path for ref in kept)])
     hashes = [writer.sha256 for writer in files.values()]
-    with full_disk(), garbage.pinned([*hashes, *(ref.sha256 for ref in kept)]):
+    with translated_disk_errors(), garbage.pinned([*hashes, *(ref.sha256 for ref in kept)]):
         find()  # the scene may have been deleted meanwhile, with its files
         refs = sorted((*kept, *_committed(files)), key=_path)
         main, notes, variant, up, name = scene.main, scene.notes, scene.variant, scene.up, scene.name
         if asked:
-            main, notes = _chosen([ref.path for ref in refs], asked)
+            main, notes = _choose_main_file([ref.path for ref in refs], asked)
             variant, up = (variant, up) if main == scene.main else (None, None)
             name = PurePosixPath(main).stem if name == PurePosixPath(scene.main).stem else name
-        id = _id(refs, main, scene.environment, variant, up, scene.floor)
+        id = _scene_id(refs, main, scene.environment, variant, up, scene.floor)
         upload = Upload(id, name, main, scene.environment, refs, notes, variant, up=up, floor=scene.floor)
         return record(upload.as_strict() if (scene.strict if is_strict is None else is_strict) else upload)
 
@@ -238,7 +240,7 @@ def _floor(asked: str | None) -> str | None:
     return None if asked == "off" else asked
 
 
-def _flag(name: str, form: Form) -> bool | None:
+def _boolean_field(name: str, form: Form) -> bool | None:
     """Returns the value of a boolean form field; None if it is absent. Raises Invalid for any other value."""
     text = form.fields.get(name, "").strip().lower()
     if text not in ("", "true", "false", "1", "0"):
@@ -258,7 +260,7 @@ def _path(ref: BlobRef) -> str:
     return ref.path
 
 
-def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
+def _choose_main_file(names: list[str], asked: str) -> tuple[str, list[str]]:
     """Returns the main file among `names`, and notes about other scene files. Raises Invalid if there is no scene file.
 
     asked: the main file in the form; it may include common folders, which are stripped from the names.
@@ -271,7 +273,7 @@ def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
     return main, notes
 
 
-def changed(
+def changed_upload(
     scene: Scene,
     light: str | BlobRef | None = None,
     variant: str | None = None,
@@ -291,10 +293,10 @@ def changed(
     variant = scene.variant if variant is None else _variant_of(scene, variant)
     up = scene.up if up is None else _axis(up, scene.main)
     floor = scene.floor if floor is None else _floor(floor)
-    id = _id(files, scene.main, environment, variant, up, floor)
+    id = _scene_id(files, scene.main, environment, variant, up, floor)
     upload = Upload(id, scene.name, scene.main, environment, files, scene.notes, variant, up=up, floor=floor)
     upload = upload.as_strict() if scene.strict else upload
-    return replace(upload, id=id_in(scene.project, upload.id))
+    return replace(upload, id=id_in_project(scene.project, upload.id))
 
 
 def _variant_of(scene: Scene, asked: str) -> str | None:
@@ -361,7 +363,7 @@ def _sky_of(text: str) -> str:
     return sky_text(elevation, azimuth)
 
 
-def _id(
+def _scene_id(
     files: list[BlobRef],
     main: str,
     environment: str | None,
@@ -407,7 +409,9 @@ def _expanded(
             if PurePosixPath(path).suffix.lower() not in ARCHIVE_SUFFIXES:
                 found.append((path, writer))
                 continue
-            archive = expand(writer.rewind(), path, store, left_files, left_bytes, settings.max_unzip_ratio, check_disk, notes)
+            archive = extract_archive(
+                writer.rewind(), path, store, left_files, left_bytes, settings.max_unzip_ratio, check_disk, notes
+            )
             for entry in archive:
                 found.append(entry)
                 left_files -= 1
@@ -464,7 +468,7 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
 
 
 @dataclass(frozen=True)
-class _Stripped:
+class _StrippedPaths:
     files: dict[str, BlobWriter]
     main: str
     folder: str
@@ -473,9 +477,9 @@ class _Stripped:
         return name.removeprefix(self.folder)
 
 
-def _strip_common_folder(files: dict[str, BlobWriter], main: str) -> _Stripped:
+def _strip_common_folder(files: dict[str, BlobWriter], main: str) -> _StrippedPaths:
     """Removes leading folders that all files share, so that a folder, or a zip of it, gives the same scene as its contents."""
     folder = "".join(f"{part}/" for part in PurePosixPath(main).parts[:-1])
     while folder and not all(name.startswith(folder) for name in files):
         folder = folder[: folder.rstrip("/").rfind("/") + 1]
-    return _Stripped({name.removeprefix(folder): w for name, w in files.items()}, main.removeprefix(folder), folder)
+    return _StrippedPaths({name.removeprefix(folder): w for name, w in files.items()}, main.removeprefix(folder), folder)

@@ -12,14 +12,14 @@ from service.events import RowWritten
 from service.farm import Farm
 from service.jobs.change_many import may_begin_anew
 from service.jobs.describe import describe, job_out
-from service.jobs.frame_changes import carried_out
+from service.jobs.frame_changes import carry_out_and_describe
 from service.jobs.lookup import job_not_found
-from service.jobs.queue import needs_of, wait_for_fewer
+from service.jobs.queue import needs_of, reduce_dependencies
 from service.jobs.shot_change import ShotChange
 from service.models.jobs import JobOut, JobPatch
 from service.scheduling.jobs.job_changes import drop_failed_dependencies, set_focus, set_samples, set_state
 from service.scheduling.jobs.shot_changes import ShotRequest, samples_of
-from service.store.models import FINAL, Frame, Job, Scene
+from service.store.models import FINAL_STATES, Frame, Job, Scene
 
 __all__ = ["change"]
 
@@ -40,7 +40,7 @@ def change(id: str, patch: JobPatch, visit: Visit, farm: Farm) -> JobOut:
             job = session.get(Job, id, with_for_update=True)
             if job is None:
                 raise job_not_found(id)
-            if of_shot is not None and not of_shot.fits(job, session):
+            if of_shot is not None and not of_shot.is_current(job, session):
                 continue  # it was changed concurrently
             is_long = _apply(job, patch, of_shot, is_anew, session, farm, visit)
             # Sums a shot's frames, which takes time if they are many.
@@ -51,7 +51,7 @@ def change(id: str, patch: JobPatch, visit: Visit, farm: Farm) -> JobOut:
     farm.events.publish(RowWritten("job", id))
     if answer is not None:
         return answer
-    return carried_out(id, farm) if is_long else describe(id, farm)
+    return carry_out_and_describe(id, farm) if is_long else describe(id, farm)
 
 
 def _apply(
@@ -70,8 +70,8 @@ def _apply(
         job.note = patch.note or None
     is_more = patch.spp is not None or patch.more is not None or patch.extend is not None or patch.again is not None
     if of_shot is not None:
-        if is_more or (state in FINAL and patch.state == "running"):  # before the job itself counts
-            farm.quotas.check_job(visit.caller, session, of_shot.samples, is_new=state in FINAL)
+        if is_more or (state in FINAL_STATES and patch.state == "running"):  # before the job itself counts
+            farm.quotas.check_job(visit.caller, session, of_shot.samples, is_new=state in FINAL_STATES)
         is_long = of_shot.give(job, session)
     elif job.shot is None and patch.is_of_frames:
         raise Conflict(Sentence("job-has-no-frames", "The job is a still without frames. Make a new job with frames."))
@@ -87,13 +87,13 @@ def _apply(
     if patch.needs is not None:
         job.needs = needs_of(patch.needs)
     if patch.after is not None:
-        wait_for_fewer(job.id, patch.after, session)
+        reduce_dependencies(job.id, patch.after, session)
     if patch.state is not None:
         set_state(job, patch.state, is_anew)
-    if of_shot is None and (is_more or (state in FINAL and job.state not in FINAL)):
+    if of_shot is None and (is_more or (state in FINAL_STATES and job.state not in FINAL_STATES)):
         more = max(0, samples_of(job) - samples)
         with session.no_autoflush:  # unflushed, so the job itself does not count
-            farm.quotas.check_job(visit.caller, session, more, is_new=state in FINAL)
+            farm.quotas.check_job(visit.caller, session, more, is_new=state in FINAL_STATES)
     if patch.state == "running":
         drop_failed_dependencies([job.id], session)
     session.flush()

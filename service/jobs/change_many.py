@@ -13,7 +13,7 @@ from service.farm import Farm
 from service.jobs.lookup import find_job, job_not_found
 from service.models.changes import ChangesIn, ChangesOut, RefusedOut, WasOut
 from service.scheduling.jobs.job_changes import begins_anew, drop_failed_dependencies, set_state
-from service.store.models import FINAL, Job
+from service.store.models import FINAL_STATES, Job
 
 __all__ = ["change_many", "may_begin_anew"]
 
@@ -59,7 +59,7 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer
         for job in _rows([id for id in ids if id not in refused], session):
             was = WasOut(id=job.id, state=job.state, priority=job.priority)
             try:
-                if changes.state == "running" and job.state in FINAL:
+                if changes.state == "running" and job.state in FINAL_STATES:
                     session.flush()
                     farm.quotas.check_job(visit.caller, session)
                 if changes.state is not None and changes.state != "deleted":

@@ -21,18 +21,18 @@ from service.events import RowWritten
 from service.farm import Farm
 from service.intake.resolve import resolve
 from service.jobs.describe import describe, job_out
-from service.jobs.frame_changes import carried_out
-from service.jobs.idempotency import earlier, kept_key, repeat
+from service.jobs.frame_changes import carry_out_and_describe
+from service.jobs.idempotency import job_with_key, repeated_answer, stored_key
 from service.jobs.lookup import find_job
-from service.jobs.queue import needs_of, wait_for
-from service.maintenance.reuse import Begun
+from service.jobs.queue import add_dependencies, needs_of
+from service.maintenance.reuse import InitialValues
 from service.models.jobs import JobIn, JobOut
 from service.scheduling.jobs.job_changes import set_state
 from service.scheduling.jobs.shot_changes import samples_of
-from service.shot import IN_TURN, Shot
-from service.store.disk_space import need_room
-from service.store.frame_changes import Step, apply_at_once, begin, is_short
-from service.store.models import FINAL, Job, Scene
+from service.shot import IN_TURN_ORDER, Shot
+from service.store.disk_space import check_free_space
+from service.store.frame_changes import Step, apply_short_steps, fits_one_transaction, record_steps
+from service.store.models import FINAL_STATES, Job, Scene
 from telemetry import tracing
 
 __all__ = ["Created", "begin_anew", "create"]
@@ -54,22 +54,22 @@ def create(
     Raises NotFound, Conflict, Invalid, OverQuota, NoRoom and NotAllowed.
     """
     asked = request.model_dump(mode="json", exclude=_omitted(request))
-    if (first := earlier(idempotency_key, visit.user, farm)) is not None:
-        return Created(repeat(first, asked, farm, visit.sight), is_repeat=True)
+    if (first := job_with_key(idempotency_key, visit.user, farm)) is not None:
+        return Created(repeated_answer(first, asked, farm, visit.sight), is_repeat=True)
     if not visit.sight.sees(farm.access.projects.project_of("scene", request.scene)):
         raise _no_scene(request.scene)
     farm.access.projects.check(farm.access.projects.project_of("scene", request.scene) or "", visit.sight)
-    need_room(farm.settings.data, farm.settings.min_free_bytes)
+    check_free_space(farm.settings.data, farm.settings.min_free_bytes)
     keys = sorted(map(frame_key, request.numbers()))
     job = _row(request, keys, asked, idempotency_key, visit, farm)
     try:
         answer = _stored(job, request, keys, visit, farm)
     except IntegrityError:  # a request with the same key was faster
-        if (first := earlier(idempotency_key, visit.user, farm)) is None:
+        if (first := job_with_key(idempotency_key, visit.user, farm)) is None:
             raise
-        return Created(repeat(first, asked, farm, visit.sight), is_repeat=True)
-    root, asked_in = tracing.root_of("job", job.id), tracing.where(traceparent)
-    tracing.record("submit", job.created, time.time(), root, links=[asked_in], job=job.id, scene=job.scene)
+        return Created(repeated_answer(first, asked, farm, visit.sight), is_repeat=True)
+    root, asked_in = tracing.root_span("job", job.id), tracing.parse_traceparent(traceparent)
+    tracing.record_span("submit", job.created, time.time(), root, links=[asked_in], job=job.id, scene=job.scene)
     farm.events.publish(RowWritten("job", job.id))
     return Created(answer)
 
@@ -81,7 +81,7 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
     """
     with farm.sessions.begin() as session:
         job = find_job(id, farm)
-        if job.state in FINAL:
+        if job.state in FINAL_STATES:
             raise Conflict(
                 Sentence(
                     "job-not-finished", "The job is {state}; only a job that is not over can be started again.", state=job.state
@@ -125,7 +125,7 @@ def _row(request: JobIn, keys: list[int], asked: dict[str, Any], idempotency_key
         noise=request.noise,
         seconds=request.seconds,
         shot=_shot(request, keys).to_json() if request.is_shot else None,
-        idempotency_key=kept_key(idempotency_key, visit.user),
+        idempotency_key=stored_key(idempotency_key, visit.user),
         user=visit.user,
         key=visit.token,
         max_slots=request.max_slots,
@@ -146,14 +146,14 @@ def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm)
         farm.quotas.check_job(visit.caller, session, samples_of(job) * len(keys))
         session.add(job)
         session.flush()
-        wait_for(job, request.after, session)
+        add_dependencies(job, request.after, session)
         # Quotas count these frames from now on, even before they are rendered.
         frames = [Step.of("add", keys, target=samples_of(job))]
-        if is_short(frames):
-            apply_at_once(job, frames, session, begun)
+        if fits_one_transaction(frames):
+            apply_short_steps(job, frames, session, begun)
             return job_out(job, session, farm.engine)
-        begin(job.id, frames, session)
-    return carried_out(job.id, farm, begun)
+        record_steps(job.id, frames, session)
+    return carry_out_and_describe(job.id, farm, begun)
 
 
 def _current_request(job: Job) -> JobIn:
@@ -173,12 +173,12 @@ def _omitted(request: JobIn) -> set[str]:
 
 
 @contextmanager
-def _with_reused_samples(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[Begun]:
+def _with_reused_samples(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[InitialValues]:
     """Copies samples that earlier jobs rendered of the same picture into a new job's films; yields the sample numbers by frame.
 
     Yields an empty dict if there is nothing to reuse. If the `with` block raises, deletes the films again.
     """
-    begun: Begun = {}
+    begun: InitialValues = {}
     if not is_fresh and farm.settings.reuse_films:
         with farm.sessions() as session:
             _check(job, session.get(Scene, job.scene), farm)
@@ -197,7 +197,7 @@ def _shot(request: JobIn, keys: list[int]) -> Shot:
     If a time limit is the only goal, frames are rendered breadth-first, so that all frames get a share of the time.
     """
     only_time = request.seconds is not None and request.spp is None and request.noise is None
-    order = request.order or ("breadth-first" if only_time else IN_TURN)
+    order = request.order or ("breadth-first" if only_time else IN_TURN_ORDER)
     frames = frames_text(map(frame_number, keys))
     return Shot(request.fps, request.clip, request.turntable, order, request.every, frames=frames)
 

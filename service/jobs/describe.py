@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from renderer.frames import frame_number, frames_text
 from renderer.sentences import Sentence
 from service.farm import Farm
-from service.jobs.describe_frames import RECORDED, Recorded, bad_samples_of, latest, one_frame, still_numbers
+from service.jobs.describe_frames import RECORDED, Recorded, bad_samples_of, latest_frame_numbers, one_frame, still_numbers
 from service.jobs.lookup import find_job
 from service.jobs.queue import waits_of, waits_sentence, warning_of
 from service.jobs.shot_sums import ShotSums, sums_of
@@ -31,20 +31,20 @@ from service.scheduling.fleet.workers import WorkerSnapshot
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.snapshot import JobNumbers, Snapshot
 from service.shot import Shot
-from service.store.models import ACTIVE, Frame, Job
+from service.store.models import ACTIVE_STATES, Frame, Job
 
-__all__ = ["UNREADABLE_JOB", "UNREADABLE_SCENE", "describe", "job_out", "jobs_out", "why_nothing_runs"]
+__all__ = ["UNREADABLE_JOB", "UNREADABLE_SCENE", "describe", "farm_stall_reason", "job_out", "jobs_out"]
 
 log = logging.getLogger(__name__)
 
 # Columns of a job's row, read by one call in C, since a list has a thousand rows.
-_AS_THEY_ARE = (
+_COPIED_COLUMNS = (
     *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
     *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "note"),
     *("user", "max_slots", "deadline", "late"),
 )
-_as_they_are = attrgetter(*_AS_THEY_ARE)
-MOST_NAMED = 500  # jobs in one query
+_copied_values = attrgetter(*_COPIED_COLUMNS)
+MAX_NAMED_JOBS = 500  # jobs in one query
 UNREADABLE_JOB = Sentence(
     "job-record-unreadable",
     "The record of this job cannot be read: it is damaged, or another release of Rayfarm wrote it. "
@@ -94,8 +94,8 @@ def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
     """Returns the stored frame numbers of still images, by job id."""
     found: dict[str, Recorded] = {}
     columns = [getattr(Frame, name) for name in ("job", "number", *RECORDED)]
-    for at in range(0, len(jobs), MOST_NAMED):
-        query = select(*columns).where(Frame.job.in_(jobs[at : at + MOST_NAMED])).order_by(Frame.job, Frame.number)
+    for at in range(0, len(jobs), MAX_NAMED_JOBS):
+        query = select(*columns).where(Frame.job.in_(jobs[at : at + MAX_NAMED_JOBS])).order_by(Frame.job, Frame.number)
         for job, number, *numbers in session.execute(query):
             found.setdefault(job, []).append((number, FrameNumbers._make(numbers)))
     return found
@@ -117,7 +117,7 @@ def _one_out(job: Job, recorded: Recorded, sums: ShotSums | None, engine: Engine
 
 def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snapshot, waits: list[WaitOut]) -> JobOut:
     known = view.jobs.get(job.id)
-    live = known if job.state in ACTIVE else None
+    live = known if job.state in ACTIVE_STATES else None
     shot = Shot.of(job.shot)
     about: ShotOut | None = None
     if shot is None or of_shot is None:
@@ -125,11 +125,11 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         sums = _Sums(sum(f.samples for f in frames), sum(f.bad_samples for f in frames), sum(f.progress for f in frames))
     else:
         first = of_shot.first
-        frames = [] if first is None else [one_frame(job, first[0], latest(job, known, *first))]
+        frames = [] if first is None else [one_frame(job, first[0], latest_frame_numbers(job, known, *first))]
         sums, about = _shot_out(job, shot, of_shot, known)
     size = job.settings or job.request
     return JobOut(
-        **dict(zip(_AS_THEY_ARE, _as_they_are(job), strict=True)),
+        **dict(zip(_COPIED_COLUMNS, _copied_values(job), strict=True)),
         project=job.project or "",
         message=_message(job, view, waits) or _failed_frames_note(job, about),
         stranded=job.state in ("queued", "running") and _is_stranded(job, view.roster) and bool(view.roster.ready()),
@@ -142,7 +142,7 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
         eta_s=live.eta_s
-        if live and job.state == "running" and not why_nothing_runs(view.roster)
+        if live and job.state == "running" and not farm_stall_reason(view.roster)
         else 0.0
         if job.state == "finished"
         else None,
@@ -193,7 +193,7 @@ def _shot_out(job: Job, shot: Shot, now: ShotSums, known: JobNumbers | None) -> 
 
 def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     """Returns a sentence that explains why an unfinished job makes no progress; None if it does, or is paused or ended."""
-    if job.state == "paused" or job.state not in ACTIVE:
+    if job.state == "paused" or job.state not in ACTIVE_STATES:
         return None
     if why := waits_sentence(waits):
         return why
@@ -201,9 +201,9 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
         return why
     if job.settings is None:
         return Sentence("job-waits-for-scene", "Waits for its scene to be prepared.")
-    if why := why_nothing_runs(view.roster):
+    if why := farm_stall_reason(view.roster):
         return why
-    if job.needs and (why := _unmet(job, view.roster)):
+    if job.needs and (why := _unmet_requirements(job, view.roster)):
         return why
     if job.lit in view.preparing:
         return Sentence("job-waits-for-light", "Its scene is being prepared with its light.")
@@ -243,7 +243,7 @@ def _is_stranded(job: Job, roster: WorkerSnapshot) -> bool:
     return job.kind is not None and not roster.slots(job.kind)
 
 
-def _unmet(job: Job, roster: WorkerSnapshot) -> str | None:
+def _unmet_requirements(job: Job, roster: WorkerSnapshot) -> str | None:
     """Returns why no connected worker meets a job's requirements; None if one does."""
     needs = Needs.of(job.needs)
     able = [report.name for report in roster.ready() if job.kind in (None, report.kind)]
@@ -264,7 +264,7 @@ def _failed_frames_note(job: Job, shot: ShotOut | None) -> str | None:
     )
 
 
-def why_nothing_runs(roster: WorkerSnapshot) -> str | None:
+def farm_stall_reason(roster: WorkerSnapshot) -> str | None:
     """Returns why no worker of the farm accepts work; None if one does."""
     if roster.ready():
         return None

@@ -21,7 +21,7 @@ from service.models.jobs import BadSampleOut, FrameOut, FrameState
 from service.scheduling.engine import Engine
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.snapshot import JobNumbers
-from service.store.models import ACTIVE, Frame, Job
+from service.store.models import ACTIVE_STATES, Frame, Job
 
 __all__ = [
     "RECORDED",
@@ -30,7 +30,7 @@ __all__ = [
     "frame_numbers",
     "frame_out",
     "frames_json",
-    "latest",
+    "latest_frame_numbers",
     "one_frame",
     "plain_frames",
     "still_numbers",
@@ -75,8 +75,8 @@ def frame_numbers(
         query = query.where(Frame.number.in_(list(keys)))
     rows = ((number, FrameNumbers._make(numbers)) for number, *numbers in session.execute(query))
     if job.shot is None:
-        return still_numbers(job, rows, known, job.state in ACTIVE)
-    return [(number, latest(job, known, number, numbers)) for number, numbers in rows]
+        return still_numbers(job, rows, known, job.state in ACTIVE_STATES)
+    return [(number, latest_frame_numbers(job, known, number, numbers)) for number, numbers in rows]
 
 
 def frames_json(
@@ -112,13 +112,13 @@ def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
     ]
 
 
-def latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
+def latest_frame_numbers(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
     """Returns the more recent numbers of a shot's frame: the engine's (`known`) or the stored ones.
 
     For a job that has ended, the engine's are used only if they have more samples, as shortly after a cancellation.
     """
     live = known.frames.get(key) if known is not None else None
-    if live is None or (job.state not in ACTIVE and live.samples <= recorded.samples):
+    if live is None or (job.state not in ACTIVE_STATES and live.samples <= recorded.samples):
         return recorded
     return live
 

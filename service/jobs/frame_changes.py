@@ -8,15 +8,15 @@ from service.errors import FarmError
 from service.events import RowWritten
 from service.farm import Farm
 from service.jobs.describe import describe
-from service.maintenance.reuse import Begun
+from service.maintenance.reuse import InitialValues
 from service.models.jobs import JobOut
 
-__all__ = ["carried_out"]
+__all__ = ["carry_out_and_describe"]
 
 log = logging.getLogger(__name__)
 
 
-def carried_out(id: str, farm: Farm, begun: Begun | None = None) -> JobOut:
+def carry_out_and_describe(id: str, farm: Farm, begun: InitialValues | None = None) -> JobOut:
     """Applies the pending changes of a job's frames and returns the job. After an error they are retried in the background."""
     try:
         farm.frame_changes.carry_out(id, begun)

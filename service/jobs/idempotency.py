@@ -17,15 +17,15 @@ from service.jobs.describe import job_out
 from service.models.jobs import JobOut
 from service.store.models import Job
 
-__all__ = ["earlier", "kept_key", "repeat"]
+__all__ = ["job_with_key", "repeated_answer", "stored_key"]
 
 
-def kept_key(key: str | None, user: str | None) -> str | None:
+def stored_key(key: str | None, user: str | None) -> str | None:
     """Returns the key in the form stored in a job's row, which includes the user. user: None without authentication."""
     return hashlib.sha256(f"{user or ''}\0{key}".encode()).hexdigest() if key else None
 
 
-def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
+def job_with_key(key: str | None, user: str | None, farm: Farm) -> Job | None:
     """Returns the job that this user created with this key; None if there is none.
 
     Releases without per-user keys stored the plain key; those jobs are found too.
@@ -33,14 +33,14 @@ def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
     if not key:
         return None
     with farm.sessions() as session:
-        if (found := session.scalar(select(Job).where(Job.idempotency_key == kept_key(key, user)))) is not None:
+        if (found := session.scalar(select(Job).where(Job.idempotency_key == stored_key(key, user)))) is not None:
             return found
         return session.scalar(
             select(Job).where(Job.idempotency_key == key, Job.user.is_(None) if user is None else Job.user == user)
         )
 
 
-def repeat(found: Job, asked: dict[str, object], farm: Farm, sight: ProjectVisibility) -> JobOut:
+def repeated_answer(found: Job, asked: dict[str, object], farm: Farm, sight: ProjectVisibility) -> JobOut:
     """Returns the current state of the job that the first request created. Raises Conflict if that request was different."""
     if found.request != asked or not sight.sees(found.project):
         raise Conflict(

@@ -12,13 +12,13 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 from service.access.projects import NOTHING, ProjectVisibility
 from service.store.models import Job, Scene
 
-__all__ = ["JobFilter", "Order", "matches", "words_of"]
+__all__ = ["JobFilter", "Order", "matches", "search_words"]
 
 MOST_WORDS = 8
 
 Order = Literal["newest", "oldest", "name", "priority", "state"]
-_SHOWN = [column for column in Job.__table__.columns if column.name != "history"]  # large, and not part of a list
-_Row = namedtuple("_Row", [column.name for column in _SHOWN])  # type: ignore[misc]
+_LISTED_COLUMNS = [column for column in Job.__table__.columns if column.name != "history"]  # large, and not part of a list
+_Row = namedtuple("_Row", [column.name for column in _LISTED_COLUMNS])  # type: ignore[misc]
 _ID = _Row._fields.index("id")
 _STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # sort order: states that may need action first
 
@@ -59,7 +59,7 @@ class JobFilter:
         Tuples, since creating a thousand ORM objects would take a quarter of the time of a list.
         """
         ids = self.ids_in(order, session, limit, offset)  # from an index; sorting rows would read them all
-        query = select(*_SHOWN).where(Job.id.in_(ids))
+        query = select(*_LISTED_COLUMNS).where(Job.id.in_(ids))
         found = {row[_ID]: _Row._make(row) for row in session.execute(query)}
         return cast("list[Job]", [found[id] for id in ids if id in found])
 
@@ -76,11 +76,11 @@ class JobFilter:
         if self.shots is not None:
             query = query.where(Job.shot.is_not(None) if self.shots else Job.shot.is_(None))
         for word in self.words:
-            query = query.where(_says(word))
+            query = query.where(_matches_word(word))
         return query
 
 
-def words_of(search: str) -> tuple[str, ...]:
+def search_words(search: str) -> tuple[str, ...]:
     """Splits a search text into words."""
     return tuple(search.lower().split()[:MOST_WORDS])
 
@@ -94,7 +94,7 @@ def matches(
     return or_(func.lower(name).contains(word, autoescape=True), id.startswith(word, autoescape=True))
 
 
-def _says(word: str) -> ColumnElement[bool]:
+def _matches_word(word: str) -> ColumnElement[bool]:
     other = aliased(Job)  # few jobs have notes, which a partial index covers
     noted = select(other.id).where(other.note.is_not(None), matches(word, other.note, other.id))
     scenes = select(Scene.id).where(matches(word, Scene.name, Scene.id))

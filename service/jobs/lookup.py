@@ -11,7 +11,7 @@ from service.access.projects import Kind
 from service.errors import Conflict, NotFound
 from service.farm import Farm
 from service.store.films import Film
-from service.store.models import FINAL, Frame, Job, Scene
+from service.store.models import FINAL_STATES, Frame, Job, Scene
 
 __all__ = [
     "environment_not_found",
@@ -88,14 +88,14 @@ def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
         recorded, error = session.execute(frames if n is None else frames.where(Frame.number == frame_key(n))).one()
     if n is not None and error:
         return Conflict(Sentence("frame-without-picture", "The frame has no picture. {error}", error=error))
-    if job.state == "finished" or (job.state in FINAL and recorded):
+    if job.state == "finished" or (job.state in FINAL_STATES and recorded):
         return Conflict(
             Sentence(
                 "job-film-gone",
                 "The film of this job is missing. Set the job to running to render it again.",
             )
         )
-    if job.state in FINAL:
+    if job.state in FINAL_STATES:
         why = job.error or Sentence("picture-job-cancelled", "It was cancelled before.")
         return Conflict(
             Sentence("job-ended-without-picture", "The job ended without a picture. {reason}.", reason=why.rstrip("."))

@@ -18,23 +18,23 @@ from service.shot import Shot
 from service.store.films import Film
 from service.store.models import Job, Scene
 
-__all__ = ["motion_of"]
+__all__ = ["motion_vectors_of"]
 
 
-async def motion_of(job: Job, n: float, film: Film, farm: Farm) -> Callable[[], BinaryIO]:
+async def motion_vectors_of(job: Job, n: float, film: Film, farm: Farm) -> Callable[[], BinaryIO]:
     """Returns a function that opens the file with a frame's motion vectors.
 
     First waits for a worker to compute them, without occupying a thread. Raises Unavailable if no worker can compute them, and
     the worker's error if it failed.
     """
-    wish = await run_sync(_wish, job, n, film, farm)
+    wish = await run_sync(_vectors_request, job, n, film, farm)
     made = await run_sync(farm.engine.vectors, wish)
     # Shielded: a client that disconnects must not cancel the work for other clients.
     found = await asyncio.shield(asyncio.wrap_future(made))
     return partial(farm.blobs.open, found.sha256)
 
 
-def _wish(job: Job, n: float, film: Film, farm: Farm) -> FrameVectors:
+def _vectors_request(job: Job, n: float, film: Film, farm: Farm) -> FrameVectors:
     with farm.sessions() as session:
         scene = session.get(Scene, job.scene)
     if scene is None or not scene.info:

@@ -13,12 +13,12 @@ from service.errors import Conflict, NotFound
 from service.intake.projects import may_be_used_in
 from service.models.queue import WaitOut
 from service.scheduling.fleet.needs import Needs
-from service.store.models import ACTIVE, Job, Wait
+from service.store.models import ACTIVE_STATES, Job, Wait
 
-__all__ = ["needs_of", "wait_for", "wait_for_fewer", "waits_of", "waits_sentence", "warning_of"]
+__all__ = ["add_dependencies", "needs_of", "reduce_dependencies", "waits_of", "waits_sentence", "warning_of"]
 
 MOST_NAMED = 500  # jobs in one query
-SHOWN = 3
+MAX_LISTED = 3
 DAY_S, HOUR_S, MINUTE_S = 86400.0, 3600.0, 60.0
 
 
@@ -33,20 +33,20 @@ def warning_of(job: Job, expected: float | None, now: float) -> str | None:
 
     expected: Unix time at which it is expected to finish.
     """
-    if job.deadline is None or job.late is None or job.state not in ACTIVE:
+    if job.deadline is None or job.late is None or job.state not in ACTIVE_STATES:
         return None
     if now > job.deadline:
-        return Sentence("deadline-passed", "Its deadline passed {time} ago.", time=_roughly(now - job.deadline))
+        return Sentence("deadline-passed", "Its deadline passed {time} ago.", time=_rounded_duration(now - job.deadline))
     if expected is None or expected <= job.deadline:
         return Sentence("deadline-at-risk", "It is expected to finish after its deadline.")
     return Sentence(
         "deadline-at-risk-by",
         "It is expected to finish {time} after its deadline.",
-        time=_roughly(expected - job.deadline),
+        time=_rounded_duration(expected - job.deadline),
     )
 
 
-def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
+def add_dependencies(job: Job, after: Sequence[str], session: Session) -> None:
     """Makes a new job wait for the jobs in `after`, except finished ones. Raises NotFound and Conflict.
 
     A dependency must be in the same project or in none, so that everyone who sees the job also sees its dependencies.
@@ -61,7 +61,7 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
                     id=repr(id[:60]),
                 )
             )
-        if other.state in ACTIVE:
+        if other.state in ACTIVE_STATES:
             session.add(Wait(job=job.id, other=id))
         elif other.state != "finished":
             raise Conflict(
@@ -75,7 +75,7 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
             )
 
 
-def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
+def reduce_dependencies(id: str, after: Sequence[str], session: Session) -> None:
     """Removes all dependencies of a job except those in `after`. Raises Conflict if `after` contains others."""
     waits = {wait.other: wait for wait in session.scalars(select(Wait).where(Wait.job == id))}
     unknown = [other for other in after if other not in waits]
@@ -94,7 +94,7 @@ def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
 
 def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
     """Returns the jobs that each job waits for, by job id."""
-    ids = [job.id for job in jobs if job.state in ACTIVE and job.request.get("after")]
+    ids = [job.id for job in jobs if job.state in ACTIVE_STATES and job.request.get("after")]
     found: dict[str, list[WaitOut]] = {}
     for at in range(0, len(ids), MOST_NAMED):
         query = select(Wait.job, Wait.other, Job.name, Job.state).join(Job, Job.id == Wait.other, isouter=True)
@@ -108,17 +108,17 @@ def waits_sentence(waits: Sequence[WaitOut]) -> str | None:
     """Returns a sentence about the unfinished jobs that a job waits for; None if there are none."""
     if not waits:
         return None
-    named = [f'"{wait.name}"' if wait.name else wait.id for wait in waits[:SHOWN]]
+    named = [f'"{wait.name}"' if wait.name else wait.id for wait in waits[:MAX_LISTED]]
     if len(waits) == 1:
         return Sentence("job-waits-for-job", "Waits until {job} is finished.", job=named[0])
-    if len(waits) <= SHOWN:
+    if len(waits) <= MAX_LISTED:
         return Sentence("job-waits-for-jobs", "Waits until {jobs} are finished.", jobs=named)
     return Sentence(
-        "job-waits-for-many-jobs", "Waits until {jobs} and {more} more are finished.", jobs=named, more=len(waits) - SHOWN
+        "job-waits-for-many-jobs", "Waits until {jobs} and {more} more are finished.", jobs=named, more=len(waits) - MAX_LISTED
     )
 
 
-def _roughly(seconds: float) -> str:
+def _rounded_duration(seconds: float) -> str:
     if seconds >= 1.5 * DAY_S:
         return Sentence("duration-days", "{count} days", count=round(seconds / DAY_S))
     if seconds >= 1.5 * HOUR_S:

@@ -10,9 +10,9 @@ from sqlalchemy.orm import Session
 
 from service.farm import Farm
 from service.jobs.lookup import job_not_found
-from service.scheduling.jobs.shot_changes import FrameNow, ShotRequest, added_samples, change_shot
+from service.scheduling.jobs.shot_changes import CurrentFrame, ShotRequest, added_samples, change_shot
 from service.shot import Shot
-from service.store.frame_changes import Step, apply_at_once, begin, is_short
+from service.store.frame_changes import Step, apply_short_steps, fits_one_transaction, record_steps
 from service.store.models import Frame, FrameChange, Job
 
 __all__ = ["ShotChange"]
@@ -52,12 +52,12 @@ class ShotChange:
             if request.is_about_failures:
                 query = query.where(Frame.state == "failed")
             rows = session.execute(query)
-            frames = {number: FrameNow(spp, state) for number, spp, state in rows}
+            frames = {number: CurrentFrame(spp, state) for number, spp, state in rows}
         before = _columns(job)
         steps = change_shot(job, shot, frames, request)
         return cls(before, _columns(job), steps, added_samples(job, frames, before["spp"], steps))
 
-    def fits(self, job: Job, session: Session) -> bool:
+    def is_current(self, job: Job, session: Session) -> bool:
         """Whether the change can still be stored: the job's row is unchanged since, and no change of its frames is pending."""
         return _columns(job) == self.before and session.get(FrameChange, job.id) is None
 
@@ -66,10 +66,10 @@ class ShotChange:
         for name, value in self.after.items():
             setattr(job, name, value)
         session.flush()
-        if is_short(self.steps):
-            apply_at_once(job, self.steps, session)
+        if fits_one_transaction(self.steps):
+            apply_short_steps(job, self.steps, session)
             return False
-        begin(job.id, self.steps, session)
+        record_steps(job.id, self.steps, session)
         return True
 
 

@@ -19,13 +19,13 @@ from renderer.frames import frame_number, frames_text
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.snapshot import JobNumbers
 from service.shot import Shot
-from service.store.models import ACTIVE, Frame, FrameChange, Job
+from service.store.models import ACTIVE_STATES, Frame, FrameChange, Job
 
 __all__ = ["ShotSums", "live_numbers", "sums_of"]
 
 MOST_NAMED = 500  # jobs in one query
-REMEMBERED = 20_000  # ended jobs in the cache
-LONG = 500  # number of frames above which sums are cached
+MAX_CACHED = 20_000  # ended jobs in the cache
+MIN_CACHED_FRAMES = 500  # number of frames above which sums are cached
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class ShotSums:
     noise: float | None = None
 
 
-class _Memory:
+class _SumsCache:
     """Cache of the totals of long shots that have ended. An entry is valid while the job's row is unchanged."""
 
     def __init__(self) -> None:
@@ -62,11 +62,11 @@ class _Memory:
     def put(self, job: Job, sums: ShotSums) -> None:
         with self._lock:
             self._known[job.id] = _state(job), sums
-            while len(self._known) > REMEMBERED:
+            while len(self._known) > MAX_CACHED:
                 self._known.popitem(last=False)
 
 
-_memory = _Memory()
+_memory = _SumsCache()
 
 
 def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Session) -> dict[str, ShotSums]:
@@ -76,9 +76,11 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
     changing = set(session.scalars(select(FrameChange.job))) if jobs else set()
     for job in jobs:
         known = None if job.id in changing else live_numbers(job, live.get(job.id))
-        remembered = _memory.get(job) if job.state not in ACTIVE and job.id not in live and job.id not in changing else None
+        remembered = (
+            _memory.get(job) if job.state not in ACTIVE_STATES and job.id not in live and job.id not in changing else None
+        )
         if known is not None:
-            found[job.id] = _of_engine(job, known)
+            found[job.id] = _engine_sums(job, known)
         elif remembered is not None:
             found[job.id] = remembered
         else:
@@ -87,11 +89,11 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
         some = asked[at : at + MOST_NAMED]
         found |= _recorded(some, session)
         for job in some:
-            known = live.get(job.id) if job.state not in ACTIVE else None
+            known = live.get(job.id) if job.state not in ACTIVE_STATES else None
             if known is not None and known.frames and known.samples > found[job.id].samples:
-                found[job.id] = _of_engine(job, known)  # the engine's numbers are newer than the stored ones
-            is_at_rest = job.state not in ACTIVE and job.id not in live and job.id not in changing
-            if is_at_rest and found[job.id].count > LONG:
+                found[job.id] = _engine_sums(job, known)  # the engine's numbers are newer than the stored ones
+            is_at_rest = job.state not in ACTIVE_STATES and job.id not in live and job.id not in changing
+            if is_at_rest and found[job.id].count > MIN_CACHED_FRAMES:
                 _memory.put(job, found[job.id])
     return found
 
@@ -100,10 +102,10 @@ def live_numbers(job: Job, known: JobNumbers | None) -> JobNumbers | None:
     """Returns the engine's numbers of a shot, if it is rendering the current revision of the request; else None."""
     shot = Shot.of(job.shot)
     is_as_asked = known is not None and shot is not None and known.revision == shot.revision
-    return known if is_as_asked and known is not None and known.frames and job.state in ACTIVE else None
+    return known if is_as_asked and known is not None and known.frames and job.state in ACTIVE_STATES else None
 
 
-def _of_engine(job: Job, known: JobNumbers) -> ShotSums:
+def _engine_sums(job: Job, known: JobNumbers) -> ShotSums:
     first = next(iter(known.frames))
     shot = Shot.of(job.shot)
     text = shot.frames if shot is not None and shot.frames is not None else frames_text(map(frame_number, known.frames))
@@ -130,10 +132,10 @@ def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
     for job_id, number in session.execute(named):
         failed.setdefault(str(job_id), []).append(number)
     texts = _texts(jobs, session)
-    return {id: _added_up(texts[id], rows.get(id, []), first.get(id), failed.get(id, [])) for id in ids}
+    return {id: _sums_of_rows(texts[id], rows.get(id, []), first.get(id), failed.get(id, [])) for id in ids}
 
 
-def _added_up(frames: str, rows: list[Any], first: tuple[int, FrameNumbers] | None, failed: list[int]) -> ShotSums:
+def _sums_of_rows(frames: str, rows: list[Any], first: tuple[int, FrameNumbers] | None, failed: list[int]) -> ShotSums:
     if not rows:
         return ShotSums()
     able = [row for row in rows if row[0] != "failed"]

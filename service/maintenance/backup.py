@@ -43,8 +43,8 @@ __all__ = ["MANIFEST", "Manifest", "Report", "back_up"]
 MANIFEST = "manifest.json"
 DATABASE = "rayfarm.sqlite"
 SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret")
-BESIDE = ("snapshots", "logs-of-jobs")
-ROUNDS = 3
+OPTIONAL_FOLDERS = ("snapshots", "logs-of-jobs")
+MAX_ROUNDS = 3
 PATIENCE_S = 30.0
 
 Progress = Callable[[int, int, str], None]  # bytes copied, total bytes, and the kind of data being copied
@@ -107,13 +107,13 @@ def back_up(data: Path, target: Target, progress: Progress = lambda done, total,
     before, manifest = target.manifest(MANIFEST), Manifest(made=time.time())
     known = Manifest.of(before) if before else Manifest()
     run = _Run(data, target, known, manifest, progress)
-    for round in range(ROUNDS):
+    for round in range(MAX_ROUNDS):
         with run.database() as (blobs, films):
             missing = run.copy(blobs, films)
-        if not missing or round == ROUNDS - 1:
+        if not missing or round == MAX_ROUNDS - 1:
             break
     run.report.lacking = missing
-    run.copy_beside()
+    run.copy_optional_files()
     for name in SECRETS:
         if (data / name).is_file():
             run.keep(name, data / name)
@@ -162,7 +162,7 @@ class _Run:
                 missing.append(f"the upload or compiled scene {sha256[:12]} is not there")
             except Invalid as error:
                 missing.append(str(error))
-            self._advance(_size(path), total, "uploads and compiled scenes")
+            self._report_progress(_size(path), total, "uploads and compiled scenes")
         for job, path in sources.items():
             try:
                 self._film(job, path)
@@ -170,12 +170,12 @@ class _Run:
             except (FileNotFoundError, sqlite3.DatabaseError, FarmError) as error:
                 why = "is not there" if isinstance(error, FileNotFoundError) else f"cannot be read ({error})"
                 missing.append(f"the film of job {job} {why}; a restored farm renders it again")
-            self._advance(_size(path), total, "films")
+            self._report_progress(_size(path), total, "films")
         return missing
 
-    def copy_beside(self) -> None:
+    def copy_optional_files(self) -> None:
         """Copies the optional files (logs and snapshots) as they are now. Skips files that are deleted meanwhile."""
-        for folder in BESIDE:
+        for folder in OPTIONAL_FOLDERS:
             for path in sorted((self.data / folder).rglob("[!.]*")):
                 with suppress(FileNotFoundError), self.target.scratch() as scratch:
                     if path.is_file():
@@ -191,7 +191,7 @@ class _Run:
 
     def _blob(self, sha256: str, path: Path) -> None:
         name = f"blobs/{sha256[:2]}/{sha256}"
-        if self.target.has(name, _must_be(path)):
+        if self.target.has(name, _required_size(path)):
             self.report.unchanged += 1
         else:
             if _hash(path)[1] != sha256:
@@ -208,7 +208,7 @@ class _Run:
 
     def _film(self, job: str, path: Path) -> None:
         name = f"films/{job}.sqlite"
-        stamp = _stamp(path)  # taken before the copy, so that later writes change it
+        stamp = _change_stamp(path)  # taken before the copy, so that later writes change it
         if self.known.stamps.get(name) == stamp and name in self.known.files and self.target.has(name, self.known.files[name][0]):
             self.manifest.files[name] = self.known.files[name]
             self.report.unchanged += 1
@@ -219,21 +219,21 @@ class _Run:
                 self.keep(name, copy)
         self.manifest.stamps[name] = stamp
 
-    def _advance(self, size: int, total: int, what: str) -> None:
+    def _report_progress(self, size: int, total: int, what: str) -> None:
         self._done += size
         self.progress(self._done, max(total, self._done, 1), what)
 
 
 def _snapshot(source: Path, copy: Path) -> None:
     """Copies an SQLite database in one read transaction. In WAL mode other processes can write meanwhile."""
-    _must_be(source)
+    _required_size(source)
     uri = f"{source.resolve().as_uri()}?mode=rw"
     with closing(sqlite3.connect(uri, uri=True, timeout=PATIENCE_S)) as a, closing(sqlite3.connect(copy)) as b:
         a.backup(b, pages=-1)
         b.execute("PRAGMA journal_mode=DELETE")  # a single file without a WAL
 
 
-def _must_be(path: Path) -> int:
+def _required_size(path: Path) -> int:
     return path.stat().st_size
 
 
@@ -244,7 +244,7 @@ def _size(path: Path) -> int:
         return 0
 
 
-def _stamp(path: Path) -> list[int]:
+def _change_stamp(path: Path) -> list[int]:
     stamp = [path.stat().st_size, path.stat().st_mtime_ns]
     log = path.with_name(path.name + "-wal")
     return [*stamp, log.stat().st_size, log.stat().st_mtime_ns] if log.exists() else stamp

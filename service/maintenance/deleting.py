@@ -15,7 +15,7 @@ from service.store import frame_changes
 from service.store.database import Sessions
 from service.store.frame_changes import AT_A_TIME, NO_SYNCHRONIZE, FrameChanges, Step
 from service.store.garbage import Garbage
-from service.store.models import ACTIVE, Frame, Job, blobs_of
+from service.store.models import ACTIVE_STATES, Frame, Job, blobs_of
 from service.store.reserve import Reserve
 
 __all__ = ["DeletedJob", "JobDeleter"]
@@ -37,7 +37,7 @@ class JobDeleter:
         self._garbage = garbage
         self._reserve = reserve
         self._events = events
-        self.frames = FrameChanges(sessions, events, self._forget_one)
+        self.frames = FrameChanges(sessions, events, self._delete_job)
 
     def delete(self, ids: Sequence[str]) -> list[DeletedJob]:
         """Deletes jobs with their films, and stops those that are being rendered. Returns the jobs that existed.
@@ -48,7 +48,7 @@ class JobDeleter:
         for job in long:
             self._events.publish(RowWritten("job", job))
             self.frames.drop_frames(job)
-        return [long.get(each.id, each) for each in self._forget(ids)]
+        return [long.get(each.id, each) for each in self._delete_jobs(ids)]
 
     def _mark_long_shots(self, ids: Sequence[str]) -> dict[str, DeletedJob]:
         """Cancels the long shots among these jobs, and marks their frames to be deleted in several transactions.
@@ -65,18 +65,18 @@ class JobDeleter:
                 for job in _rows(many, session):
                     found[job.id] = DeletedJob(job.id, job.state, job.priority)
                     record_spent_samples([job], session)
-                    if job.state in ACTIVE:
+                    if job.state in ACTIVE_STATES:
                         job.state, job.finished = "cancelled", time.time()
-                    frame_changes.begin(job.id, [Step("drop")], session)
+                    frame_changes.record_steps(job.id, [Step("drop")], session)
 
         if many:
-            self._reserve.spend_on(write)
+            self._reserve.run_deletion(write)
         return found
 
-    def _forget_one(self, job: str) -> None:
-        self._forget([job])
+    def _delete_job(self, job: str) -> None:
+        self._delete_jobs([job])
 
-    def _forget(self, ids: Sequence[str]) -> list[DeletedJob]:
+    def _delete_jobs(self, ids: Sequence[str]) -> list[DeletedJob]:
         deleted: list[DeletedJob] = []
 
         def forget(session: Session) -> set[str]:
@@ -91,7 +91,7 @@ class JobDeleter:
             session.execute(delete(Job).where(Job.id.in_(ids)), execution_options=NO_SYNCHRONIZE)
             return own
 
-        self._reserve.spend_on(lambda: self._garbage.collect(forget))
+        self._reserve.run_deletion(lambda: self._garbage.collect(forget))
         for each in deleted:
             self._events.publish(RowWritten("job", each.id))  # the engine then deletes the film once it is unused
         return deleted

@@ -33,7 +33,7 @@ NAMES = re.compile(
 )
 
 
-Opener = Callable[[], BinaryIO]
+OpenFile = Callable[[], BinaryIO]
 
 
 def restore(source: Path, data: Path, progress: Progress = lambda done, total, what: None) -> Manifest:
@@ -53,7 +53,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
     shutil.rmtree(part, ignore_errors=True)
     make_private(part)
     try:
-        with _opened(source) as (total, files):
+        with _opened_backup(source) as (total, files):
             hashes, text = _copy(files, part, total, progress)
         if text is None:
             raise Invalid(
@@ -86,7 +86,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
                 )
         for name in hashes.keys() - manifest.files.keys():
             (part / name).unlink()
-        _forget_who_was_in(part / "rayfarm.sqlite")
+        _delete_sessions(part / "rayfarm.sqlite")
         with suppress(FileNotFoundError):
             data.rmdir()
         part.rename(data)
@@ -95,7 +95,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
     return manifest
 
 
-def _forget_who_was_in(database: Path) -> None:
+def _delete_sessions(database: Path) -> None:
     """Deletes all sessions and login links, since they may have been revoked after the backup. Users have to log in again."""
     if not database.exists():
         return
@@ -105,7 +105,7 @@ def _forget_who_was_in(database: Path) -> None:
 
 
 def _copy(
-    files: Iterator[tuple[str, int, Opener]], folder: Path, total: int, progress: Progress
+    files: Iterator[tuple[str, int, OpenFile]], folder: Path, total: int, progress: Progress
 ) -> tuple[dict[str, str], bytes | None]:
     """Copies files into a folder. Returns their SHA-256 hashes by name, and the content of the manifest (None if absent)."""
     hashes: dict[str, str] = {}
@@ -130,7 +130,7 @@ def _copy(
     return hashes, manifest
 
 
-def _write(opened: Opener, path: Path) -> str:
+def _write(opened: OpenFile, path: Path) -> str:
     make_private(path.parent)
     found = hashlib.sha256()
     with opened() as source, path.open("wb") as file:
@@ -142,7 +142,7 @@ def _write(opened: Opener, path: Path) -> str:
 
 
 @contextmanager
-def _opened(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, Opener]]]]:
+def _opened_backup(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, OpenFile]]]]:
     """Context manager that opens a backup: a folder or a tar file.
 
     Yields its size in bytes, and an iterator of its files: name, size, and a function that opens the file.
@@ -177,7 +177,7 @@ def _opened(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, Opener
         ) from error
 
 
-def _members(tar: tarfile.TarFile) -> Iterator[tuple[str, int, Opener]]:
+def _members(tar: tarfile.TarFile) -> Iterator[tuple[str, int, OpenFile]]:
     for member in tar:
         if not member.isfile():
             raise Invalid(

@@ -28,15 +28,15 @@ from service.store.database import Sessions
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
 from service.store.garbage import Garbage
-from service.store.models import ACTIVE, FINAL, Job, Scene
+from service.store.models import ACTIVE_STATES, FINAL_STATES, Job, Scene
 from service.store.reserve import Reserve
 
 __all__ = ["Item", "Retention", "Rules", "Run", "WallClock"]
 
 DAY_S = 86400.0
 EVERY_S = 3600.0
-FIRST_S = 600.0  # seconds after the start, since the clock of a machine may be wrong after power-on
-MOST_JUMP_S = 600.0
+FIRST_RUN_AFTER_S = 600.0  # seconds after the start, since the clock of a machine may be wrong after power-on
+MAX_CLOCK_JUMP_S = 600.0
 
 log = logging.getLogger(__name__)
 
@@ -136,10 +136,10 @@ class Retention:
                 thread.join(5)
 
     def _run(self) -> None:
-        pause_s, clock = FIRST_S, WallClock()
+        pause_s, clock = FIRST_RUN_AFTER_S, WallClock()
         while not self._stopping.wait(pause_s):
             pause_s = EVERY_S
-            if (ahead_s := clock.jumped_s()) > MOST_JUMP_S:
+            if (ahead_s := clock.jumped_s()) > MAX_CLOCK_JUMP_S:
                 log.warning("the clock was put forward by %.0f s: nothing goes by its age for an hour. Is it right?", ahead_s)
                 continue
             try:
@@ -211,7 +211,7 @@ class Retention:
         too_much = sum(size for *_, size in sizes) - rules.films_bytes if rules.films_bytes is not None else 0
         found = []
         for id, name, since, pinned, state, size in sizes:
-            if pinned or state not in FINAL or not size:
+            if pinned or state not in FINAL_STATES or not size:
                 continue
             age = now - since
             if rules.films_days is not None and age > rules.films_days * DAY_S:
@@ -226,7 +226,7 @@ class Retention:
     def _unused(self, session: Session, rules: Rules, now: float) -> list[Item]:
         if rules.compiled_days is None and rules.uploads_days is None:
             return []
-        needed = _needed(session)
+        needed = _needed_scenes(session)
         last = func.max(func.coalesce(Job.finished, Job.created))
         used: dict[str, float] = {scene: at for scene, at in session.execute(select(Job.scene, last).group_by(Job.scene))}  # noqa: C416 - typed
         found = []
@@ -246,7 +246,7 @@ class Retention:
         def forget() -> bool:
             with self._sessions.begin() as session:
                 job = session.get(Job, item.id, with_for_update=True)
-                if job is None or job.state not in FINAL or job.pinned:
+                if job is None or job.state not in FINAL_STATES or job.pinned:
                     return False
                 if job.state == "finished":
                     job.state = "cancelled"
@@ -259,7 +259,7 @@ class Retention:
                 self._films.delete(item.id)  # within the transaction, which blocks a concurrent change to running
             return True
 
-        done = self._reserve.spend_on(forget)
+        done = self._reserve.run_deletion(forget)
         self._events.publish(RowWritten("job", item.id))
         return done
 
@@ -268,14 +268,14 @@ class Retention:
 
         def forget(session: Session) -> set[str]:
             scene = session.get(Scene, item.id, with_for_update=True)
-            if scene is None or scene.status != "ready" or scene.id in _needed(session):
+            if scene is None or scene.status != "ready" or scene.id in _needed_scenes(session):
                 return set()
             before = scene.blobs
             scene.compiled = {}
             done.append(item)
             return before - scene.blobs
 
-        self._reserve.spend_on(lambda: self._garbage.collect(forget))
+        self._reserve.run_deletion(lambda: self._garbage.collect(forget))
         self._events.publish(RowWritten("scene", item.id))
         return bool(done)
 
@@ -284,7 +284,7 @@ class Retention:
 
         def forget(session: Session) -> set[str]:
             gone.clear()
-            if item.id in _needed(session):
+            if item.id in _needed_scenes(session):
                 return set()
             blobs: set[str] = set()
             for scene in session.scalars(select(Scene).where(or_(Scene.id == item.id, Scene.of == item.id))):
@@ -293,15 +293,15 @@ class Retention:
                 session.delete(scene)
             return blobs
 
-        self._reserve.spend_on(lambda: self._garbage.collect(forget))
+        self._reserve.run_deletion(lambda: self._garbage.collect(forget))
         for scene in gone:
             self._events.publish(RowWritten("scene", scene))
         return bool(gone)
 
 
-def _needed(session: Session) -> set[str]:
+def _needed_scenes(session: Session) -> set[str]:
     """Returns the ids of the scenes that unfinished or pinned jobs need."""
-    rows = session.execute(select(Job.scene, Job.lit).where(or_(Job.state.in_(ACTIVE), Job.pinned)))
+    rows = session.execute(select(Job.scene, Job.lit).where(or_(Job.state.in_(ACTIVE_STATES), Job.pinned)))
     return {id for row in rows for id in row if id is not None}
 
 

@@ -26,22 +26,22 @@ from renderer.frames import frame_number, frames_text
 from renderer.settings import MAX_SPP, RenderSettings
 from service.errors import FarmError
 from service.scheduling.jobs.history import History
-from service.scheduling.jobs.plan import FIRST_CHECK
-from service.scheduling.jobs.shot_changes import NOISIEST
-from service.scheduling.snapshot import SnapshotBoard
+from service.scheduling.jobs.plan import FIRST_CHECK_SAMPLES
+from service.scheduling.jobs.shot_changes import NOISIEST_FIRST
+from service.scheduling.snapshot import SnapshotHolder
 from service.shot import Shot
 from service.store.database import Sessions
-from service.store.disk_space import need_room
+from service.store.disk_space import check_free_space
 from service.store.film_store import FilmStore
 from service.store.models import Frame, Job
 
-__all__ = ["Begun", "SampleReuse"]
+__all__ = ["InitialValues", "SampleReuse"]
 
-LOOKED_AT = 32  # latest jobs of a picture to examine
-RESTS = ("finished", "cancelled")
+MAX_EXAMINED_JOBS = 32  # latest jobs of a picture to examine
+ENDED_STATES = ("finished", "cancelled")
 PATIENCE_S = 20.0  # seconds for copying during a request; the remaining frames are rendered
 
-Begun = Mapping[int, Mapping[str, Any]]  # by frame key: initial values of the frame's columns
+InitialValues = Mapping[int, Mapping[str, Any]]  # by frame key: initial values of the frame's columns
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ class _ReusableJob:
 class SampleReuse:
     """Copies films of earlier jobs to new ones. Thread-safe."""
 
-    def __init__(self, sessions: Sessions, films: FilmStore, board: SnapshotBoard, data: Path, min_free_bytes: int) -> None:
+    def __init__(self, sessions: Sessions, films: FilmStore, board: SnapshotHolder, data: Path, min_free_bytes: int) -> None:
         """Stores the parameters. data: folder of the films; `min_free_bytes` of its disk remain free."""
         self._sessions = sessions
         self._films = films
@@ -71,20 +71,20 @@ class SampleReuse:
         self._data = data
         self._min_free_bytes = min_free_bytes
 
-    def begin(self, job: Job, keys: Collection[int] = (0,)) -> Begun:
+    def begin(self, job: Job, keys: Collection[int] = (0,)) -> InitialValues:
         """Creates the film of a new job from films of earlier jobs, and updates the job's row, which is not stored yet.
 
         keys: frame keys of the new job. Returns the initial columns of the frames with reused samples, by frame key; empty if
         there are none or the job's settings are not known yet. The caller deletes the film if it does not store the job.
         """
         shot = Shot.of(job.shot)
-        is_laid_out = shot is not None and shot.order == NOISIEST
+        is_laid_out = shot is not None and shot.order == NOISIEST_FIRST
         if job.picture is None or job.settings is None or job.tile_size is None or job.seconds is not None or is_laid_out:
             return {}
         sources = self._sources(job, set(keys))
         while sources:
             try:
-                taken = self._take(job, sources)
+                taken = self._copy_best_samples(job, sources)
             except FarmError as error:
                 log.info("nothing is taken for job %s: %s", job.id, error)
                 return {}
@@ -92,12 +92,12 @@ class SampleReuse:
                 return {}
             changed = [id for id in {id for id, _ in taken.values()} if not self._is_unchanged(sources[id])]
             if not changed:
-                return self._note(job, sources, taken)
+                return self._initial_values(job, sources, taken)
             self._films.delete(job.id)  # those jobs continued meanwhile, perhaps with another goal
             sources = {id: source for id, source in sources.items() if id not in changed}
         return {}
 
-    def _take(self, job: Job, sources: Mapping[str, _ReusableJob]) -> dict[int, tuple[str, int]]:
+    def _copy_best_samples(self, job: Job, sources: Mapping[str, _ReusableJob]) -> dict[int, tuple[str, int]]:
         """Copies each frame from the job with most samples of it. Returns job id and sample count by frame key.
 
         Raises FarmError.
@@ -118,7 +118,7 @@ class SampleReuse:
                 for id in sorted(having, key=lambda id: -sources[id].samples[key]):
                     try:
                         if id not in fitting:
-                            need_room(self._data, self._min_free_bytes + self._films.size(id))
+                            check_free_space(self._data, self._min_free_bytes + self._films.size(id))
                             fitting.add(id)
                         had = take(id, [key], job.spp or MAX_SPP)
                     except FarmError as error:
@@ -135,7 +135,10 @@ class SampleReuse:
         kinds = {report.kind for report in self._board.roster.reports.values()}
         with self._sessions() as session:
             jobs = session.scalars(
-                select(Job).where(Job.picture == job.picture, Job.state.in_(RESTS)).order_by(Job.created.desc()).limit(LOOKED_AT)
+                select(Job)
+                .where(Job.picture == job.picture, Job.state.in_(ENDED_STATES))
+                .order_by(Job.created.desc())
+                .limit(MAX_EXAMINED_JOBS)
             )
             able = [
                 each
@@ -158,7 +161,9 @@ class SampleReuse:
             job = session.get(Job, source.job.id)
         return job is not None and _ReusableJob(job, {}).end == source.end
 
-    def _note(self, job: Job, sources: Mapping[str, _ReusableJob], taken: Mapping[int, tuple[str, int]]) -> Begun:
+    def _initial_values(
+        self, job: Job, sources: Mapping[str, _ReusableJob], taken: Mapping[int, tuple[str, int]]
+    ) -> InitialValues:
         settings = job.settings or {}
         samples_of: dict[str, int] = defaultdict(int)
         for id, samples in taken.values():
@@ -200,7 +205,7 @@ def _is_part(source: Job, job: Job) -> bool:
     """Whether the samples that job `source` has rendered are a subset of those that `job` requires."""
     if source.noise is None and source.seconds is None and (source.spp or 0) > (job.spp or MAX_SPP):
         return False  # decided without reading its film
-    if job.noise is None or (source.spp or MAX_SPP) <= FIRST_CHECK:
+    if job.noise is None or (source.spp or MAX_SPP) <= FIRST_CHECK_SAMPLES:
         return True
     # Both check the noise at the same sample counts, so a tile that continues at a coarser target also continues at a finer one.
     return source.seconds is None and source.noise is not None and source.noise >= job.noise

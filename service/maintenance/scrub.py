@@ -31,10 +31,10 @@ from service.store.models import Frame, Job, Scene
 
 __all__ = ["Scrubber", "check_film"]
 
-RESTS = 19  # multiple of the check's duration
-REST_AT_MOST_S = 60.0
-IDLE_S = 600.0  # seconds between searches for due films
-LATER_S = 3600.0  # seconds until a film that could not be read is tried again
+PAUSE_FACTOR = 19  # multiple of the check's duration
+MAX_PAUSE_S = 60.0
+SEARCH_EVERY_S = 600.0  # seconds between searches for due films
+RETRY_AFTER_S = 3600.0  # seconds until a film that could not be read is tried again
 TRIES = 3  # repairs of a job's film per run of the service: rendering cannot repair a failing disk
 DAY_S = 86400.0
 
@@ -64,7 +64,7 @@ def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: 
 
 
 class Scrubber:
-    """Checks films in a thread. `FilmSuspected` events trigger an immediate check. `suspect` is thread-safe."""
+    """Checks films in a thread. `FilmSuspected` events trigger an immediate check. `check_first` is thread-safe."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class Scrubber:
         self._films = films
         self._prepare = prepare
         self._events = events
-        events.subscribe(FilmSuspected, lambda event: self.suspect(event.job))
+        events.subscribe(FilmSuspected, lambda event: self.check_first(event.job))
         self._every_s = every_days * DAY_S
         self._suspects: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._waiting: set[str] = set()  # elements of the queue
@@ -103,7 +103,7 @@ class Scrubber:
         if self._thread.is_alive():
             self._thread.join(5)
 
-    def suspect(self, job: str) -> None:
+    def check_first(self, job: str) -> None:
         """Puts a job's film at the front of the films to check."""
         if self._every_s > 0 and job not in self._waiting:
             self._waiting.add(job)
@@ -117,12 +117,12 @@ class Scrubber:
             is_suspect = job is not None
             began = time.monotonic()
             if job is None and not self._stopping.is_set():
-                job = self._guarded(self._oldest)
+                job = self._guarded(self._longest_due)
             if job is None or self._stopping.is_set():
-                rest_s = IDLE_S
+                rest_s = SEARCH_EVERY_S
                 continue
-            self._guarded(lambda job=job: self._look(job))  # type: ignore[misc]
-            rest_s = 0.0 if is_suspect else min(RESTS * (time.monotonic() - began), REST_AT_MOST_S)
+            self._guarded(lambda job=job: self._check_due_film(job))  # type: ignore[misc]
+            rest_s = 0.0 if is_suspect else min(PAUSE_FACTOR * (time.monotonic() - began), MAX_PAUSE_S)
 
     def _next_suspect(self, timeout_s: float) -> str | None:
         try:
@@ -153,9 +153,9 @@ class Scrubber:
             if self._stopping.is_set():
                 return
             if not self._films.size(job):
-                self.suspect(job)
+                self.check_first(job)
 
-    def _oldest(self) -> str | None:
+    def _longest_due(self) -> str | None:
         """Returns the id of the finished job whose check is longest overdue; None if no check is due."""
         due = time.time() - self._every_s
         with self._sessions() as session:
@@ -164,7 +164,7 @@ class Scrubber:
                     return found
         return None
 
-    def _look(self, id: str) -> None:
+    def _check_due_film(self, id: str) -> None:
         with self._sessions() as session:
             job = session.get(Job, id)
             frames = session.scalars(select(Frame).where(Frame.job == id)).all() if job is not None else ()
@@ -172,13 +172,13 @@ class Scrubber:
             return
         again_s = self._every_s
         try:
-            if _is_at_rest(job):
+            if _is_ended(job):
                 self._check(job, {frame.number: frame.samples for frame in frames})
         except SettingsError:
             pass  # of another release, whose settings cannot be interpreted
         except FarmError as error:  # the film is held, the disk full, the database away
             log.warning("the film of %s is checked later: %s", id, error)
-            again_s = min(again_s, LATER_S)
+            again_s = min(again_s, RETRY_AFTER_S)
         with self._sessions.begin() as session:
             session.execute(update(Job).where(Job.id == id).values(checked=time.time() - self._every_s + again_s))
 
@@ -195,12 +195,12 @@ class Scrubber:
         if self._tries[job.id] > TRIES:
             return
         assert job.tile_size is not None
-        self._films.heal(job.id, settings, job.tile_size)
+        self._films.delete_damaged(job.id, settings, job.tile_size)
         is_anew = self._films.open(job.id, settings, job.tile_size).is_empty
         self._prepare(job.id)
         with self._sessions.begin() as session:
             row = session.get(Job, job.id, with_for_update=True)
-            if row is None or not _is_at_rest(row):
+            if row is None or not _is_ended(row):
                 return
             if session.get(Scene, row.stage) is None:
                 row.error = Sentence(
@@ -218,7 +218,7 @@ class Scrubber:
         self._events.publish(RowWritten("job", job.id))
 
 
-def _is_at_rest(job: Job) -> bool:
+def _is_ended(job: Job) -> bool:
     """Whether a job's film is not being changed: the job is finished, or failed because its film was damaged."""
     is_over = job.state == "finished" or (job.state == "failed" and FILM in (job.error or ""))
     return is_over and job.settings is not None and job.tile_size is not None

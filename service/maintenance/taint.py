@@ -17,26 +17,26 @@ from sqlalchemy import select
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import FarmError
-from service.events import Events, RowWritten, WorkerSetAside
+from service.events import Events, RowWritten, WorkerQuarantined
 from service.store.database import Sessions
 from service.store.film_store import FilmStore
-from service.store.models import FINAL, Job
+from service.store.models import FINAL_STATES, Job
 
 __all__ = ["TaintMarker"]
 
-RESTS = 4  # multiple of the search's duration
+PAUSE_FACTOR = 4  # multiple of the search's duration
 
 log = logging.getLogger(__name__)
 
 
 class TaintMarker:
-    """Searches films in a thread, triggered by `WorkerSetAside` events."""
+    """Searches films in a thread, triggered by `WorkerQuarantined` events."""
 
     def __init__(self, sessions: Sessions, films: FilmStore, events: Events) -> None:
         self._sessions = sessions
         self._films = films
         self._events = events
-        events.subscribe(WorkerSetAside, lambda event: self._wanted.put(event.worker))
+        events.subscribe(WorkerQuarantined, lambda event: self._wanted.put(event.worker))
         self._wanted: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="taint", daemon=True)
@@ -63,7 +63,7 @@ class TaintMarker:
 
     def _mark(self, worker: str) -> None:
         with self._sessions() as session:
-            finished = select(Job.id).where(Job.state.in_(FINAL), Job.kind.is_not(None)).order_by(Job.created.desc())
+            finished = select(Job.id).where(Job.state.in_(FINAL_STATES), Job.kind.is_not(None)).order_by(Job.created.desc())
             jobs = list(session.scalars(finished))
         found = 0
         for id in jobs:
@@ -72,7 +72,7 @@ class TaintMarker:
                 found += self._mark_job(id, worker)
             except FarmError as error:
                 log.warning("the film of %s could not be searched for samples of %s: %s", id, worker, error)
-            if self._stopping.wait(RESTS * (time.monotonic() - began)):
+            if self._stopping.wait(PAUSE_FACTOR * (time.monotonic() - began)):
                 return
         log.info("%d finished jobs have samples of %s", found, worker)
 
@@ -95,7 +95,7 @@ class TaintMarker:
             return False
         with self._sessions.begin() as session:
             row = session.get(Job, id, with_for_update=True)
-            if row is None or row.state not in FINAL:
+            if row is None or row.state not in FINAL_STATES:
                 return False  # it continues, and trust.py removes the samples
             row.doubted = sorted({worker, *(row.doubted or ())})
         self._events.publish(RowWritten("job", id))

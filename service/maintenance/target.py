@@ -15,7 +15,7 @@ from typing import Protocol
 
 from renderer.sentences import Sentence
 from service.errors import Invalid
-from service.store.atomic_files import PRIVATE, PRIVATE_FOLDER, make_private, move_whole, write_whole
+from service.store.atomic_files import PRIVATE, PRIVATE_FOLDER, make_private, rename_synced, write_atomically
 
 __all__ = ["ARCHIVES", "FolderTarget", "TarTarget", "Target", "target_at"]
 
@@ -84,11 +84,11 @@ class FolderTarget:
         make_private(target.parent)
         shutil.copyfile(path, part)
         part.chmod(PRIVATE)
-        move_whole(part, target)
+        rename_synced(part, target)
 
     def write(self, name: str, data: bytes) -> None:
         """See Target."""
-        write_whole(self._folder / name, data)
+        write_atomically(self._folder / name, data)
 
     def prune(self, keep: set[str]) -> None:
         """See Target."""
@@ -142,7 +142,7 @@ class TarTarget:
         """See Target. Closes the tar file and moves it to its final name; there are no previous files to delete."""
         self._tar.close()
         self._file.close()
-        move_whole(self._part, self._path)
+        rename_synced(self._part, self._path)
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:

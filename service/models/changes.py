@@ -24,7 +24,7 @@ class ChangesIn(Strict):
     of: list[JobState] | None = Field(None, description="only those of them that are in one of these states")
 
     @model_validator(mode="after")
-    def _says_something(self) -> ChangesIn:
+    def _has_a_change(self) -> ChangesIn:
         if self.state is None and self.priority is None:
             raise ValueError("say what is to change: give state or priority")
         return self

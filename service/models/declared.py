@@ -37,7 +37,7 @@ def _field(each: DeclaredSetting, of_scene: bool) -> tuple[Any, Any]:
     number: Any = Annotated[each.number, Field(ge=each.lowest, le=each.setting.high, allow_inf_nan=False)]
     kind: Any = tuple[number, number, number] if each.kind is tuple else number
     names: list[Any] = list(each.setting.choices or ())
-    kind = Annotated[str if names else kind, AfterValidator(_checked(each))]
+    kind = Annotated[str if names else kind, AfterValidator(_validator(each))]
     default: Any = ... if each.default is MISSING else each.default
     if of_scene or each.optional:
         kind, default = kind | None, None
@@ -45,7 +45,7 @@ def _field(each: DeclaredSetting, of_scene: bool) -> tuple[Any, Any]:
     return kind, Field(default, description=sentences(each), json_schema_extra={"enum": names} if names else None)
 
 
-def _checked(each: DeclaredSetting) -> Callable[[Any], Any]:
+def _validator(each: DeclaredSetting) -> Callable[[Any], Any]:
     def check(value: Any) -> Any:
         try:
             return each.check(value)

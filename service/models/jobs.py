@@ -71,7 +71,7 @@ class ViewModel(Strict):
     """A camera in world space; lengths in the scene's unit."""
 
     @model_validator(mode="after")
-    def _possible(self) -> ViewModel:
+    def _is_valid_view(self) -> ViewModel:
         try:
             View(**dict(self))
         except SettingsError as error:
@@ -100,13 +100,13 @@ class EnvironmentIn(Strict):
 
     @field_validator("preset")
     @classmethod
-    def _known(cls, value: str | None) -> str | None:
+    def _is_known_preset(cls, value: str | None) -> str | None:
         if value is not None and value not in PRESETS:
             raise ValueError(f"there is no preset {value[:60]!r}; known are {', '.join(PRESETS)}")
         return value
 
     @model_validator(mode="after")
-    def _one(self) -> EnvironmentIn:
+    def _has_one_source(self) -> EnvironmentIn:
         given = [name for name in ("color", "sky", "image", "preset") if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(f"give either {' or '.join(given)}, not both")
@@ -168,7 +168,7 @@ class JobIn(QueueIn):
 
     @field_validator("name")
     @classmethod
-    def _plain(cls, value: str | None) -> str | None:
+    def _is_plain_name(cls, value: str | None) -> str | None:
         return None if value is None else _plain_text(value, "name")
 
     @field_validator("frames")

@@ -18,9 +18,9 @@ __all__ = [
     "WaitOut",
 ]
 
-MOST_BEFORE = 1000
+MAX_DEPENDENCIES = 1000
 
-JobIds = Annotated[list[Annotated[str, Field(max_length=100)]], Field(max_length=MOST_BEFORE)]
+JobIds = Annotated[list[Annotated[str, Field(max_length=100)]], Field(max_length=MAX_DEPENDENCIES)]
 
 
 MaxSlots = Annotated[int | None, Field(ge=1, le=1_000_000, description="slots that render it at a time, at most; null: no limit")]
@@ -42,15 +42,15 @@ Deadline = Annotated[
 ]
 
 
-def _possible(texts: list[str]) -> list[str]:
+def _parse_needs(texts: list[str]) -> list[str]:
     Needs.parse(texts)
     return texts
 
 
-Wants = Annotated[
+Requirements = Annotated[
     list[Annotated[str, Field(max_length=100)]],
     Field(max_length=50, description="of the workers that render it: tags, as gpu, and memory_gb=32; [] for any worker"),
-    AfterValidator(_possible),
+    AfterValidator(_parse_needs),
 ]
 
 
@@ -64,7 +64,7 @@ class QueueIn(Strict):
 
     max_slots: MaxSlots = None
     deadline: Deadline = None
-    needs: Wants = Field([])
+    needs: Requirements = Field([])
 
 
 class QueuePatch(Strict):
@@ -72,7 +72,7 @@ class QueuePatch(Strict):
 
     max_slots: MaxSlots = None
     deadline: Deadline = None
-    needs: Wants | None = None
+    needs: Requirements | None = None
     after: JobIds | None = Field(None, description="which of the jobs that it waits for it is to wait for on; []: none of them")
 
 

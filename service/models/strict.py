@@ -16,7 +16,7 @@ class Strict(BaseModel):
 
     @field_validator("*", mode="before")
     @classmethod
-    def _no_truth(cls, value: Any, field: ValidationInfo) -> Any:
+    def _reject_booleans(cls, value: Any, field: ValidationInfo) -> Any:
         """Rejects booleans for numeric fields, where Pydantic would otherwise convert them to 0 and 1."""
         if field.field_name is not None and cls.model_fields[field.field_name].annotation in (bool, bool | None):
             return value

@@ -17,13 +17,13 @@ from service.scheduling.snapshot import Snapshot
 __all__ = ["WorkerOut", "WorkerPatch", "worker_out"]
 
 
-def _possible(text: str | None) -> str | None:
+def _valid_hours(text: str | None) -> str | None:
     if text:
         Hours.parse(text)
     return text
 
 
-Week = Annotated[str | None, Field(max_length=500), AfterValidator(_possible)]
+Week = Annotated[str | None, Field(max_length=500), AfterValidator(_valid_hours)]
 
 
 class WorkerPatch(Strict):

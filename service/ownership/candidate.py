@@ -17,14 +17,14 @@ from collections.abc import Callable
 from sqlalchemy import inspect
 from sqlalchemy.exc import DatabaseError
 
-from service.errors import CannotStart, Unavailable
+from service.errors import StartupError, Unavailable
 from service.ownership import rows
 from service.ownership.folder_lock import FolderLock
 from service.ownership.owner_timeout import OwnerTimeout
-from service.ownership.ownership import LOOK_EVERY_S, Ownership
-from service.ownership.process import end, is_gone, is_stopped, this_process
+from service.ownership.ownership import CHECK_EVERY_S, Ownership
+from service.ownership.process import is_gone, is_stopped, kill_process, this_process
 from service.settings import Settings
-from service.store.database import Sessions, faults, open_database
+from service.store.database import Sessions, open_database, translated_faults
 from service.store.models import Owner
 from service.store.reserve import Reserve
 from service.store.upgrade import refuse_newer, upgrade
@@ -64,18 +64,18 @@ class Candidate:
         Raises Unavailable and CannotStart.
         """
         has_lock = self._lock.attempt()
-        if self._clock() < self._looks_at and not (has_lock and self._may_be_dead()):
+        if self._clock() < self._looks_at and not (has_lock and self._lock_proves_death()):
             self._lock.release()
             return None
-        self._looks_at = self._clock() + LOOK_EVERY_S
+        self._looks_at = self._clock() + CHECK_EVERY_S
         try:
             # On a full disk the reserve lets a restarted service record its ownership, without which nothing could be deleted.
             # With the folder's lock, no other service uses the reserve.
-            epoch = self._reserve.spend_on(lambda: self._asked_for_epoch(True)) if has_lock else self._asked_for_epoch(False)
+            epoch = self._reserve.run_deletion(lambda: self._guarded_epoch(True)) if has_lock else self._guarded_epoch(False)
         except BaseException as error:
             self._lock.release()
             if isinstance(error, DatabaseError) and _is_damage(error):
-                raise CannotStart(
+                raise StartupError(
                     f"The database is damaged ({error.orig}). `rayfarm doctor --data {self._settings.data}` says more; "
                     "`rayfarm restore` makes a new folder of a backup."
                 ) from error
@@ -90,19 +90,19 @@ class Candidate:
         self._lock.release()
         self._engine.dispose()
 
-    def _may_be_dead(self) -> bool:
+    def _lock_proves_death(self) -> bool:
         """Whether the owner held the folder's lock, so that a free lock shows that it is dead.
 
         True until the row was first read.
         """
         return self.known is None or self.known.locked
 
-    def _asked_for_epoch(self, has_lock: bool) -> int | None:
-        with faults():
-            return self._epoch(has_lock)
+    def _guarded_epoch(self, has_lock: bool) -> int | None:
+        with translated_faults():
+            return self._try_for_epoch(has_lock)
 
-    def _epoch(self, has_lock: bool) -> int | None:
-        if not self._is_made():
+    def _try_for_epoch(self, has_lock: bool) -> int | None:
+        if not self._has_owner_table():
             if not has_lock:
                 return None  # the owner's release uses only the folder's lock
             upgrade(self._engine)
@@ -117,7 +117,7 @@ class Candidate:
             upgrade(self._engine)
         return epoch
 
-    def _is_made(self) -> bool:
+    def _has_owner_table(self) -> bool:
         self._has_table = self._has_table or inspect(self._engine).has_table(Owner.__tablename__)
         return self._has_table
 
@@ -126,28 +126,28 @@ class Candidate:
         is_of_this_folder = row.folder == self._me.folder or not self._settings.database_url
         if row.owner is None or (has_lock and row.locked and is_of_this_folder) or is_gone(row.process):
             return True
-        if self._silence.is_broken(row):
+        if self._silence.is_request_due(row):
             if not is_of_this_folder and self._silence.has_answered(row):
-                raise CannotStart(
+                raise StartupError(
                     f"Another service ({row.place}) works with this database, and its films lie in another folder. Give "
                     "this one the same folder (RAYFARM_DATA), or a database of its own (RAYFARM_DATABASE_URL)."
                 )
-            self._ask(row)
-        return self._silence.is_too_long
+            self._request_answer(row)
+        return self._silence.has_expired
 
-    def _ask(self, row: Owner) -> None:
+    def _request_answer(self, row: Owner) -> None:
         try:
             self._silence.asked(row.epoch, rows.request_answer(self._sessions, self._me.place))
         except Unavailable:
-            self._free_the_database(row)
+            self._kill_stopped_lock_holder(row)
             raise
         self._stuck_since = None
 
-    def _free_the_database(self, row: Owner) -> None:
+    def _kill_stopped_lock_holder(self, row: Owner) -> None:
         """Kills the owner's process if it is suspended while it holds SQLite's write lock."""
         now = self._clock()
         self._stuck_since = self._stuck_since if self._stuck_since is not None else now
-        if now - self._stuck_since > self._settings.lease_s and is_stopped(row.process) and end(row.process or {}):
+        if now - self._stuck_since > self._settings.lease_s and is_stopped(row.process) and kill_process(row.process or {}):
             log.warning("ended %s, which stands still and holds the database", row.place)
 
 
@@ -166,7 +166,7 @@ def take_farm(settings: Settings, patience_s: float) -> Ownership:
     try:
         while (found := candidate.attempt()) is None:
             if time.monotonic() > deadline:
-                raise CannotStart(
+                raise StartupError(
                     f"Another service works on {settings.data}. Stop it, or set RAYFARM_DATA to a folder of its own."
                 )
             time.sleep(0.1)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 from service.store.models import Owner
 
-__all__ = ["LEAST_LOOKS", "OwnerTimeout"]
+__all__ = ["MIN_CHECKS", "OwnerTimeout"]
 
-LEAST_LOOKS = 4  # checks of the row; a candidate that was suspended itself must not mistake that for the owner's silence
+MIN_CHECKS = 4  # checks of the row; a candidate that was suspended itself must not mistake that for the owner's silence
 
 
 class OwnerTimeout:
@@ -35,7 +35,7 @@ class OwnerTimeout:
         """Whether the owner has answered the recorded request."""
         return self._number is not None and row.epoch == self._epoch and row.answered >= self._number
 
-    def is_broken(self, row: Owner) -> bool:
+    def is_request_due(self, row: Owner) -> bool:
         """Whether a new request must be sent: the owner has answered the last one, or is a new owner. Call once per check."""
         if self._number is None or row.epoch != self._epoch or self.has_answered(row):
             return True
@@ -43,6 +43,6 @@ class OwnerTimeout:
         return False
 
     @property
-    def is_too_long(self) -> bool:
+    def has_expired(self) -> bool:
         """Whether the owner has not answered for so long that it is considered dead."""
-        return self._looks >= LEAST_LOOKS and self._clock() - self._since > self._lease_s
+        return self._looks >= MIN_CHECKS and self._clock() - self._since > self._lease_s

@@ -24,12 +24,12 @@ from service.store.models import Owner
 
 __all__ = ["Ownership"]
 
-LOOK_EVERY_S = 0.5
-DOUBT_AFTER = 0.6  # share of the lease after which ownership must be confirmed again
-LATER_S = 1.0  # seconds before a database that did not respond is queried again
-STUCK_S = 5000  # ms; PostgreSQL ends a transaction that a suspended service left idle for this long
+CHECK_EVERY_S = 0.5
+CONFIRM_AFTER = 0.6  # share of the lease after which ownership must be confirmed again
+RETRY_AFTER_S = 1.0  # seconds before a database that did not respond is queried again
+IDLE_TRANSACTION_TIMEOUT_MS = 5000  # ms; PostgreSQL ends a transaction that a suspended service left idle for this long
 # KEY SHARE: the owner's transactions block neither each other nor requests and answers, but block a takeover.
-OF_POSTGRES = text(
+POSTGRES_FENCE = text(
     "SELECT epoch, set_config('idle_in_transaction_session_timeout', :stuck, true) FROM owners WHERE what = :what FOR KEY SHARE"
 )
 
@@ -54,10 +54,10 @@ class Ownership:
         self.sessions = sessions.fenced(self.fence)
         self._bare = sessions
         self._folder = lock
-        self._doubt_s = DOUBT_AFTER * lease_s
+        self._doubt_s = CONFIRM_AFTER * lease_s
         self._clock = clock
         self._confirmed = clock()
-        self._asked_in_vain = -LATER_S
+        self._asked_in_vain = -RETRY_AFTER_S
         self._heard = False  # whether another service has asked for a sign of life
         self._said_locked = lock.is_held
         self._lost = threading.Event()
@@ -103,11 +103,11 @@ class Ownership:
     def fence(self, session: Session) -> None:
         """Raises NotOwner, which aborts the transaction, if this service is no longer the owner."""
         if session.get_bind().dialect.name == "postgresql":
-            found = session.execute(OF_POSTGRES, {"what": rows.FARM, "stuck": str(STUCK_S)}).scalar()
+            found = session.execute(POSTGRES_FENCE, {"what": rows.FARM, "stuck": str(IDLE_TRANSACTION_TIMEOUT_MS)}).scalar()
         else:
             found = session.scalar(select(Owner.epoch).where(Owner.what == rows.FARM))
         if found != self.epoch:
-            self._lose()
+            self._handle_loss()
             raise NotOwner
 
     def guard(self) -> None:
@@ -120,7 +120,7 @@ class Ownership:
         if not self.is_doubtful:
             return
         with self._lock:
-            if not self.is_lost and self.is_doubtful and self._clock() - self._asked_in_vain > LATER_S:
+            if not self.is_lost and self.is_doubtful and self._clock() - self._asked_in_vain > RETRY_AFTER_S:
                 try:
                     self.confirm()
                 except FarmError as error:
@@ -141,19 +141,19 @@ class Ownership:
         began = self._clock()
         row = rows.current_owner(self._bare)
         if row is None or row.epoch != self.epoch:
-            self._lose()
+            self._handle_loss()
             return
         self._heard = self._heard or row.asked != row.answered
         has_lock = self._folder.attempt()
         answered = row.asked if self._moves() else row.answered
         if (answered, has_lock) != (row.answered, self._said_locked):
             if not rows.record_answer(self._bare, self.epoch, answered, has_lock):
-                self._lose()
+                self._handle_loss()
                 return
             self._said_locked = has_lock
         self._confirmed = began
 
-    def _lose(self) -> None:
+    def _handle_loss(self) -> None:
         self._lost.set()
         self._stop.set()
         if self._told.acquire(blocking=False):
@@ -161,7 +161,7 @@ class Ownership:
             threading.Thread(target=self._on_lost, name="lost", daemon=True).start()
 
     def _run(self) -> None:
-        while not self._stop.wait(LOOK_EVERY_S):
+        while not self._stop.wait(CHECK_EVERY_S):
             try:
                 self.confirm()
             except FarmError as error:

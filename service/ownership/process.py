@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-__all__ = ["end", "is_gone", "is_stopped", "this_process"]
+__all__ = ["is_gone", "is_stopped", "kill_process", "this_process"]
 
 PROC = Path("/proc")
 STATE, STARTED = 0, 19  # indexes of fields in /proc/PID/stat after the command's name
@@ -38,7 +38,7 @@ def is_stopped(identity: dict[str, Any] | None) -> bool:
     return identity is not None and _is_on_this_machine(identity) and _state_letter(identity) in ("T", "t")
 
 
-def end(identity: dict[str, Any]) -> bool:
+def kill_process(identity: dict[str, Any]) -> bool:
     """Kills a process, even a suspended one. Returns whether it was killed.
 
     identity: result of `this_process` in that process.

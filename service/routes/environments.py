@@ -25,12 +25,12 @@ from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.pagination import PageDependency
 from service.http.routers import api_router
-from service.http.single_upload import UPLOAD_FORM, check_room, only_file, read_one
+from service.http.single_upload import UPLOAD_FORM, check_upload_quota, only_file, read_single_upload
 from service.http.visit import InProject, IntoProject, VisitDependency
-from service.intake.projects import id_in, usable_in
+from service.intake.projects import id_in_project, usable_in
 from service.jobs.lookup import environment_not_found
-from service.store.disk_space import full_disk
-from service.store.models import ACTIVE, Environment, Job
+from service.store.disk_space import translated_disk_errors
+from service.store.models import ACTIVE_STATES, Environment, Job
 
 __all__ = ["router"]
 
@@ -95,21 +95,21 @@ async def add_environment(
     Uploading it again returns the same one.
     """
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
-    await check_room(request, farm, visit)
-    form = await read_one(request, farm, Sentence("kind-image", "image"))
+    await check_upload_quota(request, farm, visit)
+    form = await read_single_upload(request, farm, Sentence("kind-image", "image"))
     try:
         name, file = only_file(
             form, SUFFIXES, "/api/environments", Sentence("environment-image-invalid", "no image that lights a scene")
         )
-        await run_in_threadpool(farm.access.projects.check_again, project, visit.caller, visit.sight)
+        await run_in_threadpool(farm.access.projects.recheck, project, visit.caller, visit.sight)
         sha256, size = file.sha256, file.size
-        id = id_in(project, sha256[:20])
-        if (known := await run_in_threadpool(_known, id, farm)) is None:
+        id = id_in_project(project, sha256[:20])
+        if (known := await run_in_threadpool(_existing_environment, id, farm)) is None:
             with farm.garbage.pinned([sha256]):
-                with full_disk():
+                with translated_disk_errors():
                     await run_in_threadpool(file.commit)
                 owner = {"project": project, "user": visit.user, "key": visit.token}
-                known = await _recorded(id, name, BlobRef(name, sha256, size), owner, farm)
+                known = await _store_environment(id, name, BlobRef(name, sha256, size), owner, farm)
     finally:
         form.discard()
     response.headers["Location"] = f"/api/environments/{id}"
@@ -140,7 +140,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
         found = session.get(Environment, id, with_for_update=True)
         if found is None:
             raise environment_not_found(id)
-        active = session.scalars(select(Job).where(Job.state.in_(ACTIVE), Job.light.is_not(None)))
+        active = session.scalars(select(Job).where(Job.state.in_(ACTIVE_STATES), Job.light.is_not(None)))
         needed = sum((job.request.get("environment") or {}).get("image") == id for job in active)
         if needed:
             raise Conflict(
@@ -153,10 +153,10 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
         session.delete(found)
         return found.blobs
 
-    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
+    farm.reserve.run_deletion(lambda: farm.garbage.collect(forget))
 
 
-async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], farm: Farm) -> EnvironmentOut:
+async def _store_environment(id: str, name: str, file: BlobRef, owner: dict[str, Any], farm: Farm) -> EnvironmentOut:
     """Requests the thumbnail of an uploaded image from a worker, then stores the image's row and returns it."""
     wish = ShowEnvironment("", id, name, file.sha256, file.size, WIDTH)
     asked = await run_in_threadpool(farm.engine.show_environment, wish)
@@ -176,7 +176,7 @@ async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], fa
                         session.flush()
                     return _out(found)
             except IntegrityError:  # concurrent upload of the same image
-                found_now = _known(id, farm)
+                found_now = _existing_environment(id, farm)
                 if found_now is None:
                     raise
                 return found_now
@@ -184,7 +184,7 @@ async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], fa
     return await run_in_threadpool(write)
 
 
-def _known(id: str, farm: Farm) -> EnvironmentOut | None:
+def _existing_environment(id: str, farm: Farm) -> EnvironmentOut | None:
     with farm.sessions() as session:
         found = session.get(Environment, id)
         return None if found is None else _out(found)

@@ -15,7 +15,7 @@ from protocol.event_stream import EVENTS, KEEP_ALIVE, RETRY
 from service.access.visit import Visit
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.redaction import seen_slots
+from service.http.redaction import redacted_slots
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe import jobs_out
@@ -28,8 +28,8 @@ __all__ = ["router"]
 
 router = api_router(tags=["events"])
 
-EVERY_S = 0.5
-AT_A_TIME = 500  # changes per round; further ones wait for the next
+SEND_EVERY_S = 0.5
+CHANGES_PER_ROUND = 500  # changes per round; further ones wait for the next
 KEEP_ALIVE_S = 10.0
 
 
@@ -51,34 +51,34 @@ async def _stream(farm: Farm, visit: Visit) -> AsyncIterator[str]:
         while not farm.broadcast.closing:
             await listener.wait(1.0)
             now = time.monotonic()
-            if listener.changed and now - sent >= EVERY_S:
-                changed = list(listener.changed)[:AT_A_TIME]
+            if listener.changed and now - sent >= SEND_EVERY_S:
+                changed = list(listener.changed)[:CHANGES_PER_ROUND]
                 for each in changed:
                     del listener.changed[each]
-                for text in await run_in_threadpool(_texts, farm, visit, changed):
+                for text in await run_in_threadpool(_event_texts, farm, visit, changed):
                     yield text
                 sent = spoke = now
                 if listener.changed:
                     listener.wake()
             elif listener.changed:
-                await listener.pause(EVERY_S - (now - sent))
+                await listener.pause(SEND_EVERY_S - (now - sent))
             elif now - spoke > KEEP_ALIVE_S:
                 yield KEEP_ALIVE
                 spoke = now
 
 
-def _texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str]:
+def _event_texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str]:
     view, projects = farm.engine.snapshot, farm.access.projects
     sight = visit.sight if visit.sight.everything else projects.visibility(visit.caller)  # re-evaluated: it may have changed
     with farm.sessions() as session:
         seen = [(what, id) for what, id in changed if what != "scene" or not is_lit(id, session)]
         rows = session.scalars(select(Job).where(Job.id.in_([id for what, id in changed if what == "job"])))
         jobs = {job.id: job.model_dump() for job in jobs_out(list(rows), session, farm.engine, view)}
-        found = [(what, id, jobs.get(id) if what == "job" else _described(what, id, session, farm)) for what, id in seen]
+        found = [(what, id, jobs.get(id) if what == "job" else _item_data(what, id, session, farm)) for what, id in seen]
     told = []
     for what, id, data in found:
         if what == "worker" and data is not None:
-            data = {**data, "current": seen_slots(data["current"], sight, projects)}
+            data = {**data, "current": redacted_slots(data["current"], sight, projects)}
         elif data is not None:
             projects.note("job" if what == "job" else "scene", id, data["project"])
         if what == "worker" or sight.sees(
@@ -88,7 +88,7 @@ def _texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str
     return [EVENTS[what](id, data).to_text() for what, id, data in told]
 
 
-def _described(what: str, id: str, session: Session, farm: Farm) -> dict[str, Any] | None:
+def _item_data(what: str, id: str, session: Session, farm: Farm) -> dict[str, Any] | None:
     """Returns a scene or worker as JSON data; None if it no longer exists."""
     if what == "scene":
         scene = session.get(Scene, id)

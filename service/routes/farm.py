@@ -14,7 +14,7 @@ from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 
-from protocol.blends import written_of
+from protocol.blends import converted_files
 from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from renderer.sentences import Sentence
 from service.errors import Conflict, Invalid, NotFound, TooLarge
@@ -25,9 +25,9 @@ from service.intake.uploads import joined_chunks
 from service.jobs.describe import UNREADABLE_SCENE
 from service.jobs.lookup import find_job
 from service.store.bands import bands
-from service.store.blends import blend_of
+from service.store.blends import blender_export_of
 from service.store.blobs import blob_not_found, is_sha256
-from service.store.disk_space import disk_checker, full_disk
+from service.store.disk_space import disk_checker, translated_disk_errors
 from service.store.models import Scene
 
 __all__ = ["router"]
@@ -55,13 +55,13 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
     with farm.sessions() as session:
         scene = session.get(Scene, id)
         base = session.get(Scene, scene.of) if scene is not None and scene.of else None
-        blend = blend_of(session, scene) if scene is not None else None
+        blend = blender_export_of(session, scene) if scene is not None else None
     if scene is None:
         raise NotFound(Sentence("scene-deleted", "There is no such scene; it may have been deleted."))
     if not scene.files:
         raise Conflict(UNREADABLE_SCENE)
     main, files = scene.main, [BlobRef(**ref) for ref in scene.files]
-    if (written := written_of({"blend": blend})) is not None:
+    if (written := converted_files({"blend": blend})) is not None:
         main, files = written[0], [*written[1], *(file for file in files if file.path == scene.environment)]
     read_alike = ("main", "variant", "up", "floor")
     is_alike = base is not None and all(getattr(base, name) == getattr(scene, name) for name in read_alike)
@@ -85,7 +85,7 @@ def keep_blob(sha256: str, farm: FarmDependency) -> Response:
         raise blob_not_found()
     farm.garbage.pin_until_recorded(sha256)
     if not farm.blobs.exists(sha256):
-        farm.garbage.keep_promise(sha256)  # sending a blob renews its retention
+        farm.garbage.remove_pins(sha256)  # sending a blob renews its retention
         raise blob_not_found()
     return Response(status_code=204)
 
@@ -132,7 +132,7 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
         farm.garbage.pin_until_recorded(sha256)
         writer.commit()
 
-    with full_disk():
+    with translated_disk_errors():
         writer = await run_in_threadpool(farm.blobs.writer)
         try:
             async for piece in joined_chunks(request.stream()):

@@ -32,21 +32,21 @@ from renderer.settings import Tile
 from service.errors import Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.file_names import named, picture_name
-from service.http.head_requests import headers_alone, is_head
+from service.http.file_names import content_disposition, picture_name
+from service.http.head_requests import headers_response, is_head
 from service.http.paths import Number
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_out, frames_json
 from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, without_samples
-from service.jobs.motion import motion_of
+from service.jobs.motion import motion_vectors_of
 from service.models.jobs import FrameOut, FrameState
 from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.store import bands
 from service.store.films import Film
-from service.store.models import FINAL, Scene
+from service.store.models import FINAL_STATES, Scene
 from service.watching import film_packet
-from service.watching.pictures import MEDIA, PictureWish, memory, picture
+from service.watching.pictures import MEDIA, PictureRequest, picture_file, picture_memory
 
 __all__ = ["router"]
 
@@ -143,7 +143,7 @@ async def image(
     planes, in_layers = _planes(aov)
     if denoise and planes:
         raise Invalid(Sentence("denoise-only-colour", "denoise: only the colour can be denoised; leave aov out."))
-    PictureWish(extension, planes, in_layers, width=width).check()
+    PictureRequest(extension, planes, in_layers, width=width).check()
     job = await run_in_threadpool(find_job, id, farm)
     film, version, samples = await run_in_threadpool(_picture, id, n, farm)
     asks_head = is_head(request)
@@ -157,17 +157,17 @@ async def image(
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
     kind = "denoised" if denoise else "layers" if in_layers else planes[0] if planes else ""
-    headers["Content-Disposition"] = named(picture_name(job, n, samples, kind, extension))
+    headers["Content-Disposition"] = content_disposition(picture_name(job, n, samples, kind, extension))
     if asks_head:
         if denoise:
             del headers["ETag"]  # the response has the ETag of the denoised picture
-        return headers_alone(headers, MEDIA[extension])
+        return headers_response(headers, MEDIA[extension])
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
-    motion = await motion_of(job, n, film, farm) if aovs.MOTION in planes else None
-    wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion)
+    motion = await motion_vectors_of(job, n, film, farm) if aovs.MOTION in planes else None
+    wish = PictureRequest(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion)
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.make(
-        (id, n, headers["ETag"]), memory(film, wish), picture, film, frame_key(n), wish, folder, user=visit.queue
+        (id, n, headers["ETag"]), picture_memory(film, wish), picture_file, film, frame_key(n), wish, folder, user=visit.queue
     )
     headers["Content-Length"] = str(made.size)
     if made.span is not None:
@@ -189,9 +189,9 @@ async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit
     if gzip:
         headers["Content-Encoding"] = "gzip"
     if is_head(request):
-        return headers_alone(headers, "application/octet-stream")
+        return headers_response(headers, "application/octet-stream")
     folder = farm.settings.data / "tmp"
-    most = film_packet.memory(film)
+    most = film_packet.packet_memory(film)
     key = (id, n, "film", headers["ETag"])
     made = await farm.pictures.make(key, most, film_packet.film_packet, film, frame_key(n), folder, gzip, user=visit.queue)
     headers["Content-Length"] = str(made.size)
@@ -282,7 +282,7 @@ def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
     """Returns a frame's film, the version of the film's content, and the frame's number of samples."""
     film, job = find_film(id, n, farm), find_job(id, farm)
     samples = film.samples(frame_key(n))
-    if not samples and job.state in FINAL:
+    if not samples and job.state in FINAL_STATES:
         raise without_samples(job, farm, n)
     return film, film.version(frame_key(n)), samples
 

@@ -19,7 +19,7 @@ __all__ = ["router"]
 
 router = api_router(tags=["health"])
 
-PATIENCE_S = 2.0  # seconds, timeout of the database check
+DATABASE_TIMEOUT_S = 2.0  # seconds, timeout of the database check
 
 
 @router.get("/healthz")
@@ -34,7 +34,7 @@ async def healthz(farm: FarmDependency) -> dict[str, str]:
 async def readyz(farm: FarmDependency) -> dict[str, str]:
     """Reports whether the service can work now: whether its database, films and Redis respond."""
     try:
-        with anyio.fail_after(PATIENCE_S):
+        with anyio.fail_after(DATABASE_TIMEOUT_S):
             await anyio.to_thread.run_sync(_ask_database, farm, limiter=farm.readiness, abandon_on_cancel=True)
     except Exception as error:
         raise Unavailable(
@@ -44,7 +44,7 @@ async def readyz(farm: FarmDependency) -> dict[str, str]:
                 error=type(error).__name__,
             )
         ) from error
-    if (why := farm.engine.snapshot.not_ready) is not None:
+    if (why := farm.engine.snapshot.unready_reason) is not None:
         raise Unavailable(why)
     return {"status": "ready"}
 

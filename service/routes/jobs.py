@@ -14,7 +14,7 @@ from service.jobs.change import change
 from service.jobs.change_many import change_many
 from service.jobs.create import begin_anew, create
 from service.jobs.describe import describe, jobs_out
-from service.jobs.listing import JobFilter, Order, words_of
+from service.jobs.listing import JobFilter, Order, search_words
 from service.jobs.lookup import job_not_found
 from service.models.changes import MOST_JOBS, ChangesIn, ChangesOut
 from service.models.jobs import JobIn, JobOut, JobPatch, JobState
@@ -26,14 +26,14 @@ router = api_router(prefix="/api/jobs", tags=["jobs"])
 
 _JOBS = TypeAdapter(list[JobOut])
 
-Traced = Annotated[str | None, Header(include_in_schema=False)]  # W3C Trace Context of the client
+TraceParent = Annotated[str | None, Header(include_in_schema=False)]  # W3C Trace Context of the client
 Key = Annotated[
     str | None,
     Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST of a user's with the same key makes one job."),
 ]
 
 
-def _chosen(
+def _filter_from_query(
     visit: VisitDependency,
     project: InProject = None,
     state: Annotated[list[JobState] | None, Query(description="one of these, where any is given")] = None,
@@ -45,11 +45,11 @@ def _chosen(
     ids: Annotated[str, Query(max_length=4000, description="these alone, with commas between them")] = "",
 ) -> JobFilter:
     return JobFilter(
-        tuple(state or ()), scene, words_of(search), shot, tuple(id for id in ids.split(",") if id), visit.sight, project
+        tuple(state or ()), scene, search_words(search), shot, tuple(id for id in ids.split(",") if id), visit.sight, project
     )
 
 
-Choice = Annotated[JobFilter, Depends(_chosen)]
+Choice = Annotated[JobFilter, Depends(_filter_from_query)]
 
 
 @router.post("", status_code=201, response_model=JobOut)
@@ -59,7 +59,7 @@ def create_job(
     response: Response,
     visit: VisitDependency,
     idempotency_key: Key = None,
-    traceparent: Traced = None,
+    traceparent: TraceParent = None,
 ) -> JobOut:
     """Creates a job that renders a scene. If the scene is still being prepared, the job waits for it. 507 if the disk is full."""
     created = create(request, visit, farm, idempotency_key, traceparent)

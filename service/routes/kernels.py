@@ -17,14 +17,14 @@ from service.errors import NotFound, TooLarge
 from service.http.farm import FarmDependency
 from service.http.problems import Problem
 from service.http.routers import api_router
-from service.http.visit import VisitDependency, shown_secret
-from service.store.disk_space import full_disk
+from service.http.visit import VisitDependency, bearer_token
+from service.store.disk_space import translated_disk_errors
 
 __all__ = ["router"]
 
 router = api_router(prefix="/api/farm/kernels", tags=["farm"])
 
-NOT_FROM_THEM = (
+TOKEN_NOT_ACCEPTED = (
     "Kernels are taken from workers that show the farm's own token: all others run them. "
     "This worker has a token of its own; it keeps what it compiled for itself."
 )
@@ -38,7 +38,7 @@ def get_kernels(name: str, farm: FarmDependency, visit: VisitDependency, request
         raise NotFound(Sentence("kernels-not-found", "The farm has no kernels of this name; compile and upload them."))
     if not _has_own_token(visit):
         return FileResponse(path, media_type="application/octet-stream")
-    data = farm.kernels.signed_for(name, shown_secret(request.headers))
+    data = farm.kernels.signed_for(name, bearer_token(request.headers))
     return Response(data, media_type="application/octet-stream")
 
 
@@ -46,13 +46,13 @@ def get_kernels(name: str, farm: FarmDependency, visit: VisitDependency, request
 async def put_kernels(name: str, request: Request, farm: FarmDependency, visit: VisitDependency) -> Response:
     """Stores kernels that are signed with the farm's token."""
     if _has_own_token(visit):
-        raise Problem(403, NOT_FROM_THEM)
+        raise Problem(403, TOKEN_NOT_ACCEPTED)
     data = bytearray()
     async for chunk in request.stream():
         data += chunk
         if len(data) > MAX_BYTES:
             raise TooLarge(Sentence("kernels-too-large", "Kernels may have at most {most} bytes.", most=MAX_BYTES))
-    with full_disk():
+    with translated_disk_errors():
         await run_in_threadpool(farm.kernels.put, name, bytes(data))
     return Response(status_code=204)
 

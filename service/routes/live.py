@@ -39,7 +39,7 @@ from service.jobs.describe_frames import frame_numbers, plain_frames
 from service.jobs.lookup import job_not_found
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.store.films import Film
-from service.store.models import ACTIVE, Frame, Job
+from service.store.models import ACTIVE_STATES, Frame, Job
 from service.watching.broadcast import Listener
 
 __all__ = ["router"]
@@ -47,12 +47,12 @@ __all__ = ["router"]
 router = api_router()
 
 MAX_UNACKNOWLEDGED = 2  # rounds
-SPEAK_EVERY_S = 5.0
-FRAMES_TOLD = 2000  # frames in one message
-FRAMES_REST = 20  # minimum pause between frame updates, as a multiple of their CPU time
-MOST_TEXT = 1 << 16  # characters of a message without its list of tiles; it is parsed on the event loop
-TILE_TEXT = 16  # characters for a tile's samples
-MOST_TILES = 1 << 16  # assumed while the number of tiles is unknown
+KEEP_ALIVE_EVERY_S = 5.0
+FRAMES_PER_MESSAGE = 2000  # frames in one message
+FRAMES_PAUSE_FACTOR = 20  # minimum pause between frame updates, as a multiple of their CPU time
+MAX_MESSAGE_CHARACTERS = 1 << 16  # characters of a message without its list of tiles; it is parsed on the event loop
+CHARACTERS_PER_TILE = 16  # characters for a tile's samples
+ASSUMED_TILES = 1 << 16  # assumed while the number of tiles is unknown
 
 
 @router.websocket("/api/jobs/{id}/live")
@@ -101,13 +101,13 @@ class _Watcher:
     async def receive(self) -> None:
         """Processes acknowledgements and frame selections until the client disconnects. Ignores malformed messages."""
         async for text in throttled_messages(self._socket):
-            tiles = MOST_TILES if self._film is None else len(self._film.tiles)
-            if len(text) > MOST_TEXT + TILE_TEXT * tiles:
+            tiles = ASSUMED_TILES if self._film is None else len(self._film.tiles)
+            if len(text) > MAX_MESSAGE_CHARACTERS + CHARACTERS_PER_TILE * tiles:
                 continue
             with contextlib.suppress(ValueError, TypeError, OverflowError, RecursionError):
-                self._react(read_client(text, FROM_CLIENT))
+                self._handle_message(read_client(text, FROM_CLIENT))
 
-    def _react(self, message: FromClient | None) -> None:
+    def _handle_message(self, message: FromClient | None) -> None:
         """Processes one message of the client. Raises ValueError if it is malformed."""
         match message:
             case WatchFrame(frame, snapshot):
@@ -121,21 +121,21 @@ class _Watcher:
                     self._rounds.popleft()
                 self._listener.wake()
 
-    def _turn(self) -> None:
+    def _switch_frame(self) -> None:
         """Switches to the frame that was requested last; skips earlier requests."""
         if self._wanted is None:
             return
         (self._listener.frame, self._snapshot), self._wanted = self._wanted, None
         self._listener.tiles.clear()
         if self._film is not None:
-            self._begin(self._film)
+            self._queue_all_tiles(self._film)
 
-    def _begin(self, film: Film) -> None:
+    def _queue_all_tiles(self, film: Film) -> None:
         """Queues all tiles of the frame for sending, unless the client has requested no snapshot."""
         if self._snapshot:
             self._listener.tiles.update(dict.fromkeys(range(len(film.tiles))))
 
-    async def _note_what_differs(self, film: Film, have: list[Any]) -> None:
+    async def _queue_differing_tiles(self, film: Film, have: list[Any]) -> None:
         """Queues the tiles whose sample counts differ from the client's list `have`; all tiles if the list has another length."""
         frame = self._listener.frame
         counts = await run_in_threadpool(lambda: [film.coverage(frame, tile).total for tile in range(len(film.tiles))])
@@ -150,19 +150,19 @@ class _Watcher:
             if self._film is None:
                 self._film = await run_in_threadpool(_film, self._farm, self._job)
                 if self._film is not None:
-                    self._begin(self._film)
-            self._turn()
+                    self._queue_all_tiles(self._film)
+            self._switch_frame()
             if self._film is not None and self._have is not None:
                 have, self._have = self._have, None
                 with contextlib.suppress(FarmError):  # tiles that cannot be compared now are queued when they change
-                    await self._note_what_differs(self._film, have)
+                    await self._queue_differing_tiles(self._film, have)
             now = time.monotonic()
             if self._is_state_due(now) and not await self._send_state(now):
                 await self._socket.close(GONE, Sentence("job-deleted", "The job was deleted."))
                 return
             if self._film is not None and self._listener.tiles and len(self._rounds) < MAX_UNACKNOWLEDGED:
                 try:
-                    await self._send_round(self._film)
+                    await self._send_tiles(self._film)
                 except FarmError:  # job deleted, film unreadable or service stopping, as the next state shows
                     self._film = None
                     self._listener.changed["job", self._job] = None
@@ -175,7 +175,7 @@ class _Watcher:
         await self._socket.close(1012, Sentence("service-stopping", "The service is shutting down."))
 
     def _is_state_due(self, now: float) -> bool:
-        if now - self._spoke > SPEAK_EVERY_S:
+        if now - self._spoke > KEEP_ALIVE_EVERY_S:
             return True
         return bool(self._listener.changed) and now - self._state_at >= self._farm.shared.state_every_s
 
@@ -186,17 +186,17 @@ class _Watcher:
         if state is None:
             return False
         await self._socket.send_text(text)
-        if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE:
+        if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE_STATES:
             self._listener.changed["job", self._job] = None  # send again later
         elif state["shot"] is not None:
             job, frames, taken_s = await self._farm.shared.shared(self._job, "frames", partial(_frames, self._farm, self._job))
-            self._frames_at = now + FRAMES_REST * taken_s
+            self._frames_at = now + FRAMES_PAUSE_FACTOR * taken_s
             before, self._sent_frames = self._sent_frames, frames
-            for text in await run_in_threadpool(_frames_told, job, before, frames):
+            for text in await run_in_threadpool(_frame_messages, job, before, frames):
                 await self._socket.send_text(text)
         return True
 
-    async def _send_round(self, film: Film) -> None:
+    async def _send_tiles(self, film: Film) -> None:
         chosen, pixels, most = [], 0, self._farm.shared.round_pixels
         for tile in list(self._listener.tiles):
             if pixels >= most:
@@ -236,10 +236,10 @@ def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], f
     return job, found, time.thread_time() - begun
 
 
-def _frames_told(job: Job | None, before: Mapping[int, FrameNumbers], now: Mapping[int, FrameNumbers]) -> list[str]:
+def _frame_messages(job: Job | None, before: Mapping[int, FrameNumbers], now: Mapping[int, FrameNumbers]) -> list[str]:
     """Returns messages about the frames that changed, each with at most FRAMES_TOLD frames."""
     changed = [(key, numbers) for key, numbers in now.items() if before.get(key) != numbers]
-    some = (changed[at : at + FRAMES_TOLD] for at in range(0, len(changed), FRAMES_TOLD))
+    some = (changed[at : at + FRAMES_PER_MESSAGE] for at in range(0, len(changed), FRAMES_PER_MESSAGE))
     return [Frames(plain_frames(job, part)).to_text() for part in some] if job is not None else []
 
 

@@ -20,7 +20,7 @@ from starlette.responses import JSONResponse
 from renderer.printable import printable
 from renderer.sentences import Sentence
 from service.access.access import SESSION_S
-from service.access.passwords import LONGEST
+from service.access.passwords import MAX_LENGTH
 from service.access.roles import OWNER, Caller, Role
 from service.access.visit import Visit
 from service.errors import Conflict, FarmError
@@ -37,7 +37,7 @@ __all__ = ["router"]
 
 router = api_router(tags=["access"])
 
-Password = Annotated[str, Field(min_length=1, max_length=LONGEST)]
+Password = Annotated[str, Field(min_length=1, max_length=MAX_LENGTH)]
 
 
 class LoginIn(BaseModel):
@@ -46,8 +46,8 @@ class LoginIn(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     name: str = Field("", max_length=64)
-    password: str = Field("", max_length=LONGEST)
-    link: str = Field("", max_length=LONGEST)
+    password: str = Field("", max_length=MAX_LENGTH)
+    link: str = Field("", max_length=MAX_LENGTH)
 
 
 class PasswordIn(BaseModel):
@@ -55,7 +55,7 @@ class PasswordIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    old: str = Field("", max_length=LONGEST)
+    old: str = Field("", max_length=MAX_LENGTH)
     new: Password
 
 
@@ -105,9 +105,9 @@ def _log_in(asked: LoginIn, request: Request, response: Response, visit: Visit, 
         role = Role.ADMIN if name == OWNER else Role.of(access.users.find(name).role)
         kind = "link"
     else:
-        name, role, kind = *_by_password(asked.name, asked.password, farm, visit.address), "password"
-    _end(request, farm)
-    secret, row = access.keys.make("session", name, Role.ADMIN, name=_browser(request), lasts_s=SESSION_S)
+        name, role, kind = *_verify_password(asked.name, asked.password, farm, visit.address), "password"
+    _end_session(request, farm)
+    secret, row = access.keys.make("session", name, Role.ADMIN, name=_user_agent(request), lasts_s=SESSION_S)
     _set_cookie(request, response, farm, secret, SESSION_S)
     forget_login(request, response, farm)
     access.audit.add(name, "login", kind=kind, address=visit.address, status=200)
@@ -118,7 +118,7 @@ def _log_in(asked: LoginIn, request: Request, response: Response, visit: Visit, 
 def log_out(request: Request, visit: VisitDependency, farm: FarmDependency) -> Response:
     """Ends the present session. After a login through OpenID, the response contains the provider's logout URL."""
     provider = None
-    if _end(request, farm) and visit.caller is not None:
+    if _end_session(request, farm) and visit.caller is not None:
         farm.access.audit.add(visit.caller.name, "logout", kind="session", address=visit.address, status=204)
         provider = logout_url(request, farm)
     response = Response(status_code=204) if provider is None else JSONResponse(LogoutOut(provider=provider).model_dump())
@@ -144,11 +144,11 @@ def _change_password(asked: PasswordIn, visit: Visit, farm: Farm) -> None:
             )
         )
     if access.users.find(caller.name).password is not None:
-        _by_password(caller.name, asked.old, farm, visit.address)
+        _verify_password(caller.name, asked.old, farm, visit.address)
     access.users.set_password(caller.name, asked.new, stays=caller.key)
 
 
-def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[str, Role]:
+def _verify_password(name: str, password: str, farm: Farm, address: str) -> tuple[str, Role]:
     """Verifies a name and password; returns the user's name and role.
 
     Raises Problem if they are wrong or there were too many attempts.
@@ -174,7 +174,7 @@ def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[st
     return user.name, Role.of(user.role)
 
 
-def _end(request: Request, farm: Farm) -> bool:
+def _end_session(request: Request, farm: Farm) -> bool:
     """Ends the session in the request's cookie. Returns whether there was one."""
     access = farm.access
     shown = cookie_parser(request.headers.get("cookie", "")).get(cookie_name(access, request.scope), "")
@@ -192,7 +192,7 @@ def _set_cookie(request: Request, response: Response, farm: Farm, secret: str, l
     set_cookie(request, response, cookie_name(farm.access, request.scope), secret, lasts_s)
 
 
-def _browser(request: Request) -> str:
+def _user_agent(request: Request) -> str:
     return printable(request.headers.get("user-agent", ""))[:255]
 
 
@@ -200,4 +200,4 @@ def _session_out(caller: Caller | None, needs_login: bool, farm: Farm) -> Sessio
     provider = farm.access.oidc.name if farm.access.oidc is not None else None
     if caller is None or caller.is_worker:
         return SessionOut(login=needs_login, name=None, role=None, kind=None, provider=provider)
-    return SessionOut(login=needs_login, name=caller.name, role=caller.role.word, kind=caller.kind, provider=provider)
+    return SessionOut(login=needs_login, name=caller.name, role=caller.role.api_name, kind=caller.kind, provider=provider)

@@ -13,11 +13,11 @@ from sqlalchemy import func, select
 from service.farm import Farm
 from service.ownership import rows
 from service.scheduling.snapshot import Snapshot
-from service.store.models import ACTIVE, Frame, Job, Scene
+from service.store.models import ACTIVE_STATES, Frame, Job, Scene
 
 __all__ = ["render"]
 
-STANDBY_LATELY_S = 10.0
+STANDBY_RECENT_S = 10.0
 
 
 class _Collector:
@@ -29,7 +29,7 @@ class _Collector:
         with self._farm.sessions() as session:
             jobs = session.execute(select(Job.state, func.count()).group_by(Job.state)).all()
             scenes = session.execute(select(Scene.status, func.count()).group_by(Scene.status)).all()
-            late = session.scalar(select(func.count()).where(Job.state.in_(ACTIVE), Job.late.is_not(None))) or 0
+            late = session.scalar(select(func.count()).where(Job.state.in_(ACTIVE_STATES), Job.late.is_not(None))) or 0
             samples, bad = session.execute(select(func.sum(Frame.samples), func.sum(Frame.bad_samples))).one()
         yield _gauge("rayfarm_jobs", "Jobs by state", "state", {row[0]: row[1] for row in jobs})
         yield GaugeMetricFamily("rayfarm_jobs_late", "Unfinished jobs that are expected after their deadline", late)
@@ -80,7 +80,7 @@ class _Collector:
         text = "How often a service took the farm over from another that had died or hung"
         yield CounterMetricFamily("rayfarm_takeovers", text, owner.takeovers if owner is not None else 0)
         asked_at = owner.asked_at if owner is not None else None
-        is_there = asked_at is not None and time.time() - asked_at < STANDBY_LATELY_S
+        is_there = asked_at is not None and time.time() - asked_at < STANDBY_RECENT_S
         yield GaugeMetricFamily("rayfarm_standby", "1 while another service stands by", float(is_there))
         text = "Bytes of their sums, as they came"
         yield CounterMetricFamily("rayfarm_result_bytes", text, view.counts.get("result_bytes", 0))

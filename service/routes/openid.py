@@ -11,7 +11,7 @@ from starlette.responses import RedirectResponse
 from renderer.printable import printable
 from renderer.sentences import Sentence
 from service.access.access import SESSION_S
-from service.access.oidc import WAIT_S, Oidc, Refused
+from service.access.oidc import LOGIN_TIMEOUT_S, Oidc, Refused
 from service.access.roles import Role
 from service.access.secrets import fingerprint
 from service.errors import NotFound
@@ -28,7 +28,7 @@ __all__ = ["router"]
 router = api_router(prefix="/api/login/openid", tags=["access"])
 log = logging.getLogger(__name__)
 
-LONGEST = 2048
+MAX_PARAMETER_LENGTH = 2048
 MOST_PENDING = 8  # logins of one browser; their cookies, of 410 characters each, fit a proxy's 8 kB for a header
 
 
@@ -44,7 +44,7 @@ def begin(request: Request, farm: FarmDependency) -> RedirectResponse:
     for name in _pending(farm, request)[: 1 - MOST_PENDING]:  # browsers send the oldest first (RFC 6265, 5.4)
         set_cookie(request, answer, name, "", 0, same_site="lax")
     # Not SameSite=Strict: the cookie must be sent when the provider redirects back.
-    set_cookie(request, answer, _cookie(farm, request, begun.state), begun.sealed, WAIT_S, same_site="lax")
+    set_cookie(request, answer, _cookie(farm, request, begun.state), begun.sealed, LOGIN_TIMEOUT_S, same_site="lax")
     return answer
 
 
@@ -53,9 +53,9 @@ def finish(
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
-    state: str = Query("", max_length=LONGEST),
-    code: str = Query("", max_length=LONGEST),
-    error: str = Query("", max_length=LONGEST),
+    state: str = Query("", max_length=MAX_PARAMETER_LENGTH),
+    code: str = Query("", max_length=MAX_PARAMETER_LENGTH),
+    error: str = Query("", max_length=MAX_PARAMETER_LENGTH),
 ) -> RedirectResponse:
     """Completes the login after the provider's redirect: sets the session cookie and redirects to the page."""
     access, oidc = farm.access, _oidc(farm)

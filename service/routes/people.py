@@ -10,7 +10,7 @@ from sqlalchemy import select
 
 from renderer.sentences import Sentence
 from service.access.access import LINK_S
-from service.access.passwords import LONGEST
+from service.access.passwords import MAX_LENGTH
 from service.access.roles import OWNER, Role, RoleName
 from service.errors import Conflict
 from service.http.farm import FarmDependency
@@ -25,7 +25,7 @@ router = api_router(tags=["access"])
 
 MOST_LINES = 1000
 Name = Annotated[str, Field(min_length=1, max_length=64)]
-Password = Annotated[str | None, Field(max_length=LONGEST)]
+Password = Annotated[str | None, Field(max_length=MAX_LENGTH)]
 
 
 class UserIn(BaseModel):

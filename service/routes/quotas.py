@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.access.quotas import MOST, Allowance, Limits
+from service.access.quotas import MAX_LIMIT, Allowance, Limits
 from service.http.farm import FarmDependency
 from service.http.pagination import PageDependency
 from service.http.routers import api_router
@@ -17,7 +17,7 @@ __all__ = ["router"]
 
 router = api_router(tags=["access"])
 
-Amount = Annotated[int | None, Field(ge=0, le=MOST)]
+Amount = Annotated[int | None, Field(ge=0, le=MAX_LIMIT)]
 Of = Literal["users", "tokens"]
 
 

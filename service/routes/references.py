@@ -19,25 +19,25 @@ from renderer.sentences import Sentence
 from service.errors import Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.file_names import named
-from service.http.head_requests import headers_alone, is_head
+from service.http.file_names import content_disposition
+from service.http.head_requests import headers_response, is_head
 from service.http.pagination import PageDependency
 from service.http.routers import api_router
-from service.http.single_upload import UPLOAD_FORM, check_room, only_file, read_one
+from service.http.single_upload import UPLOAD_FORM, check_upload_quota, only_file, read_single_upload
 from service.http.visit import InProject, IntoProject, VisitDependency
 from service.intake.projects import Owner, usable_in
 from service.intake.references import SUFFIXES, keep_reference
 from service.jobs.lookup import reference_not_found
 from service.store.models import Reference
 from service.watching import film_picture
-from service.watching.film_packet import unpacked
+from service.watching.film_packet import decompressed
 from service.watching.pictures import MEDIA
 
 __all__ = ["router"]
 
 router = api_router(prefix="/api/references", tags=["references"])
 
-KEPT = {"Cache-Control": "max-age=86400, immutable"}  # the id is a hash of the content
+CACHE_HEADERS = {"Cache-Control": "max-age=86400, immutable"}  # the id is a hash of the content
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
 FILM = {"content": {"application/octet-stream": {}}, "description": "The picture."}
 Id = Annotated[str, PathParameter(max_length=100)]
@@ -78,14 +78,14 @@ async def add_reference(
 ) -> ReferenceOut:
     """Uploads an image, preferably .exr or .hdr. Uploading it again returns the same one, with its first name."""
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
-    await check_room(request, farm, visit)
-    form = await read_one(request, farm, Sentence("kind-picture", "picture"))
+    await check_upload_quota(request, farm, visit)
+    form = await read_single_upload(request, farm, Sentence("kind-picture", "picture"))
     try:
         name, file = only_file(
             form, SUFFIXES, "/api/references", Sentence("reference-image-invalid", "no image that can be compared with")
         )
         temporary = farm.settings.data / "tmp"
-        await run_in_threadpool(farm.access.projects.check_again, project, visit.caller, visit.sight)
+        await run_in_threadpool(farm.access.projects.recheck, project, visit.caller, visit.sight)
         owner = Owner(project, visit.user, visit.token)
         kept = partial(keep_reference, name, file, farm.sessions, farm.blobs, farm.garbage, temporary, owner)
         row = await anyio.to_thread.run_sync(kept, limiter=farm.reading)
@@ -106,10 +106,10 @@ def reference_film(id: Id, request: Request, farm: FarmDependency) -> Response:
     """Returns a reference picture's colour in the format of /api/jobs/{id}/frames/{n}/film: one tile with one sample."""
     blob = farm.blobs.serve(_find(id, farm).film["sha256"])
     if "gzip" in request.headers.get("accept-encoding", ""):
-        headers = {**KEPT, "Vary": "Accept-Encoding", "Content-Encoding": "gzip", "Content-Length": str(blob.size)}
+        headers = {**CACHE_HEADERS, "Vary": "Accept-Encoding", "Content-Encoding": "gzip", "Content-Length": str(blob.size)}
         return StreamingResponse(blob.chunks, media_type="application/octet-stream", headers=headers)
-    headers = {**KEPT, "Vary": "Accept-Encoding"}
-    return StreamingResponse(unpacked(blob.chunks), media_type="application/octet-stream", headers=headers)
+    headers = {**CACHE_HEADERS, "Vary": "Accept-Encoding"}
+    return StreamingResponse(decompressed(blob.chunks), media_type="application/octet-stream", headers=headers)
 
 
 @router.get("/{id}/image.{extension}", response_class=Response, responses={200: IMAGE})
@@ -135,13 +135,13 @@ async def reference_image(
             )
         )
     row = await run_in_threadpool(_find, id, farm)
-    headers = {**KEPT, "Content-Disposition": named(f"{row.name.rpartition('.')[0]}.{extension}")}
+    headers = {**CACHE_HEADERS, "Content-Disposition": content_disposition(f"{row.name.rpartition('.')[0]}.{extension}")}
     if is_head(request):
-        return headers_alone(headers, MEDIA[extension])
+        return headers_response(headers, MEDIA[extension])
     made = await farm.pictures.make(
         ("reference", id, extension, exposure, tonemap_curve),
-        film_picture.memory(row.width, row.height),
-        lambda: film_picture.picture(
+        film_picture.film_picture_memory(row.width, row.height),
+        lambda: film_picture.film_picture(
             farm.blobs.serve(row.film["sha256"]).chunks, extension, exposure, tonemap_curve, farm.settings.data / "tmp"
         ),
         user=visit.queue,
@@ -155,7 +155,11 @@ def reference_file(id: Id, farm: FarmDependency) -> Response:
     """Returns the uploaded file unchanged."""
     row = _find(id, farm)
     blob = farm.blobs.serve(row.file["sha256"])
-    headers = {**KEPT, "Content-Length": str(blob.size), "Content-Disposition": named(row.name, "attachment")}
+    headers = {
+        **CACHE_HEADERS,
+        "Content-Length": str(blob.size),
+        "Content-Disposition": content_disposition(row.name, "attachment"),
+    }
     return StreamingResponse(blob.chunks, media_type="application/octet-stream", headers=headers)
 
 
@@ -170,7 +174,7 @@ def delete_reference(id: Id, farm: FarmDependency) -> None:
         session.delete(found)
         return found.blobs
 
-    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
+    farm.reserve.run_deletion(lambda: farm.garbage.collect(forget))
 
 
 def _find(id: str, farm: Farm) -> Reference:

@@ -13,7 +13,7 @@ from service.errors import NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
-from service.http.single_upload import check_length, check_room
+from service.http.single_upload import check_length, check_upload_quota
 from service.http.visit import InProject, IntoProject, VisitDependency
 from service.jobs.lookup import find_scene
 from service.models.scenes import SceneOut
@@ -89,7 +89,7 @@ async def upload(
 
     base: adds the files to a copy of this scene, by default in its project; main: then selects another main file.
     """
-    await check_room(request, farm, visit)
+    await check_upload_quota(request, farm, visit)
     check_length(request, farm, Sentence("kind-upload", "upload"), "Leave files out")
     traceparent, content_type = request.headers.get(tracing.HEADER), request.headers.get("content-type", "")
     scene = await store(UploadRequest(content_type, request.stream(), project, strict, traceparent), visit, farm)

@@ -23,7 +23,7 @@ from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.models.strict import Strict
 from service.scheduling.jobs.shares import EVERYBODY, Terms, share_of
-from service.store.models import ACTIVE, Job, ShareTerms, User
+from service.store.models import ACTIVE_STATES, Job, ShareTerms, User
 
 __all__ = ["router"]
 
@@ -62,12 +62,12 @@ def list_shares(farm: FarmDependency, visit: VisitDependency, page: PageDependen
         terms = _terms(session)
         jobs = _jobs(session, terms)
         names = {share_of(user) for user in session.scalars(select(User.name))}
-    told = page.slice_of([share for share in sorted(names | terms.keys() | jobs.keys()) if _is_told(share, visit)])
+    told = page.slice_of([share for share in sorted(names | terms.keys() | jobs.keys()) if _may_see_share(share, visit)])
     slots = _slots(farm, terms)
     return [_out(share, terms.get(share, Terms()), slots, jobs) for share in told]
 
 
-def _is_told(share: str, visit: Visit) -> bool:
+def _may_see_share(share: str, visit: Visit) -> bool:
     kind, _, name = share.partition(":")
     if visit.sight.everything or kind == EVERYBODY:
         return True
@@ -81,7 +81,7 @@ def _terms(session: Session) -> dict[str, Terms]:
 def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
     """Returns the number of unfinished jobs by share."""
     found = Counter[str]()
-    by_owner = select(Job.user, Job.project, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user, Job.project)
+    by_owner = select(Job.user, Job.project, func.count()).where(Job.state.in_(ACTIVE_STATES)).group_by(Job.user, Job.project)
     for user, project, number in session.execute(by_owner):
         found[share_of(user, project or "", terms)] += number
     return found
@@ -101,7 +101,7 @@ def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
         )
     with farm.sessions.begin() as session:
         session.merge(ShareTerms(name=share, weight=asked.weight, max_slots=asked.max_slots))
-    return _changed(share, farm)
+    return _updated_share(share, farm)
 
 
 @router.delete("/{share}", response_model=ShareOut)
@@ -110,10 +110,10 @@ def reset_share(share: Share, farm: FarmDependency) -> ShareOut:
     with farm.sessions.begin() as session:
         if (row := session.get(ShareTerms, share)) is not None:
             session.delete(row)
-    return _changed(share, farm)
+    return _updated_share(share, farm)
 
 
-def _changed(share: str, farm: Farm) -> ShareOut:
+def _updated_share(share: str, farm: Farm) -> ShareOut:
     farm.engine.changed("terms", "")
     with farm.sessions() as session:
         terms = _terms(session)

@@ -20,19 +20,19 @@ from renderer.sentences import Sentence, with_full_stop
 from service.errors import Conflict, Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.file_names import named, title_of
-from service.http.head_requests import headers_alone, is_head
+from service.http.file_names import content_disposition, title_of
+from service.http.head_requests import headers_response, is_head
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_numbers
 from service.jobs.lookup import find_job, without_samples
-from service.jobs.motion import motion_of
+from service.jobs.motion import motion_vectors_of
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.shot import Shot
 from service.store.films import Film
-from service.store.models import FINAL, Job, Scene
+from service.store.models import FINAL_STATES, Job, Scene
 from service.watching.movie import MOVIE_MEDIA
-from service.watching.pictures import PictureWish, memory, picture
+from service.watching.pictures import PictureRequest, picture_file, picture_memory
 from service.watching.shot_files import ZipStream, movie, movie_memory
 
 __all__ = ["router"]
@@ -40,7 +40,7 @@ __all__ = ["router"]
 router = api_router(prefix="/api/jobs/{id}", tags=["frames"])
 
 CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
-LOOK_EVERY_S = 1.0
+CHECK_EVERY_S = 1.0
 DEFAULT_FPS = 24.0
 Frames = Query(None, max_length=2000, description="these alone, as 10-20 or 7,9")
 Exposure = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg")
@@ -64,11 +64,11 @@ async def frames_zip(
 
     which: the finished frames; all frames with samples, as they are now; or all frames, each as soon as it is finished (coming).
     """
-    wish = _wish(format, aov, exposure, tonemap_curve)
+    wish = _picture_request(format, aov, exposure, tonemap_curve)
     job = await run_in_threadpool(find_job, id, farm)
-    found = await run_in_threadpool(_chosen, job, frames, farm)
+    found = await run_in_threadpool(_selected_frames, job, frames, farm)
     film = await run_in_threadpool(_film, job, farm)
-    if which != "coming" and not any(_is_wanted(frame, which) for frame in found.values()):
+    if which != "coming" and not any(_is_selected(frame, which) for frame in found.values()):
         raise Conflict(
             Sentence(
                 "shot-without-finished-frame", "No frame is finished yet. Ask for which=all, or wait for each with which=coming."
@@ -76,9 +76,12 @@ async def frames_zip(
         )
     if which != "coming" and await run_in_threadpool(lambda: film.is_empty):
         raise without_samples(job, farm)
-    headers = {"Content-Disposition": named(f"{_title(job, frames)}.{format}.zip", "attachment"), "Cache-Control": "no-store"}
+    headers = {
+        "Content-Disposition": content_disposition(f"{_title(job, frames)}.{format}.zip", "attachment"),
+        "Cache-Control": "no-store",
+    }
     if is_head(request):
-        return headers_alone(headers, "application/zip")
+        return headers_response(headers, "application/zip")
     stream = _zipped(job, film, wish, frames, which, farm, visit.queue)
     return StreamingResponse(stream, media_type="application/zip", headers=headers)
 
@@ -101,9 +104,9 @@ async def get_movie(
     tonemap_curve: str = Curve,
 ) -> StreamingResponse:
     """Returns the frames that have samples as a movie: H.264, AV1, or animated WebP; tone-mapped like PNG."""
-    wish = PictureWish(extension, exposure=exposure, curve=_curve(tonemap_curve), width=width)
+    wish = PictureRequest(extension, exposure=exposure, curve=_curve(tonemap_curve), width=width)
     job = await run_in_threadpool(find_job, id, farm)
-    chosen = await run_in_threadpool(_chosen, job, frames, farm)
+    chosen = await run_in_threadpool(_selected_frames, job, frames, farm)
     shown = {key: frame.samples for key, frame in chosen.items() if frame.samples}
     if not shown:
         raise Conflict(Sentence("shot-without-samples", "No frame has samples yet. Try again in a moment."))
@@ -112,10 +115,10 @@ async def get_movie(
         raise without_samples(job, farm)
     speed = await run_in_threadpool(_fps, job, farm) if fps is None else fps
     keys, content = list(shown), tuple(shown.items())
-    headers = {"Content-Disposition": named(f"{_title(job, frames)}.{extension}"), "Cache-Control": "no-cache"}
+    headers = {"Content-Disposition": content_disposition(f"{_title(job, frames)}.{extension}"), "Cache-Control": "no-cache"}
     headers["X-Frames"] = str(len(keys))
     if is_head(request):
-        return headers_alone(headers, MOVIE_MEDIA[extension])
+        return headers_response(headers, MOVIE_MEDIA[extension])
     make = partial(movie, film, keys, wish, speed, farm.settings.data / "tmp")
     made = await farm.pictures.make((id, "movie", wish, speed, content), movie_memory(film, wish), make, user=visit.queue)
     headers["Content-Length"] = str(made.size)
@@ -123,7 +126,7 @@ async def get_movie(
 
 
 async def _zipped(
-    job: Job, film: Film, wish: PictureWish, frames: str | None, which: str, farm: Farm, user: str
+    job: Job, film: Film, wish: PictureRequest, frames: str | None, which: str, farm: Farm, user: str
 ) -> AsyncIterator[bytes]:
     stream = ZipStream()
     folder = farm.settings.data / "tmp"
@@ -131,36 +134,38 @@ async def _zipped(
     with farm.broadcast.listen(job.id) as listener:
         while True:
             now = await run_in_threadpool(find_job, job.id, farm)
-            found = await run_in_threadpool(_chosen, now, frames, farm)
+            found = await run_in_threadpool(_selected_frames, now, frames, farm)
             for key, frame in found.items():
-                if key in done or not _is_wanted(frame, which):
+                if key in done or not _is_selected(frame, which):
                     continue
                 done.add(key)
                 if aovs.MOTION in wish.planes:
-                    wish = replace(wish, motion=await motion_of(now, frame_number(key), film, farm))
+                    wish = replace(wish, motion=await motion_vectors_of(now, frame_number(key), film, farm))
                 about = (job.id, "zip", key, film.version(key), wish)
-                made = await farm.pictures.make(about, memory(film, wish), picture, film, key, wish, folder, user=user)
+                made = await farm.pictures.make(
+                    about, picture_memory(film, wish), picture_file, film, key, wish, folder, user=user
+                )
                 name = frame_name(f"{_title(job)}.####.{wish.extension}", frame_number(key))
                 async for piece in iterate_in_threadpool(stream.file(name, made)):
                     yield piece
-            is_over = now.state in FINAL or all(frame.state in ("finished", "failed") for frame in found.values())
+            is_over = now.state in FINAL_STATES or all(frame.state in ("finished", "failed") for frame in found.values())
             if which != "coming" or is_over or farm.broadcast.closing:
                 break
-            await listener.wait(LOOK_EVERY_S)
+            await listener.wait(CHECK_EVERY_S)
     yield stream.end()
 
 
-def _is_wanted(frame: FrameNumbers, which: str) -> bool:
+def _is_selected(frame: FrameNumbers, which: str) -> bool:
     return frame.samples > 0 if which == "all" else frame.state == "finished"
 
 
-def _wish(format: str, aov: str, exposure: float, curve: str) -> PictureWish:
+def _picture_request(format: str, aov: str, exposure: float, curve: str) -> PictureRequest:
     try:
         planes = aovs.parse_names(name for name in (part.strip() for part in aov.split(",")) if name not in ("color", ""))
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
     planes = sorted(dict.fromkeys(planes), key=aovs.MOTION.__eq__)
-    wish = PictureWish(format, tuple(planes), bool(planes), exposure, _curve(curve))
+    wish = PictureRequest(format, tuple(planes), bool(planes), exposure, _curve(curve))
     wish.check()
     return wish
 
@@ -178,7 +183,7 @@ def _curve(name: str) -> str:
     return name
 
 
-def _chosen(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]:
+def _selected_frames(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]:
     """Returns the numbers of the selected frames by key, in order."""
     try:
         keys = None if frames is None else set(map(frame_key, parse_frames(frames)))

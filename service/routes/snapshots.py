@@ -16,14 +16,14 @@ from renderer.sentences import Sentence
 from service.errors import Invalid, NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.file_names import named, picture_name
-from service.http.head_requests import headers_alone, is_head
+from service.http.file_names import content_disposition, picture_name
+from service.http.head_requests import headers_response, is_head
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.lookup import find_job
 from service.store.film_snapshots import FilmSnapshot
 from service.watching import film_picture
-from service.watching.film_packet import unpacked
+from service.watching.film_packet import decompressed
 from service.watching.pictures import MEDIA
 
 __all__ = ["router"]
@@ -52,7 +52,7 @@ class SnapshotOut(BaseModel):
 def list_snapshots(id: str, farm: FarmDependency) -> list[SnapshotOut]:
     """Lists the stored snapshots of a still image in order. Shots have none; snapshots that follow too fast are skipped."""
     find_job(id, farm)
-    return [SnapshotOut(**vars(found)) for found in farm.snapshots.facts(id)]
+    return [SnapshotOut(**vars(found)) for found in farm.snapshots.all_facts(id)]
 
 
 @router.get("/{spp}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
@@ -66,7 +66,7 @@ def snapshot_film(id: str, spp: Spp, request: Request, farm: FarmDependency) -> 
     size, pieces = _packed(id, spp, farm)
     if gzip:
         headers |= {"Content-Encoding": "gzip", "Content-Length": str(size)}
-    return StreamingResponse(pieces if gzip else unpacked(pieces), media_type="application/octet-stream", headers=headers)
+    return StreamingResponse(pieces if gzip else decompressed(pieces), media_type="application/octet-stream", headers=headers)
 
 
 @router.get("/{spp}/image.{extension}", response_class=Response, responses={200: IMAGE, 304: {"description": "Not changed."}})
@@ -95,14 +95,16 @@ async def snapshot_image(
     headers = {"ETag": _etag(id, found, f"{extension} {exposure} {tonemap_curve}"), "Cache-Control": "no-cache"}
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
-    headers["Content-Disposition"] = named(picture_name(job, 0, found.samples, "", extension))
+    headers["Content-Disposition"] = content_disposition(picture_name(job, 0, found.samples, "", extension))
     if is_head(request):
-        return headers_alone(headers, MEDIA[extension])
+        return headers_response(headers, MEDIA[extension])
     width, height = (int((job.settings or {}).get(name, 0)) for name in ("width", "height"))
     made = await farm.pictures.make(
         (id, "snapshot", headers["ETag"]),
-        film_picture.memory(width, height),
-        lambda: film_picture.picture(_packed(id, spp, farm)[1], extension, exposure, tonemap_curve, farm.settings.data / "tmp"),
+        film_picture.film_picture_memory(width, height),
+        lambda: film_picture.film_picture(
+            _packed(id, spp, farm)[1], extension, exposure, tonemap_curve, farm.settings.data / "tmp"
+        ),
         user=visit.queue,
     )
     headers["Content-Length"] = str(made.size)

@@ -114,7 +114,7 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
                 Sentence(
                     "token-role-too-high",
                     "Your role is {own_role}: you cannot create a token with the role {role}.",
-                    own_role=caller.role.word,
+                    own_role=caller.role.api_name,
                     role=asked.role,
                 ),
             )
@@ -134,7 +134,7 @@ def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> Non
     is_admin = caller.role >= Role.ADMIN
     if is_admin and farm.access.keys.is_there("worker", id):
         farm.access.keys.withdraw("worker", id)
-        farm.redis_users.look_now()
+        farm.redis_users.refresh_now()
     else:
         farm.access.keys.withdraw("token", id, None if is_admin else caller.name)
 

@@ -37,17 +37,17 @@ router = api_router()
 
 MAX_UNACKNOWLEDGED = 2
 STATE_EVERY_S = 0.2
-SPEAK_EVERY_S = 5.0
-WAIT_S = 0.25
-PREPARING_S = 0.1
-PATIENCE_S = 3.0  # seconds to wait for an environment that is already superseded
-AGAIN_S = 1.0  # seconds between attempts to render a view
-MOST_BYTES = 1 << 16  # of a message
-NOT_UNDERSTOOD = Sentence(
+KEEP_ALIVE_EVERY_S = 5.0
+MAX_WAIT_S = 0.25
+PREPARING_POLL_S = 0.1
+SUPERSEDED_WAIT_S = 3.0  # seconds to wait for an environment that is already superseded
+RETRY_EVERY_S = 1.0  # seconds between attempts to render a view
+MAX_MESSAGE_BYTES = 1 << 16  # of a message
+INVALID_MESSAGE = Sentence(
     "view-message-invalid",
     'The message is invalid. Send a view, {"pick": [x, y]}, {"ack": seq} or {"paused": true}, '
     "as a JSON object of at most {most} characters.",
-    most=MOST_BYTES,
+    most=MAX_MESSAGE_BYTES,
 )
 
 
@@ -104,7 +104,7 @@ class _Viewer:
         self._told_error: Refused | None = None
         self._sent_at = 0.0
         self._notice: str | None = None  # why the requested view is not rendered yet
-        self._rests_s = AGAIN_S
+        self._rests_s = RETRY_EVERY_S
         self._held: str | None = None  # id of the scene's row
         loop = asyncio.get_running_loop()
 
@@ -118,15 +118,15 @@ class _Viewer:
         """Processes messages until the page disconnects."""
         async for text in throttled_messages(self._socket):
             try:
-                self._hear(text)
+                self._handle_message(text)
             except ValidationError as error:
-                self._refuse(with_full_stop(validation_message(error.errors()[0])))
+                self._queue_error(with_full_stop(validation_message(error.errors()[0])))
             except (ValueError, TypeError, OverflowError, RecursionError):
-                self._refuse(NOT_UNDERSTOOD)
+                self._queue_error(INVALID_MESSAGE)
 
-    def _hear(self, text: str) -> None:
+    def _handle_message(self, text: str) -> None:
         """Processes one message of the page. Raises ValueError, TypeError, OverflowError or RecursionError."""
-        if len(text) > MOST_BYTES:
+        if len(text) > MAX_MESSAGE_BYTES:
             raise ValueError("too long")
         match read_client(text, FROM_CLIENT):
             case Acknowledge(seq):
@@ -143,7 +143,7 @@ class _Viewer:
             case None:
                 raise ValueError("no known key")
 
-    def _refuse(self, detail: str, id: int | None = None) -> None:
+    def _queue_error(self, detail: str, id: int | None = None) -> None:
         self._errors.append(Refused(id, detail))
         self._changed.set()
 
@@ -159,16 +159,16 @@ class _Viewer:
             is_new = self._asked.is_set()
             self._asked.clear()
             newest, awaited = self._ask, self._awaited
-            if newest is None or not (is_new or self._is_unprepared()):
+            if newest is None or not (is_new or self._may_have_been_compiled()):
                 continue
-            self._notice, self._rests_s = None, AGAIN_S
+            self._notice, self._rests_s = None, RETRY_EVERY_S
             if awaited is None or awaited is newest or time.monotonic() > self._patient_until:
-                if not await self._settles(newest, makes=True, tries_again=is_new) and self._awaited is not newest:
-                    self._awaited, self._patient_until = newest, time.monotonic() + PATIENCE_S
-            elif not await self._settles(newest, makes=False) and await self._settles(awaited, makes=True):
+                if not await self._try_to_resolve(newest, makes=True, tries_again=is_new) and self._awaited is not newest:
+                    self._awaited, self._patient_until = newest, time.monotonic() + SUPERSEDED_WAIT_S
+            elif not await self._try_to_resolve(newest, makes=False) and await self._try_to_resolve(awaited, makes=True):
                 self._asked.set()
 
-    async def _settles(self, ask: ViewIn, makes: bool, tries_again: bool = False) -> bool:
+    async def _try_to_resolve(self, ask: ViewIn, makes: bool, tries_again: bool = False) -> bool:
         """Resolves a view. Returns True if it is being rendered or was rejected, False while it is being prepared.
 
         Does not raise.
@@ -176,7 +176,7 @@ class _Viewer:
         try:
             view = await run_in_threadpool(self._resolve, ask, makes, tries_again)
         except FarmError as error:
-            self._refuse(str(error), ask.id)
+            self._queue_error(str(error), ask.id)
             self._ask = None if ask is self._ask else self._ask
         else:
             if view is None:
@@ -186,14 +186,14 @@ class _Viewer:
                     if of_light
                     else Sentence("progress-scene", "The scene is being prepared.")
                 )
-                self._rests_s = PREPARING_S
+                self._rests_s = PREPARING_POLL_S
                 return False
             self._farm.views.show(self.session, view)
             self._notice = None
         self._awaited = None
         return True
 
-    def _is_unprepared(self) -> bool:
+    def _may_have_been_compiled(self) -> bool:
         """Whether the view must be resolved again, since the scene may now be compiled for the connected workers."""
         return self._notice is not None or (self.session.request is not None and self.session.message is not None)
 
@@ -225,11 +225,11 @@ class _Viewer:
         """Sends pictures and states until the service stops."""
         while not self._farm.broadcast.closing:
             while self._errors:
-                await self._socket.send_text(_text(self._errors.popleft()))
+                await self._socket.send_text(_encoded_message(self._errors.popleft()))
             while self.session.picked:
-                await self._socket.send_text(_text(self.session.picked.pop(0)))
+                await self._socket.send_text(_encoded_message(self.session.picked.pop(0)))
             picture = None
-            if not self.session.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.session.is_due():
+            if not self.session.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.session.is_picture_due():
                 picture = await run_in_threadpool(self.session.take, self._seq + 1)
             if picture is not None:
                 self._seq += 1
@@ -238,7 +238,7 @@ class _Viewer:
             await self._send_state()
             if picture is None:
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._changed.wait(), WAIT_S)
+                    await asyncio.wait_for(self._changed.wait(), MAX_WAIT_S)
                 self._changed.clear()
         await self._socket.close(1012, Sentence("service-stopping", "The service is shutting down."))
 
@@ -252,14 +252,14 @@ class _Viewer:
             state = ViewState(id, *progress, message)
             if session.error is not None and self._told_error != (refused := Refused(id, session.error)):
                 self._told_error = refused
-                await self._socket.send_text(_text(refused))
+                await self._socket.send_text(_encoded_message(refused))
         has_changed = state != self._sent_state
         is_urgent = has_changed and state.message != (self._sent_state and self._sent_state.message)
-        if is_urgent or now - self._sent_at > (STATE_EVERY_S if has_changed else SPEAK_EVERY_S):
+        if is_urgent or now - self._sent_at > (STATE_EVERY_S if has_changed else KEEP_ALIVE_EVERY_S):
             self._sent_state, self._sent_at = state, now
-            await self._socket.send_text(_text(state))
+            await self._socket.send_text(_encoded_message(state))
 
 
-def _text(message: FromService) -> str:
+def _encoded_message(message: FromService) -> str:
     """Encodes a message as JSON, including the codes of its sentences."""
     return json.dumps(encoded({"type": message.TYPE, **vars(message)}))

@@ -10,12 +10,12 @@ from renderer.sentences import Sentence
 from service.errors import Conflict, NotFound, Unavailable
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.redaction import seen_slots
+from service.http.redaction import redacted_slots
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.models.workers import WorkerOut, WorkerPatch, worker_out
 from service.scheduling.faults.redis_errors import redis_unavailable
-from service.scheduling.fleet.workers import BY_A_PERSON
+from service.scheduling.fleet.workers import PAUSED_BY_USER
 from service.store.models import WorkerTerms
 
 __all__ = ["router"]
@@ -33,7 +33,7 @@ def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut
     roster = view.roster
     found = [worker_out(roster.reports[name], roster.orders.get(name), view) for name in sorted(roster.reports)]
     for worker in found:
-        worker.current = seen_slots(worker.current, visit.sight, farm.access.projects)
+        worker.current = redacted_slots(worker.current, visit.sight, farm.access.projects)
     return found
 
 
@@ -47,7 +47,7 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
     roster = farm.engine.snapshot.roster
     report = roster.reports.get(name)
     if report is None:
-        raise _no_worker(name)
+        raise _worker_not_found(name)
     if change.terms:
         if name not in roster.offers:
             raise Conflict(
@@ -57,10 +57,10 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
                     name=name,
                 )
             )
-        _ask(name, change.terms, farm)
+        _request_terms(name, change.terms, farm)
     why = roster.orders.get(name)
     if change.state is not None:
-        why = None if change.state == "running" else BY_A_PERSON
+        why = None if change.state == "running" else PAUSED_BY_USER
         try:
             farm.engine.order(name, why)
         except redis.RedisError as error:
@@ -68,7 +68,7 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
     return worker_out(report, why, farm.engine.snapshot)
 
 
-def _ask(name: str, terms: dict[str, Any], farm: Farm) -> None:
+def _request_terms(name: str, terms: dict[str, Any], farm: Farm) -> None:
     with farm.sessions.begin() as session:
         row = session.get(WorkerTerms, name, with_for_update=True)
         asked = {**(row.terms if row is not None else {}), **terms}
@@ -80,7 +80,7 @@ def _ask(name: str, terms: dict[str, Any], farm: Farm) -> None:
 def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
     """Returns the last lines of a worker's log, oldest first. The worker sends them on request, which takes a second or two."""
     if name not in farm.engine.snapshot.roster.reports:
-        raise _no_worker(name)
+        raise _worker_not_found(name)
     try:
         lines = farm.engine.worker_log(name)
     except redis.RedisError as error:
@@ -95,7 +95,7 @@ def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
     return lines
 
 
-def _no_worker(name: str) -> NotFound:
+def _worker_not_found(name: str) -> NotFound:
     return NotFound(
         Sentence(
             "worker-not-found",

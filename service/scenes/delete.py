@@ -10,7 +10,7 @@ from service.errors import Conflict
 from service.events import RowWritten
 from service.farm import Farm
 from service.jobs.lookup import no_scene
-from service.store.models import ACTIVE, Job, Scene
+from service.store.models import ACTIVE_STATES, Job, Scene
 
 __all__ = ["delete"]
 
@@ -24,7 +24,7 @@ def delete(id: str, farm: Farm) -> None:
         if scene is None or scene.of is not None:
             raise no_scene(id)
         is_needed = or_(Job.scene == id, Job.lit == id)
-        needed = session.scalar(select(func.count()).select_from(Job).where(is_needed, Job.state.in_(ACTIVE)))
+        needed = session.scalar(select(func.count()).select_from(Job).where(is_needed, Job.state.in_(ACTIVE_STATES)))
         if needed:
             raise Conflict(
                 Sentence("scene-in-use", "{count} unfinished job(s) need this scene. Cancel them first.", count=needed)
@@ -37,6 +37,6 @@ def delete(id: str, farm: Farm) -> None:
         session.delete(scene)
         return blobs
 
-    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
+    farm.reserve.run_deletion(lambda: farm.garbage.collect(forget))
     for each in (*derived, id):
         farm.events.publish(RowWritten("scene", each))

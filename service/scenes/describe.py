@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any, cast
 
 from renderer.sentences import Sentence
-from service.jobs.describe import UNREADABLE_SCENE, why_nothing_runs
+from service.jobs.describe import UNREADABLE_SCENE, farm_stall_reason
 from service.models.scenes import MeasuredOut, SceneOut, SceneStatus
 from service.scheduling.engine import Engine
 from service.scheduling.snapshot import Snapshot
@@ -46,7 +46,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         name=scene.name,
         status=cast(SceneStatus, scene.status),
         error=scene.error,
-        step=_why_preparing(scene.id, view) if waits else None,
+        step=_preparation_step(scene.id, view) if waits else None,
         progress=preparing.fraction if preparing else 0.0 if waits else None,
         created=scene.created,
         main=scene.main,
@@ -75,11 +75,11 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
     )
 
 
-def _why_preparing(scene: str, view: Snapshot) -> str:
+def _preparation_step(scene: str, view: Snapshot) -> str:
     """Returns a sentence with the current step of a scene's preparation, or the reason why it waits."""
     progress = view.preparing.get(scene)
     return view.waits.get(scene) or (
         progress.step
         if progress
-        else why_nothing_runs(view.roster) or Sentence("scene-waits-for-worker", "Waits for a free worker.")
+        else farm_stall_reason(view.roster) or Sentence("scene-waits-for-worker", "Waits for a free worker.")
     )

@@ -8,7 +8,7 @@ from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
 from service.access.projects import ProjectVisibility
-from service.jobs.listing import matches, words_of
+from service.jobs.listing import matches, search_words
 from service.store.models import Scene
 
 __all__ = ["SceneFilter"]
@@ -19,7 +19,7 @@ class SceneFilter:
 
     def __init__(self, sight: ProjectVisibility, project: str | None, search: str) -> None:
         self._conditions: list[ColumnElement[Any]] = [Scene.of.is_(None), sight.clause(Scene.project)]
-        self._conditions += [matches(word, Scene.name, Scene.id) for word in words_of(search)]
+        self._conditions += [matches(word, Scene.name, Scene.id) for word in search_words(search)]
         self._conditions += [] if project is None else [Scene.project == project]
 
     def count(self, session: Session) -> int:

@@ -13,11 +13,11 @@ from service.access.visit import Visit
 from service.errors import NotFound
 from service.farm import Farm
 from service.intake.examples import examples, form_of
-from service.intake.projects import Owner, id_in
+from service.intake.projects import Owner, id_in_project
 from service.intake.record import record
-from service.intake.uploads import Upload, receive, store_form
+from service.intake.uploads import Upload, receive_upload, store_form
 from service.jobs.lookup import find_scene, no_scene
-from service.store.disk_space import full_disk
+from service.store.disk_space import translated_disk_errors
 from service.store.models import Scene
 from telemetry import tracing
 
@@ -56,10 +56,10 @@ async def upload(request: UploadRequest, visit: Visit, farm: Farm) -> Scene:
 
     def write(stored: Upload) -> Scene:
         its = replace(owner, project=bases[0].project) if bases and not request.project else owner
-        farm.access.projects.check_again(its.project, visit.caller, visit.sight)
+        farm.access.projects.recheck(its.project, visit.caller, visit.sight)
         return _recorded(stored.as_strict() if request.strict else stored, its, visit, farm)
 
-    scene = await receive(request.content_type, request.chunks, farm.blobs, farm.garbage, farm.settings, write, find_base)
+    scene = await receive_upload(request.content_type, request.chunks, farm.blobs, farm.garbage, farm.settings, write, find_base)
     _trace(scene, begun, request.traceparent)
     return scene
 
@@ -76,7 +76,7 @@ def open_example(name: str, project: str, visit: Visit, farm: Farm) -> Scene:
                 name=repr(name[:60]),
             )
         )
-    with full_disk():
+    with translated_disk_errors():
         form = form_of(*found, farm.blobs)
 
     def write(stored: Upload) -> Scene:
@@ -91,16 +91,16 @@ def _owner(project: str, visit: Visit, farm: Farm) -> Owner:
 
 def _recorded(stored: Upload, owner: Owner, visit: Visit, farm: Farm) -> Scene:
     farm.quotas.check_bytes(visit.caller, stored.size)
-    return record(replace(stored, id=id_in(owner.project, stored.id)), farm.sessions, farm.events, owner=owner)
+    return record(replace(stored, id=id_in_project(owner.project, stored.id)), farm.sessions, farm.events, owner=owner)
 
 
 def _trace(scene: Scene, begun: float, traceparent: str | None) -> None:
-    first = tracing.root_of("scene", scene.id)
+    first = tracing.root_span("scene", scene.id)
     is_new = scene.created >= begun  # otherwise its trace started earlier
-    tracing.record(
+    tracing.record_span(
         *("upload", begun, time.time(), None if is_new else first),
         own=first if is_new else None,
-        links=[tracing.where(traceparent)],
+        links=[tracing.parse_traceparent(traceparent)],
         scene=scene.id,
         bytes=scene.bytes,
         files=len(scene.files),

@@ -17,16 +17,16 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
-from renderer.sentences import Sentence, joined
+from renderer.sentences import Sentence, joined_sentences
 from service.events import Events, ItemKind, TilesChanged
 from service.scheduling.artifacts.artifacts import ArtifactTasks
 from service.scheduling.artifacts.scene_preparation import Progress
-from service.scheduling.artifacts.unfit_machines import Fault
-from service.scheduling.dispatching.pacing import Pace
-from service.scheduling.dispatching.scheduler import Scheduler, named
+from service.scheduling.artifacts.unfit_machines import MachineFault
+from service.scheduling.dispatching.pacing import BatchSizing
+from service.scheduling.dispatching.scheduler import Scheduler, batch_description
 from service.scheduling.faults.bulkhead import Bulkheads, Step, is_message_fault
 from service.scheduling.fleet.dead_letters import DeadLetters
-from service.scheduling.incoming.merging import Arrived, batch_of, merge
+from service.scheduling.incoming.merging import ReceivedBatch, batch_of, merge
 from service.scheduling.incoming.messages import (
     SAME_RELEASE,
     BatchDone,
@@ -38,7 +38,7 @@ from service.scheduling.incoming.messages import (
     Message,
     PrepareDone,
     PrepareFailed,
-    PrepareGoesOn,
+    PrepareProgress,
     PrepareReturned,
     PrepareStarted,
     ThumbnailMade,
@@ -59,15 +59,15 @@ from telemetry.log_lines import ids
 
 __all__ = ["Answers"]
 
-REMEDY = Sentence("advice-resume", "Then resume it.")  # by a worker of another release
-UNREAD_EVERY_S = 0.5  # interval of counting unread results
+RESUME_ADVICE = Sentence("advice-resume", "Then resume it.")  # by a worker of another release
+COUNT_UNREAD_EVERY_S = 0.5  # interval of counting unread results
 
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class _Answer:
+class _PendingAnswer:
     entry: Entry
     message: Message
 
@@ -76,9 +76,9 @@ class _Answer:
         return self.entry.result.sums if self.entry.result is not None else None
 
 
-class _Merged(NamedTuple):
-    arrived: Arrived
-    answer: _Answer
+class _MergedSums(NamedTuple):
+    arrived: ReceivedBatch
+    answer: _PendingAnswer
 
 
 class Answers:
@@ -92,7 +92,7 @@ class Answers:
         lifecycle: Lifecycle,
         errands: ArtifactTasks,
         trust: Trust,
-        pace: Pace,
+        pace: BatchSizing,
         logs: JobLogs,
         put_aside: DeadLetters,
         tell: Callable[[ItemKind, str], None],
@@ -116,7 +116,7 @@ class Answers:
         self._tell = tell
         self._events = events
         self._settled = settled
-        self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read but not stored
+        self._kept: dict[str, list[_PendingAnswer]] = {}  # by job or scene: read but not stored
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
         self._took_in = 0.0
@@ -133,17 +133,17 @@ class Answers:
         with self._pace.busy():
             entries = self._results.read(block_ms)
             begun = time.monotonic()
-            self._take_in(entries)
+            self._handle_entries(entries)
         sizes = [len(entry.result.sums) for entry in entries if entry.result is not None and entry.result.sums is not None]
         results = len(sizes)
         self.counts["results"] += results
         self.counts["result_bytes"] += sum(sizes)
-        self._pace.took_in(results, self._batches, time.monotonic() - begun)
+        self._pace.record_results(results, self._batches, time.monotonic() - begun)
         self._batches = 0
 
-    def look_for_unread(self) -> None:
+    def count_unread(self) -> None:
         """Updates the number of unread results that the pacing uses, if it is due. Raises redis.RedisError."""
-        is_due = self._results.was_full or time.monotonic() - self._looked >= UNREAD_EVERY_S
+        is_due = self._results.was_full or time.monotonic() - self._looked >= COUNT_UNREAD_EVERY_S
         if self._results.size and is_due:
             self._looked = time.monotonic()
             unread = self._results.length() - sum(map(len, self._kept.values()))
@@ -156,15 +156,15 @@ class Answers:
             time.sleep(left_s)
         self._took_in = time.monotonic()
 
-    def _take_in(self, entries: list[Entry]) -> None:
+    def _handle_entries(self, entries: list[Entry]) -> None:
         known = {answer.entry.id for answers in self._kept.values() for answer in answers}
         for entry in entries:
             if entry.id not in known:
-                self._sort(entry)
+                self._group_by_owner(entry)
         for owner in list(self._kept):
             if self._lifecycle.is_awaited(owner):
                 continue
-            is_stored = self._bulkheads.run(owner, Step.RESULTS, partial(self._store, owner), self._is_recorded(owner))
+            is_stored = self._bulkheads.run(owner, Step.RESULTS, partial(self._store_answers, owner), self._needs_database(owner))
             if is_stored and (job := self._scheduler.jobs.get(owner)) is not None and job.done:
                 self._lifecycle.record(job)
             if is_stored or owner in self._bulkheads.verdicts:
@@ -179,10 +179,10 @@ class Answers:
         """
         more = self._results.length() > sum(map(len, self._kept.values())) and self._results.has_read(self._results.end())
         if more and self._overlooked:
-            self._results.start_over()
+            self._results.reread()
         self._overlooked = more and not self._overlooked
 
-    def _sort(self, entry: Entry) -> None:
+    def _group_by_owner(self, entry: Entry) -> None:
         try:
             message = parse_message(entry)
         except Unusable as error:
@@ -198,13 +198,13 @@ class Answers:
                 self._scheduler.arrived(message.job, piece.batch)
         elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned):
             self._errands.preparing.arrived(message.scene, message.kind)
-        self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
+        self._kept.setdefault(message.owner, []).append(_PendingAnswer(entry, message))
 
-    def _is_recorded(self, owner: str) -> bool:
+    def _needs_database(self, owner: str) -> bool:
         """Returns True if storing the pending messages of a job or scene (`owner`) requires the database."""
         return any(isinstance(answer.message, PrepareDone | PrepareFailed | ThumbnailMade) for answer in self._kept[owner])
 
-    def _store(self, owner: str) -> None:
+    def _store_answers(self, owner: str) -> None:
         """Stores the pending messages of a job or a scene.
 
         Removes each stored message from the list even if a later one raises an error.
@@ -215,7 +215,7 @@ class Answers:
         while answers:
             answer = answers[0]
             if not isinstance(answer.message, BatchDone):
-                self._isolated(answer.entry, answer.message, partial(self._hear, answer.message))
+                self._isolated(answer.entry, answer.message, partial(self._dispatch, answer.message))
             self._stored.append(answers.pop(0).entry)
 
     def _isolated(
@@ -235,14 +235,14 @@ class Answers:
             if instead is not None:
                 instead()
             if message is not None:
-                self._hand_out_again(message, f"{type(error).__name__}: {error}")
+                self._requeue_work(message, f"{type(error).__name__}: {error}")
 
-    def _hand_out_again(self, message: Message, why: str) -> None:
+    def _requeue_work(self, message: Message, why: str) -> None:
         """Dispatches the work of a message again after the message was moved to the dead-letter list."""
         if isinstance(message, BatchDone):
             if (job := self._scheduler.jobs.get(message.job)) is not None:
-                self._unusable(job, message, batch_of(message, job), why)
-        elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned) and self._errands.preparing.unusable(
+                self._reject_sums(job, message, batch_of(message, job), why)
+        elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned) and self._errands.preparing.reject_answer(
             message.scene, message.kind
         ):
             sentence = Sentence(
@@ -261,30 +261,30 @@ class Answers:
                 raise
             arrived = []
 
-            def add(answer: _Answer) -> None:
+            def add(answer: _PendingAnswer) -> None:
                 arrived.extend(self._add(job, [answer]))
 
             for answer in rendered:  # one at a time, since only some may be faulty
                 self._isolated(answer.entry, answer.message, partial(add, answer))
         spans = (each for answer in rendered if isinstance(answer.message, BatchDone) for each in answer.message.traceparents)
-        traces.merged(job, begun, len(arrived), spans)
+        traces.record_merge_span(job, begun, len(arrived), spans)
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
         answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]
-        self._note_merged(job, arrived)
+        self._record_merge(job, arrived)
 
-    def _add(self, job: ActiveJob, rendered: list[_Answer]) -> list[_Merged]:
+    def _add(self, job: ActiveJob, rendered: list[_PendingAnswer]) -> list[_MergedSums]:
         """Merges the batches of results into a job's film: all of them, or none if an error is raised."""
         entries = {id(answer.message): answer for answer in rendered}
         sums = [(answer.message, answer.sums or b"") for answer in rendered if isinstance(answer.message, BatchDone)]
         kept = self._trust.mergeable_answers(job, sums)
-        return [_Merged(each, entries[id(each.message)]) for each in merge(job, kept)]
+        return [_MergedSums(each, entries[id(each.message)]) for each in merge(job, kept)]
 
-    def _note_merged(self, job: ActiveJob, arrived: list[_Merged]) -> None:
+    def _record_merge(self, job: ActiveJob, arrived: list[_MergedSums]) -> None:
         """Updates leases, logs, statistics and listeners after batches were merged into the film."""
         tiles: dict[int, set[int]] = {}
         with_bad: set[int] = set()  # frames with new discarded samples
         for each, answer in arrived:
-            noted = partial(self._note_one, job, each, answer.sums or b"")
+            noted = partial(self._record_batch, job, each, answer.sums or b"")
             self._isolated(answer.entry, None if each.taken else each.message, noted, partial(self._end_leases, job, each))
             if each.fault is None and each.taken and each.batch is not None:
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)
@@ -303,27 +303,27 @@ class Answers:
         if job.agenda.new_goals:
             self._lifecycle.record(job)
 
-    def _end_leases(self, job: ActiveJob, each: Arrived) -> None:
+    def _end_leases(self, job: ActiveJob, each: ReceivedBatch) -> None:
         """Ends the leases of a merged batch and updates its job: the minimum to do if the full bookkeeping fails."""
         for piece in each.message.pieces if each.taken and each.batch is not None else ():
             assert each.batch is not None
             self._scheduler.leases.end(piece.batch)
             job.came_back(each.batch._replace(first=piece.first, count=piece.count), piece.seconds)
 
-    def _note_one(self, job: ActiveJob, each: Arrived, sums: bytes) -> None:
+    def _record_batch(self, job: ActiveJob, each: ReceivedBatch, sums: bytes) -> None:
         if each.taken and each.batch is not None:
             self._trust.consider_verification(job, each.message, each.batch, sums)
         pieces = each.message.pieces
         if each.fault is not None and each.batch is not None:
-            self._unusable(job, each.message, each.batch, each.fault)
+            self._reject_sums(job, each.message, each.batch, each.fault)
             return
         self.counts["merged" if each.taken else "dropped"] += len(pieces)
         for piece in pieces:
             batch = each.batch and each.batch._replace(first=piece.first, count=piece.count)
             self._scheduler.came_back(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
-        self._note(job, each)
+        self._log_batch(job, each)
 
-    def _unusable(self, job: ActiveJob, message: BatchDone, whole: Range | None, why: str) -> None:
+    def _reject_sums(self, job: ActiveJob, message: BatchDone, whole: Range | None, why: str) -> None:
         """Handles sums that cannot be decoded or merged as a failed batch of their sender.
 
         A joint result counts as one failure, and against no worker if several contributed to it.
@@ -340,15 +340,15 @@ class Answers:
             )
             trouble = self._scheduler.failed(job, piece.batch, batch, sender, said, None, is_suspect=is_suspect)
             if trouble is not None:
-                self._give_up(job, batch, trouble)
+                self._fail_batch(job, batch, trouble)
 
-    def _give_up(self, job: ActiveJob, batch: Range, trouble: BatchFailures) -> None:
+    def _fail_batch(self, job: ActiveJob, batch: Range, trouble: BatchFailures) -> None:
         sentence = Sentence(
             "batch-failed-repeatedly", "A batch failed {count} times: {error}", count=len(trouble.workers), error=trouble.error
         )
-        self._scheduler.give_up(job, batch, sentence, trouble.reproduce)
+        self._scheduler.fail_batch(job, batch, sentence, trouble.reproduce)
 
-    def _note(self, job: ActiveJob, each: Arrived) -> None:
+    def _log_batch(self, job: ActiveJob, each: ReceivedBatch) -> None:
         """Logs a batch in its tile's log; if its slot reported warnings, also in the job's log."""
         said, batch = each.message, each.batch
         if batch is not None:
@@ -356,22 +356,22 @@ class Answers:
             text = tile_log_line(", ".join(said.senders), said.first, said.count, seconds, said.took, said.lines)
             self._logs.tiles.note(job.id, batch.frame, batch.tile, text)
             for line in said.lines:
-                job.history.log.add_line(f"{said.worker}, {named(batch)}: {line}")
+                job.history.log.add_line(f"{said.worker}, {batch_description(batch)}: {line}")
 
-    def _hear(self, message: Message) -> None:
+    def _dispatch(self, message: Message) -> None:
         match message:
             case BatchFailed():
-                self._failed(message)
+                self._handle_failure(message)
             case BatchReturned():
                 job = self._scheduler.jobs.get(message.job)
                 batch = batch_of(message, job) if job else None
                 if job is not None and batch is not None:
-                    self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
+                    self._scheduler.handle_return(job, message.batch, batch, message.worker, message.error)
                     self._tell("job", job.id)
             case PrepareStarted():
                 self._errands.preparing.heard(message.scene, message.kind, message.worker, Progress("Reading", 0.0))
                 self._tell("scene", message.scene)
-            case PrepareGoesOn():
+            case PrepareProgress():
                 progress = Progress(message.step, message.fraction, message.preview)
                 self._errands.preparing.heard(message.scene, message.kind, message.worker, progress)
                 self._tell("scene", message.scene)
@@ -384,37 +384,37 @@ class Answers:
             case PrepareFailed():
                 self._lifecycle.prepare_failed(message.scene, message.kind, message.error)
             case PrepareReturned():
-                unfit = Fault(message.worker, message.error, message.passing) if message.unfit else None
-                self._errands.preparing.returned(message.scene, message.kind, message.error, unfit)
+                unfit = MachineFault(message.worker, message.error, message.passing) if message.unfit else None
+                self._errands.preparing.handle_return(message.scene, message.kind, message.error, unfit)
                 self._tell("scene", message.scene)
             case FramePrepared() | FrameFailed():
-                self._lifecycle.frame_answered(message)
+                self._lifecycle.handle_frame_answer(message)
             case FramesReturned():
                 if (job := self._scheduler.jobs.get(message.job)) is not None:
                     log.info("job %s: %s", job.id, message.error, extra=ids(job=job.id, worker=message.worker))
-                    unfit = Fault(message.worker, message.error, message.passing) if message.unfit else None
+                    unfit = MachineFault(message.worker, message.error, message.passing) if message.unfit else None
                     job.history.log.add_line(str(unfit or message.error))
-                    self._errands.moments.returned(job, message.work, unfit)
+                    self._errands.moments.handle_return(job, message.work, unfit)
                     self._tell("job", job.id)
             case _:
                 self._errands.handle_artifact(message)
 
-    def _failed(self, message: BatchFailed) -> None:
+    def _handle_failure(self, message: BatchFailed) -> None:
         job = self._scheduler.jobs.get(message.job)
         batch = batch_of(message, job) if job else None
         if job is None or batch is None:
             return
         if message.error.endswith(SAME_RELEASE):
-            self._misunderstood(job, batch, message)
+            self._handle_misunderstood(job, batch, message)
             return
         self.counts["failed"] += 1
         trouble = self._scheduler.failed(
             job, message.batch, batch, message.worker, message.error, message.reproduce, message.trace
         )
         if trouble is not None:
-            self._give_up(job, batch, trouble)
+            self._fail_batch(job, batch, trouble)
 
-    def _misunderstood(self, job: ActiveJob, batch: Range, message: BatchFailed) -> None:
+    def _handle_misunderstood(self, job: ActiveJob, batch: Range, message: BatchFailed) -> None:
         """Dispatches a batch again that a worker of another release did not understand.
 
         This does not count against the job, since other workers may render it. A worker that does it repeatedly is quarantined.
@@ -422,9 +422,9 @@ class Answers:
         lease = self._scheduler.leases.get(message.batch)
         if lease is None or lease.owner != job.id:
             return  # not a batch that was handed out
-        self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
-        if self._scheduler.suspicion.misunderstood(message.worker) >= FAILURES_ALLOWED:
-            self._scheduler.set_aside(message.worker, joined(message.error, REMEDY))
+        self._scheduler.handle_return(job, message.batch, batch, message.worker, message.error)
+        if self._scheduler.suspicion.record_misunderstood(message.worker) >= FAILURES_ALLOWED:
+            self._scheduler.quarantine(message.worker, joined_sentences(message.error, RESUME_ADVICE))
             if not job.samples:  # no sample of the job is from that release
                 self._scheduler.withdraw(job)
                 job.kind = None

@@ -24,7 +24,7 @@ class Changes:
         self._open: dict[Change, None] = {}
         self._later: dict[Change, None] = {}
 
-    def note_later(self, what: str, ids: Iterable[str]) -> None:
+    def add_low_priority(self, what: str, ids: Iterable[str]) -> None:
         """Adds low-priority changes, such as jobs left by a previous run. Used only by the engine's thread."""
         self._later |= dict.fromkeys((what, id) for id in ids)
 
@@ -44,7 +44,7 @@ class Changes:
         return list(self._open)
 
     @property
-    def is_behind(self) -> bool:
+    def has_low_priority(self) -> bool:
         """Whether low-priority changes left by a previous run are still unprocessed."""
         return bool(self._later)
 

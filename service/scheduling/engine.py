@@ -27,10 +27,10 @@ from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.scheduling.artifacts.artifacts import ArtifactTasks
 from service.scheduling.changes import Changes
 from service.scheduling.dispatching.dispatcher import Dispatcher
-from service.scheduling.dispatching.pacing import Pace
+from service.scheduling.dispatching.pacing import BatchSizing
 from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.faults.bulkhead import Bulkheads, Step
-from service.scheduling.faults.redis_errors import causes, redis_fault
+from service.scheduling.faults.redis_errors import exception_chain, redis_fault
 from service.scheduling.faults.repair import is_wrong_type, repair_all
 from service.scheduling.fleet.dead_letters import FILE, DeadLetters
 from service.scheduling.fleet.workers import Workers
@@ -42,7 +42,7 @@ from service.scheduling.jobs.film_snapshots import SnapshotKeeper
 from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.records import Records
-from service.scheduling.snapshot import JobNumbers, Snapshot, SnapshotBoard
+from service.scheduling.snapshot import JobNumbers, Snapshot, SnapshotHolder
 from service.scheduling.trust.trust import Trust
 from service.scheduling.waiting import DependencyTracker
 from service.settings import Settings
@@ -57,9 +57,9 @@ BLOCK_MS = 200
 PAUSE_AFTER_FAULT_S = 0.5
 SERVICE_KEY = "rayfarm:service"  # Unix time of the service's latest write to Redis
 SERVICE_KEY_TTL_S = 10
-REPAIR_EVERY_S = 10.0
+REPAIR_KEYS_EVERY_S = 10.0
 TRACE_EVERY_S = 60.0  # interval of tracebacks of the same fault
-STUCK_S = 60.0  # seconds without a round after which another service may take over
+STUCK_TIMEOUT_S = 60.0  # seconds without a round after which another service may take over
 
 log = logging.getLogger(__name__)
 
@@ -76,7 +76,7 @@ class Engine:
         films: FilmStore,
         snapshots: FilmSnapshots,
         blobs: BlobStore,
-        board: SnapshotBoard,
+        board: SnapshotHolder,
         events: Events,
         guard: Callable[[], None],
         has_views: Callable[[], bool],
@@ -100,7 +100,7 @@ class Engine:
         self._workers = Workers(self._redis, lambda name: change("worker", name), self._put_aside)
         self._errands = ArtifactTasks(settings, self._dispatcher, self._workers, blobs, events)
         self.logs = JobLogs(settings.data / "logs-of-jobs")
-        self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, has_views)
+        self._pace = BatchSizing(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, has_views)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
         self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline, events)
         self._waiting = DependencyTracker(records, self._bulkheads, self._changes)
@@ -109,7 +109,7 @@ class Engine:
             tell=change,
             events=events,
         )
-        self._deadlines = Deadlines(records, self._with_database, change)
+        self._deadlines = Deadlines(records, self._run_with_database, change)
         self._forecaster = Forecaster(self._scheduler.line_up, self._scheduler.shares)
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
@@ -154,7 +154,7 @@ class Engine:
 
     def moves(self) -> bool:
         """Whether the thread completes its rounds. Always True during the start, which may take long after a previous run."""
-        return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_S)
+        return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_TIMEOUT_S)
 
     @property
     def snapshot(self) -> Snapshot:
@@ -191,31 +191,31 @@ class Engine:
     def denoise(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
         """Requests that a worker denoise a frame with the samples now in its film. Raises Unavailable if no worker can."""
         wish = DenoiseFrame("", job, frame, film.width, film.height)
-        return self._awaited(self._errands.denoising.want(wish, film.version(frame)))
+        return self._with_wake_up(self._errands.denoising.request(wish, film.version(frame)))
 
     def vectors(self, wish: FrameVectors) -> Future[ArtifactResult]:
         """Requests that a worker compute a frame's motion vectors. Raises Unavailable if no worker can."""
-        return self._awaited(self._errands.vectors.want(wish))
+        return self._with_wake_up(self._errands.vectors.request(wish))
 
     def show_environment(self, wish: ShowEnvironment) -> Future[ArtifactResult]:
         """Requests that a worker make the thumbnail of an environment image.
 
         The future raises Invalid if the image cannot be used. Raises Unavailable if no worker can make thumbnails.
         """
-        return self._awaited(self._errands.environments.want(wish))
+        return self._with_wake_up(self._errands.environments.request(wish))
 
-    def _awaited(self, answer: Future[ArtifactResult]) -> Future[ArtifactResult]:
+    def _with_wake_up(self, answer: Future[ArtifactResult]) -> Future[ArtifactResult]:
         if not answer.done():
             self._results.wake()
         return answer
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            self._fault = self._fault_of(self._step) or self._step_fault or self._refused
-            if self._fault_of(self._publish) or self._fault:
+            self._fault = self._run_catching_faults(self._step) or self._step_fault or self._refused
+            if self._run_catching_faults(self._publish) or self._fault:
                 self._stop.wait(PAUSE_AFTER_FAULT_S)
 
-    def _fault_of(self, action: Callable[[], None]) -> str | None:
+    def _run_catching_faults(self, action: Callable[[], None]) -> str | None:
         """Runs an action. Returns None, or its error as a sentence."""
         try:
             action()
@@ -223,7 +223,7 @@ class Engine:
             fault = " ".join(redis_fault(error))
             if self._fault is None:
                 log.warning("%s", fault)
-            if any(is_wrong_type(each) for each in causes(error)):
+            if any(is_wrong_type(each) for each in exception_chain(error)):
                 self._repair()
             return fault
         except FarmError as error:  # the database, during start-up
@@ -231,10 +231,10 @@ class Engine:
                 log.warning("%s", error)
             return str(error)
         except Exception as error:
-            return self._own_fault(error)
+            return self._log_unexpected(error)
         return None
 
-    def _own_fault_of(self, part: Callable[[], None]) -> str | None:
+    def _run_catching_errors(self, part: Callable[[], None]) -> str | None:
         """Runs one part of a step. Returns None, or a sentence if it raised an unexpected error.
 
         Raises redis.RedisError, QueueError and FarmError.
@@ -244,10 +244,10 @@ class Engine:
         except (redis.RedisError, QueueError, FarmError):
             raise
         except Exception as error:
-            return self._own_fault(error)
+            return self._log_unexpected(error)
         return None
 
-    def _own_fault(self, error: Exception) -> str:
+    def _log_unexpected(self, error: Exception) -> str:
         sentence = Sentence(
             "engine-error",
             "The scheduler failed ({name}: {error}); see the log.",
@@ -262,32 +262,32 @@ class Engine:
     def _step(self) -> None:
         self._guard()
         if not self._has_begun:
-            self._begin()
+            self._clean_up_previous_run()
         self._lifecycle.begin_round()
         self._apply_changes()
         self._workers.look()
         if time.monotonic() - self._looked_around >= 1.0:
             self._looked_around = time.monotonic()
             with self._pace.busy():
-                self._each_second()
+                self._run_periodic_tasks()
         self._bulkheads.carry_out(self._lifecycle.end)
         self.trust.carry_out(self._lifecycle.again)
-        self._step_fault = self._own_fault_of(self._hand_out)
+        self._step_fault = self._run_catching_errors(self._hand_out)
         self._answers.read_answers(1 if self._lifecycle.is_loading else BLOCK_MS)
 
     def _hand_out(self) -> None:
         while not self._asked.empty():
-            self._errands.preparing.want(*self._asked.get())
+            self._errands.preparing.request(*self._asked.get())
         self._errands.preparing.fill()
-        if shots := self._shots():
-            for job in self._errands.moments.fill(shots, self._lifecycle.auto_of, self._scheduler.busy()):
+        if shots := self._active_shots():
+            for job in self._errands.moments.fill(shots, self._lifecycle.automatic_view, self._scheduler.busy()):
                 self._lifecycle.record(job)
         self._errands.fill_artifacts()
         with self._pace.busy():
-            self._answers.look_for_unread()
+            self._answers.count_unread()
             self._scheduler.fill(self._lifecycle.start)
 
-    def _begin(self) -> None:
+    def _clean_up_previous_run(self) -> None:
         """Deletes queued messages, films and logs left by deleted jobs or a previous run; queues unfinished jobs and scenes."""
         self._dispatcher.purge()
         self.trust.begin()
@@ -296,7 +296,7 @@ class Engine:
         self._changes.note("terms", "")
         for scene in self._records.preparing_scenes():
             self._changes.note("scene", scene)
-        self._changes.note_later("job", self._records.active_jobs())
+        self._changes.add_low_priority("job", self._records.active_jobs())
         self._has_begun = True
 
     def _apply_changes(self) -> None:
@@ -321,7 +321,7 @@ class Engine:
             if what == "job" and (job := self._scheduler.jobs.get(id)) is not None:
                 self._keeper.look(job)  # the previous picture of a continued job becomes a snapshot
 
-    def _with_database(self, id: str, action: Callable[[], object]) -> bool:
+    def _run_with_database(self, id: str, action: Callable[[], object]) -> bool:
         return self._bulkheads.run(id, Step.RECORD, action, needs_database=True)
 
     def _renew_terms(self) -> None:
@@ -331,13 +331,13 @@ class Engine:
             job.share = self._scheduler.shares.name_of(job.user, job.project)
         self._terms = self._records.worker_terms()
 
-    def _each_second(self) -> None:
+    def _run_periodic_tasks(self) -> None:
         """Runs the tasks that are due once a second. An unexpected error in one does not prevent the others."""
-        self._refused = self._fault_of(self._write)
+        self._refused = self._run_catching_faults(self._write_heartbeat)
         faults = [
-            self._own_fault_of(part)
+            self._run_catching_errors(part)
             for part in (
-                *(self.logs.flush, self._look_at_keys, self._answers.review, self._errands.review_artifacts),
+                *(self.logs.flush, self._maintain_keys, self._answers.review, self._errands.review_artifacts),
                 *(lambda: self._scheduler.review(self._results), self.trust.review, self._waiting.review),
                 *(self._review_preparing, self._ask_workers, self._review_deadlines, self._review_jobs),
             )
@@ -346,11 +346,11 @@ class Engine:
 
     def _review_preparing(self) -> None:
         for scene, kind in self._errands.preparing.review(self._results):
-            self._lifecycle.lost_while_preparing(scene, kind)
+            self._lifecycle.fail_lost_scene(scene, kind)
         for scene, kind, sentence in self._errands.preparing.impossible():
-            self._lifecycle.no_machine_for(scene, kind, sentence)
+            self._lifecycle.fail_impossible_scene(scene, kind, sentence)
         for job, frame in self._errands.moments.review(self._scheduler.jobs, self._results):
-            self._lifecycle.frame_lost(job, frame)
+            self._lifecycle.fail_lost_frame(job, frame)
         for job, sentence in self._errands.moments.impossible(self._scheduler.jobs):
             self._bulkheads.give_verdict(job.id, sentence)
 
@@ -375,20 +375,20 @@ class Engine:
             self._results.repair()
             repair_all(self._redis)
 
-    def _look_at_keys(self) -> None:
-        """Writes the dead-letter list to its file and, every `REPAIR_EVERY_S` seconds, deletes Redis keys of the wrong type.
+    def _maintain_keys(self) -> None:
+        """Writes the dead-letter list to its file and, every `REPAIR_KEYS_EVERY_S` seconds, deletes Redis keys of the wrong type.
 
         Workers can write to Redis, and a key of the wrong type may block other workers.
         """
         self._put_aside.flush()
-        if time.monotonic() - self._repaired >= REPAIR_EVERY_S:
+        if time.monotonic() - self._repaired >= REPAIR_KEYS_EVERY_S:
             self._repair()
 
-    def _write(self) -> None:
+    def _write_heartbeat(self) -> None:
         """Writes the service's heartbeat key. This detects early that Redis is full or read-only. Raises redis.RedisError."""
         self._redis.set(SERVICE_KEY, time.time(), ex=SERVICE_KEY_TTL_S)
 
-    def _shots(self) -> list[tuple[ActiveJob, str | None]]:
+    def _active_shots(self) -> list[tuple[ActiveJob, str | None]]:
         """Returns the active shots, by priority and age, each with the worker kind that renders it."""
         jobs = [job for job in self._scheduler.jobs.values() if job.shot is not None and job.state in ("queued", "running")]
         jobs = [job for job in jobs if job.id not in self._bulkheads.verdicts and not job.done]
@@ -397,9 +397,9 @@ class Engine:
         ]
 
     def _publish(self) -> None:
-        self._board.publish(self._scheduler.jobs, self._look)
+        self._board.publish(self._scheduler.jobs, self._make_snapshot)
 
-    def _look(self, numbers: Mapping[str, JobNumbers]) -> Snapshot:
+    def _make_snapshot(self, numbers: Mapping[str, JobNumbers]) -> Snapshot:
         return Snapshot(
             fault=self._fault or self._bulkheads.database_fault,
             roster=self._workers.roster,

@@ -30,14 +30,14 @@ from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.jobs.measurements import measured
 from service.scheduling.jobs.reproduce import reproduce
-from service.scheduling.jobs.traces import job_over
+from service.scheduling.jobs.traces import record_job_span
 from service.scheduling.loading import Loading
 from service.scheduling.records import PendingJob, Records
 from service.scheduling.waiting import DependencyTracker
 from service.shot import Shot
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
-from service.store.models import ACTIVE, Job, Scene, blobs_of
+from service.store.models import ACTIVE_STATES, Job, Scene, blobs_of
 
 __all__ = ["Lifecycle"]
 
@@ -69,7 +69,7 @@ class Lifecycle:
         self._logs = logs
         self._bulkheads = bulkheads
         self._changes = changes
-        self._loading = Loading(records, films, scheduler, waiting, logs, self._loaded)
+        self._loading = Loading(records, films, scheduler, waiting, logs, self._handle_loaded)
         self._tell = tell
         self._events = events
         self._expected: Iterator[str] = iter(())  # jobs whose changes are applied next
@@ -95,7 +95,7 @@ class Lifecycle:
     @property
     def is_loading(self) -> bool:
         """Whether jobs remain to be loaded in later rounds."""
-        return self._loading.is_under_way or self._changes.is_behind
+        return self._loading.is_under_way or self._changes.has_low_priority
 
     def may_apply(self, what: str, id: str) -> bool:
         """Whether a change can be applied in this round. Loading a job requires that the round has time left."""
@@ -107,15 +107,15 @@ class Lifecycle:
 
     def _apply_job(self, id: str) -> bool:
         job = self._scheduler.jobs.get(id)
-        pending = self._read(id) if job is None else None
+        pending = self._read_pending(id) if job is None else None
         row = self._records.job(id) if pending is None else pending.row
-        if row is None or row.state not in ACTIVE:
+        if row is None or row.state not in ACTIVE_STATES:
             self._loading.forget(id)
             if job is not None:
                 job.history.log.add_line(row.state if row is not None else "deleted")
-                job_over(job, row.state if row is not None else "deleted")
+                record_job_span(job, row.state if row is not None else "deleted")
                 self._drop(job)
-            self._rest(id)
+            self._unpin_film(id)
             self._bulkheads.forget(id)
             if row is None:
                 self._logs.delete(id)
@@ -123,13 +123,15 @@ class Lifecycle:
                 self._films.delete(id)
             elif job is not None:
                 self._records.progress(job)
-                self._give_back(job)
-        elif not (self._adjust(job, row) if job is not None else pending is not None and self._take_up(pending)):
+                self._release_frames(job)
+        elif not (
+            self._apply_user_changes(job, row) if job is not None else pending is not None and self._load_or_adjust(pending)
+        ):
             return False
         self._tell("job", id)
         return True
 
-    def _read(self, id: str) -> PendingJob | None:
+    def _read_pending(self, id: str) -> PendingJob | None:
         """Returns the data of a job that is not in the scheduler; None if it has no row."""
         if id not in self._pending:
             ids = [id, *islice(self._expected, READ_AT_ONCE)]
@@ -141,20 +143,20 @@ class Lifecycle:
                 self._pending = self._records.pending([id])  # another job's row may be at fault
         return self._pending.pop(id, None)
 
-    def _take_up(self, pending: PendingJob) -> bool:
+    def _load_or_adjust(self, pending: PendingJob) -> bool:
         if not self._loading.go_on(pending):
             return False
         job = self._scheduler.jobs.get(pending.row.id)
-        return job is None or self._adjust(job, pending.row)  # changes made while it was being loaded
+        return job is None or self._apply_user_changes(job, pending.row)  # changes made while it was being loaded
 
-    def _adjust(self, job: ActiveJob, row: Job) -> bool:
+    def _apply_user_changes(self, job: ActiveJob, row: Job) -> bool:
         """Applies a user's changes to an active job. Returns whether all were applied."""
         shot = Shot.of(row.shot)
         if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
             self._records.progress(job)
             self._drop(job)
             pending = self._records.pending([row.id]).get(row.id)
-            return pending is not None and self._take_up(pending)
+            return pending is not None and self._load_or_adjust(pending)
         job.agenda.first = shot.first if shot else None
         if row.state == "paused" != job.state:
             self._scheduler.withdraw(job)
@@ -174,10 +176,15 @@ class Lifecycle:
             job.ask(row.spp, row.noise, row.seconds)
         return True
 
-    def _loaded(self, job: ActiveJob, scene: Scene) -> None:
+    def _handle_loaded(self, job: ActiveJob, scene: Scene) -> None:
         if job.shot is not None:
             self._autos[job.id] = (scene.info or {})["cameras"][-1]["view"]
-        if job.started or job.shot is not None or job.film.has_file or not all(f.was_recorded for f in job.frames.values()):
+        if (
+            job.started
+            or job.shot is not None
+            or job.film.has_file
+            or not all(f.has_recorded_samples for f in job.frames.values())
+        ):
             self.record(job)  # otherwise its row is up to date
 
     def again(self, job: ActiveJob) -> None:
@@ -189,7 +196,7 @@ class Lifecycle:
     def start(self, job: ActiveJob, kind: str) -> bool:
         """Starts a job on workers of this kind if they can render it now; returns whether they can."""
         if kind not in job.compiled:
-            self._errands.preparing.want(job.scene, kind)
+            self._errands.preparing.request(job.scene, kind)
             return False
         if job.shot is not None and not job.started and job.agenda.next(kind) is None:
             return False  # its first frame is still being prepared
@@ -204,44 +211,44 @@ class Lifecycle:
 
     def record(self, job: ActiveJob) -> None:
         """Stores a job's progress, and finishes the job if it has reached its goal."""
-        self._bulkheads.run(job.id, Step.RECORD, lambda: self._record(job), needs_database=True)
+        self._bulkheads.run(job.id, Step.RECORD, lambda: self._record_progress(job), needs_database=True)
 
-    def _record(self, job: ActiveJob) -> None:
+    def _record_progress(self, job: ActiveJob) -> None:
         if job.agenda.new_goals:
-            self.lay_out(job)
+            self.begin_next_round(job)
         is_over = job.done and job.state in ("queued", "running")
         if is_over:
             job.tick(job.started)
             job.finish_frames()
         if job.has_first_wave and not any(kind == "picture" for _, kind, _ in job.history.events):
             job.history.add_event("picture")
-        job.history.note_departed(self._scheduler.connected())
+        job.history.note_departed(self._scheduler.connected_workers())
         if job.shot is None:
-            next(iter(job.frames.values())).renew_noise()
-        job.history.add_point(job.active_s, job.samples, job.noise_now, is_over)
+            next(iter(job.frames.values())).update_noise()
+        job.history.add_point(job.active_s, job.samples, job.current_noise, is_over)
         gone = job.release()
         self._records.progress(job)
         if gone:
             self._events.publish(BlobsReleased(gone))
         if is_over and self._records.finished(job, measured(job)):
             job.history.log.add_line(f"finished: {job.samples:,} samples in {job.active_s:.2f} s")
-            job_over(job, "finished")
+            record_job_span(job, "finished")
             self._tell("scene", job.scene)
             self._drop(job)
-            self._give_back(job)
+            self._release_frames(job)
             self._bulkheads.forget(job.id)
         self._tell("job", job.id)
 
-    def lay_out(self, job: ActiveJob) -> None:
+    def begin_next_round(self, job: ActiveJob) -> None:
         """Stores the goals of the frames for the next round of a shot, then starts the round."""
-        self._records.goals(job)
+        self._records.store_goals(job)
         job.agenda.begin_round()
 
-    def auto_of(self, job: ActiveJob) -> dict[str, Any]:
+    def automatic_view(self, job: ActiveJob) -> dict[str, Any]:
         """Returns the automatic view of a job's scene, which frames the scene at the job's start time."""
         return self._autos[job.id]
 
-    def frame_answered(self, message: FramePrepared | FrameFailed) -> None:
+    def handle_frame_answer(self, message: FramePrepared | FrameFailed) -> None:
         """Handles the result of a frame's preparation. If it failed, the job continues with the other frames."""
         job = self._scheduler.jobs.get(message.job)
         frame = job.frames.get(message.frame) if job is not None else None
@@ -267,7 +274,7 @@ class Lifecycle:
             job.prepared(frame, message.kind, settings, asdict(info.compiled) if info.compiled else None)
         self._tell("job", job.id)
 
-    def frame_lost(self, job: ActiveJob, frame: ActiveFrame) -> None:
+    def fail_lost_frame(self, job: ActiveJob, frame: ActiveFrame) -> None:
         """Fails a frame whose preparation was lost with its worker too often."""
         error = Sentence(
             "worker-lost-preparing-frame", "The worker was lost three times while it prepared this frame. It may be too large."
@@ -279,13 +286,13 @@ class Lifecycle:
         job = self._scheduler.jobs.get(id)
         if job is not None:
             job.history.log.add_line(f"failed: {verdict.error}", verdict.reproduce or "")
-            job_over(job, "failed", verdict.error)
+            record_job_span(job, "failed", verdict.error)
             self._drop(job)  # first, since it ends even if the database is away
         command = reproduce(verdict.reproduce, job) if verdict.reproduce and job is not None else verdict.reproduce
         if self._records.failed(id, verdict.error, command) or job is not None:
             if job is not None:
                 self._records.progress(job)
-                self._give_back(job)
+                self._release_frames(job)
             self._tell("job", id)
             if FILM in verdict.error:
                 self._events.publish(FilmSuspected(id))
@@ -295,17 +302,17 @@ class Lifecycle:
     def prepared(self, scene: str, info: SceneInfo) -> None:
         """Marks a scene as prepared for a worker kind, and continues its jobs."""
         self._errands.preparing.forget_kind(scene, info.kind)
-        if (error := self._records.refuse(scene, info.warnings)) is not None:
+        if (error := self._records.fail_if_strict(scene, info.warnings)) is not None:
             self.prepare_failed(scene, None, error)
             return
         if not self._records.prepared(scene, info):
             return
-        for id in self._records.waiting_for(scene):
+        for id in self._records.derived_scenes(scene):
             self._changes.note("scene", id)
         for id in self._records.jobs_of(scene):
             if id in self._scheduler.jobs:
                 job = self._scheduler.jobs[id]
-                job.compiled_for(info.kind, info.compiled.sha256)
+                job.add_compiled_kind(info.kind, info.compiled.sha256)
                 job.of_scene |= blobs_of([asdict(info.compiled)])
             else:
                 self._changes.note("job", id)
@@ -323,7 +330,7 @@ class Lifecycle:
         row = self._records.scene(scene)
         if row is None:
             return
-        for id in self._records.waiting_for(scene) if row.status == "failed" else ():
+        for id in self._records.derived_scenes(scene) if row.status == "failed" else ():
             self.prepare_failed(id, None, error)
         for id in self._records.jobs_of(scene):
             job = self._scheduler.jobs.get(id)
@@ -334,7 +341,7 @@ class Lifecycle:
             self._tell("job", id)
         self._tell("scene", scene)
 
-    def lost_while_preparing(self, scene: str, kind: str | None) -> None:
+    def fail_lost_scene(self, scene: str, kind: str | None) -> None:
         """Fails a scene whose preparation was lost with its worker too often."""
         error = Sentence(
             "worker-lost-preparing-scene",
@@ -342,7 +349,7 @@ class Lifecycle:
         )
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
-    def no_machine_for(self, scene: str, kind: str | None, error: str) -> None:
+    def fail_impossible_scene(self, scene: str, kind: str | None, error: str) -> None:
         """Fails a scene that no worker's machine can prepare."""
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
@@ -354,7 +361,7 @@ class Lifecycle:
         elif scene.status == "preparing":
             base = self._records.scene(scene.of) if scene.of else None
             if base is None or base.status != "preparing":  # otherwise this scene is applied again once its base is prepared
-                self._errands.preparing.want(id, None, by_blender=self._records.is_to_be_opened(scene))
+                self._errands.preparing.request(id, None, by_blender=self._records.needs_blender(scene))
         self._tell("scene", id)
         return True
 
@@ -364,15 +371,15 @@ class Lifecycle:
         self._errands.moments.forget(job.id)
         self._logs.close(job.id)
         self._autos.pop(job.id, None)
-        self._rest(job.id)
+        self._unpin_film(job.id)
 
-    def _give_back(self, job: ActiveJob) -> None:
+    def _release_frames(self, job: ActiveJob) -> None:
         """Releases the compiled frames of an ended job."""
         gone = job.release(all_frames=True)
         if gone:
             self._records.progress(job)
             self._events.publish(BlobsReleased(gone))
 
-    def _rest(self, id: str) -> None:
+    def _unpin_film(self, id: str) -> None:
         with suppress(FarmError):  # a film that is in use is unpinned later
             self._films.unpin(id)

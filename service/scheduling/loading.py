@@ -25,7 +25,7 @@ from service.store.models import Job, Scene, blobs_of
 
 __all__ = ["Loading"]
 
-ROUND_CPU_S = 0.05  # processor time per round
+ROUND_PROCESSOR_S = 0.05  # processor time per round
 ROUND_S = 0.2  # wall time per round, which ends first on a busy machine
 
 
@@ -57,7 +57,7 @@ class Loading:
         """Resets the time limits at the start of a round."""
         self._rounds += 1
         self._is_first = True
-        self._until = time.thread_time() + ROUND_CPU_S
+        self._until = time.thread_time() + ROUND_PROCESSOR_S
         self._until_by_clock = time.monotonic() + ROUND_S
 
     @property
@@ -136,7 +136,7 @@ class Loading:
                 film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
             else:
                 film.forget(*anew)
-            self._records.forgot(row.id, anew)
+            self._records.record_removed_samples(row.id, anew)
         film.keeps_apart = self._verify(row) > 0
         for worker in self._scheduler.distrusted.union(row.doubted or ()):
             film.take_back(worker)
@@ -157,7 +157,7 @@ class Loading:
         job.history.log.add_line(_summary(job, scene))
         self._scheduler.jobs[row.id] = job
         if not is_of_this_round:
-            self._catch_up(job, row.stage)
+            self._add_missed_kinds(job, row.stage)
         self._loaded(job, scene)
 
     def _verify(self, row: Job) -> float:
@@ -165,12 +165,12 @@ class Loading:
         asked: float | None = row.request.get("verify")
         return self._scheduler.verify if asked is None else asked
 
-    def _catch_up(self, job: ActiveJob, stage: str) -> None:
+    def _add_missed_kinds(self, job: ActiveJob, stage: str) -> None:
         """Adds worker kinds for which the scene was compiled after loading began. stage: the scene's id."""
         scene = self._records.scene(stage)
         for kind, ref in (scene.compiled if scene is not None else {}).items():
             if kind not in job.compiled:
-                job.compiled_for(kind, ref["sha256"])
+                job.add_compiled_kind(kind, ref["sha256"])
                 job.of_scene |= blobs_of([ref])
 
 

@@ -19,7 +19,7 @@ from protocol.contract import BlobRef, SceneInfo
 from protocol.terms import Terms as WorkerTerms
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frames_text
-from renderer.sentences import Sentence, joined, with_full_stop
+from renderer.sentences import Sentence, joined_sentences, with_full_stop
 from renderer.settings import RenderSettings
 from service.errors import Conflict
 from service.intake.resolve import refusal, resolve
@@ -27,9 +27,20 @@ from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.shares import Terms
 from service.shot import Shot
-from service.store.blends import blend_of, is_to_be_opened
+from service.store.blends import blender_export_of, needs_blender
 from service.store.database import Sessions
-from service.store.models import ACTIVE, FINAL, Environment, Frame, FrameChange, Job, Reference, Scene, ShareTerms, Wait
+from service.store.models import (
+    ACTIVE_STATES,
+    FINAL_STATES,
+    Environment,
+    Frame,
+    FrameChange,
+    Job,
+    Reference,
+    Scene,
+    ShareTerms,
+    Wait,
+)
 from service.store.models import WorkerTerms as Asked
 
 __all__ = ["PendingJob", "Records"]
@@ -78,7 +89,7 @@ class Records:
         """Returns the ids of the unfinished jobs: running ones first, then by priority and age."""
         with self._sessions() as session:
             order = case((Job.state == "running", 0), else_=1), Job.priority.desc(), Job.created
-            return list(session.scalars(select(Job.id).where(Job.state.in_(ACTIVE)).order_by(*order)))
+            return list(session.scalars(select(Job.id).where(Job.state.in_(ACTIVE_STATES)).order_by(*order)))
 
     def all_jobs(self) -> set[str]:
         """Returns the ids of all jobs."""
@@ -89,9 +100,9 @@ class Records:
         """Returns the ids of the unfinished jobs that render a scene."""
         with self._sessions() as session:
             stage = func.coalesce(Job.lit, Job.scene)
-            return list(session.scalars(select(Job.id).where(stage == scene, Job.state.in_(ACTIVE))))
+            return list(session.scalars(select(Job.id).where(stage == scene, Job.state.in_(ACTIVE_STATES))))
 
-    def waiting_for(self, scene: str) -> list[str]:
+    def derived_scenes(self, scene: str) -> list[str]:
         """Returns the ids of the scenes derived from this one that are not prepared yet."""
         with self._sessions() as session:
             return list(session.scalars(select(Scene.id).where(Scene.of == scene, Scene.status == "preparing")))
@@ -149,12 +160,14 @@ class Records:
             for job, waits, frames_change, history in found
         }
 
-    def all_waiting(self) -> set[str]:
+    def waiting_jobs(self) -> set[str]:
         """Returns the ids of the unfinished jobs that wait for other jobs."""
         with self._sessions() as session:
-            return set(session.scalars(select(Wait.job).join(Job, Job.id == Wait.job).where(Job.state.in_(ACTIVE)).distinct()))
+            return set(
+                session.scalars(select(Wait.job).join(Job, Job.id == Wait.job).where(Job.state.in_(ACTIVE_STATES)).distinct())
+            )
 
-    def ended_waits(self) -> list[tuple[str, str, str | None, str | None]]:
+    def ended_dependencies(self) -> list[tuple[str, str, str | None, str | None]]:
         """Returns (job id, other job's id, name, state) for each unfinished job that waits for a job that has ended.
 
         Name and state are None if the other job was deleted.
@@ -162,7 +175,7 @@ class Records:
         other = aliased(Job)
         query = select(Wait.job, Wait.other, other.name, other.state).join(Job, Job.id == Wait.job)
         query = query.join(other, other.id == Wait.other, isouter=True)
-        query = query.where(Job.state.in_(ACTIVE), or_(other.id.is_(None), other.state.in_(FINAL)))
+        query = query.where(Job.state.in_(ACTIVE_STATES), or_(other.id.is_(None), other.state.in_(FINAL_STATES)))
         with self._sessions() as session:
             return [(job, id, name, state) for job, id, name, state in session.execute(query)]
 
@@ -191,13 +204,13 @@ class Records:
         Returns False if the job has ended or is deleted.
         """
         with self._sessions.begin() as session:
-            changed = session.execute(update(Job).where(Job.id == id, Job.state.in_(ACTIVE)).values(late=since))
+            changed = session.execute(update(Job).where(Job.id == id, Job.state.in_(ACTIVE_STATES)).values(late=since))
             return bool(changed.rowcount)  # type: ignore[attr-defined]
 
-    def overdue(self, now: float) -> list[str]:
+    def store_overdue(self, now: float) -> list[str]:
         """Returns the ids of the unfinished jobs whose deadline has passed and that are not stored as late."""
         with self._sessions() as session:
-            query = select(Job.id).where(Job.state.in_(ACTIVE), Job.deadline < now, Job.late.is_(None))
+            query = select(Job.id).where(Job.state.in_(ACTIVE_STATES), Job.deadline < now, Job.late.is_(None))
             return list(session.scalars(query))
 
     def frames(self, job: str) -> Iterator[list[FrameRow]]:
@@ -226,10 +239,10 @@ class Records:
             )
         return RenderSettings.from_json(found)
 
-    def is_to_be_opened(self, scene: Scene) -> bool:
+    def needs_blender(self, scene: Scene) -> bool:
         """Whether Blender has to open a scene's file before the scene can be prepared."""
         with self._sessions() as session:
-            return is_to_be_opened(session, scene)
+            return needs_blender(session, scene)
 
     def scene(self, id: str) -> Scene | None:
         """Returns a scene's row; None if it does not exist."""
@@ -273,7 +286,7 @@ class Records:
         job.unwritten.clear()
         job.history.has_changed = False
 
-    def forgot(self, id: str, keys: list[int]) -> None:
+    def record_removed_samples(self, id: str, keys: list[int]) -> None:
         """Records that the samples of these frames were removed from the job's film."""
         with self._sessions.begin() as session:
             row = session.get(Job, id, with_for_update=True)
@@ -282,7 +295,7 @@ class Records:
                 left = set(shot.anew_keys).difference(keys)
                 row.shot = replace(shot, anew=frames_text(map(frame_number, left))).to_json()
 
-    def goals(self, job: ActiveJob) -> None:
+    def store_goals(self, job: ActiveJob) -> None:
         """Stores the goals of all frames for a shot's next round."""
         with self._sessions.begin() as session:
             goals = [{"of": job.id, "key": key, "goal": goal} for key, goal in job.agenda.new_goals.items()]
@@ -297,7 +310,11 @@ class Records:
         """
         with self._sessions.begin() as session:
             row = session.get(Job, job.id, with_for_update=True)
-            if row is None or row.state not in ACTIVE or (row.spp, row.noise, row.seconds) != (job.spp, job.noise, job.seconds):
+            if (
+                row is None
+                or row.state not in ACTIVE_STATES
+                or (row.spp, row.noise, row.seconds) != (job.spp, job.noise, job.seconds)
+            ):
                 return False
             shot = Shot.of(row.shot)
             if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
@@ -311,7 +328,7 @@ class Records:
                 first = next(iter(job.frames.values()))
                 row.state, row.error = (
                     "failed",
-                    joined(Sentence("job-without-renderable-frame", "No frame can be rendered."), first.error or ""),
+                    joined_sentences(Sentence("job-without-renderable-frame", "No frame can be rendered."), first.error or ""),
                 )
             else:  # removed here, since the job may be deleted soon
                 session.execute(delete(Wait).where(Wait.other == job.id))
@@ -322,7 +339,7 @@ class Records:
         with self._sessions.begin() as session:
             changed = session.execute(
                 update(Job)
-                .where(Job.id == id, Job.state.in_(ACTIVE))
+                .where(Job.id == id, Job.state.in_(ACTIVE_STATES))
                 .values(state="failed", error=error, reproduce=reproduce, finished=time.time())
             )
             return bool(changed.rowcount)  # type: ignore[attr-defined]
@@ -335,7 +352,7 @@ class Records:
                 return False
             scene.compiled = {**scene.compiled, info.kind: asdict(info.compiled)}
             if scene.info is None:
-                scene.info = {**asdict(info), "blend": info.blend or blend_of(session, scene)}
+                scene.info = {**asdict(info), "blend": info.blend or blender_export_of(session, scene)}
             scene.status, scene.error = "ready", None
             return True
 
@@ -348,7 +365,7 @@ class Records:
             scene.info = {**scene.info, "thumbnail": asdict(thumbnail)}
             return True
 
-    def refuse(self, id: str, warnings: Sequence[str]) -> str | None:
+    def fail_if_strict(self, id: str, warnings: Sequence[str]) -> str | None:
         """Marks a strict scene as failed if it was prepared with warnings, and returns its error; None for other scenes.
 
         A scene that is ready for another worker kind stays ready. The warnings are added to the scene's notes.

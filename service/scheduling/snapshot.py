@@ -13,9 +13,9 @@ from service.scheduling.fleet.workers import WorkerSnapshot
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["JobNumbers", "Snapshot", "SnapshotBoard"]
+__all__ = ["JobNumbers", "Snapshot", "SnapshotHolder"]
 
-STUCK_S = 4.0
+STUCK_TIMEOUT_S = 4.0
 NUMBERS_EVERY_S = 0.1
 
 
@@ -55,7 +55,7 @@ class JobNumbers:
             job.tally.numbers(),
             *job.tally.states(),
             job.shot.revision if job.shot else 0,
-            job.noise_now,
+            job.current_noise,
             job.forecast if job.shot else None,
             job.handed_back,
             job.slots_wanted,
@@ -82,10 +82,10 @@ class Snapshot:
     made: float = field(default_factory=time.monotonic)
 
     @property
-    def not_ready(self) -> str | None:
+    def unready_reason(self) -> str | None:
         """Returns a sentence on why the farm cannot work at present; None if it can."""
         age = time.monotonic() - self.made
-        if age > STUCK_S:
+        if age > STUCK_TIMEOUT_S:
             return Sentence(
                 "engine-slow",
                 "The scheduler has been busy with one step for {age} s: a disk, the database or Redis is slow.",
@@ -100,7 +100,7 @@ class Snapshot:
         return None
 
 
-class SnapshotBoard:
+class SnapshotHolder:
     """Holds the engine's latest snapshot. Publishes `ItemChanged` as soon as the snapshot shows the change."""
 
     def __init__(self, events: Events) -> None:

@@ -19,8 +19,8 @@ from service.scheduling.records import Records
 
 __all__ = ["DependencyTracker"]
 
-ALL = "jobs that wait"
-REVIEW_S = 0.1  # seconds per review, limited for long chains of failing jobs
+ALL_WAITING_JOBS = "jobs that wait"
+MAX_REVIEW_S = 0.1  # seconds per review, limited for long chains of failing jobs
 
 
 class DependencyTracker:
@@ -42,17 +42,17 @@ class DependencyTracker:
     def review(self) -> None:
         """Continues jobs whose dependencies are finished, and fails those with a failed predecessor. Called once a second."""
         if self._held:
-            self._bulkheads.run(ALL, Step.CHANGE, self._review, needs_database=True)
+            self._bulkheads.run(ALL_WAITING_JOBS, Step.CHANGE, self._review, needs_database=True)
 
     def _review(self) -> None:
-        until = time.monotonic() + REVIEW_S
-        while (ended := self._records.ended_waits()) and self._end(ended) and time.monotonic() < until:
+        until = time.monotonic() + MAX_REVIEW_S
+        while (ended := self._records.ended_dependencies()) and self._end_dependencies(ended) and time.monotonic() < until:
             pass  # a job that fails now may have dependents
-        for job in self._held - self._records.all_waiting():
+        for job in self._held - self._records.waiting_jobs():
             self._held.discard(job)
             self._changes.note("job", job)
 
-    def _end(self, waits: list[tuple[str, str, str | None, str | None]]) -> bool:
+    def _end_dependencies(self, waits: list[tuple[str, str, str | None, str | None]]) -> bool:
         """Removes dependencies on finished jobs, and fails jobs whose predecessor failed; returns whether any job failed."""
         failed = False
         for job, other, name, state in waits:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["PRIVATE", "PRIVATE_FOLDER", "make_private", "move_whole", "write_once", "write_whole"]
+__all__ = ["PRIVATE", "PRIVATE_FOLDER", "make_private", "rename_synced", "write_atomically", "write_if_missing"]
 
 PRIVATE = 0o600  # modes of the service's files and folders: accessible to their owner only
 PRIVATE_FOLDER = 0o700
@@ -21,15 +21,15 @@ def make_private(folder: Path) -> None:
         folder.mkdir(PRIVATE_FOLDER, exist_ok=True)
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_atomically(path: Path, data: bytes) -> None:
     """Writes a small file atomically: other processes see either the old or the new content."""
-    with _beside(path, data) as temporary:
-        move_whole(temporary, path)
+    with _temporary_beside(path, data) as temporary:
+        rename_synced(temporary, path)
 
 
-def write_once(path: Path, data: bytes) -> None:
+def write_if_missing(path: Path, data: bytes) -> None:
     """Writes a small file unless it exists. If several processes do so at once, one succeeds and all read its content."""
-    with _beside(path, data) as temporary:
+    with _temporary_beside(path, data) as temporary:
         _sync(temporary)
         try:
             path.hardlink_to(temporary)
@@ -41,7 +41,7 @@ def write_once(path: Path, data: bytes) -> None:
 
 
 @contextmanager
-def _beside(path: Path, data: bytes) -> Iterator[Path]:
+def _temporary_beside(path: Path, data: bytes) -> Iterator[Path]:
     temporary = path.with_name(f".{path.name}-{secrets.token_hex(4)}")
     try:
         with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, PRIVATE), "wb") as file:
@@ -51,7 +51,7 @@ def _beside(path: Path, data: bytes) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def move_whole(temporary: Path, path: Path) -> None:
+def rename_synced(temporary: Path, path: Path) -> None:
     """Renames a written file to its final name.
 
     First syncs it to disk, so that the final name never refers to incomplete content.

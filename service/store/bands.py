@@ -16,7 +16,7 @@ from renderer import film as film_math
 from renderer.film import CHANNELS, Sums
 from renderer.settings import Tile
 from service.store.film_faults import film_faults
-from service.store.film_moment import Readable
+from service.store.film_moment import ReadableFilm
 from service.store.films import Film
 
 __all__ = ["bands", "digest", "digest_memory"]
@@ -25,7 +25,7 @@ F32 = npt.NDArray[np.float32]
 IN_MEMORY_BYTES = 32 << 20
 
 
-def bands(film: Readable, frame: int, names: Sequence[str]) -> Iterator[F32]:
+def bands(film: ReadableFilm, frame: int, names: Sequence[str]) -> Iterator[F32]:
     """Yields a frame as bands from top to bottom, one per row of tiles: (h, width, channels) float32.
 
     names: "color" and AOVs, concatenated along the last axis. Pixels of tiles without samples are 0.
@@ -72,7 +72,7 @@ def digest_memory(film: Film) -> int:
     return IN_MEMORY_BYTES + 2 * CHANNELS * film.tiles[0].h * film.width * 8
 
 
-def _rows(film: Readable, frame: int, planes: Sequence[int]) -> Iterator[tuple[list[Tile], Iterator[tuple[Tile, Sums]]]]:
+def _rows(film: ReadableFilm, frame: int, planes: Sequence[int]) -> Iterator[tuple[list[Tile], Iterator[tuple[Tile, Sums]]]]:
     """Yields for each row of tiles: all its tiles, and an iterator of (tile, sums) of those that have samples.
 
     planes: channels of the sums to read.

@@ -13,10 +13,10 @@ from sqlalchemy.orm import Session
 from protocol.blends import is_blend
 from service.store.models import Scene
 
-__all__ = ["blend_of", "is_to_be_opened"]
+__all__ = ["blender_export_of", "needs_blender"]
 
 
-def blend_of(session: Session, scene: Scene) -> dict[str, Any] | None:
+def blender_export_of(session: Session, scene: Scene) -> dict[str, Any] | None:
     """Returns the stored export (`SceneInfo.blend`) for a scene, or None.
 
     Searches the scene itself, then the upload from which it was derived (`scene.of`), then the oldest other scene with the same
@@ -24,26 +24,28 @@ def blend_of(session: Session, scene: Scene) -> dict[str, Any] | None:
     """
     if not is_blend(scene.main):
         return None
-    if found := _own(scene):
+    if found := _stored_export(scene):
         return found
     base = session.get(Scene, scene.of) if scene.of else None
-    if base is not None and (found := _own(base)):
+    if base is not None and (found := _stored_export(base)):
         return found
-    wanted = _files(scene)
+    wanted = _scene_files(scene)
     query = select(Scene).where(Scene.main == scene.main, Scene.info.is_not(None), Scene.id != scene.id).order_by(Scene.created)
-    return next((found for other in session.scalars(query) if _files(other) == wanted and (found := _own(other))), None)
+    return next(
+        (found for other in session.scalars(query) if _scene_files(other) == wanted and (found := _stored_export(other))), None
+    )
 
 
-def is_to_be_opened(session: Session, scene: Scene) -> bool:
+def needs_blender(session: Session, scene: Scene) -> bool:
     """Whether Blender must export the scene's files before the scene can be compiled."""
-    return is_blend(scene.main) and blend_of(session, scene) is None
+    return is_blend(scene.main) and blender_export_of(session, scene) is None
 
 
-def _own(scene: Scene) -> dict[str, Any] | None:
+def _stored_export(scene: Scene) -> dict[str, Any] | None:
     found = (scene.info or {}).get("blend")
     return found if isinstance(found, dict) else None
 
 
-def _files(scene: Scene) -> set[tuple[str, str]]:
+def _scene_files(scene: Scene) -> set[tuple[str, str]]:
     """Returns the scene's files as (path, sha256), without its environment image."""
     return {(ref["path"], ref["sha256"]) for ref in scene.files if ref["path"] != scene.environment}

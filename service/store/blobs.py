@@ -14,15 +14,15 @@ from typing import BinaryIO, Protocol
 
 from renderer.sentences import Sentence
 from service.errors import NotFound
-from service.store.atomic_files import PRIVATE_FOLDER, move_whole
+from service.store.atomic_files import PRIVATE_FOLDER, rename_synced
 from service.store.staging import BlobWriter, Staging
 
-__all__ = ["CHUNK", "OLD_S", "BlobFolder", "BlobStore", "ServedBlob", "blob_not_found", "is_sha256"]
+__all__ = ["CHUNK", "MIN_AGE_S", "BlobFolder", "BlobStore", "ServedBlob", "blob_not_found", "is_sha256"]
 
 SHA256 = re.compile(r"[0-9a-f]{64}")
 CHUNK = 1 << 20
-OLD_S = 86400.0
-AT_A_TIME = 8  # threads that delete blobs in parallel
+MIN_AGE_S = 86400.0
+DELETING_THREADS = 8  # threads that delete blobs in parallel
 
 
 def is_sha256(text: str) -> bool:
@@ -70,7 +70,7 @@ class BlobStore(Protocol):
         guard: called before each deletion; raises FarmError if deleting is no longer allowed.
         """
 
-    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> set[str]:
+    def sweep(self, keep: set[str], older_than_s: float = MIN_AGE_S) -> set[str]:
         """Deletes unfinished writes, and blobs older than `older_than_s` seconds that are not in `keep`.
 
         Returns the hashes of younger blobs that are not in `keep`. They are not deleted, since the worker's message that refers
@@ -103,7 +103,7 @@ class BlobFolder:
             if target.stat().st_size == writer.size:
                 os.utime(target)
                 return
-        move_whole(writer.path, target)
+        rename_synced(writer.path, target)
 
     def open(self, sha256: str) -> BinaryIO:
         """Implements `BlobStore.open`."""
@@ -143,10 +143,10 @@ class BlobFolder:
             for path in paths:
                 remove(path)
             return
-        with ThreadPoolExecutor(AT_A_TIME, "blobs") as threads:
+        with ThreadPoolExecutor(DELETING_THREADS, "blobs") as threads:
             list(threads.map(remove, paths))
 
-    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> set[str]:
+    def sweep(self, keep: set[str], older_than_s: float = MIN_AGE_S) -> set[str]:
         """Implements `BlobStore.sweep`."""
         self._staging.sweep()
         young = set()

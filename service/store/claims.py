@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 from service.store.contributions import Part
 from service.store.coverage import Coverage
 from service.store.film_file import Head
-from service.store.film_version import spans
+from service.store.film_version import sample_ranges
 
 __all__ = ["Claims"]
 
-_Where = tuple[int, int]  # frame, tile
+_FrameTile = tuple[int, int]  # frame, tile
 
 
 class Claims:
@@ -38,11 +38,11 @@ class Claims:
         fit: whether each part is valid. known: returns a copy of the stored coverage of (frame, tile).
         rows: returns the stored rows of (frame, tile); None: rows must not be replaced.
         """
-        self.coverage: dict[_Where, Coverage] = {}
+        self.coverage: dict[_FrameTile, Coverage] = {}
         self.replaced: list[Head] = []
         self._known = known
         self._rows = rows
-        self._new: dict[_Where, list[Part]] = {}
+        self._new: dict[_FrameTile, list[Part]] = {}
         # The largest first: a part that lies within a larger one is the duplicate.
         taken = {i for i in sorted(range(len(parts)), key=lambda i: -parts[i].count) if fit[i] and self._claim(parts[i])}
         self.taken = [i in taken for i in range(len(parts))]  # for each part, whether it is accepted
@@ -51,26 +51,26 @@ class Claims:
         where = part.frame, part.tile
         coverage = self.coverage.get(where) or self._known(*where)
         if coverage.overlaps(part.first, part.count):
-            within = self._within(part)
+            within = self._replaced_rows(part)
             if not within:
                 return False
-            coverage = coverage.without(part.first, part.count)
+            coverage = coverage.without_range(part.first, part.count)
             self.replaced += within
         coverage.add(part.first, part.count)
         self.coverage[where] = coverage
         self._new.setdefault(where, []).append(part)
         return True
 
-    def _within(self, part: Part) -> list[Head]:
+    def _replaced_rows(self, part: Part) -> list[Head]:
         """Returns the stored rows that a part replaces; empty unless the part contains them completely and has more samples."""
         where, end = (part.frame, part.tile), part.first + part.count
         if self._rows is None or any(_overlap(part, [(new.first, new.count)]) for new in self._new.get(where, ())):
             return []
-        found = [head for head in self._rows(*where) if _overlap(part, spans(head.first, head.count, head.ranges))]
+        found = [head for head in self._rows(*where) if _overlap(part, sample_ranges(head.first, head.count, head.ranges))]
         inside = all(
             part.first <= first and first + count <= end
             for head in found
-            for first, count in spans(head.first, head.count, head.ranges)
+            for first, count in sample_ranges(head.first, head.count, head.ranges)
         )
         return found if inside and sum(head.count for head in found) < part.count else []
 

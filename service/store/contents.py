@@ -7,14 +7,14 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from renderer.settings import Tile
 from service.store.coverage import Coverage
-from service.store.film_faults import damaged
+from service.store.film_faults import damaged_film_error
 from service.store.film_file import Head
-from service.store.film_version import spans
+from service.store.film_version import sample_ranges
 from service.store.senders import senders_of
 
 __all__ = ["Contents"]
 
-Where = tuple[int, int]  # frame, tile
+FrameTile = tuple[int, int]  # frame, tile
 
 
 class Contents:
@@ -23,17 +23,17 @@ class Contents:
     def __init__(self, heads: Iterable[Head], tiles: Sequence[Tile]) -> None:
         """Builds the index from the heads of all rows. Raises FilmLost if they do not fit `tiles`."""
         self._tiles = tiles
-        self._coverage: dict[Where, Coverage] = {}
-        self._rows: dict[Where, list[Head]] = {}
+        self._coverage: dict[FrameTile, Coverage] = {}
+        self._rows: dict[FrameTile, list[Head]] = {}
         try:
             for head in heads:
                 tiles[head.tile]
                 covered = self._coverage.setdefault(head[:2], Coverage())
-                for span in spans(head.first, head.count, head.ranges):
+                for span in sample_ranges(head.first, head.count, head.ranges):
                     covered.add(*span)
                 self._rows.setdefault(head[:2], []).append(head)
         except (ValueError, TypeError, IndexError) as error:
-            raise damaged(str(error)) from error
+            raise damaged_film_error(str(error)) from error
 
     @property
     def is_empty(self) -> bool:
@@ -54,7 +54,7 @@ class Contents:
         """Whether a tile has samples and they form one contiguous range."""
         return self.has(frame, tile) and len(self._coverage[frame, tile].ranges) == 1
 
-    def copied(self) -> dict[Where, Coverage]:
+    def copied(self) -> dict[FrameTile, Coverage]:
         """Returns copies of the stored sample ranges of all tiles, by (frame, tile)."""
         return {where: self.covered(*where) for where in self._coverage}
 
@@ -85,7 +85,7 @@ class Contents:
         """Whether the film contains sums from this worker."""
         return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
 
-    def take(self, coverage: Mapping[Where, Coverage], added: Iterable[Head], instead_of: Iterable[Head]) -> None:
+    def take(self, coverage: Mapping[FrameTile, Coverage], added: Iterable[Head], instead_of: Iterable[Head]) -> None:
         """Updates the index after a merge: `added` rows were stored, and the rows `instead_of` were replaced.
 
         coverage: the sample ranges of the changed tiles after the merge.

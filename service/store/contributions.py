@@ -39,10 +39,10 @@ def joined_parts(parts: list[Part], tiles: list[Tile], apart: bool) -> list[tupl
             runs[-1].append(part)
         else:
             runs.append([part])
-    return [_one(run, tiles[run[0].tile]) for run in runs]
+    return [_joined_run(run, tiles[run[0].tile]) for run in runs]
 
 
-def _one(run: list[Part], tile: Tile) -> tuple[Part, Sums | None]:
+def _joined_run(run: list[Part], tile: Tile) -> tuple[Part, Sums | None]:
     if len(run) == 1:
         check_sums(run[0].sums, tile)
         return run[0], None

@@ -56,7 +56,7 @@ class Coverage:
             start = self.ranges.pop(at)[0]
         self.ranges.insert(at, (start, end))
 
-    def without(self, first: int, count: int) -> Coverage:
+    def without_range(self, first: int, count: int) -> Coverage:
         """Returns a copy without the samples first ... first + count - 1."""
         kept = Coverage()
         for start, end in self.ranges:

@@ -22,12 +22,14 @@ from service.errors import Invalid, Unavailable
 from service.store.atomic_files import PRIVATE
 from service.store.disk_space import disk_full_error
 from service.store.upgrade import upgrade
-from service.store.writer_queue import Turns
+from service.store.writer_queue import WriterQueue
 
-__all__ = ["Fence", "Sessions", "close_database", "connect", "faults", "open_database"]
+__all__ = ["Fence", "Sessions", "close_database", "connect", "open_database", "translated_faults"]
 
-LOCK_PATIENCE_S = 5.0
-PATIENCE = "patience_ms"  # execution option with the lock timeout of a statement; also the key of a connection's current setting
+LOCK_TIMEOUT_S = 5.0
+LOCK_TIMEOUT_OPTION = (
+    "patience_ms"  # execution option with the lock timeout of a statement; also the key of a connection's current setting
+)
 POOL, OVERFLOW = 10, 60  # pooled and extra connections: each of 40 request threads may need two, and the engine needs one
 
 Fence = Callable[[Session], None]  # raises FarmError if the transaction must not be made
@@ -44,9 +46,9 @@ class Sessions:
     def __init__(
         self,
         engine: Engine,
-        patience_s: float = LOCK_PATIENCE_S,
+        patience_s: float = LOCK_TIMEOUT_S,
         fence: Fence | None = None,
-        turns: Turns | None = None,
+        turns: WriterQueue | None = None,
         is_urgent: bool = False,
     ) -> None:
         """Stores the options.
@@ -57,14 +59,14 @@ class Sessions:
         self._engine = engine
         self._fence = fence
         self._patience_s = patience_s
-        self._turns = turns or Turns()
+        self._turns = turns or WriterQueue()
         self._is_urgent = is_urgent
         self._is_sqlite = engine.dialect.name == "sqlite"
-        options = {PATIENCE: round(patience_s * 1000)}
+        options = {LOCK_TIMEOUT_OPTION: round(patience_s * 1000)}
         self._readers = sessionmaker(engine.execution_options(**options), expire_on_commit=False)
         self._writers = sessionmaker(engine.execution_options(writes=True, **options), expire_on_commit=False)
 
-    def with_patience(self, seconds: float) -> Sessions:
+    def with_lock_timeout(self, seconds: float) -> Sessions:
         """Returns a factory with another lock timeout, in seconds.
 
         Its transactions precede all others in the queue of writers.
@@ -78,14 +80,14 @@ class Sessions:
     @contextmanager
     def __call__(self) -> Iterator[Session]:
         """Opens a session for reading."""
-        with faults(), self._readers() as session:
+        with translated_faults(), self._readers() as session:
             yield session
 
     @contextmanager
     def begin(self) -> Iterator[Session]:
         """Opens a writing transaction: commits on exit, rolls back if an exception leaves the block."""
         turn = self._turns.turn(self._patience_s, self._is_urgent) if self._is_sqlite else nullcontext()
-        with faults(), turn, self._writers.begin() as session:
+        with translated_faults(), turn, self._writers.begin() as session:
             if self._fence is not None:
                 self._fence(session)
             yield session
@@ -108,11 +110,11 @@ def open_database(url: str) -> Engine:
     engine = create_engine(
         url,
         pool_pre_ping=not is_sqlite,
-        connect_args={"timeout": LOCK_PATIENCE_S} if is_sqlite else {},
+        connect_args={"timeout": LOCK_TIMEOUT_S} if is_sqlite else {},
         json_deserializer=_json_or_nothing,
         pool_size=POOL,
         max_overflow=OVERFLOW,
-        pool_timeout=LOCK_PATIENCE_S,
+        pool_timeout=LOCK_TIMEOUT_S,
     )
     if is_sqlite:
         _make_private(make_url(url).database)
@@ -154,7 +156,7 @@ def _json_or_nothing(text: str | bytes) -> Any:
 
 
 @contextmanager
-def faults() -> Iterator[None]:
+def translated_faults() -> Iterator[None]:
     """Context manager that converts database errors as `Sessions` does, for code that uses a connection directly.
 
     Raises NoRoom, Unavailable or Invalid.
@@ -206,8 +208,8 @@ def _begin_sqlite(connection: Connection) -> None:
     # A transaction that reads and then writes must hold the lock from its beginning. Otherwise another writer may change what was
     # read (or SQLite fails with "database is locked").
     options = connection.get_execution_options()
-    writes, patience_ms = options.get("writes"), options.get(PATIENCE, round(LOCK_PATIENCE_S * 1000))
-    if connection.info.get(PATIENCE) != patience_ms:  # a pooled connection may still have the timeout of its last use
+    writes, patience_ms = options.get("writes"), options.get(LOCK_TIMEOUT_OPTION, round(LOCK_TIMEOUT_S * 1000))
+    if connection.info.get(LOCK_TIMEOUT_OPTION) != patience_ms:  # a pooled connection may still have the timeout of its last use
         connection.exec_driver_sql(f"PRAGMA busy_timeout={patience_ms}")
-        connection.info[PATIENCE] = patience_ms
+        connection.info[LOCK_TIMEOUT_OPTION] = patience_ms
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

@@ -9,23 +9,23 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from renderer.sentences import Sentence
-from service.errors import NoRoom
+from service.errors import OutOfSpace
 
-__all__ = ["disk_checker", "disk_full_error", "full_disk", "need_room"]
+__all__ = ["check_free_space", "disk_checker", "disk_full_error", "translated_disk_errors"]
 
 CHECK_EVERY = 16 << 20
 
 
-def disk_full_error() -> NoRoom:
+def disk_full_error() -> OutOfSpace:
     """Returns the error for a full disk."""
-    return NoRoom(
+    return OutOfSpace(
         Sentence("disk-full", "The service's disk is full. Delete scenes or jobs that are no longer needed."),
         advice=Sentence("advice-send-again", "Then send it again."),
     )
 
 
 @contextmanager
-def full_disk() -> Iterator[None]:
+def translated_disk_errors() -> Iterator[None]:
     """Context manager that converts the operating system's disk-full errors to NoRoom."""
     try:
         yield
@@ -35,7 +35,7 @@ def full_disk() -> Iterator[None]:
         raise
 
 
-def need_room(folder: Path, keep_free: int) -> None:
+def check_free_space(folder: Path, keep_free: int) -> None:
     """Raises NoRoom if the disk has less than `keep_free` bytes plus a margin for writes in progress."""
     if shutil.disk_usage(folder).free < keep_free + CHECK_EVERY:
         raise disk_full_error()
@@ -53,6 +53,6 @@ def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
         since_check += size
         if since_check >= CHECK_EVERY:
             since_check = 0
-            need_room(folder, keep_free)
+            check_free_space(folder, keep_free)
 
     return check

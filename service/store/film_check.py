@@ -10,12 +10,12 @@ from pathlib import Path
 
 from renderer.settings import tiles_of
 from service.errors import FarmError
-from service.store.film_faults import damaged, film_faults
-from service.store.film_version import FilmShape, Row, is_up_to_date, is_whole, select_rows
+from service.store.film_faults import damaged_film_error, film_faults
+from service.store.film_version import FilmShape, Row, is_up_to_date, matches_checksum, select_rows
 
-__all__ = ["film_samples", "opened", "rows_left"]
+__all__ = ["film_samples", "open_film_file", "readable_rows"]
 
-PATIENCE_S = 5.0
+LOCK_TIMEOUT_S = 5.0
 
 
 def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
@@ -25,20 +25,20 @@ def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
     """
     tiles = tiles_of(shape.width, shape.height, shape.tile_size)
     found: Counter[int] = Counter()
-    with film_faults(), closing(opened(path)) as database:
+    with film_faults(), closing(open_film_file(path)) as database:
         is_up_to_date(database, shape)
         for *row, known in database.execute(select_rows(_version(database))):
             frame, tile, first, count = row[:4]
-            if not isinstance(tile, int) or not 0 <= tile < len(tiles) or not is_whole(tuple(row), known):
-                raise damaged(f"samples from {first} on of tile {tile} are not what was written")
+            if not isinstance(tile, int) or not 0 <= tile < len(tiles) or not matches_checksum(tuple(row), known):
+                raise damaged_film_error(f"samples from {first} on of tile {tile} are not what was written")
             found[frame] += count * tiles[tile].w * tiles[tile].h
     return found
 
 
-def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
+def readable_rows(path: Path, shape: FilmShape) -> Iterator[Row]:
     """Yields the rows of a damaged film that are readable and match their checksums; nothing if the file cannot be read."""
     try:
-        with closing(opened(path)) as database:
+        with closing(open_film_file(path)) as database:
             is_up_to_date(database, shape)
             rows = select_rows(_version(database))
             (last,) = database.execute("SELECT coalesce(max(rowid), 0) FROM part").fetchone()
@@ -47,15 +47,15 @@ def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
                     found = database.execute(f"{rows} WHERE rowid = ?", (rowid,)).fetchone()
                 except sqlite3.DatabaseError:
                     continue
-                if found is not None and found[8] is not None and is_whole(found[:8], found[8]):
+                if found is not None and found[8] is not None and matches_checksum(found[:8], found[8]):
                     yield found[:8]
     except (sqlite3.DatabaseError, FarmError):
         return
 
 
-def opened(path: Path) -> sqlite3.Connection:
+def open_film_file(path: Path) -> sqlite3.Connection:
     """Opens an additional connection to an existing film file."""
-    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=PATIENCE_S)
+    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=LOCK_TIMEOUT_S)
 
 
 def _version(database: sqlite3.Connection) -> int:

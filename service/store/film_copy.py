@@ -14,18 +14,18 @@ from typing import Any, Self
 
 from renderer.sentences import Sentence
 from renderer.settings import tiles_of
-from service.errors import FilmLost, FilmWaits
-from service.store.atomic_files import move_whole
-from service.store.film_check import opened
-from service.store.film_faults import FILM, damaged
+from service.errors import FilmLost, FilmUnavailable
+from service.store.atomic_files import rename_synced
+from service.store.film_check import open_film_file
+from service.store.film_faults import FILM, damaged_film_error
 from service.store.film_file import ROWS, FilmFile
-from service.store.film_version import FilmShape, is_whole, spans
+from service.store.film_version import FilmShape, matches_checksum, sample_ranges
 
-__all__ = ["COPYING", "FilmCopy"]
+__all__ = ["COPY_SUFFIX", "FilmCopy"]
 
-COPYING = ".new"  # suffix of the file name until the copy is complete
+COPY_SUFFIX = ".new"  # suffix of the file name until the copy is complete
 
-AT_ONCE = 64  # rows written in one transaction
+ROWS_PER_TRANSACTION = 64  # rows written in one transaction
 BYTES_AT_ONCE = 32 << 20  # or fewer if they exceed this size: a row of a shot's frame may take ten megabytes
 
 
@@ -37,7 +37,7 @@ class FilmCopy:
 
     def __init__(self, target: Path, shape: FilmShape) -> None:
         self._target = target
-        self._made = target.with_name(target.name + COPYING)
+        self._made = target.with_name(target.name + COPY_SUFFIX)
         self._tiles = tiles_of(shape.width, shape.height, shape.tile_size)
         self._file = FilmFile(self._made, shape)
         self._has_any = False
@@ -54,8 +54,8 @@ class FilmCopy:
         try:
             if kind is None and self._has_any:
                 if self._made.with_name(f"{self._made.name}-wal").exists():
-                    raise FilmWaits(Sentence("film-copy-failed", "{film} cannot be copied at the moment.", film=FILM))
-                move_whole(self._made, self._target)
+                    raise FilmUnavailable(Sentence("film-copy-failed", "{film} cannot be copied at the moment.", film=FILM))
+                rename_synced(self._made, self._target)
         finally:
             self._remove()
 
@@ -70,11 +70,11 @@ class FilmCopy:
             raise FilmLost(Sentence("film-missing", "{film} is missing.", film=FILM))
         taken = {}
         try:
-            with closing(opened(source)) as database:
+            with closing(open_film_file(source)) as database:
                 database.execute("BEGIN")
                 for frame in frames:
                     parts = database.execute("SELECT first, count, ranges FROM part WHERE frame = ?", (frame,)).fetchall()
-                    if 0 < _end(parts) <= most:
+                    if 0 < _highest_sample(parts) <= most:
                         taken[frame] = self._copy(database, frame)
         except BaseException:
             for frame in frames:
@@ -85,7 +85,7 @@ class FilmCopy:
 
     def _copy(self, database: sqlite3.Connection, frame: int) -> int:
         samples = 0
-        for rows in _handfuls(database.execute(f"{ROWS} WHERE frame = ?", (frame,))):
+        for rows in _row_batches(database.execute(f"{ROWS} WHERE frame = ?", (frame,))):
             samples += sum(self._samples(row) for row in rows)
             self._file.add([row[:8] for row in rows], [])
         bad = database.execute("SELECT frame, x, y, sample FROM bad_sample WHERE frame = ?", (frame,)).fetchall()
@@ -95,8 +95,8 @@ class FilmCopy:
 
     def _samples(self, row: tuple[Any, ...]) -> int:
         _, tile, first, count, *_ = row
-        if not isinstance(tile, int) or not 0 <= tile < len(self._tiles) or not is_whole(row[:8], row[8]):
-            raise damaged(f"samples from {first} on of tile {tile} are not what was written")
+        if not isinstance(tile, int) or not 0 <= tile < len(self._tiles) or not matches_checksum(row[:8], row[8]):
+            raise damaged_film_error(f"samples from {first} on of tile {tile} are not what was written")
         return int(count) * self._tiles[tile].w * self._tiles[tile].h
 
     def _remove(self) -> None:
@@ -105,20 +105,20 @@ class FilmCopy:
                 self._made.with_name(self._made.name + suffix).unlink(missing_ok=True)
 
 
-def _handfuls(rows: sqlite3.Cursor) -> Iterator[list[tuple[Any, ...]]]:
+def _row_batches(rows: sqlite3.Cursor) -> Iterator[list[tuple[Any, ...]]]:
     hand, size = [], 0
     for row in rows:
         hand.append(row)
         size += len(row[5]) if isinstance(row[5], bytes) else 0
-        if len(hand) >= AT_ONCE or size >= BYTES_AT_ONCE:
+        if len(hand) >= ROWS_PER_TRANSACTION or size >= BYTES_AT_ONCE:
             yield hand
             hand, size = [], 0
     if hand:
         yield hand
 
 
-def _end(parts: list[tuple[int, int, str | None]]) -> int:
+def _highest_sample(parts: list[tuple[int, int, str | None]]) -> int:
     try:
-        return max((first + count for part in parts for first, count in spans(*part)), default=0)
+        return max((first + count for part in parts for first, count in sample_ranges(*part)), default=0)
     except (ValueError, TypeError) as error:
-        raise damaged(str(error)) from error
+        raise damaged_film_error(str(error)) from error

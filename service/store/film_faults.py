@@ -9,17 +9,17 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from renderer.sentences import Sentence, joined, with_full_stop
-from service.errors import FilmDamaged, FilmLost, FilmWaits, NotFound
+from renderer.sentences import Sentence, joined_sentences, with_full_stop
+from service.errors import FilmDamaged, FilmLost, FilmUnavailable, NotFound
 
-__all__ = ["FILM", "FilmClosed", "damaged", "film_faults", "incomplete", "owned_elsewhere"]
+__all__ = ["FILM", "FilmClosed", "damaged_film_error", "film_faults", "incomplete_film_error", "owned_elsewhere_error"]
 
 FILM = Sentence("film-of-job", "The film of this job")  # first words of all these error messages
-AGAIN = Sentence("advice-set-running", "Set the job to running to render it again.")
+RENDER_AGAIN_ADVICE = Sentence("advice-set-running", "Set the job to running to render it again.")
 
 # SQLite's primary result codes of temporary faults, each with the end of its message.
 _LOCKED = Sentence("film-locked", "The film of this job is locked by another program")
-PASSES: dict[int, str] = {
+TEMPORARY_SQLITE_ERRORS: dict[int, str] = {
     sqlite3.SQLITE_BUSY: _LOCKED,
     sqlite3.SQLITE_LOCKED: _LOCKED,
     sqlite3.SQLITE_PROTOCOL: _LOCKED,
@@ -35,11 +35,11 @@ PASSES: dict[int, str] = {
         "The film of this job cannot be written: the disk is full. Delete scenes or jobs that are no longer needed",
     ),
 }
-STAYS = {sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH}
-MOVED = sqlite3.SQLITE_READONLY_DBMOVED  # the file was replaced or removed: what is written to it is lost
+PERMANENT_SQLITE_ERRORS = {sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH}
+FILE_REPLACED = sqlite3.SQLITE_READONLY_DBMOVED  # the file was replaced or removed: what is written to it is lost
 # The primary codes of these are temporary, but the fault is permanent: the disk returns other bytes than were written.
 DAMAGED = {sqlite3.SQLITE_IOERR_CORRUPTFS, sqlite3.SQLITE_IOERR_SHORT_READ, sqlite3.SQLITE_CANTOPEN_ISDIR}
-OS_PASSES = {
+TEMPORARY_OS_ERRORS = {
     *(errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.ENOMEM),
     *(errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.EINTR, errno.EBUSY),
 }
@@ -67,18 +67,24 @@ def film_faults() -> Iterator[None]:
             raise _classified(sqlite3.SQLITE_FULL, "") from error
         if error.errno == errno.EROFS:
             raise _classified(sqlite3.SQLITE_READONLY, "") from error
-        raise _classified(sqlite3.SQLITE_IOERR if error.errno in OS_PASSES else sqlite3.SQLITE_PERM, str(error)) from error
+        raise _classified(
+            sqlite3.SQLITE_IOERR if error.errno in TEMPORARY_OS_ERRORS else sqlite3.SQLITE_PERM, str(error)
+        ) from error
 
 
-def damaged(why: str) -> FilmDamaged:
+def damaged_film_error(why: str) -> FilmDamaged:
     """Returns the error for a film with invalid content. why: detail for the message."""
-    return FilmDamaged(Sentence("film-damaged", "{film} is damaged ({reason}). {advice}", film=FILM, reason=why, advice=AGAIN))
+    return FilmDamaged(
+        Sentence("film-damaged", "{film} is damaged ({reason}). {advice}", film=FILM, reason=why, advice=RENDER_AGAIN_ADVICE)
+    )
 
 
-def incomplete(has: int, recorded: int) -> FilmDamaged:
+def incomplete_film_error(has: int, recorded: int) -> FilmDamaged:
     """Returns the error for a film with fewer samples (`has`) than the database records."""
     if not has:
-        return FilmDamaged(Sentence("film-emptied-advice", "{film} is missing or was emptied. {advice}", film=FILM, advice=AGAIN))
+        return FilmDamaged(
+            Sentence("film-emptied-advice", "{film} is missing or was emptied. {advice}", film=FILM, advice=RENDER_AGAIN_ADVICE)
+        )
     return FilmDamaged(
         Sentence(
             "film-samples-missing",
@@ -90,30 +96,30 @@ def incomplete(has: int, recorded: int) -> FilmDamaged:
     )
 
 
-def owned_elsewhere() -> FilmWaits:
+def owned_elsewhere_error() -> FilmUnavailable:
     """Returns the error for a film that belongs to another service, which has taken over the farm."""
-    return FilmWaits(Sentence("film-owned-elsewhere", "{film} now belongs to another service.", film=FILM))
+    return FilmUnavailable(Sentence("film-owned-elsewhere", "{film} now belongs to another service.", film=FILM))
 
 
-def _classified(code: int, message: str) -> FilmWaits | FilmLost:
+def _classified(code: int, message: str) -> FilmUnavailable | FilmLost:
     primary = code & 0xFF
     why = message if primary not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY) else ""
-    if primary in PASSES and code not in DAMAGED and code != MOVED:
-        return FilmWaits(
-            joined(
-                _with_why(PASSES[primary], why),
+    if primary in TEMPORARY_SQLITE_ERRORS and code not in DAMAGED and code != FILE_REPLACED:
+        return FilmUnavailable(
+            joined_sentences(
+                _with_reason(TEMPORARY_SQLITE_ERRORS[primary], why),
                 Sentence("advice-job-continues", "The job continues once this is resolved."),
             )
         )
-    if primary in STAYS or code == MOVED:
+    if primary in PERMANENT_SQLITE_ERRORS or code == FILE_REPLACED:
         return FilmLost(
-            joined(
-                _with_why(Sentence("film-not-writable", "The film of this job cannot be written"), why),
+            joined_sentences(
+                _with_reason(Sentence("film-not-writable", "The film of this job cannot be written"), why),
                 Sentence("advice-repair-and-set-running", "Repair this, then set the job to running."),
             )
         )
-    return damaged(message)
+    return damaged_film_error(message)
 
 
-def _with_why(fact: str, why: str) -> str:
+def _with_reason(fact: str, why: str) -> str:
     return Sentence("fact-with-reason", "{fact} ({reason}).", fact=fact, reason=why) if why else with_full_stop(fact)

@@ -14,17 +14,26 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from service.errors import FarmError
-from service.store.film_faults import damaged, film_faults, owned_elsewhere
-from service.store.film_version import FilmShape, Row, bring_up_to_date, checksum, is_up_to_date, is_whole, select_rows, spans
+from service.store.film_faults import damaged_film_error, film_faults, owned_elsewhere_error
+from service.store.film_version import (
+    FilmShape,
+    Row,
+    checksum,
+    create_or_migrate,
+    is_up_to_date,
+    matches_checksum,
+    sample_ranges,
+    select_rows,
+)
 
-__all__ = ["FilmFile", "Head", "head_spans"]
+__all__ = ["FilmFile", "Head", "head_sample_ranges"]
 
-LOCK_PATIENCE_S = 0.1  # seconds; the engine's thread must not wait longer for one film
+LOCK_TIMEOUT_S = 0.1  # seconds; the engine's thread must not wait longer for one film
 MAX_BAD_KEPT = 1000
-FORGOTTEN_AT_ONCE = 100  # frames deleted in one transaction
+FRAMES_PER_DELETION = 100  # frames deleted in one transaction
 BAD_SHOWN = 64
 
-TUNED = ("page_size=32768", "journal_mode=WAL", "synchronous=NORMAL", "wal_autocheckpoint=2000", "secure_delete=OFF")
+PRAGMAS = ("page_size=32768", "journal_mode=WAL", "synchronous=NORMAL", "wal_autocheckpoint=2000", "secure_delete=OFF")
 
 ROWS = select_rows()
 COLUMNS = "frame, tile, first, count, bad, sums, workers, ranges, checksum"
@@ -59,17 +68,17 @@ class FilmFile:
         self._is_claimed = epoch is None
         with film_faults():
             os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))  # -wal and -shm get the same mode
-            self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=LOCK_PATIENCE_S)
+            self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=LOCK_TIMEOUT_S)
             self._close = weakref.finalize(self, self._database.close)
             try:
                 # NORMAL loses nothing when the process is killed; a power cut may lose the latest parts, which are then rendered
                 # again. Large pages and rare checkpoints suit large rows: three times less work per row (measured).
                 # secure_delete, on in some builds of SQLite, would overwrite all folded rows with zeros.
-                for pragma in TUNED:
+                for pragma in PRAGMAS:
                     self._database.execute(f"PRAGMA {pragma}").close()
                 if not is_up_to_date(self._database, shape):
                     with self._transaction():
-                        bring_up_to_date(self._database, shape)
+                        create_or_migrate(self._database, shape)
             except BaseException:
                 self.close()
                 raise
@@ -121,7 +130,7 @@ class FilmFile:
                 where = head[:3]
                 row = self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ? AND first = ?", where).fetchone()
                 if row is None:
-                    raise damaged(f"samples from {head.first} on of tile {head.tile} are gone")
+                    raise damaged_film_error(f"samples from {head.first} on of tile {head.tile} are gone")
                 yield _sums(row)
 
     def bad_samples(self, frame: int) -> tuple[int, list[tuple[int, int, int]]]:
@@ -146,10 +155,10 @@ class FilmFile:
         """
         with film_faults(), self._transaction():
             if instead:
-                self._remove([head for head, _ in instead])
+                self._delete_rows([head for head, _ in instead])
             for head, area in instead:
-                for span in spans(head.first, head.count, head.ranges):
-                    self._forget_bad(head.frame, area, *span)
+                for span in sample_ranges(head.first, head.count, head.ranges):
+                    self._delete_bad_samples(head.frame, area, *span)
             self._database.executemany(PART, [(*row, checksum(row)) for row in rows])
             if bad:
                 (kept,) = self._database.execute("SELECT count(*) FROM bad_sample").fetchone()
@@ -165,14 +174,14 @@ class FilmFile:
             folded = {head[2:4] for head in heads}
             if not folded <= set(there) or (are_all and len(there) != len(heads)):
                 return False
-            self._remove(heads)
+            self._delete_rows(heads)
             self._database.execute(PART, (*row, checksum(row)))
         return True
 
     def forget(self, frames: Iterable[int]) -> None:
         """Deletes the rows and bad samples of these frames, FORGOTTEN_AT_ONCE frames per transaction."""
         left = iter([(frame,) for frame in frames])
-        while some := list(islice(left, FORGOTTEN_AT_ONCE)):
+        while some := list(islice(left, FRAMES_PER_DELETION)):
             with film_faults(), self._transaction():
                 self._database.executemany("DELETE FROM part WHERE frame = ?", some)
                 self._database.executemany("DELETE FROM bad_sample WHERE frame = ?", some)
@@ -185,23 +194,23 @@ class FilmFile:
         with film_faults():
             where = (frame, tile, first)
             found = self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ? AND first = ?", where).fetchone()
-        return found[:8] if found is not None and is_whole(found[:8], found[8]) else None
+        return found[:8] if found is not None and matches_checksum(found[:8], found[8]) else None
 
     def remove(self, heads: Iterable[Head]) -> None:
         """Deletes the rows with these heads."""
         with film_faults(), self._transaction():
-            self._remove(heads)
+            self._delete_rows(heads)
 
-    def _remove(self, heads: Iterable[Head]) -> None:
+    def _delete_rows(self, heads: Iterable[Head]) -> None:
         where = [head[:3] for head in heads]
         self._database.executemany("DELETE FROM part WHERE frame = ? AND tile = ? AND first = ?", where)
 
-    def forget_bad(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
+    def delete_bad_samples(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
         """Deletes the records of bad samples first ... first + count - 1 for pixels in area (x, y, w, h)."""
         with film_faults(), self._transaction():
-            self._forget_bad(frame, area, first, count)
+            self._delete_bad_samples(frame, area, first, count)
 
-    def _forget_bad(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
+    def _delete_bad_samples(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
         x, y, w, h = area
         bounds = (frame, x, x + w - 1, y, y + h - 1, first, first + count - 1)
         self._database.execute(
@@ -232,7 +241,7 @@ class FilmFile:
             self._database.execute("CREATE TABLE IF NOT EXISTS owner (epoch INTEGER)")
         found = self._database.execute("SELECT epoch FROM owner").fetchone()
         if found is not None and found[0] > epoch:
-            raise owned_elsewhere()
+            raise owned_elsewhere_error()
         if found is None or found[0] < epoch:
             self._database.execute("DELETE FROM owner")
             self._database.execute("INSERT INTO owner VALUES (?)", (epoch,))
@@ -247,26 +256,26 @@ class FilmFile:
             self._database.execute("BEGIN IMMEDIATE")
         except sqlite3.OperationalError as error:
             if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY and not self._is_held:
-                self._wait_for_locks(0.0)
+                self._set_lock_timeout(0.0)
             raise
         if self._is_held:
-            self._wait_for_locks(LOCK_PATIENCE_S)
+            self._set_lock_timeout(LOCK_TIMEOUT_S)
 
-    def _wait_for_locks(self, seconds: float) -> None:
+    def _set_lock_timeout(self, seconds: float) -> None:
         self._is_held = not seconds
         self._database.execute(f"PRAGMA busy_timeout={round(seconds * 1000)}").close()
 
 
 def _sums(row: tuple[Any, ...]) -> bytes:
-    if not is_whole(row[:8], row[8]):
-        raise damaged(f"samples from {row[2]} on of tile {row[1]} are not what was written")
+    if not matches_checksum(row[:8], row[8]):
+        raise damaged_film_error(f"samples from {row[2]} on of tile {row[1]} are not what was written")
     sums: bytes = row[5]
     return sums
 
 
-def head_spans(head: Head) -> list[tuple[int, int]]:
+def head_sample_ranges(head: Head) -> list[tuple[int, int]]:
     """Returns the sample ranges of a row, as (first, count). Raises FilmLost if they are invalid."""
     try:
-        return spans(head.first, head.count, head.ranges)
+        return sample_ranges(head.first, head.count, head.ranges)
     except (ValueError, TypeError) as error:
-        raise damaged(str(error)) from error
+        raise damaged_film_error(str(error)) from error

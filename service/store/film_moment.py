@@ -15,14 +15,14 @@ from urllib.parse import quote
 from renderer.film import Sums
 from renderer.settings import Tile
 from service.store.coverage import Coverage
-from service.store.film_faults import damaged, film_faults
-from service.store.film_version import spans
-from service.store.tile_sums import added_up
+from service.store.film_faults import damaged_film_error, film_faults
+from service.store.film_version import sample_ranges
+from service.store.tile_sums import sum_of_rows
 
-__all__ = ["FilmMoment", "Readable"]
+__all__ = ["FilmSnapshotView", "ReadableFilm"]
 
 
-class Readable(Protocol):
+class ReadableFilm(Protocol):
     """Interface for reading a film or a snapshot of one. Methods raise FilmWaits, FilmLost or FilmClosed."""
 
     width: int
@@ -40,7 +40,7 @@ class Readable(Protocol):
         """
 
 
-class FilmMoment:
+class FilmSnapshotView:
     """A snapshot of a film; leaving its context ends it.
 
     May be opened in one thread and used in another, but not concurrently.
@@ -61,7 +61,7 @@ class FilmMoment:
                 self._database.close()
                 raise
 
-    def __enter__(self) -> FilmMoment:
+    def __enter__(self) -> FilmSnapshotView:
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -79,14 +79,14 @@ class FilmMoment:
                 with film_faults():
                     rows = self._database.execute("SELECT frame, tile, first, count, ranges FROM part").fetchall()
                 for of_frame, of_tile, *samples in rows:
-                    for span in spans(*samples):
+                    for span in sample_ranges(*samples):
                         self._coverage.setdefault((of_frame, of_tile), Coverage()).add(*span)
             except (ValueError, TypeError) as error:
-                raise damaged(str(error)) from error
+                raise damaged_film_error(str(error)) from error
         return self._coverage.get((frame, tile)) or Coverage()
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
         """Implements `Readable.tile_planes`."""
         with film_faults():
             rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile)).fetchall()
-        return added_up((packed for (packed,) in rows), self.tiles[tile], planes) if rows else None
+        return sum_of_rows((packed for (packed,) in rows), self.tiles[tile], planes) if rows else None

@@ -16,12 +16,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-from service.store.atomic_files import PRIVATE, PRIVATE_FOLDER, move_whole
+from service.store.atomic_files import PRIVATE, PRIVATE_FOLDER, rename_synced
 
 __all__ = ["FilmSnapshot", "FilmSnapshots"]
 
 SUFFIX = ".film"
-MOST_FACTS = 4096  # bytes
+MAX_FACTS_BYTES = 4096  # bytes
 PIECE = 1 << 18
 
 log = logging.getLogger(__name__)
@@ -55,7 +55,7 @@ class FilmSnapshots:
         self._begun: set[str] = set()  # jobs whose snapshots are accepted
 
     @property
-    def is_off(self) -> bool:
+    def is_disabled(self) -> bool:
         """Whether snapshots are disabled."""
         return self._max_bytes <= 0
 
@@ -73,7 +73,7 @@ class FilmSnapshots:
             return []
         return sorted(int(name) for name in names if name.isascii() and name.isdigit())
 
-    def facts(self, job: str) -> list[FilmSnapshot]:
+    def all_facts(self, job: str) -> list[FilmSnapshot]:
         """Returns the metadata of all readable snapshots of a job, ascending by samples."""
         found = (self.find(job, spp) for spp in self.kept(job))
         return [snapshot for snapshot in found if snapshot is not None]
@@ -82,14 +82,14 @@ class FilmSnapshots:
         """Returns the metadata of a snapshot, or None if it is missing or invalid."""
         try:
             with self._path(job, spp).open("rb") as file:
-                return _facts(file.readline(MOST_FACTS))
+                return _parse_facts(file.readline(MAX_FACTS_BYTES))
         except (OSError, ValueError, TypeError):
             return None
 
     def packed(self, job: str, spp: int) -> tuple[int, Iterator[bytes]]:
         """Returns the size in bytes of a snapshot's compressed film packet, and its chunks. Raises FileNotFoundError."""
         file = self._path(job, spp).open("rb")
-        file.readline(MOST_FACTS)
+        file.readline(MAX_FACTS_BYTES)
         size = os.fstat(file.fileno()).st_size - file.tell()
 
         def pieces() -> Iterator[bytes]:
@@ -115,10 +115,10 @@ class FilmSnapshots:
                     file.write(piece)
                 size = file.tell()
             with self._lock:
-                if job not in self._begun or not self._make_room(size, job):
+                if job not in self._begun or not self._delete_to_fit(size, job):
                     return False
                 folder.mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
-                move_whole(temporary, self._path(job, facts.spp))
+                rename_synced(temporary, self._path(job, facts.spp))
         finally:
             temporary.unlink(missing_ok=True)
         return True
@@ -140,7 +140,7 @@ class FilmSnapshots:
                 elif not entry.is_dir():
                     Path(entry.path).unlink(missing_ok=True)
 
-    def _make_room(self, size: int, job: str) -> bool:
+    def _delete_to_fit(self, size: int, job: str) -> bool:
         """Deletes snapshots of other jobs until `size` more bytes fit into the limits. Returns whether they do."""
         if size > self._max_bytes or shutil.disk_usage(self._folder).free < self._min_free:
             return False
@@ -162,6 +162,6 @@ class FilmSnapshots:
         return self._folder / job / f"{spp}{SUFFIX}"
 
 
-def _facts(line: bytes) -> FilmSnapshot:
+def _parse_facts(line: bytes) -> FilmSnapshot:
     data = json.loads(line)
     return FilmSnapshot(**{each.name: data[each.name] for each in fields(FilmSnapshot)})

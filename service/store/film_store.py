@@ -16,25 +16,25 @@ from weakref import WeakValueDictionary
 
 from renderer.settings import RenderSettings
 from service.errors import FarmError, FilmLost
-from service.store.film_check import film_samples, rows_left
-from service.store.film_copy import COPYING, FilmCopy
+from service.store.film_check import film_samples, readable_rows
+from service.store.film_copy import COPY_SUFFIX, FilmCopy
 from service.store.film_faults import film_faults
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_version import FilmShape
 from service.store.films import Film
 from service.store.tile_cache import TileCache
 
-__all__ = ["FilmFolder", "FilmStore", "Take"]
+__all__ = ["CopyFrames", "FilmFolder", "FilmStore"]
 
 MAX_OPEN = 64  # films kept in memory after their last use
 MAX_FILES = 100  # films with open files, three file descriptors each
-LOST = ".lost"  # suffix of a film that was set aside
+QUARANTINE_SUFFIX = ".lost"  # suffix of a film that was set aside
 FILES = ("", "-wal", "-shm")  # suffixes of one SQLite database
 
 # take(other, frames, most): copies frames of another job's film; returns the number of samples of each copied frame, over all
 # pixels. Skips frames without samples or with sample numbers of `most` or higher. Raises FilmLost or FilmWaits; then none is
 # copied.
-Take = Callable[[str, Collection[int], int], Mapping[int, int]]
+CopyFrames = Callable[[str, Collection[int], int], Mapping[int, int]]
 
 log = logging.getLogger(__name__)
 
@@ -54,10 +54,10 @@ class FilmStore(Protocol):
     def unpin(self, job: str) -> None:
         """Marks a film as no longer rendered: merges its write-ahead log, and allows the film to be closed."""
 
-    def set_aside(self, job: str) -> None:
+    def quarantine(self, job: str) -> None:
         """Renames an unreadable film, so that its job starts again with an empty one. Raises FilmWaits or FilmLost."""
 
-    def heal(self, job: str, settings: RenderSettings, tile_size: int) -> None:
+    def delete_damaged(self, job: str, settings: RenderSettings, tile_size: int) -> None:
         """Repairs a film: deletes rows that do not match their checksums, so that their samples are rendered again.
 
         A film that cannot be opened is renamed, and its intact rows are copied to a new one. Raises FilmWaits or FilmLost.
@@ -69,7 +69,7 @@ class FilmStore(Protocol):
         Raises FilmDamaged, FilmLost, FilmWaits.
         """
 
-    def copy(self, job: str, settings: RenderSettings, tile_size: int) -> AbstractContextManager[Take]:
+    def copy(self, job: str, settings: RenderSettings, tile_size: int) -> AbstractContextManager[CopyFrames]:
         """Context manager that creates a job's film from frames of other films; yields the function that copies frames.
 
         The film exists after the block, if frames were copied. Raises FilmWaits or FilmLost; then no film is created.
@@ -130,7 +130,7 @@ class FilmFolder:
                 path = self._path(job)
                 film = Film(
                     *(path, settings.width, settings.height, tile_size, settings.film_exponent, self._cache, self._epoch),
-                    on_use=self._used,
+                    on_use=self._record_use,
                 )
                 self._films[job] = film
         film.load()  # slow, so outside the lock that all films share
@@ -145,7 +145,7 @@ class FilmFolder:
                 self._latest.popitem(last=False)
         return film
 
-    def _used(self, film: Film) -> None:
+    def _record_use(self, film: Film) -> None:
         """Records that a film with an open file is used, and closes the least recently used files beyond MAX_FILES.
 
         Thread-safe.
@@ -165,38 +165,38 @@ class FilmFolder:
         if film is not None:
             film.settle()
 
-    def set_aside(self, job: str) -> None:
-        """Implements `FilmStore.set_aside`."""
+    def quarantine(self, job: str) -> None:
+        """Implements `FilmStore.quarantine`."""
         self._guard()
         with self._lock, film_faults():
             self._close(job)
             path = self._path(job)
             if path.exists():
-                self._remove(self._lost(job))
+                self._remove(self._quarantine_path(job))
                 for suffix in ("-wal", ""):  # the log first: it is useless without its film
                     with contextlib.suppress(FileNotFoundError):
-                        path.with_name(path.name + suffix).replace(path.with_name(path.name + LOST + suffix))
+                        path.with_name(path.name + suffix).replace(path.with_name(path.name + QUARANTINE_SUFFIX + suffix))
             self._remove(path)
             self._drop_snapshots(job)
 
-    def heal(self, job: str, settings: RenderSettings, tile_size: int) -> None:
-        """Implements `FilmStore.heal`."""
+    def delete_damaged(self, job: str, settings: RenderSettings, tile_size: int) -> None:
+        """Implements `FilmStore.delete_damaged`."""
         try:
             film = self.open(job, settings, tile_size)
-            if lost := film.heal():
+            if lost := film.delete_damaged():
                 log.warning("the film of %s was damaged: %d samples are missing", job, lost)
         except FilmLost as error:
             log.warning("the film of %s is set aside: %s", job, error)
-            self.set_aside(job)
+            self.quarantine(job)
             film = self.open(job, settings, tile_size)
-            film.take_over(rows_left(self._lost(job), self._shape(settings, tile_size)))
+            film.take_over(readable_rows(self._quarantine_path(job), self._film_shape(settings, tile_size)))
 
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
         """Implements `FilmStore.verify`."""
-        return film_samples(self._path(job), self._shape(settings, tile_size))
+        return film_samples(self._path(job), self._film_shape(settings, tile_size))
 
     @contextlib.contextmanager
-    def copy(self, job: str, settings: RenderSettings, tile_size: int) -> Iterator[Take]:
+    def copy(self, job: str, settings: RenderSettings, tile_size: int) -> Iterator[CopyFrames]:
         """Implements `FilmStore.copy`."""
 
         def take(other: str, frames: Collection[int], most: int) -> Mapping[int, int]:
@@ -204,29 +204,29 @@ class FilmFolder:
             with film_faults():
                 return made.take(self._path(other), frames, most)
 
-        with film_faults(), FilmCopy(self._path(job), self._shape(settings, tile_size)) as made:
+        with film_faults(), FilmCopy(self._path(job), self._film_shape(settings, tile_size)) as made:
             yield take
 
     def size(self, job: str) -> int:
         """Implements `FilmStore.size`."""
         with film_faults():
-            return sum(_bytes_of(self._path(job, suffix)) for suffix in FILES)
+            return sum(_file_size(self._path(job, suffix)) for suffix in FILES)
 
     def delete(self, job: str) -> None:
         """Implements `FilmStore.delete`."""
         self._guard()
         with self._lock, film_faults():
             self._close(job)
-            self._remove(self._lost(job))
+            self._remove(self._quarantine_path(job))
             self._remove(self._path(job))
             self._drop_snapshots(job)
 
     def sweep(self, keep: set[str]) -> None:
         """Implements `FilmStore.sweep`."""
         # A file newer than this store may be a copy for a job that is not recorded yet.
-        found = [path for path in self._folder.glob("*.sqlite*") if self._is_of_before(path)]
+        found = [path for path in self._folder.glob("*.sqlite*") if self._is_older_than_store(path)]
         for path in found:
-            if path.name.partition(".sqlite")[2].startswith(COPYING):
+            if path.name.partition(".sqlite")[2].startswith(COPY_SUFFIX):
                 path.unlink(missing_ok=True)
         for job in {path.name.partition(".")[0] for path in found} - keep:
             try:
@@ -242,7 +242,7 @@ class FilmFolder:
             for job in list(self._films):
                 self._close(job)
 
-    def _is_of_before(self, path: Path) -> bool:
+    def _is_older_than_store(self, path: Path) -> bool:
         """Whether a file was last written before this store was created."""
         with contextlib.suppress(FileNotFoundError):
             return path.stat().st_mtime < self._made
@@ -255,10 +255,10 @@ class FilmFolder:
     def _path(self, job: str, suffix: str = "") -> Path:
         return self._folder / f"{job}.sqlite{suffix}"
 
-    def _lost(self, job: str) -> Path:
-        return self._folder / f"{job}.sqlite{LOST}"
+    def _quarantine_path(self, job: str) -> Path:
+        return self._folder / f"{job}.sqlite{QUARANTINE_SUFFIX}"
 
-    def _shape(self, settings: RenderSettings, tile_size: int) -> FilmShape:
+    def _film_shape(self, settings: RenderSettings, tile_size: int) -> FilmShape:
         return FilmShape(settings.width, settings.height, tile_size, settings.film_exponent)
 
     def _close(self, job: str) -> None:
@@ -273,7 +273,7 @@ class FilmFolder:
             path.with_name(path.name + suffix).unlink(missing_ok=True)
 
 
-def _bytes_of(path: Path) -> int:
+def _file_size(path: Path) -> int:
     """Returns a file's size in bytes; 0 if it does not exist, since a film may be deleted concurrently."""
     try:
         return path.stat().st_size

@@ -15,9 +15,19 @@ from dataclasses import astuple, dataclass
 
 from renderer.sentences import Sentence
 from service.errors import FilmLost
-from service.store.film_faults import damaged
+from service.store.film_faults import damaged_film_error
 
-__all__ = ["VERSION", "FilmShape", "Row", "bring_up_to_date", "checksum", "is_up_to_date", "is_whole", "select_rows", "spans"]
+__all__ = [
+    "VERSION",
+    "FilmShape",
+    "Row",
+    "checksum",
+    "create_or_migrate",
+    "is_up_to_date",
+    "matches_checksum",
+    "sample_ranges",
+    "select_rows",
+]
 
 VERSION = 3
 
@@ -32,7 +42,7 @@ SCHEMA = (
         PRIMARY KEY (frame, tile, first))""",
     "CREATE TABLE IF NOT EXISTS bad_sample (frame INTEGER, x INTEGER, y INTEGER, sample INTEGER)",
 )
-ADDED = {"checksum": 2, "workers": 3, "ranges": 3}  # columns of `part`, and the version that added each
+VERSION_OF_COLUMN = {"checksum": 2, "workers": 3, "ranges": 3}  # columns of `part`, and the version that added each
 SHAPE = "CREATE TABLE IF NOT EXISTS shape (width INTEGER, height INTEGER, tile_size INTEGER, film_exponent INTEGER)"
 
 
@@ -65,16 +75,16 @@ def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
     if version:
         found = database.execute("SELECT width, height, tile_size, film_exponent FROM shape").fetchall()
         if found != [astuple(shape)]:
-            raise damaged(f"it is of another picture: {found}, not {astuple(shape)}")
+            raise damaged_film_error(f"it is of another picture: {found}, not {astuple(shape)}")
     return bool(version == VERSION)
 
 
-def bring_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> None:
+def create_or_migrate(database: sqlite3.Connection, shape: FilmShape) -> None:
     """Creates or migrates the tables of a film, within the caller's transaction."""
     (version,) = database.execute("PRAGMA user_version").fetchone()
     for statement in (*SCHEMA, SHAPE):
         database.execute(statement)
-    for column, since in ADDED.items():
+    for column, since in VERSION_OF_COLUMN.items():
         if version < since:
             database.execute(f"ALTER TABLE part ADD COLUMN {column} {'INTEGER' if column == 'checksum' else 'TEXT'}")
     if version == 0:
@@ -84,11 +94,11 @@ def bring_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> None:
 
 def select_rows(version: int = VERSION) -> str:
     """Returns the SQL query for all parts of a film with this version: the columns of a Row and its checksum."""
-    later = [name if ADDED[name] <= version else "NULL" for name in ("workers", "ranges", "checksum")]
+    later = [name if VERSION_OF_COLUMN[name] <= version else "NULL" for name in ("workers", "ranges", "checksum")]
     return f"SELECT frame, tile, first, count, bad, sums, {', '.join(later)} FROM part"
 
 
-def spans(first: int, count: int, ranges: str | None) -> list[tuple[int, int]]:
+def sample_ranges(first: int, count: int, ranges: str | None) -> list[tuple[int, int]]:
     """Returns a part's sample ranges as (first, count). Raises ValueError or TypeError if they are invalid."""
     if ranges is None:
         return [(first, count)]
@@ -104,6 +114,6 @@ def checksum(row: Row) -> int:
     return zlib.crc32(row[5], zlib.crc32(repr(told).encode()))
 
 
-def is_whole(row: Row, known: int | None) -> bool:
+def matches_checksum(row: Row, known: int | None) -> bool:
     """Whether a part matches its checksum `known`. True if that is None, for parts written by an older release."""
     return known is None or (isinstance(row[5], bytes) and checksum(row) == known)

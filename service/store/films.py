@@ -19,19 +19,19 @@ from protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 from renderer.film import BadSample, Sums
 from renderer.sentences import Sentence
 from renderer.settings import Tile, tiles_of
-from service.errors import FilmLost, FilmWaits
+from service.errors import FilmLost, FilmUnavailable
 from service.store.claims import Claims
 from service.store.contents import Contents
 from service.store.contributions import Part, joined_parts
 from service.store.coverage import Coverage
-from service.store.film_faults import FilmClosed, film_faults, incomplete
-from service.store.film_file import FilmFile, Head, head_spans
-from service.store.film_moment import FilmMoment
-from service.store.film_version import FilmShape, Row, spans
-from service.store.row_folding import folded, to_fold
+from service.store.film_faults import FilmClosed, film_faults, incomplete_film_error
+from service.store.film_file import FilmFile, Head, head_sample_ranges
+from service.store.film_moment import FilmSnapshotView
+from service.store.film_version import FilmShape, Row, sample_ranges
+from service.store.row_folding import folded_head, rows_to_fold
 from service.store.senders import senders_of, senders_text
 from service.store.tile_cache import TileCache
-from service.store.tile_sums import added_up
+from service.store.tile_sums import sum_of_rows
 
 __all__ = ["Film", "Part"]
 
@@ -95,10 +95,10 @@ class Film:
                 file = FilmFile(self._path, self._shape, self._epoch)
                 if make:
                     file.claim()
-                self._take_in(file)
+                self._read_index(file)
                 self._file = file
             elif self._file is not None and ((make and self._file.claim()) or self._in_doubt):
-                self._take_in(self._file)
+                self._read_index(self._file)
             if self._file is not None:
                 self._on_use(self)
 
@@ -126,7 +126,7 @@ class Film:
         """Raises FilmLost if a frame has fewer samples than `recorded`."""
         has = self.samples(frame)
         if has < recorded:
-            raise incomplete(has, recorded)
+            raise incomplete_film_error(has, recorded)
 
     def settle(self) -> None:
         """Merges the write-ahead log into the database file, for a film that will not be written soon."""
@@ -134,7 +134,7 @@ class Film:
             if self._file is not None and not self._is_closed:
                 self._file.settle()
 
-    def index_of(self, tile: Tile) -> int | None:
+    def tile_index(self, tile: Tile) -> int | None:
         """Returns a tile's index in `tiles`, or None if the film has no such tile."""
         return self._index.get(tile)
 
@@ -184,23 +184,23 @@ class Film:
             self.load(make=True)
             fit = [0 <= part.tile < len(self.tiles) and part.first >= 0 and part.count > 0 for part in parts]
             try:
-                claims, joined = self._joined(parts, fit)
+                claims, joined = self._accepted_parts(parts, fit)
             except ValueError:  # At least one part is damaged. Checking each part first would be wasted work in the usual case.
-                fit = [is_fit and self._is_whole(part) for part, is_fit in zip(parts, fit, strict=True)]
-                claims, joined = self._joined(parts, fit)
+                fit = [is_fit and self._has_valid_sums(part) for part, is_fit in zip(parts, fit, strict=True)]
+                claims, joined = self._accepted_parts(parts, fit)
             if joined:
                 bad = [(part.frame, *each) for part in compress(parts, claims.taken) for each in part.bad]
-                self._add(claims, joined, bad)
+                self._store_parts(claims, joined, bad)
             return claims.taken
 
-    def _joined(self, parts: list[Part], fit: list[bool]) -> tuple[Claims, list[tuple[Part, Sums | None]]]:
+    def _accepted_parts(self, parts: list[Part], fit: list[bool]) -> tuple[Claims, list[tuple[Part, Sums | None]]]:
         """Selects the parts to accept, and joins adjacent ones. Raises ValueError if sums are damaged."""
         claims = Claims(parts, fit, self._contents.covered, None if self.keeps_apart else self._contents.rows)
         return claims, joined_parts([*compress(parts, claims.taken)], self.tiles, self.keeps_apart)
 
-    def _add(self, claims: Claims, joined: list[tuple[Part, Sums | None]], bad: list[tuple[int, int, int, int]]) -> None:
+    def _store_parts(self, claims: Claims, joined: list[tuple[Part, Sums | None]], bad: list[tuple[int, int, int, int]]) -> None:
         assert self._file is not None
-        heads = [self._head(j) for j, _ in joined]
+        heads = [self._head_of(j) for j, _ in joined]
         rows: list[Row] = [(*h[:5], j.sums, *h[5:]) for h, (j, _) in zip(heads, joined, strict=True)]
         try:
             self._file.add(rows, bad, [(head, self.tiles[head.tile]) for head in claims.replaced])
@@ -214,7 +214,7 @@ class Film:
             grow = partial(add_sums, data=part.sums, tile=self.tiles[part.tile])
             self._cache.grow((self._path.stem, *head[:2]), grow, len(part.sums))
         for key in claims.coverage:
-            self._fold(*key)
+            self._fold_tile(*key)
 
     def has_only(self, frames: Collection[int]) -> bool:
         """Whether all stored samples belong to the given frames."""
@@ -228,9 +228,9 @@ class Film:
                 return
             self._in_doubt = True
             self._file.forget(frames)
-            self._take_in(self._file)
+            self._read_index(self._file)
 
-    def heal(self) -> int:
+    def delete_damaged(self) -> int:
         """Deletes rows that do not match their checksums, so that their samples are rendered again.
 
         Returns the number of deleted samples, over all pixels.
@@ -240,8 +240,8 @@ class Film:
             if self._file is None:
                 return 0
             self._in_doubt = True
-            broken = [head for head in self._file.heads() if not self._is_readable(self._file.row(*head[:3]), head.tile)]
-            return self._remove(broken)
+            broken = [head for head in self._file.heads() if not self._is_decodable(self._file.row(*head[:3]), head.tile)]
+            return self._delete_rows(broken)
 
     def has_sent(self, worker: str) -> bool:
         """Whether the film contains sums from this worker."""
@@ -261,16 +261,16 @@ class Film:
             if not found:
                 return 0
             self._in_doubt = True
-            return self._remove(found)
+            return self._delete_rows(found)
 
-    def _remove(self, heads: list[Head]) -> int:
+    def _delete_rows(self, heads: list[Head]) -> int:
         """Deletes rows; returns the number of their samples, over all pixels."""
         assert self._file is not None
         self._file.remove(heads)
         for head in heads:
-            for first, count in head_spans(head):
-                self._file.forget_bad(head.frame, self.tiles[head.tile], first, count)
-        self._take_in(self._file)
+            for first, count in head_sample_ranges(head):
+                self._file.delete_bad_samples(head.frame, self.tiles[head.tile], first, count)
+        self._read_index(self._file)
         return sum(head.count * self.tiles[head.tile].w * self.tiles[head.tile].h for head in heads)
 
     def take_over(self, rows: Iterable[Row]) -> None:
@@ -281,22 +281,22 @@ class Film:
             taken = self._contents.copied()
             self._in_doubt = True
             for row in rows:
-                if 0 <= row[1] < len(self.tiles) and self._is_readable(row, row[1]):
+                if 0 <= row[1] < len(self.tiles) and self._is_decodable(row, row[1]):
                     covered = taken.setdefault((row[0], row[1]), Coverage())
                     try:
-                        for span in spans(*row[2:4], row[7]):
+                        for span in sample_ranges(*row[2:4], row[7]):
                             covered.add(*span)
                     except (ValueError, TypeError):
                         continue
                     self._file.add([row], [])
-            self._take_in(self._file)
+            self._read_index(self._file)
 
-    def _is_readable(self, row: Row | None, tile: int) -> bool:
+    def _is_decodable(self, row: Row | None, tile: int) -> bool:
         if row is None:
             return False
         try:
             unpack_sums(row[5], self.tiles[tile], stored=True)
-            spans(*row[2:4], row[7])
+            sample_ranges(*row[2:4], row[7])
         except (ValueError, TypeError):
             return False
         return True
@@ -310,7 +310,7 @@ class Film:
                 return None
             sums = self._cache.get(key)
             if sums is None:
-                sums = added_up(self._file.sums(frame, tile), self.tiles[tile])
+                sums = sum_of_rows(self._file.sums(frame, tile), self.tiles[tile])
                 self._cache.put(key, sums)
             return sums
 
@@ -326,9 +326,9 @@ class Film:
                 return None
             sums = self._cache.get((self._path.stem, frame, tile))
             packed = [] if sums is not None else list(self._file.sums(frame, tile))
-        return added_up(packed, self.tiles[tile], planes) if sums is None else sums
+        return sum_of_rows(packed, self.tiles[tile], planes) if sums is None else sums
 
-    def moment(self) -> FilmMoment:
+    def moment(self) -> FilmSnapshotView:
         """Returns a snapshot of the film, which stays readable while the film grows.
 
         Raises FilmWaits, also if there is no file yet.
@@ -336,8 +336,8 @@ class Film:
         with self._lock:
             self.load()
             if self._file is None:
-                raise FilmWaits(Sentence("film-without-samples", "The film of this job has no samples yet."))
-            return FilmMoment(self._path, self.width, self.height, self.film_exponent, self.tiles)
+                raise FilmUnavailable(Sentence("film-without-samples", "The film of this job has no samples yet."))
+            return FilmSnapshotView(self._path, self.width, self.height, self.film_exponent, self.tiles)
 
     def _exists(self) -> bool:
         with film_faults():
@@ -349,40 +349,40 @@ class Film:
             self.load()
         return self._contents
 
-    def _take_in(self, file: FilmFile) -> None:
+    def _read_index(self, file: FilmFile) -> None:
         """Reads the index from the file, and drops the film's tiles from the cache."""
         self._contents = Contents(file.heads(), self.tiles)
         self._cache.forget(self._path.stem)
         self._is_known, self._in_doubt = True, False
 
-    def _is_whole(self, part: Part) -> bool:
+    def _has_valid_sums(self, part: Part) -> bool:
         try:
             check_sums(part.sums, self.tiles[part.tile])
         except ValueError:
             return False
         return True
 
-    def _head(self, part: Part) -> Head:
+    def _head_of(self, part: Part) -> Head:
         return Head(part.frame, part.tile, part.first, part.count, part.bad_count, senders_text(part.workers), None)
 
-    def _fold(self, frame: int, tile: int) -> None:
+    def _fold_tile(self, frame: int, tile: int) -> None:
         """Folds a tile's rows into one if there are many. Only logs failures, since the merged samples are stored in any case."""
         rows, is_one_run = self._contents.rows(frame, tile), self._contents.is_one_run(frame, tile)
         try:
-            for heads in to_fold(rows, self.keeps_apart, is_one_run):
+            for heads in rows_to_fold(rows, self.keeps_apart, is_one_run):
                 self._fold_to_one(heads, len(heads) == len(self._contents.rows(frame, tile)))
-        except (FilmWaits, FilmLost) as error:
+        except (FilmUnavailable, FilmLost) as error:
             self._in_doubt = True
             log.warning("a tile's rows stay apart: %s", error)
 
     def _fold_to_one(self, heads: Sequence[Head], is_whole_tile: bool) -> None:
         assert self._file is not None
-        made = folded(heads)
+        made = folded_head(heads)
         frame, tile = made[:2]
         sums = self._cache.get((self._path.stem, frame, tile)) if is_whole_tile else None
         if sums is None:
             rows = self._file.sums(frame, tile) if is_whole_tile else self._file.sums_of(heads)
-            sums = added_up(rows, self.tiles[tile])
+            sums = sum_of_rows(rows, self.tiles[tile])
         if self._file.fold(heads, (*made[:5], pack_sums(sums), *made[5:]), is_whole_tile):
             self._contents.fold(heads, made)
         else:

@@ -24,15 +24,15 @@ from service.events import Events, RowWritten
 from service.store.database import Sessions
 from service.store.models import Frame, FrameChange, Job, Spent
 
-__all__ = ["FrameChanges", "Step", "apply_at_once", "begin", "is_short"]
+__all__ = ["FrameChanges", "Step", "apply_short_steps", "fits_one_transaction", "record_steps"]
 
 AT_A_TIME = 2000  # frames per transaction
-MOST_PAUSE_S = 0.1
-AGAIN_AFTER_S = 5.0  # delay in seconds after an error of the database or the disk
+MAX_PAUSE_S = 0.1
+RETRY_AFTER_S = 5.0  # delay in seconds after an error of the database or the disk
 NO_SYNCHRONIZE = {"synchronize_session": False}
-NEARLY = 0.9999
+NEARLY_COMPLETE = 0.9999
 
-Given = Mapping[int, Mapping[str, Any]]  # by frame key: columns with values that differ from those of the other frames
+FrameValues = Mapping[int, Mapping[str, Any]]  # by frame key: columns with values that differ from those of the other frames
 
 log = logging.getLogger(__name__)
 
@@ -68,19 +68,19 @@ class Step:
         return [frame_key(number) for number in parse_frames(self.frames)] if self.frames else []
 
 
-def is_short(steps: Sequence[Step]) -> bool:
+def fits_one_transaction(steps: Sequence[Step]) -> bool:
     """Whether the steps are small enough for one transaction."""
     return sum(len(step.keys) for step in steps) <= AT_A_TIME and all(step.do != "drop" for step in steps)
 
 
-def begin(job: str, steps: Sequence[Step], session: Session) -> None:
+def record_steps(job: str, steps: Sequence[Step], session: Session) -> None:
     """Records steps to be applied to a job's frames. Replaces a pending change of the job."""
     session.execute(delete(FrameChange).where(FrameChange.job == job))
     samples = sum(len(step.keys) * step.target for step in steps if step.do == "add")
     session.add(FrameChange(job=job, steps=[asdict(step) for step in steps], done=0, samples=samples))
 
 
-def apply_at_once(job: Job, steps: Sequence[Step], session: Session, given: Given | None = None) -> None:
+def apply_short_steps(job: Job, steps: Sequence[Step], session: Session, given: FrameValues | None = None) -> None:
     """Applies short steps inside the caller's transaction. given: see `FrameChanges.carry_out`."""
     for step in steps:
         _apply(job, step, step.keys, session, given or {})
@@ -114,14 +114,14 @@ class FrameChanges:
 
     def is_under_way(self, job: str) -> bool:
         """Whether a job has a pending change of its frames."""
-        return self._under_way(job) is not None
+        return self._pending_change(job) is not None
 
     def is_dropped(self, job: str) -> bool:
         """Whether a job is being deleted."""
-        change = self._under_way(job)
+        change = self._pending_change(job)
         return change is not None and _is_drop(change)
 
-    def carry_out(self, job: str, given: Given | None = None) -> None:
+    def carry_out(self, job: str, given: FrameValues | None = None) -> None:
         """Applies the pending changes of a job. If this raises FarmError, the background thread continues later.
 
         given: column values, by frame key, of frames to be added whose values differ from the defaults.
@@ -138,18 +138,18 @@ class FrameChanges:
         If this raises FarmError, the background thread retries later.
         """
         try:
-            self._drop(job)
+            self._drop_in_portions(job)
         except FarmError:
             self._later.put(job)
             raise
 
-    def _carry_out(self, job: str, given: Given) -> None:
-        while (change := self._under_way(job)) is not None and not _is_drop(change):
-            plan = [(step, keys) for step in map(_step, change.steps) for keys in _some(step.keys)]
+    def _carry_out(self, job: str, given: FrameValues) -> None:
+        while (change := self._pending_change(job)) is not None and not _is_drop(change):
+            plan = [(step, keys) for step in map(_step, change.steps) for keys in _key_portions(step.keys)]
             while self._next(change, plan, given):
                 pass
 
-    def _drop(self, job: str) -> None:
+    def _drop_in_portions(self, job: str) -> None:
         while True:
             began = time.monotonic()
             with self._sessions.begin() as session:
@@ -160,11 +160,11 @@ class FrameChanges:
                 return
             self._pause(began)
 
-    def _under_way(self, job: str) -> FrameChange | None:
+    def _pending_change(self, job: str) -> FrameChange | None:
         with self._sessions() as session:
             return session.get(FrameChange, job)
 
-    def _next(self, known: FrameChange, plan: list[tuple[Step, list[int]]], given: Given) -> bool:
+    def _next(self, known: FrameChange, plan: list[tuple[Step, list[int]]], given: FrameValues) -> bool:
         """Applies the next portion of a change. Returns whether another is left. plan: (step, frame keys) of each portion."""
         began = time.monotonic()
         with self._sessions.begin() as session:
@@ -189,11 +189,11 @@ class FrameChanges:
 
     def _pause(self, began: float) -> None:
         """Waits as long as the last transaction took, at most MOST_PAUSE_S seconds, so that other writers get SQLite's lock."""
-        self._stop.wait(min(time.monotonic() - began, MOST_PAUSE_S))
+        self._stop.wait(min(time.monotonic() - began, MAX_PAUSE_S))
 
     def _run(self) -> None:
         try:
-            self._note_left()
+            self._queue_pending()
         except FarmError as error:
             log.warning("what is left to do to frames is looked for later: %s", error)
             self._later.put("")
@@ -202,27 +202,27 @@ class FrameChanges:
             if job is None:
                 return
             try:
-                self._go_on(job)
+                self._resume(job)
             except FarmError as error:
                 log.warning("the frames of job %s are not all written down yet: %s", job, error)
-                self._stop.wait(AGAIN_AFTER_S)
+                self._stop.wait(RETRY_AFTER_S)
                 self._later.put(job)
             except Exception:
                 log.exception("the frames of job %s cannot be changed", job)
 
-    def _go_on(self, job: str) -> None:
+    def _resume(self, job: str) -> None:
         if not job:
-            self._note_left()
+            self._queue_pending()
             return
-        change = self._under_way(job)
+        change = self._pending_change(job)
         if change is not None and _is_drop(change):
-            self._drop(job)
+            self._drop_in_portions(job)
             self._deleted(job)
             return
         self._carry_out(job, {})
         self._events.publish(RowWritten("job", job))
 
-    def _note_left(self) -> None:
+    def _queue_pending(self) -> None:
         with self._sessions() as session:
             for job in session.scalars(select(FrameChange.job)):
                 self._later.put(job)
@@ -232,7 +232,7 @@ def _is_drop(change: FrameChange) -> bool:
     return any(_step(data).do == "drop" for data in change.steps)
 
 
-def _some(keys: list[int]) -> Iterator[list[int]]:
+def _key_portions(keys: list[int]) -> Iterator[list[int]]:
     for at in range(0, len(keys), AT_A_TIME):
         yield keys[at : at + AT_A_TIME]
 
@@ -241,7 +241,7 @@ def _step(data: Mapping[str, Any]) -> Step:
     return Step(**{name: data[name] for name in Step.__dataclass_fields__ if name in data})
 
 
-def _apply(job: Job, step: Step, keys: list[int], session: Session, given: Given) -> None:
+def _apply(job: Job, step: Step, keys: list[int], session: Session, given: FrameValues) -> None:
     if not keys:
         return
     if step.do == "add":
@@ -258,7 +258,7 @@ def _apply(job: Job, step: Step, keys: list[int], session: Session, given: Given
         case "unplan":
             frames = frames.values(spp=None)
         case "again":
-            _note_spent(job, keys, session)
+            _record_spent(job, keys, session)
             nothing: dict[str, Any] = dict.fromkeys(("samples", "target", "bad_samples"), 0)
             nothing |= {"progress": 0.0, "noise": None, "settings": null(), "compiled": null(), **opened}
             frames = frames.values(nothing | ({"spp": None} if step.unplan else {}))
@@ -266,17 +266,17 @@ def _apply(job: Job, step: Step, keys: list[int], session: Session, given: Given
             if not step.keep:
                 lower = update(Frame).where(Frame.job == job.id, Frame.number.in_(keys), Frame.spp <= (job.spp or 0))
                 session.execute(lower.values(spp=None), execution_options=NO_SYNCHRONIZE)
-            frames = frames.where(Frame.state != "failed").values(_aimed(job) | opened)
+            frames = frames.where(Frame.state != "failed").values(_changed_goals(job) | opened)
         case "more":
             wanted = literal(step.spp) if step.spp is not None else func.coalesce(Frame.spp, job.spp or 0) + (step.more or 0)
             session.execute(frames.values(spp=wanted), execution_options=NO_SYNCHRONIZE)
-            frames = frames.where(Frame.state != "failed").values(_aimed(job) | opened)
+            frames = frames.where(Frame.state != "failed").values(_changed_goals(job) | opened)
         case "heal":
             frames = frames.where(Frame.state == "failed").values(opened)
     session.execute(frames, execution_options=NO_SYNCHRONIZE)
 
 
-def _note_spent(job: Job, keys: list[int], session: Session) -> None:
+def _record_spent(job: Job, keys: list[int], session: Session) -> None:
     """Records the samples of frames that are rendered again, so that they still count towards their owner's quota."""
     rendered = select(func.sum(Frame.samples)).where(Frame.job == job.id, Frame.number.in_(keys))
     if job.user is None or not (samples := int(session.scalar(rendered) or 0)):
@@ -288,12 +288,12 @@ def _note_spent(job: Job, keys: list[int], session: Session) -> None:
         row.samples += samples
 
 
-def _aimed(job: Job) -> dict[str, Any]:
+def _changed_goals(job: Job) -> dict[str, Any]:
     """Returns SQL expressions for the new `target` and `progress` of frames after a change of the job's spp."""
     size = job.settings or {}
     pixels = literal(int(size.get("width", 0)) * int(size.get("height", 0)), BigInteger)
     wanted = cast(func.coalesce(Frame.spp, job.spp or 0), BigInteger) * pixels
     target = case((wanted > Frame.samples, wanted), else_=Frame.samples)
     share = cast(Frame.samples, Float) / cast(target, Float)
-    progress = case((target <= 0, 0.0), (share > NEARLY, NEARLY), else_=share)
+    progress = case((target <= 0, 0.0), (share > NEARLY_COMPLETE, NEARLY_COMPLETE), else_=share)
     return {"target": target, "progress": progress}

@@ -28,7 +28,7 @@ from service.store.models import Environment, Frame, Reference, Scene
 
 __all__ = ["Garbage"]
 
-FEW = 2
+FEW_BLOBS = 2
 AT_A_TIME = 256  # blobs deleted between two checks for new pins
 REFERRING: dict[Any, tuple[Any, ...]] = {  # tables, and their columns that refer to blobs
     Scene: (Scene.files, Scene.compiled, Scene.info),
@@ -67,7 +67,7 @@ class Garbage:
         mine = set(hashes)
         with self._lock:
             self._pins.update(mine)
-            self._save(mine)
+            self._cancel_deletions(mine)
         try:
             yield
         except BaseException:
@@ -78,7 +78,7 @@ class Garbage:
             with self._lock:
                 self._pins.subtract(mine)
                 self._pins += Counter()  # removes zero counts
-                leftover = bool(self._free())
+                leftover = bool(self._released_blobs())
             if leftover:
                 with contextlib.suppress(FarmError):  # the next collection deletes them
                     self.collect(lambda session: set())
@@ -86,9 +86,9 @@ class Garbage:
     def pin_until_recorded(self, sha256: str) -> None:
         """Pins a blob that a worker stores, until a reference to it is recorded or `patience_s` seconds have passed."""
         with self._lock:
-            self._forget_promises()
-            self._promise(sha256)
-            self._save({sha256})
+            self._drop_expired_pins()
+            self._pin_for_a_while(sha256)
+            self._cancel_deletions({sha256})
 
     def adopt_unreferenced(self, hashes: set[str]) -> None:
         """Registers unreferenced blobs that were found at start.
@@ -98,10 +98,10 @@ class Garbage:
         """
         with self._lock:
             for sha256 in hashes:
-                self._promise(sha256)
+                self._pin_for_a_while(sha256)
             self._left |= hashes
 
-    def keep_promise(self, sha256: str, times: int = 1) -> None:
+    def remove_pins(self, sha256: str, times: int = 1) -> None:
         """Removes `times` pins made by `pin_until_recorded`: the blob is referred to now, or was never stored."""
         with self._lock:
             if left := self._promised.pop(sha256, [])[times:]:
@@ -112,7 +112,7 @@ class Garbage:
         unreferenced.
         """
         for sha256, times in event.references.items():
-            self.keep_promise(sha256, times)
+            self.remove_pins(sha256, times)
         self.collect(lambda session: set(event.references))
 
     def collect(self, let_go: Callable[[Session], set[str]]) -> None:
@@ -122,13 +122,13 @@ class Garbage:
         """
         with self._lock:
             with self._sessions.begin() as session:
-                gone = let_go(session) | self._free()
+                gone = let_go(session) | self._released_blobs()
                 session.flush()
                 for query in _that_may_refer_to(gone) if gone else ():
                     for row in session.scalars(query):
                         gone -= row.blobs
-            needed = {sha256 for sha256 in gone if self._is_kept(sha256)}
-            self._left = (self._left - self._free()) | needed
+            needed = {sha256 for sha256 in gone if self._is_pinned(sha256)}
+            self._left = (self._left - self._released_blobs()) | needed
             self._going |= gone - needed
         while self._delete_some():
             pass
@@ -152,24 +152,24 @@ class Garbage:
                 self._deleted.notify_all()
         return bool(some)
 
-    def _save(self, hashes: set[str]) -> None:
+    def _cancel_deletions(self, hashes: set[str]) -> None:
         """Removes blobs that are now pinned from the pending deletions, and waits for deletions in progress."""
         self._left |= hashes & self._going
         self._going -= hashes
         self._deleted.wait_for(lambda: not hashes & self._deleting)
 
-    def _free(self) -> set[str]:
+    def _released_blobs(self) -> set[str]:
         """Returns the blobs that an earlier collection did not delete and that are no longer pinned."""
-        self._forget_promises()
-        return {sha256 for sha256 in self._left if not self._is_kept(sha256)}
+        self._drop_expired_pins()
+        return {sha256 for sha256 in self._left if not self._is_pinned(sha256)}
 
-    def _is_kept(self, sha256: str) -> bool:
+    def _is_pinned(self, sha256: str) -> bool:
         return sha256 in self._pins or sha256 in self._promised
 
-    def _promise(self, sha256: str) -> None:
+    def _pin_for_a_while(self, sha256: str) -> None:
         self._promised.setdefault(sha256, []).append(time.monotonic() + self._patience_s)
 
-    def _forget_promises(self) -> None:
+    def _drop_expired_pins(self) -> None:
         now = time.monotonic()
         left = {sha256: [until for until in untils if until > now] for sha256, untils in self._promised.items()}
         self._promised = {sha256: untils for sha256, untils in left.items() if untils}
@@ -183,7 +183,7 @@ def _that_may_refer_to(hashes: set[str]) -> list[Select[Any]]:
     found: list[Select[Any]] = []
     for table, columns in REFERRING.items():
         query = select(table)
-        if len(hashes) <= FEW:
+        if len(hashes) <= FEW_BLOBS:
             query = query.where(or_(*(cast(column, Text).contains(sha256) for column in columns for sha256 in hashes)))
         elif table is Frame:
             query = query.where(Frame.compiled.is_not(None))

@@ -11,11 +11,11 @@ from pathlib import Path
 from renderer.kernel_file import is_name, is_signed, signed_anew
 from renderer.sentences import Sentence
 from service.errors import Invalid, NotFound
-from service.store.atomic_files import PRIVATE_FOLDER, write_whole
+from service.store.atomic_files import PRIVATE_FOLDER, write_atomically
 
 __all__ = ["KernelStore"]
 
-KEPT = 24  # artefacts: a few kernels for each of a few kinds of workers; older ones belong to former releases
+MAX_KERNELS = 24  # artefacts: a few kernels for each of a few kinds of workers; older ones belong to former releases
 
 
 class KernelStore:
@@ -55,10 +55,10 @@ class KernelStore:
                     "The kernels are not signed with this farm's token, or arrived damaged. Send them again.",
                 )
             )
-        write_whole(self._folder / name, data)
-        self._forget_old()
+        write_atomically(self._folder / name, data)
+        self._delete_old()
 
-    def _forget_old(self) -> None:
+    def _delete_old(self) -> None:
         files = sorted((p for p in self._folder.iterdir() if is_name(p.name)), key=lambda p: p.stat().st_mtime, reverse=True)
-        for path in files[KEPT:]:
+        for path in files[MAX_KERNELS:]:
             path.unlink(missing_ok=True)

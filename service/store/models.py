@@ -11,8 +11,8 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 from service.store.sentence_columns import SentenceList, SentenceRecord, SentenceText
 
 __all__ = [
-    "ACTIVE",
-    "FINAL",
+    "ACTIVE_STATES",
+    "FINAL_STATES",
     "Base",
     "Delivery",
     "Environment",
@@ -34,9 +34,9 @@ __all__ = [
     "blobs_of",
 ]
 
-ACTIVE = ("queued", "running", "paused")
-FINAL = ("finished", "failed", "cancelled")
-NOTED = text("note IS NOT NULL")
+ACTIVE_STATES = ("queued", "running", "paused")
+FINAL_STATES = ("finished", "failed", "cancelled")
+HAS_NOTE = text("note IS NOT NULL")
 
 
 class Base(DeclarativeBase):
@@ -116,7 +116,7 @@ class Job(Base):
         Index("jobs_ended", "finished", "id"),
         Index("jobs_by_picture", "picture", "created"),
         Index("jobs_of_user", "user", "state", "created"),
-        Index("jobs_noted", "id", sqlite_where=NOTED, postgresql_where=NOTED),
+        Index("jobs_noted", "id", sqlite_where=HAS_NOTE, postgresql_where=HAS_NOTE),
     )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from service.errors import NoRoom
+from service.errors import OutOfSpace
 from service.store.atomic_files import PRIVATE
 
 __all__ = ["Reserve"]
@@ -36,14 +36,14 @@ class Reserve:
                 file.flush()
                 os.fsync(file.fileno())
 
-    def spend_on(self, deletion: Callable[[], T]) -> T:
+    def run_deletion(self, deletion: Callable[[], T]) -> T:
         """Runs `deletion`; if the disk is full, deletes the reserve file and runs it again.
 
         Writes the reserve file again afterwards.
         """
         try:
             return deletion()
-        except NoRoom:
+        except OutOfSpace:
             log.warning("the disk is full: the reserve is given to a deletion")
             self._path.unlink(missing_ok=True)
             return deletion()

@@ -6,33 +6,33 @@ import json
 from collections.abc import Collection, Sequence
 
 from service.store.coverage import Coverage
-from service.store.film_file import Head, head_spans
+from service.store.film_file import Head, head_sample_ranges
 from service.store.senders import senders_of, senders_text
 
-__all__ = ["FOLD_AT", "MOST_APART", "folded", "to_fold"]
+__all__ = ["MAX_ROWS_APART", "MAX_ROWS_UNFOLDED", "folded_head", "rows_to_fold"]
 
-FOLD_AT = 8  # rows of a tile, or of one worker if rows of different workers are kept apart
-MOST_APART = 64  # rows of a tile above which rows of different workers are folded too
+MAX_ROWS_UNFOLDED = 8  # rows of a tile, or of one worker if rows of different workers are kept apart
+MAX_ROWS_APART = 64  # rows of a tile above which rows of different workers are folded too
 
 
-def to_fold(rows: Sequence[Head], keeps_apart: bool, is_one_run: bool) -> list[Sequence[Head]]:
+def rows_to_fold(rows: Sequence[Head], keeps_apart: bool, is_one_run: bool) -> list[Sequence[Head]]:
     """Returns lists of a tile's rows; each list is to be folded into one row.
 
     All rows, if the tile's samples are contiguous (is_one_run). If rows of different workers stay separate (keeps_apart): the
     rows of each worker that has many, and beyond MOST_APART rows all of them.
     """
-    if len(rows) < FOLD_AT:
+    if len(rows) < MAX_ROWS_UNFOLDED:
         return []
-    if keeps_apart and len(rows) < MOST_APART:
+    if keeps_apart and len(rows) < MAX_ROWS_APART:
         of_each = ([head for head in rows if head.workers == worker] for worker in {head.workers for head in rows})
-        return [own for own in of_each if len(own) >= FOLD_AT]
+        return [own for own in of_each if len(own) >= MAX_ROWS_UNFOLDED]
     return [rows] if keeps_apart or is_one_run else []
 
 
-def folded(heads: Collection[Head]) -> Head:
+def folded_head(heads: Collection[Head]) -> Head:
     """Returns the head of the row that replaces `heads`. Raises FilmLost if their sample ranges are invalid."""
     frame, tile = next(iter(heads))[:2]
-    runs = Coverage(span for head in heads for span in head_spans(head)).ranges
+    runs = Coverage(span for head in heads for span in head_sample_ranges(head)).ranges
     ranges = json.dumps([[start, end - start] for start, end in runs]) if len(runs) > 1 else None
     workers = senders_text({worker for head in heads for worker in senders_of(head.workers)})
     total, bad = sum(head.count for head in heads), sum(head.bad for head in heads)

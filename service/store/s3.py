@@ -23,7 +23,7 @@ from obstore.store import S3Store
 from renderer.sentences import Sentence
 from renderer.variables import FILE, value_of
 from service.errors import NotFound, Unavailable
-from service.store.blobs import CHUNK, OLD_S, ServedBlob, blob_not_found, is_sha256
+from service.store.blobs import CHUNK, MIN_AGE_S, ServedBlob, blob_not_found, is_sha256
 from service.store.staging import BlobWriter, Staging
 
 __all__ = ["S3Blobs"]
@@ -35,7 +35,7 @@ CREDENTIALS = {
     "session_token": "AWS_SESSION_TOKEN",
 }
 RETRIES = 5
-PATIENCE = timedelta(seconds=10)
+TIMEOUT = timedelta(seconds=10)
 
 
 class S3Blobs:
@@ -54,7 +54,7 @@ class S3Blobs:
             prefix=address.path.strip("/") or None,
             **_credentials(),
             client_options={"allow_http": os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://")},
-            retry_config={"max_retries": RETRIES, "retry_timeout": PATIENCE},
+            retry_config={"max_retries": RETRIES, "retry_timeout": TIMEOUT},
         )
 
     def writer(self) -> BlobWriter:
@@ -116,7 +116,7 @@ class S3Blobs:
             with self._faults():
                 obstore.delete(self._store, [_key(sha256) for sha256 in hashes])
 
-    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> set[str]:
+    def sweep(self, keep: set[str], older_than_s: float = MIN_AGE_S) -> set[str]:
         """Implements `BlobStore.sweep`."""
         self._staging.sweep()
         old = time.time() - older_than_s

@@ -7,11 +7,11 @@ from collections.abc import Collection
 
 __all__ = ["senders_of", "senders_text"]
 
-MOST = 64  # with more workers than this, the row stands for any worker
-ANYBODY = "*"
+MAX_NAMES = 64  # with more workers than this, the row stands for any worker
+ANY_WORKER = "*"
 
 
-class _Everybody(frozenset[str]):
+class _AllNames(frozenset[str]):
     def __contains__(self, name: object) -> bool:
         return True
 
@@ -21,7 +21,7 @@ def senders_text(names: Collection[str]) -> str | None:
     known = sorted({name for name in names if name})
     if not known:
         return None
-    return json.dumps(known if len(known) <= MOST and ANYBODY not in known else [ANYBODY])
+    return json.dumps(known if len(known) <= MAX_NAMES and ANY_WORKER not in known else [ANY_WORKER])
 
 
 def senders_of(text: str | None) -> frozenset[str]:
@@ -31,4 +31,4 @@ def senders_of(text: str | None) -> frozenset[str]:
     except ValueError:
         found = []
     names = frozenset(str(name) for name in found) if isinstance(found, list) else frozenset()
-    return _Everybody(names) if ANYBODY in names else names
+    return _AllNames(names) if ANY_WORKER in names else names

@@ -14,10 +14,10 @@ from renderer.film import Sums
 
 __all__ = ["TileCache"]
 
-MOST_PENDING = 4
+MAX_PENDING = 4
 
 Key = tuple[str, int, int]  # film, frame, tile
-Grow = Callable[[Sums], None]  # adds pending samples to a tile's sums, in place
+AddPending = Callable[[Sums], None]  # adds pending samples to a tile's sums, in place
 
 
 class TileCache:
@@ -27,7 +27,7 @@ class TileCache:
         self.max_bytes = max_bytes
         self._bytes = 0
         self._items: OrderedDict[Key, Sums] = OrderedDict()
-        self._pending: dict[Key, list[tuple[Grow, int]]] = {}
+        self._pending: dict[Key, list[tuple[AddPending, int]]] = {}
         self._lock = threading.Lock()
 
     def get(self, key: Key) -> Sums | None:
@@ -54,9 +54,9 @@ class TileCache:
             self._drop(key)
             self._items[key] = sums
             self._bytes += sums.nbytes
-            self._make_room()
+            self._evict()
 
-    def grow(self, key: Key, add: Grow, size: int) -> None:
+    def grow(self, key: Key, add: AddPending, size: int) -> None:
         """Adds samples to a cached tile at its next `get`; does nothing if the tile is not cached.
 
         add: returns the increased sums. size: bytes of memory that `add` occupies.
@@ -66,9 +66,9 @@ class TileCache:
                 pending = self._pending.setdefault(key, [])
                 pending.append((add, size))
                 self._bytes += size
-                if len(pending) > MOST_PENDING:
+                if len(pending) > MAX_PENDING:
                     self._drop(key)
-                self._make_room()
+                self._evict()
 
     def drop(self, key: Key) -> None:
         """Evicts one tile."""
@@ -81,7 +81,7 @@ class TileCache:
             for key in [k for k in self._items if k[0] == film]:
                 self._drop(key)
 
-    def _make_room(self) -> None:
+    def _evict(self) -> None:
         while self._bytes > self.max_bytes and len(self._items) > 1:
             self._drop(next(iter(self._items)))
 

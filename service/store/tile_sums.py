@@ -7,12 +7,12 @@ from collections.abc import Iterable, Sequence
 from protocol.sums import add_sums, unpack_sums
 from renderer.film import Sums
 from renderer.settings import Tile
-from service.store.film_faults import damaged
+from service.store.film_faults import damaged_film_error
 
-__all__ = ["added_up"]
+__all__ = ["sum_of_rows"]
 
 
-def added_up(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None = None) -> Sums:
+def sum_of_rows(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None = None) -> Sums:
     """Returns the sum of a tile's packed rows, (CHANNELS, h, w) int64.
 
     rows: packed sums as stored in the film. planes: channels to add; None: all. Other channels are undefined.
@@ -26,7 +26,7 @@ def added_up(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None = N
             else:
                 add_sums(total, packed, tile, stored=True, planes=planes)
         except (ValueError, TypeError) as error:
-            raise damaged(str(error)) from error
+            raise damaged_film_error(str(error)) from error
     if total is None:
-        raise damaged("rows are missing")
+        raise damaged_film_error("rows are missing")
     return total

@@ -12,13 +12,13 @@ from pathlib import Path
 
 from sqlalchemy import Engine, inspect, text
 
-from service.errors import CannotStart
+from service.errors import StartupError
 from service.store.models import Scene
 
-__all__ = ["FIRST", "SchemaState", "refuse_newer", "schema_state", "upgrade"]
+__all__ = ["FIRST_REVISION", "SchemaState", "refuse_newer", "schema_state", "upgrade"]
 
 MIGRATIONS = Path(__file__).parent / "migrations"
-FIRST = "0001"  # the tables of release 0.1.0, which recorded no revision
+FIRST_REVISION = "0001"  # the tables of release 0.1.0, which recorded no revision
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def refuse_newer(engine: Engine) -> SchemaState:
     """Returns the revision of a database. Raises CannotStart for one of a newer release. Changes nothing."""
     stands = schema_state(engine)
     if stands.is_newer:
-        raise CannotStart(
+        raise StartupError(
             f"The database {engine.url.render_as_string()} is of a newer release of Rayfarm (revision {stands.current}; this "
             f"release knows up to {stands.head}). Start the newer release, or set RAYFARM_DATA to another folder."
         )
@@ -64,7 +64,7 @@ def upgrade(engine: Engine) -> None:
     with engine.execution_options(writes=True).begin() as connection:
         config.attributes["connection"] = connection
         if stands.current is None and inspect(connection).has_table(Scene.__tablename__):
-            command.stamp(config, FIRST)
+            command.stamp(config, FIRST_REVISION)
         command.upgrade(config, "head")
 
 

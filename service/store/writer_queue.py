@@ -15,10 +15,10 @@ from itertools import count
 from renderer.sentences import Sentence
 from service.errors import Unavailable
 
-__all__ = ["Turns"]
+__all__ = ["WriterQueue"]
 
 
-class Turns:
+class WriterQueue:
     """Fair queue of writers. Thread-safe; not reentrant."""
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from renderer import film
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF, Sums
-from service.scheduling.jobs.active_frame import FIRST_LOOK
+from service.scheduling.jobs.active_frame import FIRST_ESTIMATE_SAMPLES
 from service.scheduling.jobs.plan import first_check
 from service.viewing.passes import Level
 
@@ -74,13 +74,13 @@ class Canvas:
 
         first, count: the piece's sample numbers, all of which are in the same half (renderer.film.in_half).
         """
-        place = self._place(tile)
+        place = self._slices(tile)
         half = 0 if film.in_half(first) else 1
         self._color[half][:, *place] += sums[COLOR]
         self._samples[half][place] += sums[SAMPLES].astype(np.int16)
         self._counts[tile] += count
         has = int(self._counts[tile])
-        if has >= max(FIRST_LOOK, 2 * self._measured_at[tile]) or has >= self.level.samples >= FIRST_LOOK:
+        if has >= max(FIRST_ESTIMATE_SAMPLES, 2 * self._measured_at[tile]) or has >= self.level.samples >= FIRST_ESTIMATE_SAMPLES:
             self._measured_at[tile], self._noise[tile] = has, self._noise_of(tile)
             if self._wanted is not None and has >= self._first_checks[tile] and self._noise[tile] <= self._wanted:
                 self._ended[tile] = True
@@ -94,20 +94,20 @@ class Canvas:
         """
         self.changed.pop(tile, None)
         self._shown[tile] = self._counts[tile]
-        rows, columns = self._place(tile)
+        rows, columns = self._slices(tile)
         samples = np.maximum(self._samples[:, rows, columns].sum(0), 1)
         color = self._color[0, :, rows, columns] + self._color[1, :, rows, columns]
         mean: npt.NDArray[Any] = color * (2.0**-self.film_exponent / samples)
         return mean.astype(np.float32), int(self._counts[tile]), self.tile_is_complete(tile)
 
     def _noise_of(self, tile: int) -> float:
-        rows, columns = self._place(tile)
+        rows, columns = self._slices(tile)
         color, samples = self._color[:, :, rows, columns], self._samples[:, rows, columns]
         sums = np.zeros((CHANNELS, *samples.shape[1:]), np.int64)
         sums[COLOR], sums[COLOR_HALF] = color[0] + color[1], color[0]
         sums[SAMPLES], sums[SAMPLES_HALF] = samples[0] + samples[1], samples[0]
         return film.noise(sums, self.film_exponent)
 
-    def _place(self, tile: int) -> tuple[slice, slice]:
+    def _slices(self, tile: int) -> tuple[slice, slice]:
         rect = self.level.tiles[tile]
         return slice(rect.y, rect.y + rect.h), slice(rect.x, rect.x + rect.w)

@@ -14,31 +14,31 @@ import redis
 from protocol.explained import ExplainPixel, explained_key
 from protocol.view_parts import view_queue
 from renderer.sentences import Sentence, decoded
-from service.errors import Failed, QueueError, TooLate, Unavailable
-from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
+from service.errors import AnswerTimeout, Failed, QueueError, Unavailable
+from service.scheduling.artifacts.unfit_machines import MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.faults.redis_errors import redis_unavailable
-from service.scheduling.snapshot import SnapshotBoard
+from service.scheduling.snapshot import SnapshotHolder
 
 __all__ = ["PixelExplainer", "unreadable_answer"]
 
-AT_ONCE = 4  # each blocks a thread of the service
-BEGIN_S = 20.0  # until a slot starts; explanations precede batches
-ANSWER_S = 60.0  # from the start; frames of animations are prepared first
+MAX_CONCURRENT = 4  # each blocks a thread of the service
+START_TIMEOUT_S = 20.0  # until a slot starts; explanations precede batches
+ANSWER_TIMEOUT_S = 60.0  # from the start; frames of animations are prepared first
 COMPILE_S = 20.0  # loading a kernel takes seconds, compiling one minutes
-LOOK_S = 1.0
-ASKED_AT_MOST = 2
+POLL_S = 1.0
+MAX_ATTEMPTS = 2
 
 
 class PixelExplainer:
     """Sends explanation requests to workers and waits for their answers. Thread-safe; blocks the calling thread."""
 
-    def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotBoard) -> None:
+    def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotHolder) -> None:
         """Stores what all requests share. `stop` closes connection and dispatcher."""
         self._redis = connection
         self._dispatcher = dispatcher
         self._board = board
-        self._room = threading.BoundedSemaphore(AT_ONCE)
+        self._room = threading.BoundedSemaphore(MAX_CONCURRENT)
         self._stop = threading.Event()
 
     def stop(self) -> None:
@@ -82,12 +82,12 @@ class PixelExplainer:
             raise Unavailable(Sentence("pixel-requests-busy", "Other pixels are being explained. Try again in a moment."), 2.0)
         try:
             unfit, queue, losses = UnfitMachines(), view_queue(kind), 0
-            while losses < ASKED_AT_MOST:
+            while losses < MAX_ATTEMPTS:
                 answer = self._answer_of(replace(work, message=secrets.token_hex(8)), queue)
                 if isinstance(answer, dict):
                     return answer
                 losses += answer is None
-                if isinstance(answer, Fault):
+                if isinstance(answer, MachineFault):
                     unfit.add(work.job, answer)
                 if work.job in unfit:
                     able = [report for report in self._board.roster.ready() if report.kind == kind and report.explains]
@@ -104,7 +104,7 @@ class PixelExplainer:
         finally:
             self._room.release()
 
-    def _answer_of(self, work: ExplainPixel, queue: str) -> dict[str, Any] | Fault | None:
+    def _answer_of(self, work: ExplainPixel, queue: str) -> dict[str, Any] | MachineFault | None:
         """Sends one message and returns its answer.
 
         Returns the fault if the worker's machine cannot do it, None if the worker was lost. Raises redis.RedisError and
@@ -113,7 +113,7 @@ class PixelExplainer:
         self._dispatcher.send_explain(work, queue)
         holder: str | None = None
         is_compiling = False
-        deadline = time.monotonic() + BEGIN_S
+        deadline = time.monotonic() + START_TIMEOUT_S
         while not self._stop.is_set():
             if time.monotonic() > deadline:
                 self._dispatcher.take_back(queue, {work.message})
@@ -131,43 +131,43 @@ class PixelExplainer:
                     if holder
                     else Sentence("pixel-slots-busy", "No worker was free; all slots are busy.")
                 )
-                raise TooLate(
+                raise AnswerTimeout(
                     Sentence("pixel-not-explained-late", "The pixel could not be explained: {reason} Try again.", reason=late)
                 )
-            found: Any = self._redis.blpop([explained_key(work.message)], timeout=LOOK_S)
+            found: Any = self._redis.blpop([explained_key(work.message)], timeout=POLL_S)
             if found is None:
                 if holder is not None and holder not in self._board.roster.reports:
                     return None
                 continue
-            answer = _understood(found[1])
+            answer = _decoded_answer(found[1])
             match answer.get("type"):
                 case "begun":
                     holder = str(answer.get("worker"))
-                    deadline = time.monotonic() + ANSWER_S
+                    deadline = time.monotonic() + ANSWER_TIMEOUT_S
                 case "compiling":
                     is_compiling = True
                     deadline = time.monotonic() + COMPILE_S
                 case "done":
                     return {**answer["explained"], "worker": holder}
                 case "returned" if answer.get("unfit") is True:
-                    return Fault(holder or "the worker", _why(answer), passing=False)
+                    return MachineFault(holder or "the worker", _error_of(answer), passing=False)
                 case "returned":
                     raise Unavailable(
                         Sentence(
                             "pixel-not-explained-retry",
                             "The pixel could not be explained: {reason}. Try again.",
-                            reason=_why(answer),
+                            reason=_error_of(answer),
                         ),
                         2.0,
                     )
                 case _:
                     raise Failed(
-                        Sentence("pixel-not-explained", "The pixel could not be explained: {reason}.", reason=_why(answer))
+                        Sentence("pixel-not-explained", "The pixel could not be explained: {reason}.", reason=_error_of(answer))
                     )
         raise Unavailable(Sentence("service-stopping-retry", "The service is shutting down. Try again when it is back."))
 
 
-def _understood(data: bytes) -> dict[str, Any]:
+def _decoded_answer(data: bytes) -> dict[str, Any]:
     """Decodes a worker's answer. Raises Failed if it is malformed."""
     try:
         answer = decoded(json.loads(data))
@@ -188,5 +188,5 @@ def unreadable_answer() -> Failed:
     )
 
 
-def _why(answer: dict[str, Any]) -> str:
+def _error_of(answer: dict[str, Any]) -> str:
     return str(answer.get("error", ""))[:2000].rstrip(".")

@@ -11,7 +11,7 @@ from service.store.models import blobs_of
 
 __all__ = ["FrameCache"]
 
-MOST = 48  # enough for scrubbing to and fro
+MAX_FRAMES = 48  # enough for scrubbing to and fro
 
 
 class FrameCache:
@@ -33,7 +33,7 @@ class FrameCache:
         earlier = self._infos.pop(name, None)
         self._infos[name] = scene, info
         gone = [earlier[1]] if earlier else []
-        if len(self._infos) > MOST:
+        if len(self._infos) > MAX_FRAMES:
             gone.append(self._infos.popitem(last=False)[1][1])
         self.delete_unused_blobs(*gone)
 

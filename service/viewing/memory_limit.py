@@ -7,10 +7,12 @@ from collections.abc import Iterable
 from renderer.sentences import Sentence
 from service.viewing.session import ViewSession
 
-__all__ = ["FULL", "MAX_PIXELS", "fits_in_memory"]
+__all__ = ["MAX_PIXELS", "MEMORY_LIMIT_REACHED", "fits_in_memory"]
 
 MAX_PIXELS = 1 << 24  # about 1 GB
-FULL = Sentence("view-slots-exhausted", "There are too many live views at the moment. Yours starts when another one ends.")
+MEMORY_LIMIT_REACHED = Sentence(
+    "view-slots-exhausted", "There are too many live views at the moment. Yours starts when another one ends."
+)
 
 
 def fits_in_memory(pixels: int, sessions: Iterable[ViewSession]) -> bool:

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 
 from renderer.settings import Tile, tiles_of
 
-__all__ = ["FIRST_S", "Level", "Passes", "Piece", "levels_of"]
+__all__ = ["FIRST_PICTURE_S", "Level", "Passes", "Piece", "levels_of"]
 
-FIRST_S = 0.035
-PIECE_S = 0.03
-MESSAGE_S = 0.1
-SMALLEST = 32 * 32  # pixels
-STEP = 8.0  # largest ratio of pixels between two levels
+FIRST_PICTURE_S = 0.035
+PIECE_TARGET_S = 0.03
+MESSAGE_TARGET_S = 0.1
+MIN_PIXELS = 32 * 32  # pixels
+MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int) 
     cost_s: seconds per pixel sample on one slot.
     """
     whole = width * height
-    first = max(SMALLEST, slots * FIRST_S / cost_s)
+    first = max(MIN_PIXELS, slots * FIRST_PICTURE_S / cost_s)
     sizes = []
     if whole > 1.5 * first:
         sizes.append(first)
-        if whole > STEP * first:
+        if whole > MAX_LEVEL_RATIO * first:
             sizes.append(math.sqrt(first * whole))
     levels = []
     for number, pixels in enumerate(sizes):
@@ -71,7 +71,7 @@ class Passes:
     def __init__(self, levels: list[Level], cost_s: float) -> None:
         self.levels = levels
         self._cost_s = cost_s
-        self._pieces = self._all()
+        self._pieces = self._all_pieces()
         self._lost: deque[Piece] = deque()
         self._held: Piece | None = None
         self._ended: set[tuple[int, int]] = set()
@@ -80,8 +80,8 @@ class Passes:
         """Returns the pieces of the next message, all from one level; an empty list if no pieces remain."""
         chosen: list[Piece] = []
         expected = 0.0
-        while (piece := self._take()) is not None:
-            if chosen and (piece.level != chosen[0].level or expected >= self._together(piece.level)):
+        while (piece := self._next_piece()) is not None:
+            if chosen and (piece.level != chosen[0].level or expected >= self._message_target_s(piece.level)):
                 self._held = piece
                 break
             chosen.append(piece)
@@ -101,10 +101,10 @@ class Passes:
         tile = self.levels[piece.level].tiles[piece.tile]
         return self._cost_s * tile.w * tile.h * piece.count
 
-    def _together(self, level: int) -> float:
-        return 0.0 if level == 0 and len(self.levels) > 1 else MESSAGE_S
+    def _message_target_s(self, level: int) -> float:
+        return 0.0 if level == 0 and len(self.levels) > 1 else MESSAGE_TARGET_S
 
-    def _take(self) -> Piece | None:
+    def _next_piece(self) -> Piece | None:
         if self._held is not None:
             piece, self._held = self._held, None
             return piece
@@ -114,14 +114,14 @@ class Passes:
                 return piece
         return next((piece for piece in self._pieces if (piece.level, piece.tile) not in self._ended), None)
 
-    def _all(self) -> Iterator[Piece]:
+    def _all_pieces(self) -> Iterator[Piece]:
         for number, level in enumerate(self.levels):
             first = 0
             while first < level.samples:
                 count = min(max(first, 1), level.samples - first)
                 middle = first + (first + 1) // 2  # first sample number of the second half
                 for tile, rect in enumerate(level.tiles):
-                    at_once = max(1, int(PIECE_S * 1.5 / (self._cost_s * rect.w * rect.h)))
+                    at_once = max(1, int(PIECE_TARGET_S * 1.5 / (self._cost_s * rect.w * rect.h)))
                     for begin, end in ((first, min(middle, first + count)), (middle, first + count)):
                         for at in range(begin, end, at_once):
                             yield Piece(number, tile, at, min(at_once, end - at))
@@ -133,7 +133,7 @@ def _tiles(width: int, height: int, cost_s: float, at_least: int) -> list[Tile]:
 
     at_least: minimum number of tiles, unless the picture is tiny.
     """
-    pixels = min(PIECE_S / cost_s, width * height / at_least)
+    pixels = min(PIECE_TARGET_S / cost_s, width * height / at_least)
     side = min(256, max(16, 4 * round(math.sqrt(pixels) / 4)))
     middle = (width / 2, height / 2)
 

@@ -7,10 +7,10 @@ from service.viewing.view_request import ViewRequest
 
 __all__ = ["SampleCosts"]
 
-UNKNOWN_S = 2.5e-6  # of a scene without measurements, if no worker has reported a lower cost
-LEAST_S = 1e-9
+ASSUMED_S = 2.5e-6  # of a scene without measurements, if no worker has reported a lower cost
+MIN_S = 1e-9
 SMOOTHING = 0.3
-MOST = 256
+MAX_SCENES = 256
 
 
 class SampleCosts:
@@ -25,14 +25,14 @@ class SampleCosts:
         if known is not None:
             return known
         speeds = [report.samples_per_s for report in roster.ready() if report.kind == kind and report.samples_per_s > 0]
-        return max(UNKNOWN_S, len(speeds) / sum(speeds)) if speeds else UNKNOWN_S
+        return max(ASSUMED_S, len(speeds) / sum(speeds)) if speeds else ASSUMED_S
 
     def update(self, request: ViewRequest, cost_s: float) -> None:
         """Adds a measurement to the running average."""
         name = _name(request)
         before = self._known.pop(name, cost_s)
-        self._known[name] = max(LEAST_S, before + (cost_s - before) * SMOOTHING)
-        if len(self._known) > MOST:
+        self._known[name] = max(MIN_S, before + (cost_s - before) * SMOOTHING)
+        if len(self._known) > MAX_SCENES:
             del self._known[next(iter(self._known))]
 
 

@@ -22,8 +22,8 @@ from service.viewing.view_request import ViewRequest
 __all__ = ["ViewSession"]
 
 SHOW_EVERY_S = 0.25  # while a picture is incomplete
-SHOW_SELDOM_S = 2.0  # for a view that has been shown for long and changes slowly
-HOLD_S = 0.5  # a view without a picture is replaced only after this time, so that dragging shows pictures
+SHOW_CONVERGED_S = 2.0  # for a view that has been shown for long and changes slowly
+MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this time, so that dragging shows pictures
 
 
 class ViewSession:
@@ -65,7 +65,7 @@ class ViewSession:
         if self.wanted is None:
             return False
         is_over = self.request is None or self.has_picture or self.error is not None or self.message is not None
-        return is_over or time.monotonic() - self.begun > HOLD_S
+        return is_over or time.monotonic() - self.begun > MIN_PICTURE_WAIT_S
 
     def turn_to(self, request: ViewRequest, view: int) -> None:
         """Replaces the view and discards its pictures."""
@@ -149,15 +149,15 @@ class ViewSession:
         """Number of samples per pixel at which the view ends."""
         return self.request.samples if self.request else 0
 
-    def is_due(self) -> bool:
+    def is_picture_due(self) -> bool:
         """Whether it is time to send a picture."""
         with self._lock:
-            return self._due() is not None
+            return self._due_level() is not None
 
     def take(self, seq: int) -> bytes | None:
         """Returns the changed tiles of the picture as a packet with sequence number `seq`; None if no picture is due."""
         with self._lock:
-            level = self._due()
+            level = self._due_level()
             if level is None or self.request is None:
                 return None
             canvas, request = self._canvases[level], self.request
@@ -172,7 +172,7 @@ class ViewSession:
         size, whole = (canvas.level.width, canvas.level.height), (request.settings.width, request.settings.height)
         return encode_view(shown, size, whole, request.id, seq)
 
-    def _due(self) -> int | None:
+    def _due_level(self) -> int | None:
         """Returns the index of the level whose picture is due, or None."""
         for level in range(len(self._canvases) - 1, max(self._shown, 0) - 1, -1):
             canvas = self._canvases[level]
@@ -183,6 +183,6 @@ class ViewSession:
                 return level
             may_be_mixed = level == self._shown or (level == len(self._canvases) - 1 and self._shown >= 0)
             now = time.monotonic()
-            if may_be_mixed and now - self._taken >= min(max(SHOW_EVERY_S, 0.05 * (now - self.begun)), SHOW_SELDOM_S):
+            if may_be_mixed and now - self._taken >= min(max(SHOW_EVERY_S, 0.05 * (now - self.begun)), SHOW_CONVERGED_S):
                 return level
         return None

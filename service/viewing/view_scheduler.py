@@ -24,12 +24,12 @@ from renderer.film import SAMPLES
 from renderer.sentences import Sentence, with_full_stop
 from service.errors import QueueError
 from service.events import Events
-from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
+from service.scheduling.artifacts.unfit_machines import MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.faults.redis_errors import redis_fault
-from service.scheduling.snapshot import SnapshotBoard
+from service.scheduling.snapshot import SnapshotHolder
 from service.viewing.frame_cache import FrameCache
-from service.viewing.memory_limit import FULL, fits_in_memory
+from service.viewing.memory_limit import MEMORY_LIMIT_REACHED, fits_in_memory
 from service.viewing.pending import PendingMessage
 from service.viewing.pending_frames import ANSWER_TIMEOUT_S, PendingFrames
 from service.viewing.picking import pick_message, record_pick
@@ -43,9 +43,9 @@ __all__ = ["ViewScheduler"]
 
 IDLE_S = 0.2  # between two checks of sessions that wait for something
 KEY_TTL_S = 15
-LINGER_S = 1.0  # after the last session closed, for answers on their way
+ANSWERS_GRACE_S = 1.0  # after the last session closed, for answers on their way
 REVIEW_EVERY_S = 0.5
-LOST_S = 3.0  # without a report of the message by any slot
+LOST_AFTER_S = 3.0  # without a report of the message by any slot
 FAILURES_ALLOWED = 3
 
 log = logging.getLogger(__name__)
@@ -54,7 +54,7 @@ log = logging.getLogger(__name__)
 class ViewScheduler:
     """Renders the views of all sessions, from `start` to `stop`. The other methods are thread-safe."""
 
-    def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotBoard, events: Events) -> None:
+    def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotHolder, events: Events) -> None:
         """Stores the parameters; `start` starts the thread, and `stop` closes connection and dispatcher."""
         self._redis = connection
         self._dispatcher = dispatcher
@@ -110,7 +110,7 @@ class ViewScheduler:
                 else:
                     session.wanted = request
 
-        self._order(order)
+        self._queue_order(order)
 
     def pick(self, session: ViewSession, x: int, y: int) -> None:
         """Requests the surface under a pixel of the view; the session receives the answer."""
@@ -118,7 +118,7 @@ class ViewScheduler:
         def order() -> None:
             session.pick = (x, y)
 
-        self._order(order)
+        self._queue_order(order)
 
     def pause(self, session: ViewSession, is_paused: bool) -> None:
         """Pauses a session while its page is hidden (is_paused), or resumes it."""
@@ -126,11 +126,11 @@ class ViewScheduler:
         def order() -> None:
             session.is_paused = is_paused
             if is_paused:
-                self._withdraw(session)
+                self._withdraw_messages(session)
             elif session.view:  # slots drop the messages of a view whose key has expired
                 self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
 
-        self._order(order)
+        self._queue_order(order)
 
     def leave(self, session: ViewSession) -> None:
         """Ends a session and discards its view."""
@@ -138,21 +138,21 @@ class ViewScheduler:
 
         def order() -> None:
             self._sessions.pop(session.id, None)
-            self._withdraw(session)
+            self._withdraw_messages(session)
             session.forget()
-            self._lingers_until = time.monotonic() + (ANSWER_TIMEOUT_S if self._frames else LINGER_S)
+            self._lingers_until = time.monotonic() + (ANSWER_TIMEOUT_S if self._frames else ANSWERS_GRACE_S)
             self._losses.pop(session.id, None)
             self._unfit.forget(session.id)
             self._redis.delete(view_key(session.id))
             self._frame_cache.keep_only({each.request.scene for each in self._sessions.values() if each.request is not None})
 
-        self._order(order)
+        self._queue_order(order)
 
     @property
-    def _is_awake(self) -> bool:
+    def _is_active(self) -> bool:
         return bool(self._sessions) or time.monotonic() < self._lingers_until
 
-    def _order(self, order: Callable[[], None]) -> None:
+    def _queue_order(self, order: Callable[[], None]) -> None:
         self._orders.append(order)
         self._wake()
 
@@ -163,13 +163,13 @@ class ViewScheduler:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            if not self._is_awake:
+            if not self._is_active:
                 self._ordered.wait()
             try:
                 self._step()
             except (redis.RedisError, QueueError) as error:
                 for session in self._sessions.values():
-                    self._tell(session, redis_fault(error)[0])
+                    self._set_message(session, redis_fault(error)[0])
                 self._stop.wait(IDLE_S)
             except Exception:
                 log.exception("the view scheduler failed")
@@ -181,18 +181,18 @@ class ViewScheduler:
         while self._orders:
             self._orders.popleft()()
         for session in list(self._sessions.values()):
-            self._turn(session)
-        self._fill()
-        if self._is_awake:
-            self._take_in()
+            self._switch_view(session)
+        self._send_pieces()
+        if self._is_active:
+            self._read_answers()
         if time.monotonic() - self._reviewed >= REVIEW_EVERY_S:
             self._reviewed = time.monotonic()
             self._review()
 
-    def _turn(self, session: ViewSession) -> None:
+    def _switch_view(self, session: ViewSession) -> None:
         """Switches a session to its requested view, and resolves what to render."""
         if session.is_ready_for_next and session.wanted is not None:
-            self._withdraw(session)
+            self._withdraw_messages(session)
             self._views += 1
             self._losses.pop(session.id, None)
             if session.request is not None and session.request.scene != session.wanted.scene:
@@ -203,7 +203,7 @@ class ViewScheduler:
             return
         kind = self._workers.best_kind(session.request)
         if kind is None:
-            self._tell(session, self._workers.why_unavailable(session.request))
+            self._set_message(session, self._workers.unavailable_reason(session.request))
             return
         frame_request, base = session.request.frame_request, session.request.compiled[kind]
         settings, compiled = session.request.settings, base
@@ -215,17 +215,17 @@ class ViewScheduler:
             try:
                 settings = session.request.at(info)
             except SettingsError as error:
-                self._fail(session, with_full_stop(error))
+                self._fail_session(session, with_full_stop(error))
                 return
             compiled = info.compiled.sha256 if info.compiled else base
         if not fits_in_memory(settings.width * settings.height, self._sessions.values()):
-            self._tell(session, FULL)
+            self._set_message(session, MEMORY_LIMIT_REACHED)
             return
         slots = self._workers.slots(kind)
         session.begin(settings, compiled, kind, self._costs.estimate(session.request, kind, self._board.roster), slots)
-        self._tell(session, None, slots)
+        self._set_message(session, None, slots)
 
-    def _fill(self) -> None:
+    def _send_pieces(self) -> None:
         """Sends messages until each slot has one in progress and one queued."""
         for session in list(self._sessions.values()):
             is_asked = any(out.pick is not None and out.session is session for out in self._out.values())
@@ -266,7 +266,7 @@ class ViewScheduler:
             able = [report for report in self._board.roster.ready() if report.kind == kind and report.views]
             place = self._unfit.next(session.id, able)
             if place is None:
-                self._fail(session, self._unfit.sentence(session.id, "prepare this frame"))
+                self._fail_session(session, self._unfit.sentence(session.id, "prepare this frame"))
                 return
             queue = place.queue
         out = PendingMessage(session, session.view, kind, is_frame=True, queue=queue)
@@ -285,7 +285,7 @@ class ViewScheduler:
         out = PendingMessage(session, session.view, session.kind, pick=(x, y))
         self._send(out, pick_message(session, out.id, x, y))
 
-    def _withdraw(self, session: ViewSession) -> None:
+    def _withdraw_messages(self, session: ViewSession) -> None:
         """Withdraws the unfinished messages of a session. Results that still arrive are discarded."""
         gone = [out for out in self._out.values() if out.session is session]
         for out in gone:
@@ -294,23 +294,23 @@ class ViewScheduler:
         for queue in {out.queue for out in gone}:
             self._frames.forget(self._dispatcher.take_back(queue, {out.id for out in gone}))
 
-    def _take_in(self) -> None:
+    def _read_answers(self) -> None:
         found: Any = None if self._ordered.is_set() else self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
         data: Any = found[1] if found else self._redis.lpop(VIEW_ANSWERS)  # at least one, even if orders never stop
         while data is not None:
             if data:
                 try:
-                    self._hear(ViewAnswer.from_bytes(data))
+                    self._handle_answer(ViewAnswer.from_bytes(data))
                 except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
                     log.warning("an answer about a view is left out: %.300s", error)
             if self._ordered.is_set():
                 return
             data = self._redis.lpop(VIEW_ANSWERS)
 
-    def _hear(self, answer: ViewAnswer) -> None:
+    def _handle_answer(self, answer: ViewAnswer) -> None:
         out = self._out.get(answer.message)
         if answer.type == "frame":
-            self._hear_frame(answer)
+            self._handle_frame(answer)
         elif answer.type in ("over", "failed", "returned"):
             self._frames.forget([answer.message])
         if out is None or out.view != answer.view:
@@ -319,28 +319,30 @@ class ViewScheduler:
         out.last_seen, out.has_started = time.monotonic(), True
         match answer.type:
             case "begun":
-                self._tell(session, None, self._workers.slots(out.kind))
+                self._set_message(session, None, self._workers.slots(out.kind))
             case "compiling":
-                self._tell(
+                self._set_message(
                     session,
                     Sentence("kernel-compiling", "Compiling renderer (first time, about 40 s)"),
                 )
             case "part":
-                self._hear_part(out, answer)
+                self._handle_part(out, answer)
             case "over":
-                self._end(out)
+                self._end_message(out)
             case "failed":
-                self._end(out)
-                self._fail(session, str(answer.more.get("error", ""))[:2000])
+                self._end_message(out)
+                self._fail_session(session, str(answer.more.get("error", ""))[:2000])
             case "returned":
                 log.info("%s: %s", answer.worker, answer.more.get("error"))
                 if out.is_frame and answer.more.get("unfit") is True:
-                    self._unfit.add(session.id, Fault(answer.worker, str(answer.more.get("error", ""))[:2000], passing=False))
-                    self._end(out)
+                    self._unfit.add(
+                        session.id, MachineFault(answer.worker, str(answer.more.get("error", ""))[:2000], passing=False)
+                    )
+                    self._end_message(out)
                     return
-                self._lost(out, str(answer.more.get("error", ""))[:2000])
+                self._handle_loss(out, str(answer.more.get("error", ""))[:2000])
 
-    def _hear_part(self, out: PendingMessage, answer: ViewAnswer) -> None:
+    def _handle_part(self, out: PendingMessage, answer: ViewAnswer) -> None:
         session, seconds = out.session, answer.seconds
         if out.pick is not None:
             record_pick(out, out.pick, answer)
@@ -352,11 +354,11 @@ class ViewScheduler:
         session.add(piece, unpack_sums(answer.sums, tile, planes=[0, 1, 2, SAMPLES]))
         self._costs.update(session.request, seconds / (tile.w * tile.h * piece.count))
         if session.message is not None:
-            self._tell(session, None, self._workers.slots(out.kind))
-        if session.is_due():
+            self._set_message(session, None, self._workers.slots(out.kind))
+        if session.is_picture_due():
             session.wake()
 
-    def _hear_frame(self, answer: ViewAnswer) -> None:
+    def _handle_frame(self, answer: ViewAnswer) -> None:
         """Caches the frame in an answer, even if its session shows another view now: the viewer may return to it."""
         info = FrameInfo.from_json(answer.more["info"])
         name, scene = self._frames.about(answer.message)
@@ -365,18 +367,18 @@ class ViewScheduler:
         else:
             self._frame_cache.delete_unused_blobs(info)
 
-    def _end(self, out: PendingMessage) -> None:
+    def _end_message(self, out: PendingMessage) -> None:
         """Removes a message that has ended; its unanswered pieces will be sent again."""
         self._out.pop(out.id, None)
         out.requeue()
 
-    def _lost(self, out: PendingMessage, error: str = "") -> None:
-        self._end(out)
+    def _handle_loss(self, out: PendingMessage, error: str = "") -> None:
+        self._end_message(out)
         self._losses[out.session.id] += bool(error)
         if self._losses[out.session.id] >= FAILURES_ALLOWED:
             if out.session.request is not None and out.session.request.frame_request is not None:
                 self._frame_cache.forget()  # the scene compiled for the frame may be deleted
-            self._fail(out.session, error)
+            self._fail_session(out.session, error)
 
     def _review(self) -> None:
         """Renews the sessions' Redis keys, sends lost messages again, and reports to viewers why pictures are missing."""
@@ -394,26 +396,28 @@ class ViewScheduler:
         for out in list(self._out.values()):
             if out.id in in_hand or (not out.has_started and waiting[out.queue] and self._workers.slots(out.kind)):
                 out.last_seen = now
-            elif now - out.last_seen > LOST_S:
-                self._lost(out)
+            elif now - out.last_seen > LOST_AFTER_S:
+                self._handle_loss(out)
         for session in self._sessions.values():
             if session.request is not None and session.settings is not None and not self._workers.slots(session.kind):
                 if self._workers.best_kind(session.request) is not None:
-                    self._withdraw(session)
+                    self._withdraw_messages(session)
                     session.begin_again()
                     continue
-                self._tell(session, self._workers.why_unavailable(session.request))
+                self._set_message(session, self._workers.unavailable_reason(session.request))
             own = [out for out in self._out.values() if out.session is session]
             if own and not session.has_picture and now - session.begun > 1.0 and not any(out.has_started for out in own):
-                self._tell(session, Sentence("view-waits-for-slot", "Waits for a free slot."), self._workers.slots(session.kind))
+                self._set_message(
+                    session, Sentence("view-waits-for-slot", "Waits for a free slot."), self._workers.slots(session.kind)
+                )
 
-    def _fail(self, session: ViewSession, error: str) -> None:
-        self._withdraw(session)
+    def _fail_session(self, session: ViewSession, error: str) -> None:
+        self._withdraw_messages(session)
         session.passes = None
         session.error = error
         session.wake()
 
-    def _tell(self, session: ViewSession, message: str | None, slots: int = 0) -> None:
+    def _set_message(self, session: ViewSession, message: str | None, slots: int = 0) -> None:
         if (session.message, session.slots) != (message, slots):
             session.message, session.slots = message, slots
             session.wake()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from renderer.sentences import Sentence
 from service.events import Events, PreparationRequested
-from service.scheduling.snapshot import SnapshotBoard
+from service.scheduling.snapshot import SnapshotHolder
 from service.viewing.view_request import ViewRequest
 
 __all__ = ["ViewWorkers"]
@@ -13,7 +13,7 @@ __all__ = ["ViewWorkers"]
 class ViewWorkers:
     """Selects the workers for a view by their latest reports."""
 
-    def __init__(self, board: SnapshotBoard, events: Events) -> None:
+    def __init__(self, board: SnapshotHolder, events: Events) -> None:
         self._board = board
         self._events = events
 
@@ -26,7 +26,7 @@ class ViewWorkers:
         kinds = [kind for kind in request.compiled if self.slots(kind)]
         return max(sorted(kinds), key=self.slots, default=None)
 
-    def why_unavailable(self, request: ViewRequest) -> str:
+    def unavailable_reason(self, request: ViewRequest) -> str:
         """Returns a sentence on why no worker renders the view.
 
         If workers of another kind are ready, requests compilation for them.

@@ -6,30 +6,30 @@ import contextlib
 import ctypes
 import sys
 
-__all__ = ["give_back", "keep_one_heap"]
+__all__ = ["trim_heap", "use_one_heap"]
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # malloc.h
-LARGE = 32 << 20  # glibc's maximum
-KEPT = 128 << 20
+MMAP_THRESHOLD = 32 << 20  # glibc's maximum
+TRIM_THRESHOLD = 128 << 20
 
 
-def keep_one_heap() -> None:
+def use_one_heap() -> None:
     """Makes all threads share one heap that retains some free memory for the next allocations.
 
     Pictures and merges repeatedly allocate and free a tile's sums (10 MB). The system zeroes newly allocated pages each time,
     which took three quarters of a picture's processor time. With one heap per thread, each heap would retain free memory.
     """
-    _call("mallopt", M_MMAP_THRESHOLD, LARGE)
-    _call("mallopt", M_TRIM_THRESHOLD, KEPT)
-    _call("mallopt", M_ARENA_MAX, 1)
+    _call_libc("mallopt", M_MMAP_THRESHOLD, MMAP_THRESHOLD)
+    _call_libc("mallopt", M_TRIM_THRESHOLD, TRIM_THRESHOLD)
+    _call_libc("mallopt", M_ARENA_MAX, 1)
 
 
-def give_back() -> None:
+def trim_heap() -> None:
     """Returns free heap memory to the operating system."""
-    _call("malloc_trim", 0)
+    _call_libc("malloc_trim", 0)
 
 
-def _call(function: str, *arguments: int) -> None:
+def _call_libc(function: str, *arguments: int) -> None:
     if sys.platform == "linux":
         with contextlib.suppress(OSError, AttributeError):
             getattr(ctypes.CDLL("libc.so.6"), function)(*arguments)

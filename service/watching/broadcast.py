@@ -54,7 +54,7 @@ class _JobListeners:
 
 
 class Broadcast:
-    """All listeners. `tell` and `tell_tiles` are thread-safe, and cheap if there are no listeners."""
+    """All listeners. `tell` and `report_tiles` are thread-safe, and cheap if there are no listeners."""
 
     def __init__(self, events: Events) -> None:
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -65,7 +65,7 @@ class Broadcast:
         self.closing = False
         events.subscribe(RowWritten, lambda event: self.tell(event.kind, event.id))
         events.subscribe(ItemChanged, lambda event: self.tell(event.kind, event.id))
-        events.subscribe(TilesChanged, lambda event: self.tell_tiles(event.job, event.frame, event.tiles))
+        events.subscribe(TilesChanged, lambda event: self.report_tiles(event.job, event.frame, event.tiles))
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
         """Starts delivering notifications on this event loop."""
@@ -110,14 +110,14 @@ class Broadcast:
     def tell(self, what: str, id: str) -> None:
         """Notifies listeners that a job, a scene or a worker has changed. what: which of them."""
         if self._everything or (what == "job" and id in self._of_job):
-            self._call(self._deliver, what, id)
+            self._call_in_loop(self._deliver, what, id)
 
-    def tell_tiles(self, job: str, frame: int, tiles: set[int]) -> None:
+    def report_tiles(self, job: str, frame: int, tiles: set[int]) -> None:
         """Notifies listeners that tiles of a frame have changed."""
         if job in self._of_job:
-            self._call(self._deliver_tiles, job, frame, tiles)
+            self._call_in_loop(self._deliver_tiles, job, frame, tiles)
 
-    def _call(self, function, *arguments) -> None:  # type: ignore[no-untyped-def]
+    def _call_in_loop(self, function, *arguments) -> None:  # type: ignore[no-untyped-def]
         if self._loop is not None:
             with contextlib.suppress(RuntimeError):  # the loop is closed
                 self._loop.call_soon_threadsafe(function, *arguments)

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["side_of", "smaller"]
+__all__ = ["reduced_bands", "square_side"]
 
 
-def side_of(wanted: int | None, width: int, height: int) -> int:
+def square_side(wanted: int | None, width: int, height: int) -> int:
     """Returns the side of the averaged squares in pixels, so that the copy is at least `wanted` pixels wide; 1: original size."""
     return max(1, min(width // (wanted or width), height))
 
 
-def smaller(bands: Iterable[npt.NDArray[Any]], side: int) -> Iterator[npt.NDArray[Any]]:
+def reduced_bands(bands: Iterable[npt.NDArray[Any]], side: int) -> Iterator[npt.NDArray[Any]]:
     """Yields bands (rows, width, channels) of the downscaled picture, with the input's dtype.
 
     Incomplete squares at the right and lower edges are dropped.

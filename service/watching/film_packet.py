@@ -13,17 +13,17 @@ from protocol.pictures import encode_film, planes_of
 from renderer.film import CHANNELS
 from renderer.image import rgbe9995
 from service.store.bands import bands
-from service.store.film_moment import Readable
+from service.store.film_moment import ReadableFilm
 from service.watching.picture_response import PictureBody
 
-__all__ = ["GZIP", "film_packet", "memory", "packed_picture", "unpacked"]
+__all__ = ["GZIP", "decompressed", "film_packet", "packet_memory", "picture_packet"]
 
 GZIP = 31  # zlib's wbits for gzip
 LEVEL = 1  # mantissas are noise: higher levels take longer and save nothing
 PIECE = 1 << 18
 
 
-def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> PictureBody:
+def film_packet(film: ReadableFilm, frame: int, folder: Path, gzip: bool) -> PictureBody:
     """Returns the compressed packet of a frame. folder: for temporary files. Raises the errors of reading a film."""
     # Counted before radiance is read: a tile that gets samples in between reports too few, and is sent again.
     samples = [film.coverage(frame, tile).total for tile in range(len(film.tiles))]
@@ -44,7 +44,7 @@ def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Picture
     return PictureBody.written(write, folder, ".gz")
 
 
-def packed_picture(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:
+def picture_packet(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:
     """Yields a gzip-compressed packet of an uploaded picture: one tile with one sample per pixel.
 
     words: RGB9E5 values, shape (h, w).
@@ -53,7 +53,7 @@ def packed_picture(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:
     yield from _compressed(encode_film(0, (width, height), max(width, height), [1], planes_of(words)))
 
 
-def unpacked(pieces: Iterator[bytes]) -> Iterator[bytes]:
+def decompressed(pieces: Iterator[bytes]) -> Iterator[bytes]:
     """Decompresses a gzip stream, for clients that do not accept gzip."""
     unpacker = zlib.decompressobj(GZIP)
     for piece in pieces:
@@ -69,7 +69,7 @@ def _compressed(pieces: Iterable[memoryview]) -> Iterator[bytes]:
     yield packer.flush()
 
 
-def memory(film: Readable) -> int:
+def packet_memory(film: ReadableFilm) -> int:
     """Returns the estimated peak memory of `film_packet` for this film, in bytes."""
     tile = film.tiles[0]
     return 5 * film.width * tile.h * 12 + 3 * CHANNELS * tile.w * tile.h * 8 + 9 * film.width * film.height

@@ -17,7 +17,7 @@ from service.errors import Failed
 from service.watching.film_packet import GZIP
 from service.watching.picture_response import PictureBody
 
-__all__ = ["memory", "picture", "radiance_of"]
+__all__ = ["film_picture", "film_picture_memory", "radiance_of"]
 
 
 def radiance_of(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
@@ -32,11 +32,11 @@ def radiance_of(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
     return rgbe9995.unpack(words)
 
 
-def picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> PictureBody:
+def film_picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> PictureBody:
     """Returns a picture file made from a packet. extension: its format. folder: for temporary files."""
     return PictureBody.of(encode(radiance_of(packed), extension, exposure, curve), folder)
 
 
-def memory(width: int, height: int) -> int:
-    """Returns the estimated peak memory of `picture` at this size, in bytes."""
+def film_picture_memory(width: int, height: int) -> int:
+    """Returns the estimated peak memory of `film_picture` at this size, in bytes."""
     return 48 * width * height

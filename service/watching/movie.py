@@ -28,13 +28,13 @@ MOVIE_MEDIA = {"mp4": "video/mp4", "webm": "video/webm", "webp": "image/webp"}
 MOVIES = tuple(MOVIE_MEDIA)
 
 BT709 = 1  # code of primaries, transfer and matrix (ITU-T H.273)
-LIMITED = 1  # AVCOL_RANGE_MPEG
+LIMITED_RANGE = 1  # AVCOL_RANGE_MPEG
 THREADS = 2  # per encoder: workers need the other cores
-SVT = {"crf": "24", "preset": "8", "svtav1-params": f"lp={THREADS}"}
+SVT_OPTIONS = {"crf": "24", "preset": "8", "svtav1-params": f"lp={THREADS}"}
 # Encoders in order of preference, with options: visually lossless, and fast enough for a few cores.
 _CODECS: dict[str, tuple[tuple[str, dict[str, str]], ...]] = {
-    "mp4": (("libx264", {"crf": "17", "preset": "medium"}), ("libsvtav1", SVT)),
-    "webm": (("libsvtav1", SVT), ("libvpx-vp9", {"crf": "24", "b:v": "0", "cpu-used": "4"})),
+    "mp4": (("libx264", {"crf": "17", "preset": "medium"}), ("libsvtav1", SVT_OPTIONS)),
+    "webm": (("libsvtav1", SVT_OPTIONS), ("libvpx-vp9", {"crf": "24", "b:v": "0", "cpu-used": "4"})),
     "webp": (("libwebp_anim", {"quality": "90", "loop": "0"}),),
 }
 
@@ -98,7 +98,7 @@ def _stream(container: Any, kind: str, shape: tuple[int, ...], fps: Fraction) ->
         stream.width, stream.height, stream.pix_fmt = width + width % 2, height + height % 2, "yuv420p"
         context = stream.codec_context
         context.color_primaries = context.color_trc = context.colorspace = BT709
-        context.color_range = LIMITED
+        context.color_range = LIMITED_RANGE
         return stream
     raise SettingsError(
         Sentence(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 __all__ = ["PictureBody"]
 
-SMALL = 1 << 18
+MAX_IN_MEMORY = 1 << 18
 PIECE = 1 << 18
 
 
@@ -33,7 +33,7 @@ class PictureBody:
     @classmethod
     def of(cls, data: bytes, folder: Path) -> PictureBody:
         """Returns a body with these bytes: in a temporary file in `folder`, or in memory if they are few or the disk is full."""
-        if len(data) > SMALL:
+        if len(data) > MAX_IN_MEMORY:
             with contextlib.suppress(OSError):
                 return cls.written(lambda path: path.write_bytes(data), folder, "")
         return cls(data)

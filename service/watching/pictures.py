@@ -1,7 +1,7 @@
 """Picture files of a frame: colour, denoised colour, one AOV, or all of them as layers.
 
 Files are written in bands from the top, so that only a few rows of tiles are in memory. Some pictures must be complete in memory
-first: display-encoded ones, and AOVs that are scaled to their range. `memory` accounts for this.
+first: display-encoded ones, and AOVs that are scaled to their range. `picture_memory` accounts for this.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from renderer.sentences import Sentence
 from service.errors import Invalid
 from service.store.bands import bands
 from service.store.films import Film
-from service.watching.downscale import side_of, smaller
+from service.watching.downscale import reduced_bands, square_side
 from service.watching.picture_response import PictureBody
 
-__all__ = ["MEDIA", "PictureWish", "display_picture", "memory", "picture"]
+__all__ = ["MEDIA", "PictureRequest", "display_picture", "picture_file", "picture_memory"]
 
 F32 = npt.NDArray[np.float32]
-HEAT = ("samples", "error")  # planes drawn as heat maps
+HEAT_MAP_PLANES = ("samples", "error")  # planes drawn as heat maps
 ROWS = 64  # rows of a denoised picture per band
 MEDIA = {
     "png": "image/png",
@@ -40,7 +40,7 @@ MEDIA = {
 
 
 @dataclass(frozen=True)
-class PictureWish:
+class PictureRequest:
     """A client's choice of picture.
 
     planes: names of AOVs; empty for colour. in_layers: write the planes as layers in addition to the colour, instead of one plane
@@ -84,42 +84,46 @@ class PictureWish:
         return ("color", *self.planes) if self.in_layers else self.planes or ("color",)
 
 
-def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> PictureBody:
+def picture_file(film: Film, frame: int, wish: PictureRequest, folder: Path) -> PictureBody:
     """Returns the picture file. folder: for temporary files."""
-    side = side_of(wish.width, film.width, film.height)
+    side = square_side(wish.width, film.width, film.height)
     width, height = film.width // side, film.height // side
     if wish.extension in ("exr", "hdr"):
         if wish.in_layers:
             names = (*RGB, *(channel for name in wish.planes for channel in aovs.channels(name)))
         else:
             names = aovs.channels(aovs.MOTION) if wish.planes == (aovs.MOTION,) else RGB
-        parts = (_threefold(band) for band in smaller(_values(film, frame, wish), side))
+        parts = (_grey_to_rgb(band) for band in reduced_bands(_values(film, frame, wish), side))
         return PictureBody.written(lambda path: write_bands(path, parts, width, height, names), folder, f".{wish.extension}")
     if wish.extension == "rgb9e5":
-        words = _filled_from_top(np.empty((height, width), "<u4"), map(rgbe9995.pack, smaller(_values(film, frame, wish), side)))
+        words = _filled_from_top(
+            np.empty((height, width), "<u4"), map(rgbe9995.pack, reduced_bands(_values(film, frame, wish), side))
+        )
         return PictureBody.of(words.tobytes(), folder)
     if not wish.planes:
         return PictureBody.of(encode_shown(display_picture(film, frame, wish), wish.extension), folder)
     (name,) = wish.planes
-    values = _whole(film, frame, wish)
+    values = _whole_plane(film, frame, wish)
     between = aovs.span(name, values)
     shown_rows = (aovs.visible(name, values[y : y + ROWS], between) for y in range(0, film.height, ROWS))
-    plane = _filled_from_top(np.empty((height, width, 3), np.uint8), smaller(shown_rows, side))
+    plane = _filled_from_top(np.empty((height, width, 3), np.uint8), reduced_bands(shown_rows, side))
     made = PictureBody.of(encode_shown(plane, wish.extension), folder)
-    if between is not None and name in HEAT:
+    if between is not None and name in HEAT_MAP_PLANES:
         made.span = float(between[0]), float(between[1])
     return made
 
 
-def display_picture(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
+def display_picture(film: Film, frame: int, wish: PictureRequest) -> npt.NDArray[np.uint8]:
     """Returns the display-encoded colour of a frame, shape (h, w, 3) uint8."""
-    side = side_of(wish.width, film.width, film.height)
-    return _filled_from_top(np.empty((film.height // side, film.width // side, 3), np.uint8), _toned(film, frame, wish, side))
+    side = square_side(wish.width, film.width, film.height)
+    return _filled_from_top(
+        np.empty((film.height // side, film.width // side, 3), np.uint8), _tone_mapped(film, frame, wish, side)
+    )
 
 
-def memory(film: Film, wish: PictureWish) -> int:
-    """Returns the estimated peak memory of `picture`, in bytes."""
-    side = side_of(wish.width, film.width, film.height)
+def picture_memory(film: Film, wish: PictureRequest) -> int:
+    """Returns the estimated peak memory of `picture_file`, in bytes."""
+    side = square_side(wish.width, film.width, film.height)
     channels = sum(map(aovs.size, wish.names))
     tile = film.tiles[0]
     of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * CHANNELS * tile.w * tile.h * 8
@@ -131,7 +135,7 @@ def memory(film: Film, wish: PictureWish) -> int:
     return of_bands + of_shown + (8 * channels * film.width * film.height if wish.planes else 0)
 
 
-def _values(film: Film, frame: int, wish: PictureWish) -> Iterator[F32]:
+def _values(film: Film, frame: int, wish: PictureRequest) -> Iterator[F32]:
     """Yields the picture's values in bands of shape (rows, width, channels), from the top."""
     if wish.motion is not None:
         yield from _with_motion(film, frame, [name for name in wish.names if name != aovs.MOTION], wish.motion)
@@ -154,12 +158,12 @@ def _with_motion(film: Film, frame: int, names: list[str], motion: Callable[[], 
             yield np.concatenate([band, vectors], axis=2) if names else vectors
 
 
-def _toned(film: Film, frame: int, wish: PictureWish, side: int) -> Iterator[npt.NDArray[np.uint8]]:
-    for band in smaller(_values(film, frame, wish), side):
+def _tone_mapped(film: Film, frame: int, wish: PictureRequest, side: int) -> Iterator[npt.NDArray[np.uint8]]:
+    for band in reduced_bands(_values(film, frame, wish), side):
         yield tonemap.apply(band, wish.exposure, wish.curve)
 
 
-def _whole(film: Film, frame: int, wish: PictureWish) -> F32:
+def _whole_plane(film: Film, frame: int, wish: PictureRequest) -> F32:
     """Returns a complete plane, for AOVs that are scaled to their minimum and maximum."""
     (name,) = wish.planes
     size = aovs.size(name)
@@ -167,7 +171,7 @@ def _whole(film: Film, frame: int, wish: PictureWish) -> F32:
     return plane if size > 1 else plane[..., 0]
 
 
-def _threefold(band: F32) -> F32:
+def _grey_to_rgb(band: F32) -> F32:
     """Repeats a single channel three times, so that the result has shape (rows, width, 3)."""
     return np.repeat(band, 3, axis=2) if band.shape[2] == 1 else band
 

@@ -19,16 +19,16 @@ import anyio.to_thread
 
 from renderer.sentences import Sentence
 from service.errors import Unavailable
-from service.watching.allocator import give_back
+from service.watching.allocator import trim_heap
 
 __all__ = ["Pool"]
 
 THREADS = max(2, min(4, (os.cpu_count() or 2) // 2))
-IN_LINE = 64  # queue length of one user, however long the work takes
-MOST_IN_LINE = 512  # queue length of one user if the expected wait is below LONGEST_WAIT_S
+QUEUE_LENGTH = 64  # queue length of one user, however long the work takes
+MAX_QUEUE_LENGTH = 512  # queue length of one user if the expected wait is below LONGEST_WAIT_S
 LONGEST_WAIT_S = 30.0  # shorter than the read timeouts of common proxies
-MOST_OF_ALL = 4096  # all users together; beyond it only users with an empty queue are admitted
-MOST_RETRY_S = 60.0
+MAX_TOTAL_QUEUE = 4096  # all users together; beyond it only users with an empty queue are admitted
+MAX_RETRY_S = 60.0
 
 T = TypeVar("T")
 
@@ -36,13 +36,15 @@ T = TypeVar("T")
 class Pool:
     """Runs expensive functions. Concurrent requests with the same key share one result. Used on the event loop only."""
 
-    def __init__(self, memory: int, threads: int = THREADS, in_line: int = IN_LINE, most_in_line: int = MOST_IN_LINE) -> None:
+    def __init__(
+        self, memory: int, threads: int = THREADS, in_line: int = QUEUE_LENGTH, most_in_line: int = MAX_QUEUE_LENGTH
+    ) -> None:
         """Stores the limits.
 
         memory: budget in bytes; a function that needs more runs alone. threads: number of concurrent functions. in_line,
         most_in_line: waiting requests per user, while the expected wait is long and while it is short.
         """
-        self._turns = _Turns(threads, memory)
+        self._turns = _FairQueue(threads, memory)
         self._limiter = anyio.CapacityLimiter(threads)
         self._threads = threads
         self._in_line = threads + in_line
@@ -63,13 +65,13 @@ class Pool:
         """
         task: asyncio.Task[T] | None = self._made.get(key)
         if task is None:
-            self._check_room(user)
+            self._check_queue_length(user)
             self._asked_by[user] += 1
-            task = self._made[key] = asyncio.create_task(self._run(user, memory, function, *arguments))
+            task = self._made[key] = asyncio.create_task(self._run_in_turn(user, memory, function, *arguments))
             task.add_done_callback(lambda task: self._done(key, user, task))
         return await asyncio.shield(task)  # a client that leaves does not cancel it for others
 
-    def _check_room(self, user: Hashable) -> None:
+    def _check_queue_length(self, user: Hashable) -> None:
         """Raises Unavailable if a user's queue is full.
 
         Its limit decreases if the expected wait exceeds LONGEST_WAIT_S seconds.
@@ -77,17 +79,17 @@ class Pool:
         own = self._asked_by.get(user, 0)
         wait_s = own * max(len(self._asked_by), 1) * self._seconds / self._threads
         is_full = own >= (self._in_line if wait_s > LONGEST_WAIT_S else self._most_in_line)
-        if is_full or (own and self.pending_count >= MOST_OF_ALL):
+        if is_full or (own and self.pending_count >= MAX_TOTAL_QUEUE):
             raise Unavailable(
                 Sentence(
                     "picture-requests-too-many",
                     "{count} other pictures that you asked for are not ready yet. Try again in a moment.",
                     count=own,
                 ),
-                retry_after_s=min(math.ceil(wait_s / 2) + 1, MOST_RETRY_S),
+                retry_after_s=min(math.ceil(wait_s / 2) + 1, MAX_RETRY_S),
             )
 
-    async def _run(self, user: Hashable, memory: int, function: Callable[..., T], *arguments: Any) -> T:
+    async def _run_in_turn(self, user: Hashable, memory: int, function: Callable[..., T], *arguments: Any) -> T:
         taken = await self._turns.take(user, memory)
         begun = time.monotonic()
         try:
@@ -96,7 +98,7 @@ class Pool:
             self._turns.give(taken)
             self._seconds += (time.monotonic() - begun - self._seconds) / 4
             if self.pending_count == 1:  # the queue is empty after it
-                await anyio.to_thread.run_sync(give_back, limiter=self._limiter)
+                await anyio.to_thread.run_sync(trim_heap, limiter=self._limiter)
 
     def _done(self, key: Hashable, user: Hashable, task: asyncio.Task[Any]) -> None:
         del self._made[key]
@@ -107,7 +109,7 @@ class Pool:
             task.exception()  # retrieved, so that one without clients is not reported as unhandled
 
 
-class _Turns:
+class _FairQueue:
     """Allocates threads and memory. Users are served in turn, the requests of each in order of arrival."""
 
     def __init__(self, threads: int, memory: int) -> None:

@@ -24,12 +24,12 @@ from service.watching.broadcast import Broadcast
 __all__ = ["Body", "SharedResults"]
 
 THREADS = 2
-TRUE_FOR_S = 0.25  # seconds that a state is valid without reported changes: it contains times too
+STATE_TTL_S = 0.25  # seconds that a state is valid without reported changes: it contains times too
 STATE_EVERY_S = 0.25
-MANY = 50  # viewers above which each is updated less often
+MANY_VIEWERS = 50  # viewers above which each is updated less often
 ROUND_PIXELS = 1 << 20
-UNDER_WAY = 2 * 2 * 4  # bytes per pixel: two unacknowledged rounds, each here and in the connection
-FOR_PACKED = 0.5  # share of the memory for packed tiles
+IN_FLIGHT_BYTES_PER_PIXEL = 2 * 2 * 4  # bytes per pixel: two unacknowledged rounds, each here and in the connection
+PACKED_MEMORY_SHARE = 0.5  # share of the memory for packed tiles
 
 PLANES = (*range(CHANNELS)[COLOR], SAMPLES)
 
@@ -45,14 +45,14 @@ class Body(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Packed:
+class _PackedTile:
     film: weakref.ref[Film]  # a reopened film is another object
     version: tuple[int, int]
     body: Body | None
 
 
 @dataclass(frozen=True)
-class _Making:
+class _PendingResult:
     film: Film
     version: tuple[int, int]
     task: asyncio.Task[dict[int, Body | None]]
@@ -65,21 +65,21 @@ class SharedResults:
         self._broadcast = broadcast
         self._memory = memory
         self._limiter = anyio.CapacityLimiter(THREADS)
-        self._packed: OrderedDict[tuple[str, int, int], _Packed] = OrderedDict()
+        self._packed: OrderedDict[tuple[str, int, int], _PackedTile] = OrderedDict()
         self._bytes = 0
-        self._making: dict[tuple[str, int, int], _Making] = {}
+        self._making: dict[tuple[str, int, int], _PendingResult] = {}
         self._cached_results: dict[Hashable, tuple[tuple[int, int], float, asyncio.Task[Any]]] = {}
 
     @property
     def state_every_s(self) -> float:
         """Minimum time between two state messages of a changing job, in seconds. Increases with the number of viewers."""
-        return STATE_EVERY_S * max(1.0, self._broadcast.watchers / MANY)
+        return STATE_EVERY_S * max(1.0, self._broadcast.watchers / MANY_VIEWERS)
 
     @property
     def round_pixels(self) -> int:
         """Number of pixels sent to a viewer per round. Decreases with the number of viewers."""
         watchers = max(self._broadcast.watchers, 1)
-        return int(min(ROUND_PIXELS, self._memory * (1 - FOR_PACKED) / (UNDER_WAY * watchers)))
+        return int(min(ROUND_PIXELS, self._memory * (1 - PACKED_MEMORY_SHARE) / (IN_FLIGHT_BYTES_PER_PIXEL * watchers)))
 
     async def tiles(self, job: str, film: Film, frame: int, tiles: Iterable[int]) -> list[Body]:
         """Returns the current encodings of the tiles that have samples. Raises FilmWaits, FilmLost and FilmClosed."""
@@ -100,7 +100,7 @@ class SharedResults:
             task = asyncio.create_task(self._pack(job, film, frame, missing))
             task.add_done_callback(_retrieve_exception)
             for tile, version in missing.items():
-                self._making[job, frame, tile] = _Making(film, version, task)
+                self._making[job, frame, tile] = _PendingResult(film, version, task)
             tasks[task] = list(missing)
         for task, wanted in tasks.items():
             made = await _result(task)
@@ -111,8 +111,8 @@ class SharedResults:
         """Returns the result of `make`, cached until the job changes, at most TRUE_FOR_S seconds."""
         changes, now = self._broadcast.changes(job), time.monotonic()
         known = self._cached_results.get((job, what))
-        if known is None or known[0] != changes or now - known[1] > TRUE_FOR_S or _has_failed(known[2]):
-            self._cached_results = {key: each for key, each in self._cached_results.items() if now - each[1] <= TRUE_FOR_S}
+        if known is None or known[0] != changes or now - known[1] > STATE_TTL_S or _has_failed(known[2]):
+            self._cached_results = {key: each for key, each in self._cached_results.items() if now - each[1] <= STATE_TTL_S}
             task = asyncio.create_task(anyio.to_thread.run_sync(make))
             task.add_done_callback(_retrieve_exception)
             known = self._cached_results[job, what] = (changes, now, task)
@@ -124,14 +124,14 @@ class SharedResults:
         try:
             made = await anyio.to_thread.run_sync(_bodies, film, frame, list(versions), limiter=self._limiter)
             for tile, version in versions.items():
-                self._keep((job, frame, tile), _Packed(weakref.ref(film), version, made[tile]))
+                self._cache_packed((job, frame, tile), _PackedTile(weakref.ref(film), version, made[tile]))
             return made
         finally:
             for tile in versions:
                 if (making := self._making.get((job, frame, tile))) is not None and making.task is me:
                     del self._making[job, frame, tile]
 
-    def _keep(self, key: tuple[str, int, int], packed: _Packed) -> None:
+    def _cache_packed(self, key: tuple[str, int, int], packed: _PackedTile) -> None:
         old = self._packed.pop(key, None)
         if old is not None and old.film() is packed.film() and old.version > packed.version:
             packed = old
@@ -140,7 +140,7 @@ class SharedResults:
         else:
             self._bytes += _size(packed)
         self._packed[key] = packed
-        while self._bytes > self._memory * FOR_PACKED and len(self._packed) > 1:
+        while self._bytes > self._memory * PACKED_MEMORY_SHARE and len(self._packed) > 1:
             self._bytes -= _size(self._packed.popitem(last=False)[1])
 
 
@@ -162,7 +162,7 @@ def tile_body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
     return film.coverage(frame, tile).total, rgbe9995.pack(mean(sums, film.film_exponent)).astype("<u4").tobytes()
 
 
-def _size(packed: _Packed) -> int:
+def _size(packed: _PackedTile) -> int:
     return 0 if packed.body is None else len(packed.body.words)
 
 

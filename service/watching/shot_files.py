@@ -13,11 +13,11 @@ from service.errors import Conflict
 from service.store.films import Film
 from service.watching.movie import write_movie
 from service.watching.picture_response import PictureBody
-from service.watching.pictures import PictureWish, display_picture, memory
+from service.watching.pictures import PictureRequest, display_picture, picture_memory
 
 __all__ = ["ZipStream", "movie", "movie_memory"]
 
-ENCODER = 96  # approximate bytes per pixel of an encoder's lookahead
+ENCODER_BYTES_PER_PIXEL = 96  # approximate bytes per pixel of an encoder's lookahead
 
 
 class ZipStream:
@@ -65,7 +65,7 @@ class _Pipe(io.RawIOBase):
         return taken
 
 
-def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, folder: Path) -> PictureBody:
+def movie(film: Film, frames: Sequence[int], wish: PictureRequest, fps: float, folder: Path) -> PictureBody:
     """Returns a movie of the frames, in the format of `wish.extension`. Raises Conflict if it cannot be written."""
     pictures = (display_picture(film, frame, wish) for frame in frames)
     try:
@@ -74,6 +74,6 @@ def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, fold
         raise Conflict(with_full_stop(error)) from None
 
 
-def movie_memory(film: Film, wish: PictureWish) -> int:
+def movie_memory(film: Film, wish: PictureRequest) -> int:
     """Returns the estimated peak memory of `movie` for this film, in bytes."""
-    return memory(film, wish) + ENCODER * film.width * film.height
+    return picture_memory(film, wish) + ENCODER_BYTES_PER_PIXEL * film.width * film.height

@@ -1,9 +1,9 @@
-"""The BVH alone, on one thread: building over a million triangles, rays through it, and what instances cost.
+"""Benchmark of the BVH on one thread: building over a million triangles, tracing rays, and the cost of instances.
 
     python3 farm.py bench bvh                       # [terrain | instances]
 
-Rates are of CPU time, so that other work on the machine matters less. Primary rays come from one eye in raster order,
-random ones join two random points of the bounding sphere, shadow rays are random ones that ask for any hit.
+Rates are per second of processor time, so that other work on the machine matters less. Primary rays start at one eye in raster
+order, random rays join two random points of the bounding sphere, shadow rays are random rays that query any hit.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _any(bvh, stack, origin, direction):
 
 
 def _terrain(n: int) -> tuple[Any, Any]:
-    """A height field of 2 (n - 1)**2 triangles, (positions, triangles)."""
+    """Returns a height field of 2 (n - 1)**2 triangles as (positions, triangles)."""
     y, x = np.mgrid[0:n, 0:n] * (1000.0 / n)
     z = 40 * np.sin(x * 0.05) * np.cos(y * 0.07) + 5 * np.sin(x * 0.9) * np.sin(y * 0.8)
     corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
@@ -60,7 +60,7 @@ def _terrain(n: int) -> tuple[Any, Any]:
 
 
 def _rays(position: Any) -> dict[str, tuple[Any, Any]]:
-    """Origins and directions by kind, (n, 3) f32."""
+    """Returns origins and directions by kind of ray, (n, 3) float32 each."""
     rng = np.random.default_rng(0)
     center = (position.min(0) + position.max(0)) / 2
     radius = np.linalg.norm(position.max(0) - position.min(0)) / 2
@@ -75,7 +75,7 @@ def _rays(position: Any) -> dict[str, tuple[Any, Any]]:
 
 
 def _rate(work: Callable[[], Any], amount: int, rounds: int = 5) -> float:
-    """Millions a second, the best of some rounds."""
+    """Returns the highest rate of several rounds, in millions per second."""
     best = np.inf
     for _ in range(rounds):
         begin = time.process_time()
@@ -85,7 +85,7 @@ def _rate(work: Callable[[], Any], amount: int, rounds: int = 5) -> float:
 
 
 def _trace(name: str, bvh: Bvh, position: Any) -> dict[str, float]:
-    """Prints and gives the rates of each kind of rays."""
+    """Prints and returns the rate of each kind of ray."""
     rates = {}
     rays = _rays(position)
     stack = new_stack()
@@ -105,7 +105,7 @@ def _bytes(bvh: Bvh) -> int:
 
 
 def _bunny() -> tuple[Any, Any]:
-    """The mesh that $RAYFARM_BUNNY names; else a terrain of 70 thousand triangles."""
+    """Returns the mesh of the file $RAYFARM_BUNNY, or else a terrain of 70,000 triangles."""
     path = Path(os.environ.get("RAYFARM_BUNNY", ""))
     if not path.is_file():
         return _terrain(187)
@@ -114,7 +114,7 @@ def _bunny() -> tuple[Any, Any]:
 
 
 def _places(position: Any, count: int) -> Any:
-    """(count, 3, 4): side by side on a square, each turned about the vertical."""
+    """Returns transforms (count, 3, 4) side by side on a square, each rotated about the vertical axis."""
     side = int(np.ceil(count**0.5))
     size = float((position.max(0) - position.min(0)).max())
     places = np.zeros((count, 3, 4))
@@ -126,7 +126,7 @@ def _places(position: Any, count: int) -> Any:
 
 
 def _instances() -> None:
-    """A thousand copies of a mesh against one, and sixteen against the same triangles copied into the world."""
+    """Compares a thousand instances of a mesh with one, and sixteen instances with sixteen copies in world space."""
     none = np.zeros((0, 4), np.float32)
     position, triangle = _bunny()
     first = np.array([0, len(triangle)])

@@ -1,10 +1,11 @@
-"""`docker compose up` by hand: three workers, one of them killed while a job renders, one joining late.
+"""Runs the services of docker-compose.yml without Docker: three workers, one killed while a job renders, one joining late.
 
     python3 farm.py bench compose [--spp 4000]
 
-Where no Docker is. Commands, environment and health checks are read from docker-compose.yml and the Dockerfile; each container is
-a namespace with a network and a host name of its own, and sees neither the service's data nor the others' files. Images
-are not built, and the packages are those of this environment. Needs root. The digest is held against the same frame alone.
+For machines without Docker. Commands, environment and health checks are read from docker-compose.yml and the Dockerfile. Each
+container is a set of namespaces with its own network and host name, and sees neither the service's data nor the others' files.
+Images are not built; the packages are those of this environment. Needs root. The job's digest is compared with the digest of the
+same frame rendered alone.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ PING = "import redis, sys; sys.exit(not redis.Redis(socket_timeout=2).ping())"
 
 
 class Containers:
-    """What `docker compose` would run, each as a process on a host of its own."""
+    """The containers of docker-compose.yml, each as a process on a simulated host."""
 
     def __init__(self, folder: Path, network: Network) -> None:
         self.folder = folder
@@ -56,7 +57,7 @@ class Containers:
             )
 
     def up(self, name: str) -> None:
-        """Start one."""
+        """Starts a container."""
         of = name.partition("-")[0]
         about = self.services[of]
         command = [_here(word) for word in about.get("command") or _default_command(of)]
@@ -80,7 +81,7 @@ class Containers:
             )
 
     def is_healthy(self, name: str) -> bool:
-        """What its health check says."""
+        """Returns the result of a container's health check."""
         about = self.services[name.partition("-")[0]]
         test = about.get("healthcheck", {}).get("test") or _health_check()
         command = [_here(word) for word in test[1:]]
@@ -128,7 +129,7 @@ def main() -> int:
 
 
 def render(containers: Containers, spp: int) -> bool:
-    """Render a job on two workers, kill one, let a third join; whether the picture is what it would have been."""
+    """Renders a job on two workers, kills one and lets a third join; returns whether the digest is right."""
     with Client(containers.url) as client:
         scene = client.wait_for_scene(client.upload([SCENE]).id).id
         wait_until(lambda: sum(w.state == "ready" for w in client.workers()) == 2, PATIENCE_S, "two workers are ready")
@@ -147,7 +148,7 @@ def render(containers: Containers, spp: int) -> bool:
 
 
 def _filled_in(what: Any, values: dict[str, str]) -> Any:
-    """With ${NAME:-default} replaced, as compose does it: in what was parsed, not in the text."""
+    """Replaces ${NAME:-default} in parsed values, as Docker Compose does."""
     if isinstance(what, dict):
         return {key: _filled_in(value, values) for key, value in what.items()}
     if isinstance(what, list):
@@ -156,7 +157,7 @@ def _filled_in(what: Any, values: dict[str, str]) -> Any:
 
 
 def _targets() -> dict[str, str]:
-    """The Dockerfile's text by target."""
+    """Returns the Dockerfile's text by target."""
     parts = re.split(r"^FROM \S+ AS (\w+)$", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
@@ -168,14 +169,14 @@ def _default_command(target: str) -> list[str]:
 
 
 def _health_check() -> list[str]:
-    """The service's, which its image has."""
+    """Returns the command of the service's health check from the Dockerfile."""
     found = re.search(r"^HEALTHCHECK.*\n\s+CMD (\[.*\])$", _targets()["service"], flags=re.MULTILINE)
     assert found is not None
     return ["CMD", *json.loads(found[1])]
 
 
 def _here(word: str) -> str:
-    """A program of the image, as it is called here."""
+    """Returns the local path of a program that the image contains."""
     scripts = Path(sys.executable).parent
     return {"python3": sys.executable, "uvicorn": str(scripts / "uvicorn"), "redis-server": str(find_server())}.get(word, word)
 

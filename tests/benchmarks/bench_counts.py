@@ -1,9 +1,9 @@
-"""What listings, searches, quotas and starts take of a processor as a farm fills up: at some numbers of scenes in turn.
+"""Measures the processor time of lists, searches, quotas and starts as the number of scenes grows.
 
     python3 farm.py bench counts [--scenes 1000,10000]
 
-To so many scenes there are a tenth as many users and tokens, a fiftieth as many projects, and as many jobs, environments and
-pictures to compare with. Milliseconds of the service's process, the least of some tries.
+For each number of scenes there are a tenth as many users and tokens, a fiftieth as many projects, and as many jobs, environments
+and references. Times are milliseconds of the service's process, the minimum of several tries.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ ASKED = {
 
 
 def fill(service: Service, scenes: int) -> None:
-    """Rows as if people had worked for years."""
+    """Inserts rows as after years of use."""
 
     def ref(n: int) -> dict[str, Any]:
         return {"name": f"file{n}.obj", "sha256": hashlib.sha256(str(n).encode()).hexdigest(), "size": 1000 + n}
@@ -92,7 +92,7 @@ def fill(service: Service, scenes: int) -> None:
 
 
 def least(action: Callable[[], Any]) -> float:
-    """Milliseconds of a processor."""
+    """Returns the minimum processor time of an action, in milliseconds."""
     found = []
     for _ in range(TRIES):
         before = time.process_time()

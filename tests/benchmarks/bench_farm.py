@@ -1,9 +1,9 @@
-"""What the farm costs: samples per second through it against the same frame in one process, and the time to the first tile.
+"""Overhead of the farm: samples per second compared with the same frame in one process, and the time to the first tile.
 
     python3 farm.py bench farm [--cold]
 
-Targets: the farm reaches at least 0.9 of a render without it; a first tile after 40 s from an empty kernel cache (--cold),
-after 5 s from a warm one. One run measures both sides, so that only the ratio counts.
+Targets: at least 0.9 of the speed without a farm; a first tile within 40 s from an empty kernel cache (--cold), within 5 s from
+a warm one. One run measures both sides, so that only the ratio counts.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ REQUEST = {"width": 512, "height": 512, "max_depth": 8}
 
 
 def main() -> None:
-    """Measure, print, done."""
+    """Measures and prints the results."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--spp", type=int, default=256)
     parser.add_argument("--slots", type=int, default=2)
@@ -70,7 +70,7 @@ def main() -> None:
 
 
 def alone(folder: Path, threads: int, spp: int) -> tuple[float, float]:
-    """Wall and processor seconds of the rendering in `rayfarm render`; reading and compiling are left out."""
+    """Returns wall and processor seconds of rendering with `rayfarm render`, without reading and compiling."""
     command = [sys.executable, "-m", "rayfarm", "render", str(SCENE), "-o", str(folder / "alone.exr"), f"--spp={spp}"]
     command += [f"--threads={threads}", "--size=512x512", "--max-depth=8", f"--stats={folder / 'stats.json'}"]
     subprocess.run(command, cwd=ROOT, check=True, stderr=subprocess.DEVNULL)
@@ -79,7 +79,7 @@ def alone(folder: Path, threads: int, spp: int) -> tuple[float, float]:
 
 
 def through(farm: Farm, spp: int) -> tuple[float, dict[str, float]]:
-    """Wall seconds through the farm, from the request to the finished job, and processor seconds of its processes by part."""
+    """Returns wall seconds from request to finished job on the farm, and processor seconds by part of the farm."""
     with farm.client() as client:
         scene = client.wait_for_scene(client.upload([SCENE]).id)
         before = _processor(farm)
@@ -92,7 +92,7 @@ def through(farm: Farm, spp: int) -> tuple[float, dict[str, float]]:
 
 
 def _processor(farm: Farm) -> dict[str, float]:
-    """Processor seconds so far: of the slots together, of each other part, and of all else (the spare service, the supervisor)"""
+    """Returns processor seconds so far: of all slots together, of each other part, and of the remaining processes."""
     pids = {pid: name for name, pid in farm.pids().items()}
     workers = {pid for pid, name in pids.items() if name == "worker"}
     found: dict[str, float] = {}
@@ -104,9 +104,9 @@ def _processor(farm: Farm) -> dict[str, float]:
 
 
 def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float, dict[str, float]]:
-    """Seconds to the first tile: from the start of the farm, and of a second job from its request.
+    """Returns seconds to the first tile after the farm's start, and after the request of a second job.
 
-    Also the processor seconds until the first of them, by part of the farm.
+    Also returns the processor seconds until the first of them, by part of the farm.
     """
     begun = time.perf_counter()
     farm = start_farm(data, slots, until=b"is up at", **environment)
@@ -123,7 +123,7 @@ def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float
 
 
 def _samples_of(client: Client, job: str) -> float:
-    """When the job has its first samples; then it is cancelled."""
+    """Returns the time at which a job has its first samples, and cancels it."""
     while not client.job(job).samples:
         time.sleep(0.05)  # asked more often, the service takes a part of the time that is measured
     now = time.perf_counter()

@@ -1,14 +1,13 @@
-"""Faults of all kinds while jobs render, each drawn by a seed: does every job end, with the picture that it has undisturbed?
+"""Injects random faults while jobs render, and checks that every job ends with the digest of an undisturbed run.
 
     python3 farm.py bench faults [--count 60] [--seed 1] [--kinds WORDS] [--grounds WORDS] [--log FILE] [--page]
 
-A farm renders small jobs; while one is under way, something is done to it that is drawn from the kinds below, some of them
-to each job. `back after` is the time from the kill, or from the end of what lasts (a lock, a full disk, a cut cable), until
-samples come in that were not there before. At its end a job's digest is held against that of the same frame, rendered by this
-process alone. `batches repeated` are answers with samples that had come before.
+A farm renders small jobs; one or more faults are injected into each. `back after` is the time from the kill, or from the end of a
+lasting fault (a lock, a full disk, a cut cable), until new samples arrive. When a job has ended, its digest is compared with that
+of the same frame rendered by this process alone. `batches repeated` counts answers whose samples had arrived before.
 
-As root, data folders are small disks of their own, and there are hosts with networks of their own (`faults/hosts.py`);
-without, these kinds are left out.
+As root, data folders are small separate disks, and hosts have separate networks (`faults/hosts.py`); otherwise these kinds are
+left out.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ MENDS_ITSELF_S = 45.0
 
 
 class Campaign:
-    """Draws faults and does them, ground after ground."""
+    """Draws faults and injects them, on one test farm after the other."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         self.options = options
@@ -123,7 +122,7 @@ class Campaign:
         return fault
 
     def _until_it_is_back(self, ground: Ground, job: str, since: float, fault: Fault) -> None:
-        """Wait until samples come that were not there when nothing was in the way any more."""
+        """Waits until samples arrive that were not there when the fault ended."""
         known = -1
 
         def grows() -> bool:
@@ -144,7 +143,7 @@ class Campaign:
             print(ground.logs()[-6000:])
 
     def _has_failed(self, ground: Ground, job: str) -> bool:
-        """Returns True if a job has failed. Where it does not go on by itself, what its sentence asks for is done."""
+        """Returns True if a job has failed. If its error asks the user to act, does so."""
         try:
             with ground.client() as client:
                 found = client.job(job)
@@ -168,7 +167,7 @@ class Campaign:
         return 0.0
 
     def _end(self, ground: Ground, job: str, seed: int, faults: list[Fault]) -> None:
-        """Wait for the job's end, and look at its picture."""
+        """Waits for the job's end and checks its digest."""
         began = time.monotonic()
         with contextlib.suppress(UnrecoveredError):
             ground.wait(lambda: ground.samples(job) == OVER and not self._has_failed(ground, job), "the job ends")
@@ -185,7 +184,7 @@ class Campaign:
         print(f"      THE JOB DID NOT END\n{ground.logs()[-6000:]}")
 
     def _read_digest(self, ground: Ground, job: str) -> str:
-        """The digest, once somebody tells it. A film that was damaged at the very end is seen to first."""
+        """Returns the job's digest once it is available. A film that was damaged at the very end is repaired first."""
         found = ""
 
         def is_told() -> bool:

@@ -1,10 +1,10 @@
-"""Reads every scene file below given folders, each in a confined process of its own, and counts what comes of them by format.
+"""Reads every scene file in the given folders, each in a separate confined process, and counts the outcomes by format.
 
     python3 farm.py bench files --in DIR... [--packages] [--timeout 60] [--jobs 2] [--refusals]
 
-A file loads, loads with warnings (that a studio lights it is none), is refused with a sentence, crashes its importer (in native
-code, which ends in a sentence too), is slow (over the time limit) or fails in any other way, which is a fault of ours. The counts
-in docs/correctness.md are of this table.
+Outcomes: the file loads; loads with warnings (that of a studio light does not count); is refused with an error message; crashes
+its importer in native code, which also yields an error message; exceeds the time limit; or fails in any other way, which is a
+bug. The counts in docs/correctness.md come from this table.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _INTERNAL = re.compile(r"Traceback|\b[A-Z]\w*(?:Error|Exception)\b|<class |<[\w.
 
 
 class Found(NamedTuple):
-    """What came of one file."""
+    """The outcome of reading one file."""
 
     path: Path
     end: str  # one of _ENDS
@@ -44,7 +44,7 @@ class Found(NamedTuple):
 
 
 def scene_files(folders: Iterable[Path]) -> list[Path]:
-    """The scene files below folders, or those named themselves."""
+    """Returns the scene files in folders, or the files named directly."""
     found: dict[Path, None] = {}
     for folder in folders:
         paths = [folder] if folder.is_file() else sorted(folder.rglob("*"))
@@ -70,7 +70,7 @@ def read_one(path: Path) -> Found:
 
 
 def table(found: list[Found]) -> str:
-    """The counts and times as a table in Markdown."""
+    """Returns the counts and times as a Markdown table."""
     by_format: dict[str, list[Found]] = defaultdict(list)
     for each in found:
         by_format[each.path.suffix.lower()].append(each)
@@ -86,7 +86,7 @@ def table(found: list[Found]) -> str:
 
 
 def main() -> None:
-    """Reads the command line, and prints the table. Exits with 1 where a file fails."""
+    """Parses the command line and prints the table. Exits with 1 if a file fails."""
     parser = argparse.ArgumentParser(description="Reads every scene file below folders, and counts what comes of them.")
     parser.add_argument("--in", dest="folders", nargs="*", default=[], type=Path, metavar="DIR", help="folders of scene files")
     parser.add_argument("--packages", action="store_true", help="also the files that installed packages bring")

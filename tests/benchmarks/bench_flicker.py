@@ -1,11 +1,10 @@
-"""How much denoised shots flicker: each frame denoised by itself, and made steady by its neighbours
-(renderer/temporal_denoise.py).
+"""Flicker of denoised shots: frames denoised separately, and stabilised with their neighbours (renderer/temporal_denoise.py).
 
     python3 farm.py bench flicker [--size 192x108] [--shot "camera over texture"]
 
-Error: the root mean square of what is off from the truth, over its mean. Flicker: the root mean square, over the same mean, of
-how what is off changes from a frame to the next, along the motion vectors. The truth: many samples, denoised. With one seed for
-all frames, as a shot is rendered unless told, and with another one for each.
+Error: root mean square of the difference from a reference, relative to its mean. Flicker: root mean square, relative to the same
+mean, of the change of that difference between consecutive frames along the motion vectors. Reference: many samples, denoised.
+Measured with one seed for all frames, the default of a shot, and with a different seed for each.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ STILL = View((0.0, 2.2, 5.5), (0.0, 0.4, 0.0), fov=40.0)
 
 
 def stone(size: int = 256) -> np.ndarray:
-    """A texture with structure at all scales, as surfaces have (1/f), and joints: (size, size, 4) uint8."""
+    """Returns a texture with a 1/f spectrum and joints, (size, size, 4) uint8."""
     random = np.random.default_rng(1)
     far = np.fft.fftfreq(size)[:, None] ** 2 + np.fft.fftfreq(size)[None] ** 2
     grain = np.fft.ifft2(np.fft.fft2(random.standard_normal((size, size))) / np.sqrt(far + 1e-4)).real
@@ -50,7 +49,7 @@ def stone(size: int = 256) -> np.ndarray:
 
 
 def room() -> SceneDescription:
-    """A textured floor and a wall, a ball and a board, under a lamp and a dim sky."""
+    """Returns a scene with a textured floor and wall, a ball and a board, under a lamp and a dim sky."""
     corners = np.array([[0, 0], [4, 0], [4, 4], [0, 4]], np.float32)
     floor = replace(square((0, 0, 0), (8, 0, 0), (0, 0, -8), FLOOR), uvs=corners)
     wall = square((0, 2, -3), (8, 0, 0), (0, 2, 0), RED)
@@ -75,7 +74,7 @@ def room() -> SceneDescription:
 
 
 def indoors() -> SceneDescription:
-    """The same between walls, with a card under the lamp: all light comes by way of the ceiling."""
+    """Returns the same scene between walls, with a card below the lamp: all light is reflected by the ceiling."""
     found = room()
     more = [
         square((-1.5, 3.6, 1), (0.7, 0, 0), (0, 0, -0.7), RED),
@@ -91,23 +90,23 @@ def indoors() -> SceneDescription:
 
 
 def stands_still(found: SceneDescription, t: float) -> View:
-    """Nothing moves."""
+    """Returns the view of a shot without motion."""
     return STILL
 
 
 def camera_goes(found: SceneDescription, t: float) -> View:
-    """The camera goes along over the texture."""
+    """Moves the camera across the texture."""
     return replace(STILL, eye=(0.12 * t, 2.2, 5.5 - 0.05 * t), target=(0.08 * t, 0.4, 0.0))
 
 
 def body_flies(found: SceneDescription, t: float) -> View:
-    """A ball flies, and its shadow with it."""
+    """Moves a ball and its shadow."""
     found.spheres.append(Sphere((0.3 + 0.1 * t, 0.9, 0.6), 0.35, RED, "flies", moves=True))
     return STILL
 
 
 def board_turns(found: SceneDescription, t: float) -> View:
-    """A board turns before a camera that stands still, with its shadow."""
+    """Rotates a board and its shadow in front of a static camera."""
     turned = np.eye(4)
     sine, cosine = math.sin(0.12 * t), math.cos(0.12 * t)
     turned[0, 0] = turned[2, 2] = cosine
@@ -118,7 +117,7 @@ def board_turns(found: SceneDescription, t: float) -> View:
 
 
 def mirror_passes(found: SceneDescription, t: float) -> View:
-    """The camera goes by a ball that mirrors all around it."""
+    """Moves the camera past a mirror ball."""
     found.spheres.append(Sphere((0.4, 0.7, 0.8), 0.7, MIRROR, "mirror"))
     return camera_goes(found, t)
 
@@ -134,7 +133,7 @@ LIGHTS = {"a lamp": (room, 8, 256), "by the ceiling": (indoors, 16, 400)}  # wit
 
 
 def shot_of(place: Callable[[], SceneDescription], move: Callable[[SceneDescription, float], View]) -> Shot:
-    """A move in a place."""
+    """Returns the shot of a movement in a scene."""
 
     def at(t: float) -> tuple[SceneDescription, View]:
         found = place()
@@ -144,7 +143,7 @@ def shot_of(place: Callable[[], SceneDescription], move: Callable[[SceneDescript
 
 
 def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) -> DenoisedFrame:
-    """A frame, denoised by itself."""
+    """Renders and denoises one frame separately."""
     description, view = shot(frame)
     settings = RenderSettings(*size, view, seed=seed)
     sums = render_frame(compile_scene(description), settings, spp)
@@ -161,12 +160,14 @@ def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) ->
 
 
 def _shown(light: F32) -> F32:
-    """As a screen shows it, roughly: else a lamp in a mirror would have all the say."""
+    """Tone maps approximately, so that a lamp seen in a mirror does not dominate the error."""
     return light / (1 + light)
 
 
 def off_along(first: F32, second: F32, there: DenoisedFrame) -> tuple[F32, np.ndarray]:
-    """How what is off changes on the way to the second frame, and where that can be told: within the picture, of one object."""
+    """Returns the change of the error between two frames along the motion, and where it is defined: within the picture, on one
+    object.
+    """
     height, width = first.shape[:2]
     rows, columns = np.mgrid[0:height, 0:width]
     y = np.rint(rows - there.motion[..., 1]).astype(int)
@@ -177,7 +178,7 @@ def off_along(first: F32, second: F32, there: DenoisedFrame) -> tuple[F32, np.nd
 
 
 def figures(made: dict[int, F32], truth: dict[int, DenoisedFrame]) -> tuple[float, float]:
-    """(error, flicker) of the judged frames."""
+    """Returns (error, flicker) of the evaluated frames."""
     whole = float(np.mean([each.clean.color.mean() for each in truth.values()]))
     off = {n: _shown(picture / whole) - _shown(truth[n].clean.color / whole) for n, picture in made.items()}
     level = float(np.mean([_shown(each.clean.color / whole).mean() for each in truth.values()]))

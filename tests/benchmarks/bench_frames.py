@@ -1,10 +1,10 @@
-"""What a frame of a shot costs beyond rendering it: seconds of one core, and bytes that are stored and sent.
+"""Cost of a shot's frame beyond rendering: seconds of one core, and bytes stored and sent.
 
     python -m tests.benchmarks.bench_frames [STATIC TRIANGLES] [FRAMES] [SHOT ...]
 
-A camera that moves, 100 rigid bodies, a skinned figure of 50,000 vertices, and a morph of a million triangles, each in a set of
-five million triangles that stands still. The scenes are made by formula. Time is the processor's, with one thread; the first
-frame, which makes the set, is told apart.
+Four shots: a moving camera, 100 rigid bodies, a skinned figure of 50,000 vertices, and a morph of a million triangles, each in a
+static set of five million triangles. The scenes are generated. Times are processor seconds with one thread; the first frame,
+which builds the set, is listed separately.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rayfarm.stage import Stage
+from rayfarm.stage import OpenScene
 from renderer.scene.animation import Moment
 from renderer.scene.compiled import load
 from renderer.scene.compiled_parts import Saver, parts_of
@@ -31,7 +31,7 @@ FRAMES = 24
 
 
 def relief(triangles: int, seed: float, size: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A rolling square of so many triangles: positions, normals and corners."""
+    """Returns a hilly square of that many triangles: positions, normals and corners."""
     n = int((triangles / 2) ** 0.5) + 1
     v, u = np.mgrid[0:n, 0:n] / (n - 1)
     height = 0.05 * np.sin(9 * u + seed) * np.cos(7 * v - seed)
@@ -45,7 +45,7 @@ def relief(triangles: int, seed: float, size: float = 1.0) -> tuple[np.ndarray, 
 
 
 def tube(vertices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A closed band around the y axis, 4 high."""
+    """Returns a closed band around the y axis, 4 units high."""
     around = 100
     rows = vertices // around
     turn = 2 * np.pi * np.arange(around) / around
@@ -59,7 +59,7 @@ def tube(vertices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def still_set(triangles: int) -> Gltf:
-    """The set: pieces of ground, each a mesh and a node of its own, under a sky of its own colour; and a camera."""
+    """Returns the static set: pieces of ground, each a mesh with its own node, under a uniform sky; and a camera."""
     g = Gltf()
     side = int(np.ceil(PIECES**0.5))
     for i in range(PIECES):
@@ -72,18 +72,18 @@ def still_set(triangles: int) -> Gltf:
 
 
 def turns(count: int, offset: float = 0.0) -> np.ndarray:
-    """Rotations about y, x y z w, one a key."""
+    """Returns rotations about y as quaternions (x, y, z, w), one per key."""
     half = np.linspace(0, np.pi, count) + offset
     return np.stack([0 * half, np.sin(half), 0 * half, np.cos(half)], -1)
 
 
 def camera_move(g: Gltf) -> Gltf:
-    """(a)"""
+    """Adds shot (a): a moving camera."""
     return clip(g, "fly", (len(g.root["nodes"]) - 1, "translation", [0, 1], [(10, 3, 30), (12, 4, 20)], "LINEAR"))
 
 
 def rigid_bodies(g: Gltf) -> Gltf:
-    """(b) 100 bodies of ten meshes with 2,000 triangles each, every other one on an arm that turns too."""
+    """Adds shot (b): 100 bodies of ten meshes with 2,000 triangles each, every other one on a rotating arm."""
     channels = []
     for i in range(100):
         if i < 10:
@@ -103,7 +103,7 @@ def rigid_bodies(g: Gltf) -> Gltf:
 
 
 def figure(g: Gltf) -> Gltf:
-    """(c) 50,000 vertices, each on two of 60 joints, all of which turn."""
+    """Adds shot (c): 50,000 vertices, each bound to two of 60 rotating joints."""
     position, normal, index = tube(50_000)
     along = position[:, 1] / 4 * 58.999
     joint = np.stack([along, along + 1, 0 * along, 0 * along], -1).astype(np.uint8)
@@ -123,7 +123,7 @@ def figure(g: Gltf) -> Gltf:
 
 
 def morph(g: Gltf) -> Gltf:
-    """(d) A million triangles towards one target."""
+    """Adds shot (d): a million triangles with one morph target."""
     position, normal, index = relief(1_000_000, 3.0, 10.0)
     other, bent, _ = relief(1_000_000, 5.0, 10.0)
     g.mesh(position + np.float32([5, 1, 5]), index, NORMAL=normal)
@@ -141,7 +141,7 @@ SHOTS: dict[str, tuple[Callable[[Gltf], Gltf], float, str]] = {
 
 
 class Cost(NamedTuple):
-    """Of a frame: seconds until it is compiled, until its parts are written, until a slot has mapped them; bytes of new parts."""
+    """Cost of a frame: seconds to compile it, to write its parts, and to map them in a slot; bytes of new parts."""
 
     compiled: float
     written: float
@@ -150,8 +150,8 @@ class Cost(NamedTuple):
 
 
 def costs(folder: Path, frames: int) -> list[Cost]:
-    """Of each frame of folder/shot.glb."""
-    stage, out = Stage(Shot(folder, "shot.glb"), threads=1), folder / "parts"
+    """Returns the cost of each frame of folder/shot.glb."""
+    stage, out = OpenScene(Shot(folder, "shot.glb"), threads=1), folder / "parts"
     out.mkdir()
     saver, shown, known = Saver(out), None, set[str]()
     found = []
@@ -180,7 +180,7 @@ def costs(folder: Path, frames: int) -> list[Cost]:
 
 
 def measure(name: str, triangles: int, frames: int) -> str:
-    """A row of the table."""
+    """Returns a row of the table."""
     make, asked, words = SHOTS[name]
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "shot.glb").write_bytes(make(still_set(triangles)).glb())

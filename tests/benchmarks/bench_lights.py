@@ -1,11 +1,11 @@
-"""Choosing one light of many: the tree against power and against an even choice.
+"""Choice of one light among many: by the light tree, by power, and uniformly.
 
     python -m tests.benchmarks.bench_lights [--counts 2,4,8,16,1000] [--size 96] [--spp 16]
 
-A furnished room with emitters of all kinds (spheres, squares, points, spots) whose powers differ by a factor of 1,000. Of each
-way to choose: mean squared error at equal samples, time, and mean squared error at equal time, relative to the tree's, over the
-pixels that show no emitter. The reference is a picture of 64 times as many samples by the tree; CPU times of one thread, the
-least of three.
+The scene is a furnished room with emitters of all kinds (spheres, squares, points, spots) whose powers differ by a factor of
+1,000. For each choice: mean squared error at equal samples, time, and mean squared error at equal time, relative to the tree's,
+over the pixels that show no emitter. The reference has 64 times as many samples, by the tree. Times are processor seconds of one
+thread, the minimum of three runs.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def _square(center: np.ndarray, u: np.ndarray, v: np.ndarray, material: int) -> 
 
 
 def room(count: int, seed: int = 0) -> CompiledScene:
-    """A room of 40 x 10 x 40 with 60 balls to shade, and `count` lights (two to a square) spread over it."""
+    """Returns a room of 40 x 10 x 40 with 60 balls, and `count` lights (a square counts as two) distributed over it."""
     rng = np.random.default_rng(seed)
     materials = [Material(base_color=(0.7, 0.7, 0.7)), Material(kind="metallic_roughness", roughness=0.4)]
     sides = [(axis, sign) for axis in range(3) for sign in (-1, 1)]

@@ -1,10 +1,10 @@
-"""What a shot of very many frames takes, and what it keeps others from: each thing that can be asked of it, one after the other.
+"""Cost of a shot with very many frames: each request in turn, and how long it blocks the service's other work.
 
     python3 farm.py bench long_shot [--frames 100000] [--database postgresql] [--finished]
 
-Of each: seconds by the clock, and of a processor (of the whole service); the longest time for which a transaction held the
-database, by the clock and of its thread; how late the event loop was at worst, and how long the engine took for a round at
-worst. Frames are not rendered but for some; with `--finished` all of them are said to be, which makes their rows large.
+For each request: wall seconds, and processor seconds of the whole service; the longest time for which a transaction held the
+database, in wall and thread time; the longest delay of the event loop and the longest round of the engine. Only a few frames are
+rendered; with `--finished` all are marked as rendered, which makes their rows large.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SIZE = {"width": 64, "height": 48, "spp": 4}
 
 
 class Watched:
-    """What was held, and how late who waited was, since `reset`."""
+    """Measures the longest transaction and the longest delays since `reset`."""
 
     def __init__(self) -> None:
         self.held = self.held_processor = self.late = self.round = 0.0
@@ -85,7 +85,7 @@ class Watched:
 
 
 class Measured:
-    """Prints a line for each thing that is done."""
+    """Prints a line for each measured request."""
 
     def __init__(self, watched: Watched) -> None:
         self.watched = watched
@@ -171,7 +171,7 @@ def run(service: Service, measured: Measured, options: argparse.Namespace) -> No
 
 
 def finish(service: Service, job: str) -> None:
-    """As if all were rendered."""
+    """Marks all frames as rendered."""
     settings = service.job(job)["settings"]
     with service.farm.sessions.begin() as session:
         done = {"state": "finished", "samples": 4 * 64 * 48, "target": 4 * 64 * 48, "progress": 1.0, "settings": settings}

@@ -1,10 +1,10 @@
-"""A hundred thousand of anything that a format can have: how the time to read and compile grows with how many there are.
+"""Files with up to 100,000 elements of one kind: how the time to read and compile them grows with their number.
 
     python3 farm.py bench many [WORDS ...] [--count 4000] [--times 4] [--seconds 60] [--memory 4]
 
-Of each thing files are written by formula, with a count and with several times as many, and read in a bounded child as the
-service does it. Told are the processor's seconds of both, the power of the count by which they grow (1: twice as many take twice
-as long), and what 100,000 would take by that. Up to a power of 1.3 a thing is called linear: the machine's caches end somewhere.
+For each kind of element, files with one count and with several times as many are generated and read in a bounded child process.
+Reported are the processor seconds of both, the exponent of the growth (1: twice as many take twice as long), and the time
+extrapolated to 100,000 elements. Up to an exponent of 1.3 the growth counts as linear, since caches are finite.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ THINGS: dict[str, Any] = {**TEXT, **GLTF, **USD}
 
 
 def read(folder: Path, main: str) -> dict[str, Any]:
-    """In the child: what comes of the scene, and the processor's seconds."""
+    """Reads a scene in the child process; returns the outcome and the processor seconds."""
     begun = time.process_time()
     try:
         shot = Shot(folder, main)
@@ -53,7 +53,7 @@ def read(folder: Path, main: str) -> dict[str, Any]:
 
 
 def measured(files: dict[str, bytes], folder: Path, memory: int, seconds: float) -> dict[str, Any]:
-    """What `read` says of these files, in a child of its own."""
+    """Returns the result of `read` for these files in a separate child process."""
     main = pick_main(list(files))[0]
     placed(folder, files)
     try:

@@ -1,17 +1,16 @@
-"""Damaged files of all formats, each read in the bounded child as the service does it: does any end more than its child?
+"""Damaged files of all formats, each read in a bounded child process: checks that none affects more than its child.
 
     python3 farm.py bench mutations [--count 10000] [--seed 1] [--formats WORDS] [--in DIR ...] [--minutes M]
                                       [--jobs 2] [--keep FOLDER] [--page]
 
-A file of one of the formats is drawn, with its textures and what else it names; one of them is damaged in a way that is drawn
-too, and the scene is read and compiled in a forked child with bounds on memory and time (tests/bounded.py). What may
-come of it: it is read (most damage is small), refused with a sentence of its reader's, refused by the net beneath all readers,
-too large, too slow, or the child crashes, as a library in C may: then the worker says so and goes on. --keep: a folder for the
-files of the last four kinds. Seconds are the processor's. Each number of a campaign is drawn by itself, so that
-`--first N --count 1` does the N-th again.
+For each number of a campaign a file of one format is drawn, with its textures and other referenced files; one of them is damaged
+in a random way, and the scene is read and compiled in a forked child with limits on memory and time (tests/bounded.py). Outcomes:
+it is read (most damage is small), refused by its reader, refused by the handler for unexpected errors, too large, too slow, or
+the child crashes in a C library, which a worker reports before it continues. --keep: a folder for the files of the last four
+kinds. Times are processor seconds. Each number is drawn independently, so `--first N --count 1` repeats the N-th.
 
-A child reads some files behind each other; one that is not plainly read or refused is read again by a child of its own, and what
-comes of that counts. .blend files need a Python with bpy, named by RAYFARM_BPY_PYTHON; without one they are left out.
+A child reads several files in sequence; a file that is neither read nor refused is read again by a separate child, whose outcome
+counts. .blend files need a Python with bpy, named by RAYFARM_BPY_PYTHON; without one they are left out.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.load import Shot
 from renderer.scene.readers import assimp, collada, fbx, gltf, mitsuba, obj, pbrt, ply, stl, threemf, trimesh_files, usd, yaml  # noqa: F401 - before the fork
 from service.errors import FarmError
-from service.intake.archives import expand
+from service.intake.archives import extract_archive
 from service.store.blobs import BlobFolder
 from tests.benchmarks.mutations.reading import Came, peak_memory, read_all, reset_peak_memory
 from tests.benchmarks.mutations.seed import Seed, draw, kind_of, packed
@@ -59,7 +58,7 @@ BLEND = ".blend"
 
 
 def read(folder: Path, main: str) -> dict[str, Any]:
-    """In the child."""
+    """Reads and compiles a scene in the child process."""
     reset_peak_memory()
     begun = _used()
     try:
@@ -77,12 +76,12 @@ def read(folder: Path, main: str) -> dict[str, Any]:
 
 
 def _used() -> float:
-    """Seconds of the processor, with what this process has started."""
+    """Returns the processor seconds of this process and its ended children."""
     return sum(sum(resource.getrusage(whose)[:2]) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
 def _refusal(sentence: str) -> str:
-    """What a sentence of ours is called."""
+    """Returns the category of an error message."""
     if "ended while it opened it" in sentence:
         return "child crashed"  # Blender's own process
     if "took longer" in sentence:
@@ -91,13 +90,13 @@ def _refusal(sentence: str) -> str:
 
 
 def _expanded(archive: Path, folder: Path) -> tuple[Path, str]:
-    """What the service makes of a zip: the folder with what is in it, and the scene's file."""
+    """Extracts a zip as the service does; returns the folder and the main file."""
     store = BlobFolder(folder / ".blobs", folder / ".temporary")
     out = folder / ".scene"
     out.mkdir()
     names = []
     with archive.open("rb") as file:
-        for name, writer in expand(file, archive.name, store, 1000, 1 << 30, 200.0, lambda _: None):
+        for name, writer in extract_archive(file, archive.name, store, 1000, 1 << 30, 200.0, lambda _: None):
             path = out / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(writer.rewind().read())
@@ -107,7 +106,7 @@ def _expanded(archive: Path, folder: Path) -> tuple[Path, str]:
 
 
 def outcome(folder: Path, main: str) -> dict[str, Any]:
-    """What came of a scene, in a child of its own."""
+    """Returns the outcome of a scene in a separate child process."""
     memory = BLENDER_MEMORY if main.endswith(BLEND) else MEMORY
     try:
         return run_bounded(lambda _: read(folder, main), lambda _: None, memory, SECONDS, subject=main)
@@ -123,17 +122,17 @@ def outcome(folder: Path, main: str) -> dict[str, Any]:
 
 
 class Campaign:
-    """Numbers of damaged files, read in a folder."""
+    """A series of damaged files, read in a folder."""
 
     def __init__(self, seed: int, all_seeds: dict[str, list[Seed]], folder: Path, jobs: int) -> None:
         self._seed, self._seeds, self._folder, self._jobs = seed, all_seeds, folder, jobs
 
     def of(self, number: int) -> tuple[str, str, dict[str, bytes], str]:
-        """See `draw`."""
+        """Returns the files of a number; see `draw`."""
         return draw(number, self._seed, self._seeds)
 
     def sound(self) -> None:
-        """Reads the sound files here: what each reader loads is loaded before children are forked."""
+        """Reads the undamaged files in this process, so that children are forked with all modules loaded."""
         for kind, given in self._seeds.items():
             for each in given:
                 files = packed(each.main, each.files) if each.is_package else each.files
@@ -142,7 +141,7 @@ class Campaign:
                     sys.exit(f"The sound file {each.main} of {kind} is not read: {result['sentence']}")
 
     def run(self, numbers: range, until: float) -> Iterator[tuple[int, float, dict[str, Any]]]:
-        """(number, seconds, what came of it), not in their order; ends early where it is past `until`."""
+        """Yields (number, seconds, outcome) in any order; stops at the time `until`."""
         by_blender = {number for number in numbers if kind_of(number, self._seed, self._seeds) == BLEND}
         rest = (number for number in numbers if number not in by_blender)
         for some, memory in ((rest, MEMORY), (sorted(by_blender), BLENDER_MEMORY)):
@@ -156,7 +155,7 @@ class Campaign:
             yield from map(self._again, doubtful)
 
     def _read(self, number: int, slot: int) -> dict[str, Any]:
-        """In a child that reads many."""
+        """Reads a file in a child that reads many."""
         _, main, files, _ = self.of(number)
         return read(placed(self._folder / f"case-{slot}", files), main)
 
@@ -221,7 +220,7 @@ def main() -> int:
 
 
 def placed(folder: Path, files: dict[str, bytes]) -> Path:
-    """A folder with these files and no others."""
+    """Empties a folder and writes these files to it."""
     shutil.rmtree(folder, ignore_errors=True)
     for name, data in files.items():
         path = folder / name

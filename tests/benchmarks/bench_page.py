@@ -1,11 +1,11 @@
-"""The page in a browser: what a hand on a 4K film costs, a job watched live, long lists, opening the page first and again.
+"""The page in a browser: gestures on a 4K film, a live job, long lists, and opening the page for the first time and again.
 
     python3 farm.py bench page [hand] [live] [lists] [reload] [first] [--slots 2] [--seconds 60] [--jobs 10000] [--rounds 20]
 
-Each figure stands beside what is asked. Debian's Chromium, headless, draws WebGL on the processor (SwiftShader), which takes
-hundreds of milliseconds where a graphics card takes one or two; so the hand is measured twice, as it is and with the shader's
-work left out, where everything else is done as before: the page's code, the upload of tiles, layout, and the browser's own part.
-Processor times are user and system together, and change little on a machine that does other things; wall-clock times do.
+Each figure is printed next to its target. Headless Chromium draws WebGL on the processor (SwiftShader), which takes hundreds of
+milliseconds where a graphics card takes one or two. So gestures are measured twice: unchanged, and without the shader's work,
+which leaves the page's code, the upload of tiles, layout, and the browser's own part. Processor times are user plus system time,
+and hardly depend on other work of the machine; wall times do.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ requestAnimationFrame(beat);
 
 
 def main() -> None:
-    """Measure, print, done."""
+    """Measures and prints the results."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("parts", nargs="*", metavar="part", help=f"of {', '.join(PARTS)}; all unless told")
     parser.add_argument("--slots", type=int, default=2)
@@ -88,7 +88,7 @@ def main() -> None:
 
 
 def hand(farm: Farm, browser: Browser, _: argparse.Namespace) -> None:
-    """Zooming and panning a film of 3840x2160."""
+    """Measures zooming and panning of a film of 3840x2160."""
     job = rendered(farm, width=3840, height=2160, spp=1)
     page = opened(browser, f"{farm.url}/#/jobs/{job}")
     cdp = page.context.new_cdp_session(page)
@@ -109,7 +109,7 @@ def hand(farm: Farm, browser: Browser, _: argparse.Namespace) -> None:
 
 
 def moved(page: Page, cdp: Any, gesture: str) -> str:
-    """What a gesture costs."""
+    """Returns the cost of a gesture as text."""
     box = page.locator("canvas.film").bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -139,7 +139,7 @@ def moved(page: Page, cdp: Any, gesture: str) -> str:
 
 
 def live(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
-    """A job of 1920x1080 in an open page, while niced workers render it."""
+    """Measures a job of 1920x1080 in an open page while low-priority workers render it."""
     for name, pid in farm.pids().items():
         if name not in ("service", "redis"):
             for process in (psutil.Process(pid), *psutil.Process(pid).children(recursive=True)):
@@ -174,7 +174,7 @@ def live(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
 
 
 def lists(farm: Farm, _: Browser, options: argparse.Namespace) -> None:
-    """Pages of a thousand jobs."""
+    """Measures pages of a thousand jobs."""
     service = psutil.Process(farm.pids()["service"])
     print(f"Lists of a farm with {options.jobs} jobs, {options.rounds} requests each")
     asked = {"newest": {}, "by name": {"sort": "name"}, "found by a word": {"search": "truck"}, "shots alone": {"shot": True}}
@@ -196,7 +196,7 @@ def lists(farm: Farm, _: Browser, options: argparse.Namespace) -> None:
 
 
 def reload(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
-    """Opening the page again with a warm cache."""
+    """Measures opening the page again with a warm cache."""
     page = opened(browser, f"{farm.url}/", is_watched=False)
     told = []
     for _ in range(max(options.rounds // 4, 3)):
@@ -224,7 +224,7 @@ def reload(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
 
 
 def first(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
-    """Opening the page for the first time, and again, over lines as fast as this machine and slower."""
+    """Measures opening the page for the first time and again, over lines of several speeds."""
     job = rendered(farm, width=320, height=200, spp=4)
     places = {
         "the front page": ("/", (".drop-zone", ".home .job-row")),
@@ -249,7 +249,7 @@ def first(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
 
 @dataclass
 class Visit:
-    """When each thing that was waited for was there, and what had been asked of the service by the last of them."""
+    """Arrival time of each awaited item, and the number of requests until the last of them."""
 
     seconds: list[float]
     requests: int
@@ -257,7 +257,7 @@ class Visit:
 
 
 def visited(context: BrowserContext, url: str, wanted: Sequence[str], line: tuple[float, float] | None) -> Visit:
-    """A visit over a line of so many bits a second and milliseconds of latency."""
+    """Visits the page over a line with this many bits per second and milliseconds of latency."""
     page = context.new_page()
     cdp = context.new_cdp_session(page)
     cdp.send("Network.enable")
@@ -290,7 +290,7 @@ PARTS: dict[str, Callable[[Farm, Browser, argparse.Namespace], None]] = {
 
 
 def opened(browser: Browser, url: str, is_watched: bool = True) -> Page:
-    """A fresh page in a profile of its own."""
+    """Opens a page in a new browser profile."""
     page = browser.new_context(viewport=WINDOW).new_page()
     if is_watched:
         page.add_init_script(WATCH)
@@ -299,7 +299,7 @@ def opened(browser: Browser, url: str, is_watched: bool = True) -> Page:
 
 
 def submitted(farm: Farm, **request: Any) -> str:
-    """A job of the spheres."""
+    """Submits a job of the spheres scene and returns its id."""
     with farm.client() as client:
         scene = httpx.post(f"{farm.url}/api/examples/spheres", verify=False).raise_for_status().json()["id"]
         client.wait_for_scene(scene)
@@ -307,39 +307,39 @@ def submitted(farm: Farm, **request: Any) -> str:
 
 
 def rendered(farm: Farm, **request: Any) -> str:
-    """A job that is finished."""
+    """Returns the id of a finished job."""
     job = submitted(farm, **request)
     wait_until(lambda: described(farm, job)["state"] == "finished", 600, "the job is finished")
     return job
 
 
 def described(farm: Farm, job: str) -> dict[str, Any]:
-    """A job as the service tells it."""
+    """Returns a job as the API describes it."""
     found: dict[str, Any] = httpx.get(f"{farm.url}/api/jobs/{job}", verify=False, timeout=60).raise_for_status().json()
     return found
 
 
 def spent(cdp: Any) -> dict[str, float]:
-    """Seconds of the page's main thread, since it began."""
+    """Returns the seconds of the page's main thread since it started, by kind of work."""
     told = {each["name"]: each["value"] for each in cdp.send("Performance.getMetrics")["metrics"]}
     return {"script": told["ScriptDuration"], "layout": told["LayoutDuration"] + told["RecalcStyleDuration"]}
 
 
 def cpu(process: psutil.Process) -> float:
-    """Seconds of processor that it has taken."""
+    """Returns the processor seconds of a process."""
     times = process.cpu_times()
     return float(times.user + times.system)
 
 
 def share(process: psutil.Process, seconds: float) -> float:
-    """How much of a core it takes."""
+    """Returns the share of a core that a process uses."""
     begun, before = time.perf_counter(), cpu(process)
     time.sleep(seconds)
     return (cpu(process) - before) / (time.perf_counter() - begun)
 
 
 def memory(page: Page) -> dict[str, float]:
-    """Of the tab, in MB: its heap, and its process, which is the largest of those that draw pages."""
+    """Returns the tab's memory in MB: its JavaScript heap, and its renderer process, the largest of these."""
     cdp = page.context.new_cdp_session(page)
     cdp.send("HeapProfiler.collectGarbage")
     heap = page.evaluate("performance.memory.usedJSHeapSize")

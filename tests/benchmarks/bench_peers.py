@@ -1,11 +1,11 @@
-"""Held against Mitsuba, Embree and Cycles, each at its best, in turn; and against what is asked of us where there is no peer.
+"""Comparison with Mitsuba, Embree and Cycles, each at its fastest, in alternating rounds; else with targets.
 
     python3 farm.py bench peers [--quick] [--long] [--rows samples,rays] [--only "Cornell box,textured mesh"] [--out FOLDER]
-    python3 farm.py bench peers --against COMMIT [--rounds 15] [--spp 4]   # row samples, against another commit of ours
+    python3 farm.py bench peers --against COMMIT [--rounds 15] [--spp 4]   # row samples, compared with another commit
 
-Prints medians, spread and ratios beside what is to be reached, and which lines fall short; writes peers.json, peers.txt and
-a plot a row. Ends with 1 where a row could not be measured, not where one falls short. Takes hours without --quick, and a
-machine that does nothing else.
+Prints medians, spread and ratios next to the targets, and the lines that miss theirs; writes peers.json, peers.txt and a plot for
+each row. Exits with 1 if a row cannot be measured, not if one misses its target. Takes hours without --quick, on an otherwise
+idle machine.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ BUSY = 0.3  # of a core, that others use
 
 
 def main() -> int:
-    """Measure, print, write."""
+    """Measures, prints and writes the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="small scenes and one round: whether every row works")
     parser.add_argument("--long", action="store_true", help=f"also a file of {LONG_FILE:,} triangles")
@@ -105,7 +105,7 @@ def main() -> int:
 
 
 def _measure(row: str, lines: Callable[..., Iterator[Line]], sizes: Sizes, report: Report) -> None:
-    """Measures a row's lines into the report; one that fails does not keep the others from being measured."""
+    """Adds a row's measured lines to the report; the failure of one row does not prevent the others."""
     begun = time.perf_counter()
     print(f"{row} ...", flush=True)
     try:
@@ -131,12 +131,12 @@ def _rows(text: str) -> list[str]:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Names, which may have commas with a space behind them."""
+    """Parses names separated by commas; a comma followed by a space belongs to the name."""
     return tuple(name.strip() for name in re.split(r",(?! )", text) if name.strip())
 
 
 def _machine() -> dict[str, Any]:
-    """What the figures hold for; whether others used it at the time."""
+    """Describes the machine of the figures, and its load at the time."""
     cores = len(os.sched_getaffinity(0))
     load = os.getloadavg()[0]
     if load > BUSY:

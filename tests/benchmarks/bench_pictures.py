@@ -1,10 +1,10 @@
-"""Many readers of a large picture at once: how long /healthz takes meanwhile, and how much memory the service takes and keeps.
+"""Many clients request a large picture at once: latency of /healthz meanwhile, and memory of the service.
 
     python3 farm.py bench pictures
 
-A job of 3840x2160 pixels, then 300 requests at the same time, 50 of them whole pictures in every format (PNG, JPEG, EXR, HDR,
-RGB9E5; planes, layers and smaller copies), the others small: jobs, pixels, thumbnails, lists. Every picture is another one, so
-that nobody shares an answer. A reader who is turned away (503) comes back after the Retry-After that it was told.
+A job of 3840x2160 pixels gets 300 simultaneous requests: 50 for whole pictures in every format (PNG, JPEG, EXR, HDR, RGB9E5;
+planes, layers and smaller copies), the others small: jobs, pixels, thumbnails, lists. All pictures differ, so that no result is
+shared. A client that receives 503 retries after its Retry-After.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SMALL = ["", "/frames/0/pixel?x={n}&y=7", "/frames/0/pixel?x=7&y={n}"]
 
 
 def main() -> None:
-    """Measure, print, done."""
+    """Measures and prints the results."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--size", default="3840x2160")
     parser.add_argument("--requests", type=int, default=300)
@@ -66,7 +66,7 @@ def main() -> None:
 
 
 def rendered(farm: Farm, width: int, height: int) -> tuple[str, str]:
-    """A finished job of that size, and its scene."""
+    """Returns the ids of a finished job of that size and of its scene."""
     with farm.client() as client:
         scene = client.wait_for_scene(client.upload([SCENE]).id).id
         job = client.submit(scene, width=width, height=height, spp=2, max_depth=3).id
@@ -75,7 +75,7 @@ def rendered(farm: Farm, width: int, height: int) -> tuple[str, str]:
 
 
 def addresses(job: str, scene: str, width: int, requests: int, pictures: int, seed: int) -> list[str]:
-    """The requests, the pictures evenly among the small ones."""
+    """Returns the requests' paths, with the pictures distributed evenly."""
     whole = [
         f"/api/jobs/{job}/frames/0/" + WHOLE[i % len(WHOLE)].format(x=(seed * 1000 + i) / 4096, w=width // 2 - i - 64 * seed)
         for i in range(pictures)
@@ -90,7 +90,7 @@ def addresses(job: str, scene: str, width: int, requests: int, pictures: int, se
 
 
 def load(farm: Farm, asked: list[str]) -> None:
-    """Ask for all at once and tell what it took."""
+    """Sends all requests at once and prints their latencies."""
     service = psutil.Process(farm.pids()["service"])
     before = resident(service)
     with multiprocessing.get_context("spawn").Pool(1) as pool, multiprocessing.Manager() as manager:
@@ -117,7 +117,7 @@ def load(farm: Farm, asked: list[str]) -> None:
 
 
 async def ask(url: str, paths: list[str]) -> list[tuple[float, int, int]]:
-    """For every path: seconds to the whole answer, its status, how many times it was turned away before."""
+    """Returns for every path: seconds until the complete answer, its status, and the number of earlier 503 answers."""
     limits = httpx.Limits(max_connections=None, max_keepalive_connections=0)
     async with httpx.AsyncClient(base_url=url, timeout=600, limits=limits) as http:
         return await asyncio.gather(*(_ask(http, path) for path in paths))
@@ -140,7 +140,7 @@ async def _ask(http: httpx.AsyncClient, path: str) -> tuple[float, int, int]:
 
 
 def watch(url: str, pid: int, over: Event) -> tuple[list[float], float]:
-    """Until it is over: the latencies of /healthz, each by a connection of its own, and the most memory (MiB)."""
+    """Returns the latencies of /healthz until `over`, each over a new connection, and the peak memory in MiB."""
     process, latencies, most = psutil.Process(pid), [], 0.0
     while not over.is_set():
         begun = time.perf_counter()
@@ -153,7 +153,7 @@ def watch(url: str, pid: int, over: Event) -> tuple[list[float], float]:
 
 
 def resident(process: psutil.Process) -> float:
-    """MiB of a process that are in memory."""
+    """Returns the resident memory of a process in MiB."""
     return float(process.memory_info().rss) / MIB
 
 

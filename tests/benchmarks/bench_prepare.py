@@ -1,9 +1,9 @@
-"""From a GLB file to a scene that is ready to render: time, and the most memory that it took.
+"""Time and peak memory from a GLB file to a scene that is ready to render.
 
     python -m tests.benchmarks.bench_prepare [TRIANGLES] [ROUNDS]
 
-The file is a displaced sphere with normals and UVs, written for the occasion. Processor time matters less to other work on the
-machine than the clock's; memory is what the process had at most, less what it had before.
+The file is a generated displaced sphere with normals and UVs. Time is processor time, which depends less on other work of the
+machine than wall time; memory is the process' peak minus its initial use.
 """
 
 from __future__ import annotations
@@ -66,13 +66,13 @@ def _write(path: Path, triangles: int) -> None:
 
 
 def _memory(what: str) -> int:
-    """Bytes that /proc says this process has (VmRSS) or has had at most (VmHWM)."""
+    """Returns a memory figure of this process in bytes: current (VmRSS) or peak (VmHWM)."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) << 10 for line in lines if line.startswith(what))
 
 
 def main() -> None:
-    """Prints a line a round."""
+    """Prints a line for each round."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("triangles", nargs="?", type=int, default=1_000_000, help="about so many; a million unless told")
     parser.add_argument("rounds", nargs="?", type=int, default=5, help="five unless told")

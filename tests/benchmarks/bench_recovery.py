@@ -1,10 +1,10 @@
-"""How soon a farm is back after its processes are killed, and whether the picture is what it would have been.
+"""Recovery time of a farm after its processes are killed, and whether the picture's digest is unchanged.
 
     python3 farm.py bench recovery [--kills 12] [--seed 1] [--slots 1] [--parts service,worker,slot,redis]
 
-While a job renders, a process is killed, a different one each time and by different signals, as often as asked; the seed says
-which and when. `serves` is the time from the kill until the process is there again and the service answers as ready, `renders`
-until samples come in after that. At the end the digest is held against that of the same job left alone.
+While a job renders, processes are killed one at a time by different signals; the seed determines which and when. `serves` is the
+time from the kill until the process exists again and the service is ready, `renders` until samples arrive after that. At the end
+the digest is compared with that of the same job without kills.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def measure(farm: Farm, client: Client, draw: random.Random, options: argparse.Namespace) -> None:
-    """Render disturbed, then alone; print what each kill cost, and whether the pictures are the same."""
+    """Renders with and without kills; prints the recovery time of each kill, and whether the digests are equal."""
     scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id)
     asked = {"width": 160, "height": 120, "max_depth": 5}
     trial = client.wait(client.submit(scene.id, **asked, spp=256).id)
@@ -95,7 +95,7 @@ def _victim(farm: Farm, name: str, draw: random.Random) -> psutil.Process:
 
 
 def _is_back(farm: Farm, victim: psutil.Process, slots: int) -> bool:
-    """Returns True if what was killed is gone, there are as many processes as before, and the service is ready."""
+    """Returns True if the killed process is gone, all processes run again, and the service is ready."""
     is_gone = not victim.is_running() or victim.status() == psutil.STATUS_ZOMBIE
     return is_gone and victim.pid not in farm.pids().values() and _number(farm) >= slots and _ready(farm)
 

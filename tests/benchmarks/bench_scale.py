@@ -1,10 +1,10 @@
-"""What a service takes as slots become many: results merged a second, processors, the stream, memory, and whether all is exact.
+"""Load of a service with many slots: results merged per second, processor time, stream length, memory, and exactness of the sums.
 
     python3 farm.py bench scale [--slots 100,1000] [--tile 64,128] [--watchers 0,50] [--seconds 30]
 
 Slots are simulated (tests/benchmarks/scale/slots.py); Redis, the service, the messages and the sums are real. A slot takes a
-sixteenth of a second for a sample of a tile of 128 x 128. Processor seconds count beside wall time: the slots' own work is on
-the same machine.
+sixteenth of a second for a sample of a tile of 128 x 128. Processor seconds are reported in addition to wall time, since the
+slots run on the same machine.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ HEAD = (
 
 
 def main() -> None:
-    """A row for each combination."""
+    """Prints a row for each combination."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--slots", default="100,200,1000")
     parser.add_argument("--tile", default="128")
@@ -100,7 +100,7 @@ def main() -> None:
 
 
 def real_sums(side: int) -> Sums:
-    """Sums of a tile in the middle of a real picture, of a renderer's noise."""
+    """Returns the sums of a tile in the middle of a rendered picture, with realistic noise."""
     compiled, summary = load_scene(SCENE, Env(), Clock())
     view = summary["cameras"][0]["view"]
     settings = RenderSettings(1920, 1080, View(**{k: tuple(v) if isinstance(v, list) else v for k, v in view.items()}))
@@ -108,7 +108,7 @@ def real_sums(side: int) -> Sums:
 
 
 def line(load: Load, taken: Taken, size: int) -> str:
-    """A row of the table."""
+    """Returns a row of the table."""
     each = 1e3 * taken.service_s / max(taken.merged, 1)
     health = 1e3 * statistics.quantiles(taken.health_s, n=20)[-1]
     wait = 1e3 * statistics.quantiles(taken.rounds_s, n=20)[-1] if taken.rounds_s else 0.0

@@ -1,11 +1,11 @@
-"""A shot through the farm: how soon it is seen, and what all of it takes beside the time of its samples.
+"""A shot through the farm: time to the first frame, and total time compared with that of its samples alone.
 
     python3 farm.py bench shot [--frames 250] [--shot camera|bodies|figure] [--slots 2,1] [--rounds 1] [--spp 1]
 
-First the frames are rendered in one process, of parts that are ready: the time of the samples. Then each through a farm with so
-many slots, from the request until the job is finished, watched as the page does; first the one and then the other, so that other
-work on the machine falls on both. The digests of some frames must agree. Targets: a first frame within 1 s, and all within 1.1
-times the samples' own time.
+First the frames are rendered in one process from prepared parts: the time of the samples. Then they are rendered through a farm
+with that many slots, from the request until the job is finished, watched as by the page; both alternate, so that other work on
+the machine affects both. The digests of some frames must agree. Targets: a first frame within 1 s, and all frames within 1.1
+times the samples' time.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from typing import NamedTuple
 import psutil
 from websockets.sync.client import connect
 
-from rayfarm.stage import Stage
+from rayfarm.stage import OpenScene
 from renderer.film import digest
 from renderer.render import render_batch, variant_for, warm_up
 from renderer.scene.animation import Moment
@@ -42,7 +42,7 @@ LOOKED_AT = 3  # frames whose digests are compared
 
 
 class Taken(NamedTuple):
-    """Seconds from the request to the first frame and to the end, and of the processor by process."""
+    """Seconds from the request to the first frame and to the end, and processor seconds by process."""
 
     first: float
     all: float
@@ -50,12 +50,12 @@ class Taken(NamedTuple):
 
     @property
     def sum(self) -> float:
-        """Of all processes of the farm."""
+        """Returns the processor seconds of all processes of the farm."""
         return sum(self.processor.values())
 
 
 def main() -> None:
-    """Measure, print, done."""
+    """Measures and prints the results."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--frames", type=int, default=250)
     parser.add_argument("--shot", choices=[name for name in SHOTS if name != "morph"], default="camera")
@@ -86,7 +86,7 @@ def main() -> None:
 
 
 def report(slots: int, alone: tuple[float, float], taken: Taken, frames: int) -> str:
-    """Some lines."""
+    """Returns the results as lines of text."""
     wall, processor = alone
     by = ", ".join(f"{name} {seconds:.1f}" for name, seconds in taken.processor.items())
     beside = 1000 * (taken.sum - processor) / frames
@@ -105,8 +105,8 @@ def report(slots: int, alone: tuple[float, float], taken: Taken, frames: int) ->
 
 
 def prepared(folder: Path, count: int) -> list[tuple[CompiledScene, RenderSettings]]:
-    """Every frame's scene, of parts, and its settings as the farm finds them."""
-    stage, out = Stage(Shot(folder / "scene", "shot.glb")), folder / "parts"
+    """Returns every frame's scene, compiled from parts, and its settings as a farm resolves them."""
+    stage, out = OpenScene(Shot(folder / "scene", "shot.glb")), folder / "parts"
     out.mkdir()
     saver = Saver(out)
     found: list[tuple[CompiledScene, RenderSettings]] = []
@@ -124,7 +124,7 @@ def prepared(folder: Path, count: int) -> list[tuple[CompiledScene, RenderSettin
 
 
 def samples_alone(frames: list[tuple[CompiledScene, RenderSettings]], threads: int, spp: int) -> tuple[float, float]:
-    """Wall and processor seconds of the samples, a frame a thread."""
+    """Returns wall and processor seconds of the samples, with one frame per thread."""
     whole = Tile(0, 0, SIZE["width"], SIZE["height"])
     begun = time.perf_counter(), time.process_time()
     with ThreadPoolExecutor(threads) as pool:
@@ -134,7 +134,7 @@ def samples_alone(frames: list[tuple[CompiledScene, RenderSettings]], threads: i
 
 
 def through(farm: Farm, scene: str, frames: int, spp: int) -> tuple[Taken, list[str]]:
-    """A job of these frames, watched from its request to its end; and the first frames' digests."""
+    """Renders these frames as a watched job; returns its times, and the first frames' digests."""
     before = processor(farm)
     with farm.client() as client:
         begun = time.perf_counter()
@@ -159,14 +159,14 @@ def through(farm: Farm, scene: str, frames: int, spp: int) -> tuple[Taken, list[
 
 
 def check(frames: list[tuple[CompiledScene, RenderSettings]], digests: list[str], spp: int) -> None:
-    """The farm's bits are those of this process."""
+    """Checks that the farm's digests equal those of this process."""
     whole = Tile(0, 0, SIZE["width"], SIZE["height"])
     for (compiled, settings), found in zip(frames, digests, strict=False):
         assert digest(render_batch(compiled, settings, whole, 0, spp).sums) == found
 
 
 def processor(farm: Farm) -> Counter[str]:
-    """Seconds by part of the farm, its ended children included."""
+    """Returns processor seconds by part of the farm, including ended children."""
     found: Counter[str] = Counter()
     for name, pid in farm.pids().items():
         with_children = [psutil.Process(pid), *psutil.Process(pid).children(recursive=True)]
@@ -176,14 +176,14 @@ def processor(farm: Farm) -> Counter[str]:
 
 
 def ready_scene(farm: Farm, path: Path) -> str:
-    """Uploaded and prepared."""
+    """Uploads a scene, waits until it is ready, and returns its id."""
     with farm.client() as client:
         return client.wait_for_scene(client.upload([path]).id).id
 
 
 @contextmanager
 def running(data: Path, slots: int) -> Iterator[Farm]:
-    """A farm, for the length of a `with` block."""
+    """Context manager that runs a farm."""
     farm = start_farm(data, slots)
     try:
         yield farm

@@ -1,9 +1,9 @@
-"""Two services, and the one that works as the farm is killed, or stands still: how long until the other one is ready?
+"""Takeover time with two services: the owner of the farm is killed or suspended, until the other one is ready.
 
     python3 farm.py bench takeover [--times 20] [--how kill|stop] [--database sqlite|postgresql]
 
-From the signal until `/readyz` of the other says `ready`, asked fifty times a second. Nothing is rendered meanwhile: how long it
-takes until samples come again is told by `farm.py bench faults --kinds 'two services,'`.
+Measured from the signal until the other service's `/readyz` reports `ready`, polled fifty times per second. Nothing is rendered
+meanwhile; the time until samples arrive again is measured by `farm.py bench faults --kinds 'two services,'`.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def main() -> None:
 
 
 def takeovers(folder: Path, settings: dict[str, object], options: argparse.Namespace, ends: ExitStack) -> list[float]:
-    """The seconds that each took."""
+    """Returns the seconds of each takeover."""
     started: list[Started] = []
 
     def start() -> Started:
@@ -70,7 +70,7 @@ def takeovers(folder: Path, settings: dict[str, object], options: argparse.Names
 
 
 def pair(both: list[Started]) -> tuple[Started, Started]:
-    """The owner, and the one that stands by, as soon as they are."""
+    """Returns the owner and the standby, as soon as both are ready."""
     until(
         lambda: sorted(each.says() for each in both) == ["ready", "stands by"], "both are there", PATIENCE_S, lambda: told(both)
     )

@@ -1,11 +1,11 @@
-"""The live view of a scene: how soon a new camera shows, and how fast the picture clears up.
+"""Live views of a scene: latency of a new camera, and speed of convergence.
 
     python3 farm.py bench view [--scene spheres] [--slots 2] [--views 60] [--size 960x540] [--rest 256] [--busy]
 
-A farm with so many slots, one watcher. First each camera is sent when the last picture rests: the time until its first picture
-is here. Then cameras come 30 a second, as from a moving hand: the age of the camera that each picture shows. At last the time to
-1, 4, 16 and 64 samples a pixel, and what comes until the view is done: pictures, bytes, and seconds of the service's processor.
---busy: while a job renders, for whose batches the views wait. Target: a new view within 150 ms.
+A farm with that many slots has one viewer. First each camera is sent when the previous picture is complete: the time until its
+first picture arrives. Then 30 cameras per second are sent, as while dragging: the age of the camera that each picture shows.
+Finally the time to 1, 4, 16 and 64 samples per pixel, and the traffic until the view is done: pictures, bytes, and the service's
+processor seconds. --busy: while a job renders, whose batches delay the views. Target: a new view within 150 ms.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tests.helpers import ROOT, Farm, start_farm, stop_farm
 
 
 class Viewer:
-    """A watcher that acknowledges at once, and sees to it that the pictures are of the views that it asked for."""
+    """A viewer that acknowledges at once, and checks that pictures belong to the requested views."""
 
     def __init__(self, socket: ClientConnection, view: dict[str, Any], size: tuple[int, int]) -> None:
         self.socket, self.view, self.size = socket, view, size
@@ -38,7 +38,7 @@ class Viewer:
         self.bytes = self.pictures = 0
 
     def send(self, angle: float) -> int:
-        """Another camera: the scene's own, turned."""
+        """Sends the scene's camera, rotated by an angle; returns the view's id."""
         (ex, ey, ez), (tx, _, tz) = self.view["eye"], self.view["target"]
         x, z = ex - tx, ez - tz
         c, s = math.cos(angle), math.sin(angle)
@@ -49,7 +49,7 @@ class Viewer:
         return self.id
 
     def picture(self, timeout: float = 240.0) -> tuple[int, tuple[int, int]] | None:
-        """The next picture: whose it is and its size; None where none comes in time."""
+        """Returns the view id and size of the next picture; None after the timeout."""
         until = time.perf_counter() + timeout
         while (left := until - time.perf_counter()) > 0:
             try:
@@ -67,7 +67,7 @@ class Viewer:
         return None
 
     def until_samples(self, wanted: int) -> float:
-        """When the view has so many."""
+        """Returns the time at which the view has that many samples."""
         while True:
             message = self.socket.recv(timeout=240)
             if isinstance(message, bytes):
@@ -84,7 +84,7 @@ class Viewer:
 
 
 def main() -> None:
-    """Measure, print, done."""
+    """Measures and prints the results."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--scene", default="spheres")
     parser.add_argument("--slots", type=int, default=2)
@@ -103,7 +103,7 @@ def main() -> None:
 
 
 def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: bool, rest: int) -> None:
-    """Three tables of a line each."""
+    """Prints three one-line tables."""
     with farm.client() as client:
         scene = httpx.post(f"{farm.url}/api/examples/{name}", verify=False).raise_for_status().json()["id"]
         client.wait_for_scene(scene)
@@ -141,7 +141,7 @@ def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: b
 
 
 def moving(viewer: Viewer, views: int) -> list[float]:
-    """Ages of what is shown, while a camera comes every 33 ms."""
+    """Returns the ages of the shown cameras while a camera is sent every 33 ms."""
     ages, begun = [], time.perf_counter()
     for number in range(views):
         viewer.send(0.02 * number)
@@ -153,7 +153,7 @@ def moving(viewer: Viewer, views: int) -> list[float]:
 
 
 def told(seconds: list[float]) -> str:
-    """Percentiles in milliseconds."""
+    """Returns percentiles in milliseconds as text."""
     p50, p95 = np.percentile(np.array(seconds) * 1000, (50, 95))
     return f"p50 {p50:4.0f} ms, p95 {p95:4.0f} ms of {len(seconds)}"
 

@@ -1,4 +1,4 @@
-"""The table of what comes of many files."""
+"""The table of outcomes of many scene files."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The fault campaign counts what it should."""
+"""The counts of the fault campaign."""
 
 from __future__ import annotations
 

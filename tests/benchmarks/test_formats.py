@@ -1,4 +1,4 @@
-"""The row of formats: what it writes is the same mesh in each, and is read as such."""
+"""Row `formats`: the same mesh is written in each format, and read back."""
 
 import numpy as np
 import pytest

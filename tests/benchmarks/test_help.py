@@ -1,4 +1,4 @@
-"""Every benchmark says what it is and takes, and does nothing else when it is asked that."""
+"""Every benchmark has a help text, and `--help` runs nothing."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from blender.rayfarm_addon.scene.nodes import At
+from blender.rayfarm_addon.scene.nodes import SocketInGroups
 
 __all__ = ["Image", "Node", "at", "image_node", "linked", "ramp", "socket"]
 
@@ -43,10 +43,10 @@ def linked(source: Node, into: Node, name: str | int, output: str | int = 0) -> 
     return into
 
 
-def at(source: Node, output: str | int = 0) -> At:
+def at(source: Node, output: str | int = 0) -> SocketInGroups:
     """A socket that the node feeds."""
     end = linked(source, Node("END", {"in": 0.0}), "in", output)
-    return At(end.inputs[0])
+    return SocketInGroups(end.inputs[0])
 
 
 def ramp(*stops: tuple[float, tuple[float, float, float]]) -> Any:

@@ -279,7 +279,7 @@ def cancelled() -> dict:
 
     # There is no Esc without a window: the question is answered here once a tile has come.
     engine.RayfarmEngine._show = counted
-    engine.RayfarmEngine._is_broken_off = lambda self: bool(shown)
+    engine.RayfarmEngine._is_cancelled = lambda self: bool(shown)
     bpy.ops.render.render()
     return {"tiles": len(shown)}
 
@@ -310,7 +310,7 @@ def viewport() -> dict:
             view.read(depsgraph)
             view.look(region, depsgraph)
             longest[0] = max(longest[0], time.monotonic() - begun)
-            rests = view._reading is None and not view._waits and view._watching.is_settled
+            rests = view._reading is None and not view._waits and view._watching.is_up_to_date
             shown, text = view._watching.state  # after it was asked whether that is of the newest scene
             if rests and shown is not None and shown.id == view._watching.number and text.endswith("done"):
                 sent.append(sent_bytes())
@@ -340,14 +340,14 @@ def viewport() -> dict:
 def large() -> dict:
     """Returns the CPU seconds to export a million triangles with normals and UVs."""
     from rayfarm_addon.scene.files import digest_of, scene_files
-    from rayfarm_addon.scene.gather import gather
+    from rayfarm_addon.scene.gather import export_scene
 
     scene = empty()
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=1000, y_subdivisions=500)
     bpy.ops.object.shade_smooth()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     begun = time.process_time()
-    *_, found = gather(depsgraph, {})
+    *_, found = export_scene(depsgraph, {})
     read = time.process_time()
     files = scene_files(found.scene)
     for content in files.values():

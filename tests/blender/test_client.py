@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from blender.rayfarm_addon.farm.client import Client, FarmError
-from blender.rayfarm_addon.farm.render_request import Asked, Failed, Light
+from blender.rayfarm_addon.farm.render_request import Failed, Light, RenderRequest
 from blender.rayfarm_addon.farm.rendering import Rendering
 from blender.rayfarm_addon.farm.uploads import Uploads
 from blender.rayfarm_addon.farm.websocket import Socket
@@ -168,7 +168,7 @@ def test_without_a_live_channel_the_job_is_asked_for(server: Answering) -> None:
     server.answers["GET /api/jobs/j/live?frame=0"] = 200, b""
     server.answers["GET /api/jobs/j"] = 200, job
     client = Client(server.url)
-    asked = Asked({"scene.yaml": b"{}"}, "scene.yaml", "t", Light([0.5] * 3), {"spp": 4})
+    asked = RenderRequest({"scene.yaml": b"{}"}, "scene.yaml", "t", Light([0.5] * 3), {"spp": 4})
     rendering = Rendering(client, Uploads(client, digest_of), asked)
     events = []
     while not events or not isinstance(events[-1], Failed):
@@ -182,7 +182,7 @@ def test_cancelled_while_the_farm_hangs(server: Answering) -> None:
     client = Client(server.url)
     server.answers["POST /api/scenes"] = 201, {"id": "one"}
     server.answers["GET /api/scenes/one"] = 200, {"status": "preparing", "step": "Reading"}
-    asked = Asked({"scene.yaml": b"{}"}, "scene.yaml", "t", Light([0.0] * 3), {})
+    asked = RenderRequest({"scene.yaml": b"{}"}, "scene.yaml", "t", Light([0.0] * 3), {})
     rendering = Rendering(client, Uploads(client, digest_of), asked)
     until = time.monotonic() + 30
     while not any(key == "GET /api/scenes/one" for key, _, _ in server.asked):

@@ -75,7 +75,7 @@ def scene(**changed: Any) -> tuple[Any, Any]:
 
 def told(**changed: Any) -> list[str]:
     found: list[str] = []
-    cycles.tell_settings(*scene(**changed), found.append, is_clamped=False, has_filter=False)
+    cycles.warn_of_settings(*scene(**changed), found.append, is_clamped=False, has_filter=False)
     return found
 
 

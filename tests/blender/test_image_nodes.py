@@ -11,7 +11,7 @@ from blender.rayfarm_addon.scene.color_nodes import BLENDS, hsv, rgb
 from blender.rayfarm_addon.scene.image_nodes import Painted, Painter
 from blender.rayfarm_addon.scene.images import from_srgb
 from blender.rayfarm_addon.scene.model import Scene, TextureUse
-from blender.rayfarm_addon.scene.nodes import Blend, Plain, Product
+from blender.rayfarm_addon.scene.nodes import Blend, ConstantValue, Product
 from blender.rayfarm_addon.scene.pictures import Pictures
 from blender.rayfarm_addon.scene.textures import Values
 from renderer.image.read import read as read_image
@@ -111,7 +111,7 @@ def test_pictures_that_lie_differently_are_not_mixed() -> None:
 
 def test_a_blend_of_looks_is_painted() -> None:
     found = Values(Scene(), "paint", set()).read(
-        Blend(at(spots("Non-Color")), Plain(0.2), Plain([1.0, 0.0, 0.0])), [0.0] * 3, "colour"
+        Blend(at(spots("Non-Color")), ConstantValue(0.2), ConstantValue([1.0, 0.0, 0.0])), [0.0] * 3, "colour"
     )
     share = SPOTS @ np.array([0.2126, 0.7152, 0.0722], np.float32)
     np.testing.assert_allclose(found.image.texels[..., 0], 0.2 + 0.8 * share, atol=1e-5)
@@ -124,14 +124,14 @@ def test_heights_become_slopes() -> None:
     bump = Node("BUMP", {"Strength": 1.0, "Distance": 0.5, "Height": None, "Normal": None}, ("Normal",), invert=False)
     linked(image_node(Image("rising", rising, "Non-Color")), bump, "Height")
     values = Values(Scene(), "paint", set())
-    from blender.rayfarm_addon.scene.nodes import followed
+    from blender.rayfarm_addon.scene.nodes import source_of
 
-    found = values.bumps(followed(at(bump))[0], lambda uv_set: (4.0, 1.0))
+    found = values.bumps(source_of(at(bump))[0], lambda uv_set: (4.0, 1.0))
     assert found is not None
     normal = found.image.texels[1, 3, :3] * 2 - 1
     slope = 0.5 * (1 / 8) / 0.5
     np.testing.assert_allclose(normal, np.array([-slope, 0, 1]) / np.hypot(slope, 1), atol=1e-6)
-    assert values.bumps(followed(at(bump))[0], lambda uv_set: None) is None
+    assert values.bumps(source_of(at(bump))[0], lambda uv_set: None) is None
 
 
 def test_a_colour_that_is_asked_for_a_number_is_its_luminance() -> None:
@@ -147,7 +147,7 @@ def test_a_colour_that_is_asked_for_a_number_is_its_luminance() -> None:
 
 
 def test_a_product_is_scaled_down_to_fit_into_a_picture() -> None:
-    found = Painter("paint", lambda _: TextureUse("")).paint(Product(at(spots("Non-Color")), Plain(3.0)), "light")
+    found = Painter("paint", lambda _: TextureUse("")).paint(Product(at(spots("Non-Color")), ConstantValue(3.0)), "light")
     assert isinstance(found, tuple)
     most = found[0].scale_down()
     assert most == pytest.approx(3 * SPOTS.max(), rel=1e-5)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from blender.rayfarm_addon.scene.lights import add_light, of_nodes
+from blender.rayfarm_addon.scene.lights import add_light, constant_emission_factor
 from blender.rayfarm_addon.scene.model import Scene
 from blender.rayfarm_addon.scene.temperature import blackbody
 from tests.blender.fake_nodes import Node, linked
@@ -76,7 +76,7 @@ def test_numbers_behind_a_lamp_are_worked_out() -> None:
         shines = Node("EMISSION", {"Color": (1.0, 1.0, 1.0, 1.0), "Strength": 1.0}, ("Emission",))
         linked(falls, linked(body, shines, "Color"), "Strength", output)
         end = linked(shines, Node("OUTPUT_LIGHT", {"Surface": None}, ()), "Surface")
-        found = of_nodes(SimpleNamespace(get_output_node=lambda engine, end=end: end))
+        found = constant_emission_factor(SimpleNamespace(get_output_node=lambda engine, end=end: end))
         assert found == (None if wanted is None else pytest.approx(wanted, rel=1e-6))
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from blender.rayfarm_addon.scene.model import Scene
-from blender.rayfarm_addon.scene.nodes import constant, followed
-from blender.rayfarm_addon.scene.shader_mix import look_of
+from blender.rayfarm_addon.scene.nodes import constant_value, source_of
+from blender.rayfarm_addon.scene.shader_mix import principled_look
 from blender.rayfarm_addon.scene.surfaces import Surfaces
 from tests.blender.fake_nodes import Node, at, linked
 
@@ -36,9 +36,9 @@ def mixed(first: Node, second: Node, share: float | Node = 0.5) -> Node:
 
 def looked(node: Node) -> tuple[Any, list[str]]:
     told: list[str] = []
-    look = look_of(followed(at(node))[0], told.append)
+    look = principled_look(source_of(at(node))[0], told.append)
     assert look is not None
-    return lambda name: constant(look.input(name)), told
+    return lambda name: constant_value(look.input(name)), told
 
 
 def material(node: Node) -> tuple[dict[str, Any], list[str]]:

@@ -10,7 +10,7 @@ import pytest
 
 from blender.rayfarm_addon.scene import subsurface
 from blender.rayfarm_addon.scene.model import Scene
-from blender.rayfarm_addon.scene.nodes import followed
+from blender.rayfarm_addon.scene.nodes import source_of
 from blender.rayfarm_addon.scene.surfaces import Surfaces
 from blender.rayfarm_addon.scene.volumes import Medium, medium_of
 from blender.rayfarm_addon.scene.world import read_world
@@ -36,7 +36,7 @@ def principled(**more: Any) -> Node:
 
 def read(node: Node) -> tuple[Medium | None, list[str]]:
     told: list[str] = []
-    return medium_of(followed(at(node))[0], told.append), told
+    return medium_of(source_of(at(node))[0], told.append), told
 
 
 def close(found: Medium | None, sigma_a: Any, sigma_s: Any, g: float) -> None:

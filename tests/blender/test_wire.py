@@ -52,7 +52,7 @@ def test_a_view_grows_tile_by_tile() -> None:
     planes = np.moveaxis(LIGHT, -1, 0)
     left, right = Tile(0, 0, 21, 37), Tile(21, 0, 32, 37)
     tiles = [ViewTile(left, planes[:, :, :21], 4, False), ViewTile(right, planes[:, :, 21:], 64, True)]
-    view = packets.View()
+    view = packets.ProgressiveView()
     view.take(encode_view(tiles, (53, 37), (53, 37), 9, 3))
     assert (view.id, view.seq, view.whole) == (9, 3, (53, 37))
     np.testing.assert_array_equal(view.rgb[:, 21:], rgbe9995.unpack(rgbe9995.pack(LIGHT[:, 21:])))

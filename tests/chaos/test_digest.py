@@ -10,7 +10,7 @@ from typing import Any
 import psutil
 import pytest
 
-from rayfarm.stage import Stage
+from rayfarm.stage import OpenScene
 from renderer.film import digest
 from renderer.render import render_frame
 from renderer.scene.animation import Moment
@@ -126,7 +126,7 @@ def stills_of(shot: Path, spp: int) -> dict[float, str]:
     """The digests of the frames, each rendered in this process as a still."""
     found: dict[float, str] = {}
     for frame in FRAMES:
-        compiled, summary = Stage(Shot(shot.parent, shot.name)).at(Moment(frame))
+        compiled, summary = OpenScene(Shot(shot.parent, shot.name)).at(Moment(frame))
         view = View.from_json(summary["cameras"][0]["view"])
         settings = RenderSettings(SHOT["width"], SHOT["height"], view, environment=(1.0, 1.0, 1.0))
         found[frame] = digest(render_frame(compiled, settings, spp, threads=2))

@@ -22,7 +22,7 @@ PIXEL = bytes.fromhex(
 @pytest.fixture
 def finished(many: Service, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """Returns the latest finished still with samples according to the database."""
-    monkeypatch.setattr(many.farm.scrubber, "suspect", lambda job: None)  # else it is rendered again at once
+    monkeypatch.setattr(many.farm.scrubber, "check_first", lambda job: None)  # else it is rendered again at once
     newest = select(Job.id).where(Job.state == "finished", Job.shot.is_(None)).order_by(Job.created.desc())
     with many.farm.sessions.begin() as session:
         job = session.scalars(newest).first()

@@ -24,7 +24,7 @@ from protocol.explained import EXPLAIN, ExplainPixel, explained_key
 from protocol.joint import HELP, RENDER_JOINTLY, JointBatch, Piece, Run, help_queue
 from protocol.lifeline import lifeline
 from protocol.result_bytes import result_bytes
-from protocol.site import SiteReport, announced, secret_key, signature, site_key
+from protocol.site import SiteReport, secret_key, signature, site_key, size_signature
 from protocol.sums import pack_sums
 from protocol.terms import Offer, Terms, needs_queue, offer_key, terms_key
 from protocol.view_parts import (
@@ -87,7 +87,7 @@ def encoded() -> dict[str, Any]:
         "vitals": Vitals(5, 10).to_bytes(),
         "site_report": SiteReport("attic", "host", 1, "10.0.0.1", 8700, 1000.0, ["b1"], 3, 2, 100, 50).to_bytes(),
         "signature": signature(b"secret", b"body"),
-        "announced": announced(b"secret", 4),
+        "announced": size_signature(b"secret", 4),
         "view_answer": ViewAnswer("part", "w", 3, "m", "attic-1", {"number": 1, "seconds": 0.5}, b"SUMS").to_bytes(),
         "result_bytes": result_bytes(result),
         "result_fields": {name.decode(): value.decode() for name, value in result.to_fields().items()},

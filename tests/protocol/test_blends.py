@@ -17,7 +17,7 @@ from worker import __main__ as command
 from worker.exchange.errors import RefusedError, WorkError
 from worker.process.context import WorkerContext
 from worker.work import prepare
-from worker.work.prepare import WRITTEN
+from worker.work.prepare import CONVERTED_FOLDER
 
 
 @pytest.fixture
@@ -50,9 +50,9 @@ def options(monkeypatch: pytest.MonkeyPatch) -> Callable[..., argparse.Namespace
 def test_a_worker_says_that_it_has_blender_and_takes_what_needs_it(
     program: str, options: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert command._check(options()) is None
+    assert command._check_settings(options()) is None
     monkeypatch.delenv(NAMED)
-    found = command._check(options("--blender", program))
+    found = command._check_settings(options("--blender", program))
     assert found is not None
     assert found.version == "4.5.1"
     assert "blender" in command._tags(options("--blender", program), "host", "kind")
@@ -63,18 +63,18 @@ def test_a_worker_says_that_it_has_blender_and_takes_what_needs_it(
     assert prepare_queue("kind") in queues
     assert blender_queue("kind") not in WorkerContext("w", 1, "kind", "", link, link, link).queues
     with pytest.raises(RefusedError, match="give --blender"):
-        command._check(options("--tag", "blender"))
+        command._check_settings(options("--tag", "blender"))
     with pytest.raises(RefusedError, match="There is no Blender at"):
-        command._check(options("--blender=/no/blender"))
+        command._check_settings(options("--blender=/no/blender"))
 
 
 def test_what_blender_wrote_lies_beside_what_lights_it(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder, written = tmp_path / "scene", tmp_path / WRITTEN
+    folder, written = tmp_path / "scene", tmp_path / CONVERTED_FOLDER
     room: Any = SimpleNamespace(folder=tmp_path, scene=folder)
     (folder / "sky").mkdir(parents=True)
     (folder / "a.blend").write_bytes(b"BLENDER-v405")
     (folder / "sky" / "noon.exr").write_bytes(b"light")
-    opened = prepare._opened(Manifest("s", "a.blend", [], "sky/noon.exr"), room)
+    opened = prepare._convert_with_blender(Manifest("s", "a.blend", [], "sky/noon.exr"), room)
     assert opened == ["blender-scene.yaml", "blender-world.exr"]
     assert (written / "sky" / "noon.exr").read_bytes() == b"light"
     monkeypatch.delenv(NAMED)
@@ -82,4 +82,4 @@ def test_what_blender_wrote_lies_beside_what_lights_it(program: str, tmp_path: P
     (tmp_path / "again").mkdir()
     room.folder = tmp_path / "again"
     with pytest.raises(WorkError, match=r"a\.blend: this worker has no Blender any more"):
-        prepare._opened(Manifest("s", "a.blend", []), room)
+        prepare._convert_with_blender(Manifest("s", "a.blend", []), room)

@@ -41,7 +41,7 @@ NIGHTS = "Mon-Fri 19:00-07:00, Sat-Sun"
     ],
 )
 def test_when_it_works(text: str, moment: str, are_now: bool) -> None:
-    assert Hours.parse(text).are_now(datetime.fromisoformat(moment)) is are_now
+    assert Hours.parse(text).includes(datetime.fromisoformat(moment)) is are_now
 
 
 @pytest.mark.parametrize(
@@ -91,6 +91,6 @@ def test_a_night_in_which_the_clocks_are_changed_is_worked_from_its_begin_to_its
         time.tzset()
         begin = datetime.fromisoformat(evening).timestamp()
         night = Hours.parse("23:00-06:00")
-        worked = [minute for minute in range(14 * 60) if night.are_now(datetime.fromtimestamp(begin + 60 * minute))]
+        worked = [minute for minute in range(14 * 60) if night.includes(datetime.fromtimestamp(begin + 60 * minute))]
     time.tzset()
     assert worked == list(range(180, 180 + 60 * hours))

@@ -10,7 +10,7 @@ import pytest
 import redis
 
 from rayfarm.local import broker
-from service.access.redis_release import release_printed
+from service.access.redis_release import parse_version_output
 from tests.helpers import running_redis
 
 
@@ -37,7 +37,7 @@ def test_a_flawed_server_is_better_than_none(tmp_path: Path, monkeypatch: pytest
     old = program(tmp_path, "redis-server", "Redis server v=7.0.15")
     monkeypatch.setattr(broker, "_programs", lambda: iter([old]))
     assert broker.find_server() == old
-    assert release_printed("Redis server v=7.0.15").flaw is not None
+    assert parse_version_output("Redis server v=7.0.15").flaw is not None
 
 
 @pytest.mark.parametrize(

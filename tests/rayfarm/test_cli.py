@@ -83,7 +83,7 @@ def test_only_the_command_that_is_typed_is_imported(
     words: list[str], imported: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["rayfarm", *words])
-    assert cli._asked_for() == imported
+    assert cli._commands_to_import() == imported
 
 
 @pytest.mark.long

@@ -15,13 +15,13 @@ import pytest
 from rayfarm import preload
 from rayfarm.local import early
 from rayfarm.local.supervisor import Part, Supervisor
-from renderer.child_processes import begin_line, begun_later
+from renderer.child_processes import delayed_command, start_line
 from tests.helpers import ROOT, wait_until
 
 WAITS = """
 import json, os, sys, time
-from renderer.child_processes import wait_to_begin
-arguments = wait_to_begin()
+from renderer.child_processes import wait_for_start_line
+arguments = wait_for_start_line()
 if arguments is not None:
     print(json.dumps([arguments, os.environ["GIVEN"], os.environ.get("KEPT"), sys.stdin.readline()]), flush=True)
     time.sleep(float(arguments[0]))
@@ -30,15 +30,15 @@ if arguments is not None:
 
 @pytest.fixture
 def waits(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(early, "command", lambda module: [sys.executable, "-c", WAITS])
+    monkeypatch.setattr(early, "waiting_command", lambda module: [sys.executable, "-c", WAITS])
     yield
-    early.end()
+    early.end_processes()
 
 
 def test_a_waiting_process_takes_its_options_environment_and_log_from_a_line(tmp_path: Path) -> None:
     log = tmp_path / "log"
     log.write_text("before\n")
-    line = begin_line(["0", "two words"], {"GIVEN": "a\nb"}, log)
+    line = start_line(["0", "two words"], {"GIVEN": "a\nb"}, log)
     assert line.count(b"\n") == 1
     environment = {**os.environ, "KEPT": "yes", "GIVEN": "no"}
     done = subprocess.run([sys.executable, "-c", WAITS], input=line, cwd=ROOT, env=environment, capture_output=True, check=True)
@@ -54,49 +54,49 @@ def test_a_waiting_process_ends_at_the_end_of_its_input() -> None:
 
 
 def test_a_log_that_cannot_be_opened_does_not_keep_a_process_from_beginning(tmp_path: Path) -> None:
-    line = begin_line(["0"], {"GIVEN": ""}, tmp_path / "missing" / "log")
+    line = start_line(["0"], {"GIVEN": ""}, tmp_path / "missing" / "log")
     done = subprocess.run([sys.executable, "-c", WAITS], input=line, cwd=ROOT, capture_output=True, check=True)
     assert json.loads(done.stdout)[0] == ["0"]
 
 
 def test_the_supervisor_takes_over_what_was_started_early(waits: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    early.begin(["a.module"])
-    process = early.take("a.module")
+    early.start_processes(["a.module"])
+    process = early.take_process("a.module")
     assert process is not None
-    assert early.take("a.module") is None
+    assert early.take_process("a.module") is None
     monkeypatch.setenv("KEPT", "set after the process was started")
-    part = Part("part", early.command("a.module"), tmp_path / "log", {"GIVEN": "x"}, arguments=["100"], spare=process)
+    part = Part("part", early.waiting_command("a.module"), tmp_path / "log", {"GIVEN": "x"}, arguments=["100"], spare=process)
     supervisor = Supervisor(ROOT, print)
     try:
         supervisor.start(part)
         assert part.process is process
-        wait_until(lambda: part.last_words() != "", 20, "it has begun")
-        assert json.loads(part.last_words()) == [["100"], "x", "set after the process was started", ""]
+        wait_until(lambda: part.last_log_lines() != "", 20, "it has begun")
+        assert json.loads(part.last_log_lines()) == [["100"], "x", "set after the process was started", ""]
     finally:
         supervisor.stop(lambda: True)
     assert not psutil.pid_exists(process.pid)
 
 
 def test_what_was_started_early_and_died_is_started_again(waits: None, tmp_path: Path) -> None:
-    early.begin(["a.module"])
-    process = early.take("a.module")
+    early.start_processes(["a.module"])
+    process = early.take_process("a.module")
     assert process is not None
     process.kill()
     process.wait()
-    part = Part("part", early.command("a.module"), tmp_path / "log", {"GIVEN": "x"}, arguments=["100"], spare=process)
+    part = Part("part", early.waiting_command("a.module"), tmp_path / "log", {"GIVEN": "x"}, arguments=["100"], spare=process)
     supervisor = Supervisor(ROOT, print)
     try:
         supervisor.start(part)
         assert part.process is not process
-        wait_until(lambda: part.last_words() != "", 20, "another has begun")
+        wait_until(lambda: part.last_log_lines() != "", 20, "another has begun")
     finally:
         supervisor.stop(lambda: True)
 
 
 def test_what_was_not_taken_is_ended(waits: None) -> None:
-    early.begin(["a.module", "another.module"])
-    pids = [child.pid for child in psutil.Process().children() if "wait_to_begin" in " ".join(child.cmdline())]
-    early.end()
+    early.start_processes(["a.module", "another.module"])
+    pids = [child.pid for child in psutil.Process().children() if "wait_for_start_line" in " ".join(child.cmdline())]
+    early.end_processes()
     assert not any(map(psutil.pid_exists, pids))
 
 
@@ -114,12 +114,12 @@ def test_only_commands_that_start_processes_start_them_early(
     monkeypatch: pytest.MonkeyPatch, words: list[str], started: list[str]
 ) -> None:
     found: list[str] = []
-    monkeypatch.setattr(early, "begin", found.extend)
-    preload.begin(words)
+    monkeypatch.setattr(early, "start_processes", found.extend)
+    preload.start_preloading(words)
     assert found == started
 
 
 def test_a_module_is_run_later_with_its_arguments(tmp_path: Path) -> None:
     (tmp_path / "printing.py").write_text("import sys\nif __name__ == '__main__': print(sys.argv[1:])\n")
-    command = [*begun_later("printing", 0.01), "--one", "two"]
+    command = [*delayed_command("printing", 0.01), "--one", "two"]
     assert subprocess.check_output(command, cwd=tmp_path, text=True) == "['--one', 'two']\n"

@@ -6,7 +6,7 @@ import pytest
 
 from rayfarm import options
 from rayfarm.errors import CommandError
-from renderer.scene.studio import STUDIO_ALONE, STUDIO_TOO
+from renderer.scene.studio import NO_LIGHTS_WARNING, WEAK_LIGHTS_WARNING
 from renderer.settings import Tile
 
 CAMERAS = [
@@ -61,7 +61,7 @@ def test_an_unknown_camera_is_answered_with_those_there_are() -> None:
 
 
 def test_a_picture_with_light_of_its_own_is_not_said_to_be_in_a_studio() -> None:
-    warnings = ["Not supported and left out: X.", STUDIO_ALONE, STUDIO_TOO]
+    warnings = ["Not supported and left out: X.", NO_LIGHTS_WARNING, WEAK_LIGHTS_WARNING]
     assert options.relevant_warnings(warnings, options.environment_of(None)) == warnings
     for env in ("1,1,1", "sky:30"):
         assert options.relevant_warnings(warnings, options.environment_of(env)) == warnings[:1]

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rayfarm.errors import CommandError
-from rayfarm.scene_files import belonging, opened
+from rayfarm.scene_files import files_to_upload, opened_scene
 
 
 @pytest.fixture
@@ -21,25 +21,25 @@ def room(tmp_path: Path) -> Path:
 
 
 def test_what_a_file_names_is_taken_along_and_nothing_else(room: Path) -> None:
-    assert set(belonging(room / "room.obj")) == {"room.obj", "room.mtl", "textures/old floor.png"}
+    assert set(files_to_upload(room / "room.obj")) == {"room.obj", "room.mtl", "textures/old floor.png"}
 
 
 def test_names_in_urls_are_understood(tmp_path: Path) -> None:
     (tmp_path / "a b.bin").write_bytes(b"\0")
     (tmp_path / "scene.gltf").write_text('{"buffers": [{"uri": "a%20b.bin"}]}')
-    assert set(belonging(tmp_path / "scene.gltf")) == {"scene.gltf", "a b.bin"}
+    assert set(files_to_upload(tmp_path / "scene.gltf")) == {"scene.gltf", "a b.bin"}
 
 
 def test_profiles_and_pictures_of_lights_are_taken_along(tmp_path: Path) -> None:
     for name in ("lamp.ies", "slide.png", "other.ies"):
         (tmp_path / name).write_bytes(b"\0")
     (tmp_path / "a.yaml").write_text("lights: [{profile: lamp.ies}, {picture: slide.png}]\n")
-    assert set(belonging(tmp_path / "a.yaml")) == {"a.yaml", "lamp.ies", "slide.png"}
+    assert set(files_to_upload(tmp_path / "a.yaml")) == {"a.yaml", "lamp.ies", "slide.png"}
 
 
 def test_a_folder_is_taken_whole_but_for_junk(room: Path) -> None:
     (room / ".DS_Store").touch()
-    assert set(belonging(room)) == {"room.obj", "room.mtl", "textures/old floor.png", "diary.txt", "other.obj"}
+    assert set(files_to_upload(room)) == {"room.obj", "room.mtl", "textures/old floor.png", "diary.txt", "other.obj"}
 
 
 def test_an_environment_from_elsewhere_is_brought_into_the_scenes_folder(
@@ -47,7 +47,7 @@ def test_an_environment_from_elsewhere_is_brought_into_the_scenes_folder(
 ) -> None:
     sky = tmp_path_factory.mktemp("skies") / "sky.exr"
     sky.write_bytes(b"exr")
-    with opened(room / "room.obj", sky) as (folder, main, inside):
+    with opened_scene(room / "room.obj", sky) as (folder, main, inside):
         assert main == "room.obj"
         assert inside is not None
         assert (folder / inside).read_bytes() == b"exr"
@@ -64,7 +64,7 @@ def test_a_zip_whose_packed_bytes_are_damaged_is_told(tmp_path: Path) -> None:
     whole = bytearray(archive.read_bytes())
     whole[35:55] = b"\xff" * 20  # after the entry's name: of the deflated stream
     archive.write_bytes(whole)
-    with pytest.raises(CommandError, match=r"room\.zip cannot be unpacked"), opened(archive):
+    with pytest.raises(CommandError, match=r"room\.zip cannot be unpacked"), opened_scene(archive):
         pass
 
 
@@ -74,7 +74,7 @@ def test_a_zip_is_unpacked_for_the_while(room: Path, tmp_path: Path) -> None:
         packed.write(room / "room.obj", "inside/room.obj")
         packed.writestr("__MACOSX/room.obj", "junk")
         packed.writestr("../climbing.obj", "v 0 0 0")
-    with opened(archive) as (folder, main, _):
+    with opened_scene(archive) as (folder, main, _):
         assert (folder / main).exists()
         assert (folder / "inside" / "room.obj").exists()
         assert not (folder.parent / "climbing.obj").exists()
@@ -95,7 +95,7 @@ def test_what_is_no_scene_gets_a_sentence(tmp_path: Path, name: str, content: by
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(CommandError, match=sentence), opened(path):
+    with pytest.raises(CommandError, match=sentence), opened_scene(path):
         pass
 
 
@@ -106,13 +106,20 @@ def test_names_in_other_encodings_and_spellings_are_taken_along(tmp_path: Path) 
     text = "map_Kd 木纹.png\n".encode("gbk") + "map_Ks 木目.png\n".encode("cp932")
     text += "map_Ke café.png\nnorm paint.<UDIM>.png".encode()
     (tmp_path / "m.mtl").write_bytes(text)
-    assert set(belonging(tmp_path / "m.obj")) == {"m.obj", "m.mtl", "木纹.png", "木目.png", "cafe\u0301.png", "paint.1002.png"}
+    assert set(files_to_upload(tmp_path / "m.obj")) == {
+        "m.obj",
+        "m.mtl",
+        "木纹.png",
+        "木目.png",
+        "cafe\u0301.png",
+        "paint.1002.png",
+    }
 
 
 def test_a_zip_with_backslashes_is_unpacked_into_folders(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr("x\\m.obj", "v 0 0 0\n")
         archive.writestr("..\\t.png", "")
-    with opened(tmp_path / "a.zip") as (folder, main, _):
+    with opened_scene(tmp_path / "a.zip") as (folder, main, _):
         assert main == "x/m.obj"
         assert (folder / "t.png").is_file()

@@ -99,17 +99,17 @@ def test_a_sequence_takes_up_where_it_stopped(shot: Path, tmp_path: Path) -> Non
 def test_a_frame_that_fails_is_named_and_the_others_are_rendered(
     shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from rayfarm.reading import ReadStage
+    from rayfarm.reading import ConfinedScene
     from renderer.errors import SceneError
 
-    whole = ReadStage.at
+    whole = ConfinedScene.at
 
-    def at(self: ReadStage, moment: Moment) -> object:
+    def at(self: ConfinedScene, moment: Moment) -> object:
         if moment.frame in (1, 2):
             raise SceneError("smoke.0001.obj: is not among the scene's files; add it")
         return whole(self, moment)
 
-    monkeypatch.setattr(ReadStage, "at", at)
+    monkeypatch.setattr(ConfinedScene, "at", at)
     common = ["render", shot, "-o", tmp_path / "out.#.png", *SMALL]
     done = rayfarm(*common, "--frames", "0-3", "--stats", tmp_path / "stats.json")
     assert done.returncode == 1
@@ -259,11 +259,11 @@ def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None
         assert "There is no file" in missing.stderr
     assert "say which, by --frames" in rayfarm("submit", tmp_path / "drop.##.obj").stderr
     # Under an environment image from elsewhere all frames' files are taken along.
-    from rayfarm.scene_files import belonging
+    from rayfarm.scene_files import files_to_upload
 
-    assert len(belonging(tmp_path / "drop.##.obj")) == 3
+    assert len(files_to_upload(tmp_path / "drop.##.obj")) == 3
     (tmp_path / "s.yaml").write_text("shapes: [{type: mesh, file: drop.##.obj}]")
-    assert len(belonging(tmp_path / "s.yaml")) == 4
+    assert len(files_to_upload(tmp_path / "s.yaml")) == 4
 
 
 @pytest.mark.long

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rayfarm.stage import Stage
+from rayfarm.stage import OpenScene
 from renderer.arrays.scene import flat
 from renderer.errors import SceneError
 from renderer.scene import compile as compiling
@@ -114,7 +114,7 @@ def folder(tmp_path):
 
 @grid("name", NAMES, ordinary=("all.glb",))
 def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
-    stage = Stage(Shot(folder, name), threads=1)
+    stage = OpenScene(Shot(folder, name), threads=1)
     seen = set()
     for frame in (5, 0, 9, 17, 9, 24, 0.5):
         compiled, summary = stage.at(Moment(frame))
@@ -129,7 +129,7 @@ def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
 @grid("name", NAMES, ordinary=("numbered.yaml",))
 def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
     asked = {"shutter": 0.5}
-    stage = Stage(Shot(folder, name), threads=1, shutter=asked)
+    stage = OpenScene(Shot(folder, name), threads=1, shutter=asked)
     for frame in (5, 0, 9, 9, 0.5):
         compiled, summary = stage.at(Moment(frame))
         description = Shot(folder, name).over_shutter(Moment(frame), asked)
@@ -145,7 +145,7 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
 @pytest.mark.long
 @grid("name", NAMES, ordinary=("all.glb",))
 def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
-    stage = Stage(Shot(folder, name), threads=1)
+    stage = OpenScene(Shot(folder, name), threads=1)
     for frame in (5, 6):
         between, summary = stage.between(Moment(frame))
         alone = compile_scene(Shot(folder, name).between_frames(Moment(frame)), threads=1)
@@ -181,7 +181,7 @@ def test_what_stands_still_is_made_once(folder, monkeypatch):
         )
     for name in ("all.glb", "all.yaml"):
         made.clear()
-        stage = Stage(Shot(folder, name), threads=1)
+        stage = OpenScene(Shot(folder, name), threads=1)
         for frame in range(5):
             stage.at(Moment(frame))
         assert sorted(made) == ["make_bodies", "make_still", "pack"], name
@@ -196,7 +196,7 @@ def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):
     calls = []
     known = compiling.compile_scene
     monkeypatch.setattr(compiling, "compile_scene", lambda *args, **more: calls.append(1) or known(*args, **more))
-    stage = Stage(Shot(tmp_path, "fly.glb"), threads=1)
+    stage = OpenScene(Shot(tmp_path, "fly.glb"), threads=1)
     eyes = [stage.at(Moment(frame))[1]["cameras"][0]["view"]["eye"][0] for frame in (0, 8, 16)]
     np.testing.assert_allclose(eyes, [0, 1, 2], atol=1e-6)
     assert len(calls) == 1
@@ -204,7 +204,7 @@ def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):
 
 @pytest.mark.long
 def test_the_camera_that_frames_a_scene_does_so_at_its_beginning(folder):
-    late, soon = Stage(Shot(folder, "all.yaml"), threads=1), Stage(Shot(folder, "all.yaml"), threads=1)
+    late, soon = OpenScene(Shot(folder, "all.yaml"), threads=1), OpenScene(Shot(folder, "all.yaml"), threads=1)
     first = soon.at(Moment(0))[1]["cameras"][-1]
     assert late.at(Moment(20))[1]["cameras"][-1] == first
     assert soon.at(Moment(20))[1]["cameras"][-1] == first

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rayfarm.errors import CommandError
-from rayfarm.local.state import FarmAddress, announce, locked, running_farm, secrets_of
+from rayfarm.local.state import FarmAddress, locked_folder, running_farm, secrets_of, write_address
 
 
 def test_secrets_are_kept_and_private(tmp_path: Path) -> None:
@@ -19,22 +19,22 @@ def test_secrets_are_kept_and_private(tmp_path: Path) -> None:
 
 
 def test_a_second_farm_is_told_of_the_first(tmp_path: Path) -> None:
-    with locked(tmp_path):
-        announce(tmp_path, FarmAddress("http://127.0.0.1:8123", "token", "redis://", os.getpid(), {}))
-        with pytest.raises(CommandError, match=r"already runs on .* at http://127\.0\.0\.1:8123"), locked(tmp_path):
+    with locked_folder(tmp_path):
+        write_address(tmp_path, FarmAddress("http://127.0.0.1:8123", "token", "redis://", os.getpid(), {}))
+        with pytest.raises(CommandError, match=r"already runs on .* at http://127\.0\.0\.1:8123"), locked_folder(tmp_path):
             pass
-    with locked(tmp_path):
+    with locked_folder(tmp_path):
         assert running_farm(tmp_path) is None
 
 
 def test_a_farm_that_was_killed_is_not_taken_for_running(tmp_path: Path) -> None:
     gone = FarmAddress("http://127.0.0.1:1", "token", "redis://", 2**22 + 1, {})
-    announce(tmp_path, gone)
+    write_address(tmp_path, gone)
     assert json.loads((tmp_path / "farm.json").read_text())["pid"] == gone.pid
     assert running_farm(tmp_path) is None
 
 
 def test_a_folder_that_cannot_be_used_gets_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(CommandError, match="Choose another with --data"), locked(tmp_path / "file" / "data"):
+    with pytest.raises(CommandError, match="Choose another with --data"), locked_folder(tmp_path / "file" / "data"):
         pass

@@ -5,17 +5,17 @@ from pathlib import Path
 import pytest
 
 from rayfarm.errors import CommandError
-from rayfarm.scene_files import belonging, opened, relative_to_root
-from rayfarm.strict import refuse
+from rayfarm.scene_files import files_to_upload, opened_scene, relative_to_root
+from rayfarm.strict import refuse_warnings
 from tests.rayfarm.program import rayfarm
 from tests.service.conftest import OBJ, Service
 
 
 def test_all_warnings_are_listed_and_none_are_no_error():
-    refuse("a.glb", [], True)
-    refuse("a.glb", ["One.", "Two."], False)
+    refuse_warnings("a.glb", [], True)
+    refuse_warnings("a.glb", ["One.", "Two."], False)
     with pytest.raises(CommandError) as caught:
-        refuse("a.glb", ["One.", "Two."], True)
+        refuse_warnings("a.glb", ["One.", "Two."], True)
     assert str(caught.value) == "a.glb: 2 warnings, and --strict makes them errors:\n  One.\n  Two."
 
 
@@ -25,9 +25,9 @@ def test_files_below_a_root_belong_to_a_scene(tmp_path):
     (tmp_path / "x.usda").write_text('#usda 1.0\ndef Cube "m" {}\n')
     scene = inner / "a.usda"
     scene.write_text('#usda 1.0\ndef "a" (references = @../x.usda@</m>) {}\n')
-    assert set(belonging(scene)) == {"a.usda"}
-    assert set(belonging(scene, tmp_path)) == {"scenes/a.usda", "x.usda"}
-    with opened(scene, root=tmp_path) as (folder, main, _):
+    assert set(files_to_upload(scene)) == {"a.usda"}
+    assert set(files_to_upload(scene, tmp_path)) == {"scenes/a.usda", "x.usda"}
+    with opened_scene(scene, root=tmp_path) as (folder, main, _):
         assert (folder, main) == (tmp_path, "scenes/a.usda")
     with pytest.raises(CommandError, match="no folder above"):
         relative_to_root(tmp_path / "x.usda", inner)

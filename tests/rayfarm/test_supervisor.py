@@ -50,7 +50,7 @@ def test_a_part_that_dies_is_started_again_and_it_is_said(
     assert first is not None
     first.send_signal(number)
     first.wait()
-    wait_until(lambda: supervisor.tend() is None and part.running, 5, "the part runs again")
+    wait_until(lambda: supervisor.check_parts() is None and part.running, 5, "the part runs again")
     assert part.process is not None
     assert part.process.pid != first.pid
     assert len(said) == 1
@@ -63,7 +63,7 @@ def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Superviso
     supervisor.start(part)
     deadline = time.monotonic() + 2.5
     while time.monotonic() < deadline:
-        supervisor.tend()
+        supervisor.check_parts()
         time.sleep(0.02)
     assert 2 <= len(said) <= 4
     assert "exit code 7" in said[0]
@@ -77,11 +77,11 @@ def test_a_part_that_is_killed_again_and_again_is_soon_back(supervisor: Supervis
         assert part.process is not None
         part.process.kill()
         part.process.wait()
-        supervisor.tend()
+        supervisor.check_parts()
         assert part.restart_at is not None
         assert part.restart_at - time.monotonic() <= 1.0
         part.restart_at = 0.0  # the pause is over
-        supervisor.tend()
+        supervisor.check_parts()
         assert part.running
 
 
@@ -93,10 +93,10 @@ def test_only_what_dies_soon_after_its_start_waits_longer(supervisor: Supervisor
         assert part.process is not None
         part.process.send_signal(signal.SIGSEGV)
         part.process.wait()
-        supervisor.tend()
+        supervisor.check_parts()
         assert f"again in {pause} s" in said[-1]
         part.restart_at = 0.0
-        supervisor.tend()
+        supervisor.check_parts()
 
 
 def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
@@ -107,14 +107,14 @@ def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
     supervisor.start(part)
     for lived, pause in ((30.0, "0.2"), (30.0, "1"), (30.0, "2"), (120.0, "0.2")):
         part.started -= lived
-        supervisor.tend()  # which sees it run
+        supervisor.check_parts()  # which sees it run
         assert part.process is not None
         part.process.send_signal(signal.SIGSEGV)
         part.process.wait()
-        supervisor.tend()
+        supervisor.check_parts()
         assert f"again in {pause} s" in said[-1]
         part.restart_at = 0.0
-        supervisor.tend()
+        supervisor.check_parts()
 
 
 def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
@@ -130,14 +130,14 @@ def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Superviso
     ):
         serves[0] = served
         part.looked = 0.0
-        supervisor.tend()  # which sees it run
+        supervisor.check_parts()  # which sees it run
         assert part.process is not None
         part.process.send_signal(number)
         part.process.wait()
-        supervisor.tend()
+        supervisor.check_parts()
         assert f"again in {pause} s" in said[-1], (number, served)
         part.restart_at = 0.0
-        supervisor.tend()
+        supervisor.check_parts()
 
 
 WAITS = [
@@ -152,32 +152,34 @@ def test_one_that_waits_takes_the_place_of_one_that_died(
     supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(supervision, "SPARE_AFTER_S", 0.0)
-    monkeypatch.setattr(supervision, "PEACE_EVERY_S", 0.0)
+    monkeypatch.setattr(supervision, "IDLE_CHECK_EVERY_S", 0.0)
     others: list[str] = []
     part = Part(
         "server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, arguments=[], at_peace=lambda: bool(others)
     )
     supervisor.start(part)
-    wait_until(lambda: supervisor.tend() is None and part.has_served, 20, "it serves")
+    wait_until(lambda: supervisor.check_parts() is None and part.has_served, 20, "it serves")
     for _ in range(3):
-        supervisor.tend()
+        supervisor.check_parts()
     assert part.spare is None, "others are starting"
     others.append("ready")
-    wait_until(lambda: supervisor.tend() is None and part.spare is not None, 20, "one waits")
+    wait_until(lambda: supervisor.check_parts() is None and part.spare is not None, 20, "one waits")
     first, waiting = part.process, part.spare
     assert first is not None
     assert waiting is not None
-    wait_until(lambda: part.last_words().count("arguments") == 1, 20, "the first has begun, and the other has not")
+    wait_until(lambda: part.last_log_lines().count("arguments") == 1, 20, "the first has begun, and the other has not")
     first.kill()
     first.wait()
-    wait_until(lambda: supervisor.tend() is None and part.running, 20, "there is a part again")
+    wait_until(lambda: supervisor.check_parts() is None and part.running, 20, "there is a part again")
     assert part.process is waiting
-    wait_until(lambda: part.last_words().count("arguments") == 2, 20, "it begins")
-    wait_until(lambda: supervisor.tend() is None and part.spare is not None, 20, "and another waits")
+    wait_until(lambda: part.last_log_lines().count("arguments") == 2, 20, "it begins")
+    wait_until(lambda: supervisor.check_parts() is None and part.spare is not None, 20, "and another waits")
     assert part.spare is not None
     part.spare.kill()
     part.spare.communicate()
-    wait_until(lambda: supervisor.tend() is None and part.spare is not None and part.spare.poll() is None, 20, "which is kept up")
+    wait_until(
+        lambda: supervisor.check_parts() is None and part.spare is not None and part.spare.poll() is None, 20, "which is kept up"
+    )
     pids = [part.process.pid, part.spare.pid]
     supervisor.stop()
     assert not any(map(_runs, pids))
@@ -190,26 +192,26 @@ def test_a_part_that_was_killed_before_it_had_a_spare_gets_one_as_soon_as_it_ser
     monkeypatch.setattr(supervision, "SPARE_AFTER_S", 1000.0)
     part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, arguments=[], at_peace=lambda: False)
     supervisor.start(part)
-    wait_until(lambda: supervisor.tend() is None and part.has_served, 20, "it serves")
+    wait_until(lambda: supervisor.check_parts() is None and part.has_served, 20, "it serves")
     assert part.spare is None, "others are starting"
     first = part.process
     assert first is not None
     first.kill()
-    wait_until(lambda: supervisor.tend() is None and part.process is not first and part.spare is not None, 20, "one waits")
+    wait_until(lambda: supervisor.check_parts() is None and part.process is not first and part.spare is not None, 20, "one waits")
 
 
 def test_a_fatal_exit_code_is_not_tried_again(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("refused", [sys.executable, "-c", "raise SystemExit(3)"], tmp_path / "log", fatal_codes=(3,))
     supervisor.start(part)
     ended: list[Part | None] = []
-    wait_until(lambda: ended.append(supervisor.tend()) or ended[-1] is part, 5, "the part is given up")
+    wait_until(lambda: ended.append(supervisor.check_parts()) or ended[-1] is part, 5, "the part is given up")
 
 
 def test_stopping_takes_along_what_a_part_has_started(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("family", FAMILY, tmp_path / "log", grace_s=0.3)
     supervisor.start(part)
-    wait_until(lambda: part.last_words().strip().isdigit(), 5, "the grandchild runs")
-    grandchild = int(part.last_words())
+    wait_until(lambda: part.last_log_lines().strip().isdigit(), 5, "the grandchild runs")
+    grandchild = int(part.last_log_lines())
     assert psutil.pid_exists(grandchild)
     supervisor.stop()
     wait_until(lambda: not _runs(grandchild), 5, "the grandchild has ended")
@@ -218,7 +220,7 @@ def test_stopping_takes_along_what_a_part_has_started(supervisor: Supervisor, tm
 def test_hurry_does_not_wait(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("family", FAMILY, tmp_path / "log", grace_s=60)
     supervisor.start(part)
-    wait_until(lambda: part.last_words().strip().isdigit(), 5, "it runs")
+    wait_until(lambda: part.last_log_lines().strip().isdigit(), 5, "it runs")
     begun = time.monotonic()
     supervisor.stop(hurry=lambda: True)
     assert time.monotonic() - begun < 2
@@ -269,7 +271,7 @@ def test_a_full_disk_or_a_lack_of_processes_does_not_end_the_farm(
     part.process.kill()
     part.process.wait()
     monkeypatch.setattr(supervision.subprocess, "Popen", popen)
-    wait_until(lambda: supervisor.tend() is None and part.running and part.process.pid != first, 30, "the part runs again")
+    wait_until(lambda: supervisor.check_parts() is None and part.running and part.process.pid != first, 30, "the part runs again")
     assert any("Too many open files" in sentence and "next try" in sentence for sentence in said)
 
 
@@ -298,7 +300,7 @@ def test_a_log_is_bounded_while_it_is_written(
 
     def has_shrunk_often() -> bool:
         before = part.log.stat().st_size
-        supervisor.tend()
+        supervisor.check_parts()
         if part.log.stat().st_size < before:
             emptied.append(before)
         return len(emptied) >= 5

@@ -2,7 +2,7 @@
 
 from pxr import UsdGeom
 
-from rayfarm.scene_files import belonging
+from rayfarm.scene_files import files_to_upload
 from tests.renderer.scene.usd_files import TYPES, bind, material, mesh, stage, texture
 
 
@@ -20,4 +20,4 @@ def test_the_layers_and_pictures_that_a_binary_stage_names_go_along(tmp_path):
     (tmp_path / "maps").mkdir()
     for name in ("maps/skin.1001.png", "maps/skin.1002.png", "holiday.png"):
         (tmp_path / name).write_bytes(b"x")
-    assert set(belonging(tmp_path / "main.usdc")) == {"main.usdc", "part.usdc", "maps/skin.1001.png", "maps/skin.1002.png"}
+    assert set(files_to_upload(tmp_path / "main.usdc")) == {"main.usdc", "part.usdc", "maps/skin.1001.png", "maps/skin.1002.png"}

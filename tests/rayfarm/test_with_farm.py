@@ -17,7 +17,7 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from rayfarm.client import Client, ClientError
-from rayfarm.frame import Order
+from rayfarm.frame import PictureOrder
 from rayfarm.picture import Picture
 from rayfarm.reading import open_stage
 from renderer import film
@@ -161,7 +161,7 @@ def digest_here(scene: Path, frame: float, picture: Picture, turntable: float | 
     moment = Moment(frame)
     with open_stage(scene, picture.environment(), shutter=picture.shutter()) as stage:
         compiled, summary = stage.at(moment)
-    settings = Order(picture, [], False, 0.0, "neutral", None, 0, turntable, None).settings(summary, moment)
+    settings = PictureOrder(picture, [], False, 0.0, "neutral", None, 0, turntable, None).settings(summary, moment)
     return film.digest(render_frame(compiled, settings, 4))
 
 

@@ -48,14 +48,14 @@ def view(scale=1.0, seed=0, size=32):
 @pytest.fixture
 def kept(monkeypatch):
     """Makes every repeated mesh an instance."""
-    monkeypatch.setattr("renderer.scene.instances._WORTH", 0)
+    monkeypatch.setattr("renderer.scene.instances._MIN_SAVED_TRIANGLES", 0)
 
 
 def test_instances_and_copies_give_one_picture(monkeypatch):
     """Independent renders differ within their noise, pixel by pixel; ids and normals are equal at sample 0."""
     films = []
     for seed, worth in ((1, 0), (2, 10**9), (1, 10**9)):
-        monkeypatch.setattr("renderer.scene.instances._WORTH", worth)
+        monkeypatch.setattr("renderer.scene.instances._MIN_SAVED_TRIANGLES", worth)
         compiled = compile_scene(room())
         assert (len(compiled.to_world) > 0) == (worth == 0)
         films.append(render_frame(compiled, view(seed=seed), 64))

@@ -6,7 +6,7 @@ import pytest
 
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES
-from renderer.pixel_paths import pixel_paths, spot_of
+from renderer.pixel_paths import pixel_paths, projected_point
 from renderer.render import render_batch
 from renderer.scene.description import Material
 from renderer.settings import Tile, View
@@ -54,6 +54,6 @@ def test_what_a_pixel_sees_is_seen_in_the_pixel(made, projection):
 
 def test_what_lies_behind_and_what_is_far_have_a_side():
     view = View((0, 0, 0), (0, 0, -1), fov=90)
-    assert spot_of(view, 20, 20, (1, 0, 5)).w < 0
-    middle = spot_of(view, 20, 20, (0, 0, -1), is_far=True)
+    assert projected_point(view, 20, 20, (1, 0, 5)).w < 0
+    middle = projected_point(view, 20, 20, (0, 0, -1), is_far=True)
     assert (middle.x / middle.w, middle.y / middle.w) == (10, 10)

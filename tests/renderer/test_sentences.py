@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from renderer.errors import SceneError
-from renderer.sentences import Sentence, codes_of, decoded, encoded, joined, with_count, with_full_stop
+from renderer.sentences import Sentence, codes_of, decoded, encoded, joined_sentences, with_count, with_full_stop
 
 INNER = Sentence("image-cut-off", "{name}: the image is cut off; export it again.", name="a.png")
 OUTER = Sentence("texture-left-out", "{error}; rendered without {n} of them.", error=INNER, n=3)
@@ -66,5 +66,5 @@ def test_a_malformed_code_leaves_plain_text(codes: Any) -> None:
 
 
 def test_compositions() -> None:
-    assert joined(INNER, "Ask again.") == f"{INNER} Ask again." and joined("", "Ask again.") == "Ask again."
+    assert joined_sentences(INNER, "Ask again.") == f"{INNER} Ask again." and joined_sentences("", "Ask again.") == "Ask again."
     assert with_full_stop(INNER) == INNER and with_count("x", 1) == "x" and with_count("x", 3) == "x (3 times)"

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from renderer import jit, precompile, render
-from renderer.shipped_kernels import FOLDER, copy_loaded, take_shipped
+from renderer.shipped_kernels import FOLDER, copy_finished_kernels, copy_shipped_kernels
 
 
 @pytest.fixture
@@ -29,16 +29,16 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_what_the_lists_name_is_copied_once(shipped: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache" / "abc"
-    take_shipped(cache)
+    copy_shipped_kernels(cache)
     copied = sorted(path.relative_to(cache).as_posix() for path in cache.rglob("*") if path.is_file())
     assert copied == ["kernel.x/a.code", "plain.done"]
     assert (cache / "kernel.x" / "a.code").read_bytes() == b"code"
     assert {stat.S_IMODE(path.stat().st_mode) for path in cache.rglob("*")} == {0o600, 0o700}
-    assert copy_loaded(shipped, cache) == 0
+    assert copy_finished_kernels(shipped, cache) == 0
 
 
 def test_nothing_is_taken_of_another_state_of_the_sources(shipped: Path, tmp_path: Path) -> None:
-    take_shipped(tmp_path / "cache" / "def")
+    copy_shipped_kernels(tmp_path / "cache" / "def")
     assert not (tmp_path / "cache").exists()
 
 
@@ -47,7 +47,7 @@ def test_those_of_the_wheel_are_taken_where_none_are_named(
 ) -> None:
     monkeypatch.delenv(FOLDER)
     monkeypatch.setattr("renderer.shipped_kernels.IN_WHEEL", shipped.parent)
-    take_shipped(tmp_path / "cache" / "abc")
+    copy_shipped_kernels(tmp_path / "cache" / "abc")
     assert (tmp_path / "cache" / "abc" / "plain.done").exists()
 
 
@@ -59,7 +59,7 @@ def test_a_kernel_is_taken_before_it_is_compiled(shipped: Path, monkeypatch: pyt
         taken.append(cache)
         raise InterruptedError
 
-    monkeypatch.setattr(render, "take_shipped", stop)
+    monkeypatch.setattr(render, "copy_shipped_kernels", stop)
     monkeypatch.setattr(render.jit, "is_cached", lambda name: False)
     with pytest.raises(InterruptedError):
         render.warm_up()
@@ -74,9 +74,9 @@ def test_an_unknown_kernel_is_refused(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_compiling_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     ran: list[tuple[str, ...]] = []
-    monkeypatch.setattr(precompile, "_beside", lambda *job: ran.append(job))
+    monkeypatch.setattr(precompile, "_compile_in_process", lambda *job: ran.append(job))
     monkeypatch.setattr(precompile.jit, "is_cached", lambda name: False)
-    monkeypatch.setattr(precompile, "take_shipped", lambda cache: None)
+    monkeypatch.setattr(precompile, "copy_shipped_kernels", lambda cache: None)
     precompile.main(["--kernels", "plain,full"])
     assert sorted(ran) == [("full",), ("full", "--prepares"), ("plain",), ("plain", "--prepares"), ("preparing",)]
     first, *lines, last = capsys.readouterr().out.splitlines()
@@ -87,7 +87,7 @@ def test_compiling_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch, capsys: p
 
 def test_a_file_that_others_may_have_written_is_left_out(shipped: Path, tmp_path: Path) -> None:
     (shipped / "kernel.x" / "a.code").chmod(0o666)
-    take_shipped(tmp_path / "cache" / "abc")
+    copy_shipped_kernels(tmp_path / "cache" / "abc")
     assert not (tmp_path / "cache" / "abc" / "kernel.x" / "a.code").exists()
 
 
@@ -99,7 +99,7 @@ def test_a_cache_that_cannot_be_written_is_a_warning(
 
     monkeypatch.setattr("renderer.shipped_kernels.make_private", refused)
     with caplog.at_level(logging.WARNING):
-        take_shipped(tmp_path / "cache" / "abc")
+        copy_shipped_kernels(tmp_path / "cache" / "abc")
     assert "compiled: Read-only file system" in caplog.text
 
 

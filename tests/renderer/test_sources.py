@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from renderer import jit, sources
-from renderer.sources import ARRAYS, MACHINE_CODE, ROOT, files_of, kept_meaning, meaning
+from renderer.sources import ARRAYS, MACHINE_CODE, ROOT, cached_meaning, files_of, meaning
 
 DECORATORS = ("entry", "builder", "device", "template", "subroutine")
 # Modules that compute the hash, locate files, confine processes, or hold the sentences of errors and warnings.
@@ -58,18 +58,18 @@ def test_a_function_that_loses_its_only_words_still_parses(tmp_path: Path) -> No
 def test_the_answer_is_kept_by_the_bytes(tmp_path: Path, monkeypatch) -> None:
     path = tmp_path / "module.py"
     path.write_text("x = 1\n")
-    first = kept_meaning([path], tmp_path / "kept", tmp_path)
+    first = cached_meaning([path], tmp_path / "kept", tmp_path)
     assert first == meaning([path], tmp_path)
     monkeypatch.setattr(sources, "meaning", lambda *_: "f" * 64)
-    assert kept_meaning([path], tmp_path / "kept", tmp_path) == first
+    assert cached_meaning([path], tmp_path / "kept", tmp_path) == first
     path.write_text("x = 2\n")
-    assert kept_meaning([path], tmp_path / "kept", tmp_path) == "f" * 64
+    assert cached_meaning([path], tmp_path / "kept", tmp_path) == "f" * 64
     monkeypatch.setattr(sources, "meaning", lambda *_: "e" * 64)
     monkeypatch.setattr(sources, "__file__", str(path))  # another release's way to find it
-    assert kept_meaning([path], tmp_path / "kept", tmp_path) == "e" * 64
+    assert cached_meaning([path], tmp_path / "kept", tmp_path) == "e" * 64
     monkeypatch.setattr(sources, "meaning", lambda *_: "f" * 64)
     path.write_text("x = 3\n")
-    assert kept_meaning([path], path / "nowhere", tmp_path) == "f" * 64
+    assert cached_meaning([path], path / "nowhere", tmp_path) == "f" * 64
 
 
 def test_machine_code_is_compiled_from_what_is_hashed_and_from_nothing_else() -> None:

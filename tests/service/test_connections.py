@@ -97,8 +97,8 @@ def test_ordinary_requests_pass_also_several_on_one_connection(server: Server) -
 
 
 def test_whoever_does_not_say_what_it_wants_is_waited_for_a_while(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connections, "HEAD_WITHIN_S", 0.2)
-    monkeypatch.setattr(connections, "BODY_WITHIN_S", 0.2)
+    monkeypatch.setattr(connections, "HEAD_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(connections, "BODY_TIMEOUT_S", 0.2)
     with server.connect() as silent, server.connect(b"GET / HT") as slow:
         assert answer(silent) == b"", "a browser takes it for the answer to its next request"
         assert answer(slow).startswith(b"HTTP/1.1 408")

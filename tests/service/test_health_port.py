@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from service import health_port
-from service.errors import CannotStart
+from service.errors import StartupError
 from service.health_port import HealthPort
 from tests.helpers import wait_until
 
@@ -55,7 +55,7 @@ def test_a_loop_that_is_busy_is_no_reason_to_restart_and_one_that_hangs_is(
     served.loop.call_soon_threadsafe(goes_on.wait)
     wait_until(lambda: served.get()[1]["loop_waited_s"] > 0.5, 20, "it says how long the loop has waited")
     assert served.get()[0] == 200
-    monkeypatch.setattr(health_port, "HANGS_S", 0.1)
+    monkeypatch.setattr(health_port, "HANG_TIMEOUT_S", 0.1)
     status, body = served.get()
     assert status == 503
     assert body["detail"].startswith("The event loop has not had a turn")
@@ -70,5 +70,5 @@ def test_an_engine_that_has_ended_is_told(served: Served) -> None:
 
 
 def test_a_port_that_is_taken_is_said(served: Served) -> None:
-    with pytest.raises(CannotStart, match="RAYFARM_HEALTH_PORT"):
+    with pytest.raises(StartupError, match="RAYFARM_HEALTH_PORT"):
         HealthPort("127.0.0.1", served.health.port, lambda: True)

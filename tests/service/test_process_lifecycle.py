@@ -11,7 +11,7 @@ import pytest
 from service import process_lifecycle as lives
 from service.errors import Unavailable
 from service.ownership.candidate import Candidate
-from service.process_lifecycle import Life
+from service.process_lifecycle import ServiceLifecycle
 from service.settings import Settings
 
 
@@ -26,12 +26,12 @@ def test_a_service_that_starts_while_the_database_is_away_waits_for_it(tmp_path:
             raise answers.pop()
         return "owning"
 
-    def own(self: Life, owning: object) -> None:
+    def own(self: ServiceLifecycle, owning: object) -> None:
         owned.append(owning)
         was_owned.set()
 
     async def begun() -> None:
-        life = Life(Settings(data=tmp_path), lambda farm: None)
+        life = ServiceLifecycle(Settings(data=tmp_path), lambda farm: None)
         await life.begin()
         assert life.stands_by
         assert life.is_alive
@@ -40,7 +40,7 @@ def test_a_service_that_starts_while_the_database_is_away_waits_for_it(tmp_path:
         await life.end()
 
     monkeypatch.setattr(Candidate, "attempt", attempt)
-    monkeypatch.setattr(Life, "_own", own)
-    monkeypatch.setattr(lives, "TRY_EVERY_S", 0.01)
+    monkeypatch.setattr(ServiceLifecycle, "_start_farm", own)
+    monkeypatch.setattr(lives, "TAKEOVER_ATTEMPT_EVERY_S", 0.01)
     asyncio.run(begun())
     assert owned == ["owning"]

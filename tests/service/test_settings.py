@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from service.errors import CannotStart
+from service.errors import StartupError
 from service.main import create_app
 from service.settings import Settings
 from tests.grids import grid
@@ -29,7 +29,7 @@ def test_what_makes_no_sense_is_named(
     name: str, value: str, why: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(name, value)
-    with pytest.raises(CannotStart, match=why):
+    with pytest.raises(StartupError, match=why):
         Settings.read()
     with pytest.raises(SystemExit) as ended:
         create_app()
@@ -41,8 +41,8 @@ def test_a_data_folder_that_cannot_be_written_is_a_sentence(tmp_path: Path, monk
     def refused(*_: object) -> None:
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr("service.settings.write_once", refused)
-    with pytest.raises(CannotStart, match=f"{re.escape(str(tmp_path))}.*{os.strerror(number)}.*RAYFARM_DATA"):
+    monkeypatch.setattr("service.settings.write_if_missing", refused)
+    with pytest.raises(StartupError, match=f"{re.escape(str(tmp_path))}.*{os.strerror(number)}.*RAYFARM_DATA"):
         Settings(data=tmp_path / "data").make_folders()
 
 
@@ -95,7 +95,7 @@ def test_every_setting_may_lie_in_a_file(name: str, monkeypatch: pytest.MonkeyPa
 
 def test_a_secret_s_file_that_cannot_be_read_is_a_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("RAYFARM_TOKEN_FILE", str(tmp_path / "none"))
-    with pytest.raises(CannotStart, match=r"RAYFARM_TOKEN_FILE: .*none cannot be read \(No such file or directory\)"):
+    with pytest.raises(StartupError, match=r"RAYFARM_TOKEN_FILE: .*none cannot be read \(No such file or directory\)"):
         Settings.read()
 
 

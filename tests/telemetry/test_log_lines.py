@@ -12,7 +12,7 @@ import pytest
 
 from telemetry.log_lines import JsonLines, about, ids
 from tests.helpers import ROOT
-from worker.telemetry.task_context import named, traced_task
+from worker.telemetry.task_context import message_ids, traced_task
 
 
 def line(record: logging.LogRecord) -> dict[str, Any]:
@@ -64,7 +64,7 @@ def test_a_task_is_about_what_its_message_names() -> None:
     traced_task(task, "x")(None, scene="s")
     assert (seen[0]["batch"], seen[0]["job"], seen[0]["frame"]) == ("b", "j", 4)
     assert seen[1]["scene"] == "s"
-    assert named({"job": ["of", "another", "release"], "watch": "v"}) == {"view": "v"}
+    assert message_ids({"job": ["of", "another", "release"], "watch": "v"}) == {"view": "v"}
 
 
 @pytest.mark.parametrize("ends", ["raise ValueError('x')", "t = threading.Thread(target=lambda: 1 / 0); t.start(); t.join()"])

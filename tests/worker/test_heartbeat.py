@@ -103,13 +103,13 @@ def test_what_redis_refuses_is_tried_again_at_the_next_beat_and_said_once(
     heartbeat = Heartbeat(consumer)
     heartbeat.is_paused = True
     for _ in range(2):
-        heartbeat._obey()
+        heartbeat._apply_pause()
         assert heartbeat.is_paused, "it does not say that it takes tasks while it takes none"
-    heartbeat._obey()
+    heartbeat._apply_pause()
     assert not heartbeat.is_paused
     assert taken == ["render", "prepare"]
     assert sum("cannot be taken now: maxmemory" in line for line in caplog.messages) == 1
     heartbeat.heard = HeartbeatReply(True, is_paused=True)
-    heartbeat._obey()
+    heartbeat._apply_pause()
     assert heartbeat.is_paused
     assert taken == []

@@ -152,7 +152,7 @@ def test_an_http_server_is_no_redis() -> None:
 def test_settings_that_only_the_first_work_would_find_wrong_are_refused_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     def check(**changed: object) -> None:
         plain = {"redis": None, "tag": [], "hours": "", "idle": 0.0, "nice": None, "memory": 0.0, "site": "", "blender": None}
-        program._check(argparse.Namespace(**{**plain, **changed}))
+        program._check_settings(argparse.Namespace(**{**plain, **changed}))
 
     check()
     for name, value, sentence in (

@@ -25,9 +25,9 @@ from worker.exchange.link import FarmAnswer, Link
 
 __all__ = ["BlobCache", "default_cache_dir"]
 
-PART = ".part-"
-ORPHAN_S = 60.0  # younger files may belong to a process that has not locked them yet
-FULL = (errno.ENOSPC, errno.EDQUOT)
+PARTIAL_MARK = ".part-"
+ORPHAN_AGE_S = 60.0  # younger files may belong to a process that has not locked them yet
+DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 
 
 def default_cache_dir() -> Path:
@@ -46,11 +46,11 @@ class BlobCache:
         self.link = link
         self.folder = trusted(folder)
         self.max_bytes = max_bytes
-        self.shared = _shared_blobs(farm)
+        self.shared = _service_blob_folder(farm)
 
     def check(self) -> None:
         """Raises MachineError if the cache is not writable. Called before the first task."""
-        with self._explained(), tempfile.TemporaryFile(dir=self._made(self.folder)):
+        with self._translated_errors(), tempfile.TemporaryFile(dir=self._created_folder(self.folder)):
             pass
 
     def path(self, sha256: str, size: int | None = None) -> Path:
@@ -61,18 +61,18 @@ class BlobCache:
         if self.shared is not None and (mine := self.shared / sha256[:2] / sha256).is_file():
             return mine
         target = self._target(sha256)
-        with self._explained(), self._locked(sha256):
-            _drop_distrusted(target)
+        with self._translated_errors(), self._locked(sha256):
+            _remove_untrusted(target)
             if size is not None and target.is_file() and target.stat().st_size != size:
                 target.unlink()
             if not target.is_file():
-                self._with_room(target, lambda: self._fetch(sha256, target))
+                self._evicting_if_full(target, lambda: self._fetch(sha256, target))
                 self._evict(target, self.max_bytes)
             with contextlib.suppress(OSError):  # a read-only cache is usable
                 os.utime(target)
         return target
 
-    def adopt(self, path: Path, sha256: str) -> None:
+    def add_copy(self, path: Path, sha256: str) -> None:
         """Adds a copy of a file that was created on this machine, so that it need not be downloaded.
 
         Raises WorkError if its hash is not `sha256`, since the process that created it is not trusted.
@@ -80,11 +80,11 @@ class BlobCache:
         if self.shared is not None:
             return
         target = self._target(sha256)
-        with self._explained(), self._locked(sha256):
+        with self._translated_errors(), self._locked(sha256):
             if target.is_file() and target.stat().st_size == path.stat().st_size:
                 os.utime(target)
                 return
-            self._with_room(target, lambda: self._copy(path, target))
+            self._evicting_if_full(target, lambda: self._copy_file(path, target))
             self._evict(target, self.max_bytes)
 
     def discard_damaged(self, sha256: str) -> bool:
@@ -93,7 +93,7 @@ class BlobCache:
         The next `path` downloads it again.
         """
         target = self._target(sha256)
-        with self._explained(), self._locked(sha256):
+        with self._translated_errors(), self._locked(sha256):
             try:
                 with target.open("rb") as file:
                     is_whole = hashlib.file_digest(file, "sha256").hexdigest() == sha256
@@ -112,7 +112,7 @@ class BlobCache:
         with self._writing(target) as temporary, temporary.open("wb") as out:
             self.link.fetch(sha256, out)
 
-    def _copy(self, path: Path, target: Path) -> None:
+    def _copy_file(self, path: Path, target: Path) -> None:
         with self._writing(target) as temporary:
             shutil.copyfile(path, temporary)
             with temporary.open("rb") as file:
@@ -124,12 +124,12 @@ class BlobCache:
                         )
                     )
 
-    def _with_room(self, target: Path, write: Callable[[], None]) -> None:
+    def _evicting_if_full(self, target: Path, write: Callable[[], None]) -> None:
         """Calls `write`. If the disk is full, evicts all other blobs and calls it again."""
         try:
             write()
         except OSError as error:
-            if error.errno not in FULL:
+            if error.errno not in DISK_FULL_ERRORS:
                 raise
             self._evict(target, 0)
             write()
@@ -140,7 +140,7 @@ class BlobCache:
 
         The file is locked while it is being written.
         """
-        handle, name = tempfile.mkstemp(dir=self._made(target.parent), prefix=PART)
+        handle, name = tempfile.mkstemp(dir=self._created_folder(target.parent), prefix=PARTIAL_MARK)
         temporary = Path(name)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX)
@@ -158,16 +158,16 @@ class BlobCache:
 
         The operating system releases locks of killed processes.
         """
-        with (self._made(self.folder / "locks") / sha256[:2]).open("wb") as file:
+        with (self._created_folder(self.folder / "locks") / sha256[:2]).open("wb") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             yield
 
     @contextlib.contextmanager
-    def _explained(self) -> Iterator[None]:
+    def _translated_errors(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:
-            if error.errno in FULL:
+            if error.errno in DISK_FULL_ERRORS:
                 raise MachineError(
                     Sentence(
                         "cache-disk-full",
@@ -185,7 +185,7 @@ class BlobCache:
                 )
             ) from error
 
-    def _made(self, folder: Path) -> Path:
+    def _created_folder(self, folder: Path) -> Path:
         make_private(folder)
         return folder
 
@@ -194,7 +194,7 @@ class BlobCache:
         files = []
         for path in self.folder.glob("??/*"):
             with contextlib.suppress(OSError):
-                if path.name.startswith(PART):
+                if path.name.startswith(PARTIAL_MARK):
                     _remove_orphan(path)
                     continue
                 status = path.stat()
@@ -208,7 +208,7 @@ class BlobCache:
                 total -= size
 
 
-def _drop_distrusted(target: Path) -> None:
+def _remove_untrusted(target: Path) -> None:
     """Deletes a downloaded file that other users could have written; makes its folder private if this user owns the folder."""
     with contextlib.suppress(FileNotFoundError):
         folder = target.parent.stat()
@@ -222,7 +222,7 @@ def _drop_distrusted(target: Path) -> None:
 
 def _remove_orphan(path: Path) -> None:
     """Deletes a partial file unless its writer still runs, and so holds the file's lock."""
-    if time.time() - path.stat().st_mtime < ORPHAN_S:
+    if time.time() - path.stat().st_mtime < ORPHAN_AGE_S:
         return
     with path.open("rb") as file, contextlib.suppress(BlockingIOError):
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -237,7 +237,7 @@ def _sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _shared_blobs(farm: FarmAnswer) -> Path | None:
+def _service_blob_folder(farm: FarmAnswer) -> Path | None:
     """Returns the service's blob folder if this process can read it: if its `instance` file contains the service's id.
 
     Else None.

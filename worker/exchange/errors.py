@@ -22,8 +22,8 @@ __all__ = [
     "MachineError",
     "NotAFarmError",
     "RefusedError",
+    "TemporaryError",
     "TokenError",
-    "Trouble",
     "UnfitError",
     "WorkError",
     "WorkerError",
@@ -41,11 +41,11 @@ class WorkerError(Exception):
     """Base class of a worker's errors. `str(error)` is one sentence for users."""
 
 
-class Trouble(WorkerError):  # noqa: N818 - the name of a family
+class TemporaryError(WorkerError):
     """Failure of the worker rather than of a scene. It may be temporary."""
 
 
-class LinkError(Trouble):
+class LinkError(TemporaryError):
     """Raised if the service cannot be reached, or answers with a server error."""
 
 
@@ -53,15 +53,15 @@ class DamagedError(LinkError):
     """Raised if the content that the service sent does not match the request."""
 
 
-class TokenError(Trouble):
+class TokenError(TemporaryError):
     """Raised if the service does not accept this worker's token."""
 
 
-class NotAFarmError(Trouble):
+class NotAFarmError(TemporaryError):
     """Raised if another server answers at the service's address."""
 
 
-class MachineError(Trouble):
+class MachineError(TemporaryError):
     """Failure of this machine: a full disk, an unwritable cache, too many processes."""
 
 

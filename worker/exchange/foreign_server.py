@@ -10,7 +10,7 @@ import re
 from typing import Any
 from urllib.parse import urlsplit
 
-__all__ = ["MAX_ANSWER", "is_address", "is_here", "kind_of_answer", "not_a_farm"]
+__all__ = ["MAX_ANSWER", "describe_answer", "is_address", "is_loopback", "not_a_farm"]
 
 MAX_ANSWER = 64 << 20  # bytes of JSON; a longer answer does not come from a farm
 
@@ -25,7 +25,7 @@ def is_address(url: str) -> bool:
     return is_http and not re.search(r"\s", url)
 
 
-def is_here(url: str) -> bool:
+def is_loopback(url: str) -> bool:
     """Whether an address is this machine's loopback, for which no proxy such as HTTP_PROXY is used."""
     try:
         return urlsplit(url).hostname in ("localhost", "127.0.0.1", "::1")
@@ -34,13 +34,13 @@ def is_here(url: str) -> bool:
 
 
 def not_a_farm(url: str, came: str) -> str:
-    """Returns the error sentence. came: description of the response, from `kind_of_answer`."""
+    """Returns the error sentence. came: description of the response, from `describe_answer`."""
     return (
         f"{url} answers, but it is not a Rayfarm service: {came}. Give the address that `rayfarm up` shows, as http://host:8000."
     )
 
 
-def kind_of_answer(body: bytes, content_type: str = "") -> str:
+def describe_answer(body: bytes, content_type: str = "") -> str:
     """Returns a description of a response for the user: empty, an HTML page, a list ..."""
     if not body.strip():
         return "it sends an empty answer"

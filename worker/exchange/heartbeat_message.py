@@ -25,7 +25,7 @@ __all__ = ["HeartbeatConnection", "HeartbeatReply"]
 ANSWER_S = 15.0  # timeout of a reply, after which the connection is closed
 CONNECT_S = 5.0
 
-_AWAY = (redis.RedisError, OSError)
+_UNREACHABLE = (redis.RedisError, OSError)
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class HeartbeatConnection:
             connection = self._connection
             connection.send_packed_command(connection.pack_commands(commands), check_health=False)
             self._sent.append((time.monotonic(), len(commands)))
-        except _AWAY:
+        except _UNREACHABLE:
             self.close()
 
     def receive(self, patience_s: float = 0.0) -> HeartbeatReply | None:
@@ -87,8 +87,8 @@ class HeartbeatConnection:
             while self._connection is not None and self._sent and self._connection.can_read(0.0 if heard else patience_s):
                 answers = [self._answer(self._connection) for _ in range(self._sent[0][1])]
                 self._sent.popleft()
-                heard = _understood(answers)
-        except _AWAY:
+                heard = _parse_reply(answers)
+        except _UNREACHABLE:
             self.close()
         return heard
 
@@ -107,7 +107,7 @@ class HeartbeatConnection:
             return error
 
 
-def _understood(answers: list[Any]) -> HeartbeatReply:
+def _parse_reply(answers: list[Any]) -> HeartbeatReply:
     _, taken, order, terms, log, asked, *waiting = answers[:8]
     return HeartbeatReply(
         is_taken=taken == b"OK",

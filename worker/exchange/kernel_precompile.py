@@ -15,20 +15,20 @@ import sys
 import threading
 
 from renderer import jit
-from renderer.child_processes import begun_later, spawn_guard
+from renderer.child_processes import delayed_command, spawn_guard
 from renderer.render import FULL, kernel_name
 from worker.exchange.errors import WorkerError
 from worker.exchange.kernels import upload_kernel
 from worker.exchange.link import Link
-from worker.exchange.ready import fetched_or_compiled
+from worker.exchange.ready import fetch_or_compile
 from worker.telemetry import logs
 
 __all__ = ["precompile_full_kernel"]
 
 log = logging.getLogger("worker")
 
-LATER_S = 3.0  # the worker has its first tile to render
-STANDS_BACK = 5  # nice levels; moderate, so that a slot waiting for the kernel on a busy machine gets it
+START_DELAY_S = 3.0  # the worker has its first tile to render
+NICE_INCREMENT = 5  # nice levels; moderate, so that a slot waiting for the kernel on a busy machine gets it
 
 
 def precompile_full_kernel(link: Link) -> None:
@@ -42,10 +42,10 @@ def precompile_full_kernel(link: Link) -> None:
 
     def stand_back() -> None:
         guard()
-        os.nice(STANDS_BACK)
+        os.nice(NICE_INCREMENT)
 
     process = subprocess.Popen(
-        [*begun_later("worker.exchange.kernel_precompile", LATER_S), f"--service={link.service}"],
+        [*delayed_command("worker.exchange.kernel_precompile", START_DELAY_S), f"--service={link.service}"],
         env={**os.environ, "RAYFARM_TOKEN": link.token},
         stdin=subprocess.DEVNULL,
         preexec_fn=stand_back,
@@ -66,7 +66,7 @@ def main() -> int:
     logs.set_up()
     link = Link(options.service, os.environ.get("RAYFARM_TOKEN", ""))
     try:
-        if not fetched_or_compiled(link, variant=FULL):
+        if not fetch_or_compile(link, variant=FULL):
             upload_kernel(link, jit.cache_folder(), kernel_name(variant=FULL))
     except (WorkerError, OSError) as error:
         log.warning("the kernel %s is not handed in: %s", kernel_name(variant=FULL), error)

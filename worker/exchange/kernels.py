@@ -16,7 +16,7 @@ import threading
 import time
 from pathlib import Path
 
-from renderer.child_processes import begun_later, spawn_guard
+from renderer.child_processes import delayed_command, spawn_guard
 from renderer.kernel_file import ArtefactError, name_of, pack, unpack
 from worker.exchange.errors import LinkError, WorkerError
 from worker.exchange.link import Link
@@ -57,7 +57,7 @@ def upload_kernel(link: Link, folder: Path, kernel: str) -> None:
 def upload_kernel_in_background(link: Link, folder: Path, kernel: str) -> None:
     """Like `upload_kernel`, but some seconds later, in a child process that ends with this one."""
     command = [
-        *begun_later("worker.exchange.kernels", _LATER_S),
+        *delayed_command("worker.exchange.kernels", _LATER_S),
         f"--service={link.service}",
         f"--folder={folder}",
         f"--kernel={kernel}",

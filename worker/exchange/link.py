@@ -19,8 +19,8 @@ from redis.connection import ConnectionPool
 from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from renderer.sentences import Sentence
 from worker.exchange.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
-from worker.exchange.foreign_server import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
-from worker.exchange.trust import as_needed, trust
+from worker.exchange.foreign_server import MAX_ANSWER, describe_answer, is_address, is_loopback, not_a_farm
+from worker.exchange.trust import verify_option, verify_option_for
 
 __all__ = ["FarmAnswer", "Link", "check_redis_url"]
 
@@ -29,7 +29,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 TIMEOUT = httpx.Timeout(60.0, connect=10.0)
 ANSWER_S = 60.0  # timeout of a whole JSON answer
 PROBLEM = "application/problem+json"  # distinguishes the service's errors from those of a proxy
-MAY_PASS = (408, 425, 429)
+RETRYABLE_STATUS = (408, 425, 429)
 
 
 @dataclass(frozen=True)
@@ -90,13 +90,13 @@ class Link:
         if self._client is None:
             headers = {"Authorization": f"Bearer {self.token}"}
             try:
-                verify = as_needed(trust(), self.service)
+                verify = verify_option_for(verify_option(), self.service)
             except (OSError, ValueError) as error:
                 raise RefusedError(
                     Sentence("farm-certificate-unreadable", "The farm's certificate cannot be read: {error}.", error=error)
                 ) from None
             self._client = httpx.Client(
-                base_url=self.service, headers=headers, timeout=TIMEOUT, verify=verify, trust_env=not is_here(self.service)
+                base_url=self.service, headers=headers, timeout=TIMEOUT, verify=verify, trust_env=not is_loopback(self.service)
             )
         return self._client
 
@@ -106,12 +106,12 @@ class Link:
 
     def join(self) -> FarmAnswer:
         """Joins the farm; returns its address of Redis and other data."""
-        data = self._object("/api/farm/join", "redis_url", "instance")
+        data = self._fetch_object("/api/farm/join", "redis_url", "instance")
         told = data["redis_url"]
         try:
             if not isinstance(told, str):
                 raise ValueError("it is no text")
-            redis_url = _reachable(told, self.service)
+            redis_url = _reachable_redis_url(told, self.service)
             check_redis_url(redis_url)
         except ValueError as error:
             raise NotAFarmError(
@@ -122,7 +122,7 @@ class Link:
 
     def manifest(self, scene: str) -> Manifest:
         """Downloads the manifest of an uploaded scene."""
-        data = self._object(f"/api/farm/scenes/{scene}/manifest", "scene", "main", "files")
+        data = self._fetch_object(f"/api/farm/scenes/{scene}/manifest", "scene", "main", "files")
         try:
             return Manifest.from_json(data)
         except ValueError as error:
@@ -213,7 +213,7 @@ class Link:
         with self._stream("PUT", f"/api/farm/kernels/{name}", content=content, headers=headers) as response:
             self._body(response)
 
-    def _object(self, path: str, *needed: str) -> dict[str, Any]:
+    def _fetch_object(self, path: str, *needed: str) -> dict[str, Any]:
         """Downloads the JSON object at `path`. Raises NotAFarmError if it lacks one of the required keys."""
         with self._stream("GET", path) as response:
             body = self._body(response)
@@ -222,7 +222,7 @@ class Link:
         except (ValueError, RecursionError):
             data = None
         if not isinstance(data, dict) or any(name not in data for name in needed):
-            raise NotAFarmError(not_a_farm(self.service, kind_of_answer(body, response.headers.get("Content-Type", ""))))
+            raise NotAFarmError(not_a_farm(self.service, describe_answer(body, response.headers.get("Content-Type", ""))))
         return data
 
     def _body(self, response: httpx.Response) -> bytes:
@@ -249,7 +249,7 @@ class Link:
         """Context manager that yields a successful response before its body is read."""
         try:
             with self.client.stream(method, path, **kwargs) as response:
-                self._check(response)
+                self._check_status(response)
                 yield response
         except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, UnicodeError) as error:
             raise LinkError(
@@ -261,7 +261,7 @@ class Link:
                 )
             ) from error
 
-    def _check(self, response: httpx.Response) -> None:
+    def _check_status(self, response: httpx.Response) -> None:
         if response.is_success:
             return
         status, request = response.status_code, response.request
@@ -286,7 +286,7 @@ class Link:
                     address=repr(response.headers.get("Location", "another address")),
                 )
             )
-        if status >= 500 or status in MAY_PASS:
+        if status >= 500 or status in RETRYABLE_STATUS:
             raise LinkError(said)
         if request.url.path == "/api/farm/join" or status < 400:
             raise NotAFarmError(not_a_farm(self.service, f"it answers {status} to {request.method} {request.url.path}"))
@@ -307,7 +307,7 @@ def check_redis_url(url: str) -> None:
         raise ValueError("an address is redis://host:6379/0, rediss://... or unix://...") from None
 
 
-def _reachable(redis_url: str, service: str) -> str:
+def _reachable_redis_url(redis_url: str, service: str) -> str:
     """Returns Redis's address as reached from here: a loopback host is replaced by the host at which the service was reached."""
     url, host = urlsplit(redis_url), urlsplit(service).hostname
     if url.hostname not in LOOPBACK or host is None or host in LOOPBACK:

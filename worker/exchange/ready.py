@@ -11,21 +11,23 @@ from renderer.settings import RenderSettings
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
 from worker.exchange.link import Link
 
-__all__ = ["fetched_or_compiled", "get_ready"]
+__all__ = ["fetch_or_compile", "make_kernel_ready"]
 
 _log = logging.getLogger("worker")
 
 
-def get_ready(link: Link, settings: RenderSettings | None = None, variant: str = PLAIN, helpers: Helpers | None = None) -> None:
+def make_kernel_ready(
+    link: Link, settings: RenderSettings | None = None, variant: str = PLAIN, helpers: Helpers | None = None
+) -> None:
     """Like `warm_up`, but downloads the kernel from the farm if possible, and otherwise uploads it after compiling."""
-    if not fetched_or_compiled(link, settings, variant, helpers):
+    if not fetch_or_compile(link, settings, variant, helpers):
         upload_kernel_in_background(link, jit.cache_folder(), kernel_name(settings, variant))
 
 
-def fetched_or_compiled(
+def fetch_or_compile(
     link: Link, settings: RenderSettings | None = None, variant: str = PLAIN, helpers: Helpers | None = None
 ) -> bool:
-    """Like `get_ready`, but without the upload. Returns whether the kernel was downloaded, so that the farm has it."""
+    """Like `make_kernel_ready`, but without the upload. Returns whether the kernel was downloaded, so that the farm has it."""
     folder = jit.cache_folder()
     farm_has_it = False
 

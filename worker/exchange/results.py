@@ -17,8 +17,8 @@ __all__ = ["ResultStream"]
 # The service trims the stream after the merge. If it does not, workers wait at this many entries instead of filling the
 # broker's memory (a 64x64 batch packs to about 100 kB), and finally drop the result, which is rendered again.
 MAX_ENTRIES = 2000
-PATIENCE_S = 120.0
-LIMIT_S = 10.0  # timeout of a piece of a result
+RETRY_FOR_S = 120.0
+PIECE_TIMEOUT_S = 10.0  # timeout of a piece of a result
 
 log = logging.getLogger(__name__)
 
@@ -26,12 +26,15 @@ log = logging.getLogger(__name__)
 class ResultStream:
     """The RESULTS stream, for writing. Each process creates its own."""
 
-    def __init__(self, redis_url: str, max_entries: int = MAX_ENTRIES, patience_s: float = PATIENCE_S) -> None:
+    def __init__(self, redis_url: str, max_entries: int = MAX_ENTRIES, patience_s: float = RETRY_FOR_S) -> None:
         self.max_entries = max_entries
         self.patience_s = patience_s
         self._length = max_entries  # the stream's last known length
         self.redis = chunked_redis(
-            redis_url, socket_timeout=LIMIT_S, socket_connect_timeout=5, retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2)
+            redis_url,
+            socket_timeout=PIECE_TIMEOUT_S,
+            socket_connect_timeout=5,
+            retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2),
         )
 
     def send(self, result: Result, patience_s: float | None = None) -> bool:

@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from worker.exchange.errors import DamagedError, Trouble
+from worker.exchange.errors import DamagedError, TemporaryError
 
 __all__ = ["retry_on_trouble"]
 
-DAMAGES_ALLOWED = 3  # after this many the blob is damaged at its source
+MAX_DAMAGED = 3  # after this many the blob is damaged at its source
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -28,9 +28,9 @@ def retry_on_trouble(call: Callable[[], T], seconds: float, pause_s: float = 1.0
     while True:
         try:
             return call()
-        except Trouble as error:
+        except TemporaryError as error:
             damages += isinstance(error, DamagedError)
-            if time.monotonic() + pause_s > deadline or damages >= DAMAGES_ALLOWED:
+            if time.monotonic() + pause_s > deadline or damages >= MAX_DAMAGED:
                 raise
             if str(error) != said:
                 said = str(error)

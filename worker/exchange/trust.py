@@ -6,13 +6,13 @@ import os
 import ssl
 from pathlib import Path
 
-__all__ = ["TRUST_VARIABLE", "as_needed", "trust"]
+__all__ = ["TRUST_VARIABLE", "verify_option", "verify_option_for"]
 
 TRUST_VARIABLE = "RAYFARM_TLS_CERT"
-END = "-----END CERTIFICATE-----"
+CERTIFICATE_END = "-----END CERTIFICATE-----"
 
 
-def trust(certificate: str | None = None) -> ssl.SSLContext | bool:
+def verify_option(certificate: str | None = None) -> ssl.SSLContext | bool:
     """Returns the value for httpx's `verify`.
 
     certificate: path of the farm's own certificate (PEM); default $RAYFARM_TLS_CERT; empty: the machine's trust store. Only the
@@ -23,19 +23,19 @@ def trust(certificate: str | None = None) -> ssl.SSLContext | bool:
     if not path:
         return True
     text = Path(path).expanduser().read_text()
-    if END not in text:
+    if CERTIFICATE_END not in text:
         raise ValueError(f"{path} has no certificate; {TRUST_VARIABLE} names the farm's, as PEM")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
     context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN  # accept a certificate that is not a CA
     try:
-        context.load_verify_locations(cadata=text[: text.index(END) + len(END)] + "\n")
+        context.load_verify_locations(cadata=text[: text.index(CERTIFICATE_END) + len(CERTIFICATE_END)] + "\n")
     except ssl.SSLError as error:
         raise ValueError(f"{path} has no certificate that can be read ({error.reason})") from None
     return context
 
 
-def as_needed(trusted: ssl.SSLContext | bool, url: str) -> ssl.SSLContext | bool:
+def verify_option_for(trusted: ssl.SSLContext | bool, url: str) -> ssl.SSLContext | bool:
     """Returns the value of `verify` for a client that uses only this address: False for plain HTTP.
 
     That saves loading the machine's trust store, which takes a tenth of a second.

@@ -10,12 +10,12 @@ import os
 from enum import StrEnum
 from pathlib import Path
 
-__all__ = ["ALIVE", "State", "write_state"]
+__all__ = ["HEALTH_FILE_VARIABLE", "WorkerState", "write_state"]
 
-ALIVE = "RAYFARM_ALIVE"
+HEALTH_FILE_VARIABLE = "RAYFARM_ALIVE"
 
 
-class State(StrEnum):
+class WorkerState(StrEnum):
     """State of a worker as written to the health file."""
 
     STARTING = "starting"  # loads its kernels, waits for the service
@@ -23,9 +23,9 @@ class State(StrEnum):
     AWAY = "away"  # waits for Redis, or ends
 
 
-def write_state(state: State, pid: int | None = None) -> None:
+def write_state(state: WorkerState, pid: int | None = None) -> None:
     """Writes the state if a health file is configured. Ignores errors: the health check then fails and reports them."""
-    if not (named := os.environ.get(ALIVE, "")):
+    if not (named := os.environ.get(HEALTH_FILE_VARIABLE, "")):
         return
     path, text = Path(named), f"{os.getpid() if pid is None else pid} {state}\n"
     with contextlib.suppress(OSError):

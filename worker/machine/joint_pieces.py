@@ -30,10 +30,10 @@ from typing import NamedTuple
 from protocol.contract import Result
 from protocol.result_bytes import result_bytes, result_of
 
-__all__ = ["Pieces", "Taken"]
+__all__ = ["ClaimedPiece", "Pieces"]
 
 PREFIX = "rayfarm-sums-"
-SENDING = "sending"
+SENDING_PREFIX = "sending"
 STALE_S = 300.0  # since a message came: its pieces have long been handed out again
 
 _MESSAGE = re.compile(r"[\w-]{1,100}")
@@ -41,7 +41,7 @@ _MESSAGE = re.compile(r"[\w-]{1,100}")
 log = logging.getLogger(__name__)
 
 
-class Taken(NamedTuple):
+class ClaimedPiece(NamedTuple):
     """A piece that this process has claimed."""
 
     folder: Path
@@ -76,50 +76,50 @@ class Pieces:
             (new / f"todo-{number:04}").touch()
         new.rename(self.root / f"{time.time_ns():020}.{int(1000 * hold_s)}.{message}")
 
-    def take(self) -> Taken | None:
+    def take(self) -> ClaimedPiece | None:
         """Claims the free piece that has waited longest; None if there is none."""
         for folder in self._groups():
             for name in sorted(_names(folder, "todo-")):
                 number = int(name.partition("-")[2])
                 with contextlib.suppress(FileNotFoundError):  # another was faster
                     (folder / name).rename(folder / f"doing-{number}-{os.getpid()}")
-                    return Taken(folder, number, (folder / "about").read_bytes())
+                    return ClaimedPiece(folder, number, (folder / "about").read_bytes())
         return None
 
-    def put(self, taken: Taken, result: Result) -> None:
+    def put(self, taken: ClaimedPiece, result: Result) -> None:
         """Stores the sums of a claimed piece; any slot may send them."""
         written = taken.folder / f"written-{taken.number}-{os.getpid()}"
         written.write_bytes(result_bytes(result))
         written.rename(taken.folder / f"done-{taken.number:04}")
         self.release(taken)
 
-    def release(self, taken: Taken) -> None:
+    def release(self, taken: ClaimedPiece) -> None:
         """Removes the claim on a piece that is rendered or abandoned."""
         with contextlib.suppress(FileNotFoundError):
             (taken.folder / f"doing-{taken.number}-{os.getpid()}").unlink()
 
-    def ripe(self, at_once: bool = False) -> Iterator[list[Result]]:
+    def due_results(self, at_once: bool = False) -> Iterator[list[Result]]:
         """Yields the results that are due, one list per message, in the order of the pieces. Advancing the iterator marks them as
         sent.
 
         Due are messages that are complete, or of which a result has waited too long. at_once: all results are due.
         """
-        for left in [*self._left_by_the_dead()]:
-            yield from self._sent(left)
+        for left in [*self._abandoned_folders()]:
+            yield from self._sent_results(left)
         for folder in self._groups():
-            self._forget_the_dead(folder)
-            if at_once or _is_ripe(folder):
-                mine = self.root / f"{SENDING}.{os.getpid()}.{_message(folder)}.{next(self._numbers)}"
+            self._release_claims_of_ended(folder)
+            if at_once or _is_due(folder):
+                mine = self.root / f"{SENDING_PREFIX}.{os.getpid()}.{_message(folder)}.{next(self._numbers)}"
                 mine.mkdir()
                 for name in _names(folder, "done-"):
                     with contextlib.suppress(FileNotFoundError):
                         (folder / name).rename(mine / name)
-                yield from self._sent(mine)
-            self._tidy(folder)
+                yield from self._sent_results(mine)
+            self._remove_if_finished(folder)
 
     def messages(self) -> list[str]:
         """Returns the ids of messages that have pieces or unsent sums here."""
-        return sorted({_message(folder) for folder in [*self._groups(), *self._sending()]})
+        return sorted({_message(folder) for folder in [*self._groups(), *self._sending_folders()]})
 
     def waiting(self) -> int:
         """Returns the number of free pieces."""
@@ -133,14 +133,14 @@ class Pieces:
         for folder in self._groups():
             if _message(folder) == message:
                 dead = [name for name in _names(folder, "doing-") if not _is_alive(int(name.rpartition("-")[2]))]
-                return sorted([*_taken(folder, dead), *_taken(folder, _names(folder, "todo-"))])
+                return sorted([*_claimed_numbers(folder, dead), *_claimed_numbers(folder, _names(folder, "todo-"))])
         return None
 
     def withdraw(self) -> list[tuple[bytes, list[int]]]:
         """Removes all free pieces. Returns each message's JSON with the numbers of its pieces."""
         taken = []
         for folder in self._groups():
-            if numbers := _taken(folder, sorted(_names(folder, "todo-"))):
+            if numbers := _claimed_numbers(folder, sorted(_names(folder, "todo-"))):
                 taken.append(((folder / "about").read_bytes(), numbers))
         return taken
 
@@ -148,36 +148,36 @@ class Pieces:
         """Returns the folders of all messages, oldest first."""
         return sorted(self.root / name for name in _names(self.root, *"0123456789"))
 
-    def _sending(self) -> list[Path]:
-        return [self.root / name for name in _names(self.root, f"{SENDING}.")]
+    def _sending_folders(self) -> list[Path]:
+        return [self.root / name for name in _names(self.root, f"{SENDING_PREFIX}.")]
 
-    def _sent(self, mine: Path) -> Iterator[list[Result]]:
+    def _sent_results(self, mine: Path) -> Iterator[list[Result]]:
         if results := [found for name in sorted(_names(mine, "done-")) if (found := _read(mine / name)) is not None]:
             yield results
         shutil.rmtree(mine, ignore_errors=True)
 
-    def _left_by_the_dead(self) -> Iterator[Path]:
-        for folder in self._sending():
+    def _abandoned_folders(self) -> Iterator[Path]:
+        for folder in self._sending_folders():
             _, pid, message, _ = folder.name.split(".")
             if not _is_alive(int(pid)):
-                mine = self.root / f"{SENDING}.{os.getpid()}.{message}.{next(self._numbers)}"
+                mine = self.root / f"{SENDING_PREFIX}.{os.getpid()}.{message}.{next(self._numbers)}"
                 with contextlib.suppress(FileNotFoundError):
                     folder.rename(mine)
                     yield mine
 
-    def _forget_the_dead(self, folder: Path) -> None:
+    def _release_claims_of_ended(self, folder: Path) -> None:
         for name in _names(folder, "doing-"):
             if not _is_alive(int(name.rpartition("-")[2])):
                 with contextlib.suppress(FileNotFoundError):
                     (folder / name).unlink()
 
-    def _tidy(self, folder: Path) -> None:
+    def _remove_if_finished(self, folder: Path) -> None:
         """Deletes the folder of a message that is finished or expired."""
-        if not _names(folder, "todo-", "doing-", "done-") or time.time() - _since(folder) > STALE_S:
+        if not _names(folder, "todo-", "doing-", "done-") or time.time() - _creation_time(folder) > STALE_S:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _is_ripe(folder: Path) -> bool:
+def _is_due(folder: Path) -> bool:
     done = _names(folder, "done-")
     if not done or not _names(folder, "todo-", "doing-"):
         return bool(done)
@@ -203,7 +203,7 @@ def _is_alive(pid: int) -> bool:
     return True
 
 
-def _taken(folder: Path, names: list[str]) -> list[int]:
+def _claimed_numbers(folder: Path, names: list[str]) -> list[int]:
     """Deletes the files of pieces; returns the numbers of those that no other process deleted first."""
     numbers = []
     for name in names:
@@ -213,7 +213,7 @@ def _taken(folder: Path, names: list[str]) -> list[int]:
     return numbers
 
 
-def _since(folder: Path) -> float:
+def _creation_time(folder: Path) -> float:
     return int(folder.name.partition(".")[0]) / 1e9
 
 

@@ -13,13 +13,13 @@ import subprocess
 import time
 from pathlib import Path
 
-from worker.machine.process_tree import family
+from worker.machine.process_tree import process_times
 
 __all__ = ["Presence"]
 
 BUSY_CORES = 0.5  # use by other programs above which a user counts as present
-LOOK_EVERY_S = 5.0
-SCREEN_PATIENCE_S = 2.0
+CHECK_EVERY_S = 5.0
+SCREEN_TIMEOUT_S = 2.0
 TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 
 
@@ -36,35 +36,35 @@ class Presence:
     def idle_s(self, now: float | None = None) -> float:
         """Returns the seconds since a user was last detected."""
         now = time.time() if now is None else now
-        if now - self._looked >= LOOK_EVERY_S:
+        if now - self._looked >= CHECK_EVERY_S:
             self._looked = now
-            self._look(now)
+            self._check(now)
         return max(now - self._present, 0.0)
 
-    def _look(self, now: float) -> None:
+    def _check(self, now: float) -> None:
         seen = []
-        if (others := self._others(now)) is not None:
+        if (others := self._cores_used_by_others(now)) is not None:
             seen.append("load")
             if others > BUSY_CORES:
                 self._present = now
-        if (typed := self._typed()) is not None:
+        if (typed := self._last_terminal_input()) is not None:
             seen.append("terminals")
             self._present = max(self._present, min(typed, now))
-        if (desktop := _desktop(now)) is not None:
+        if (desktop := _desktop_idle_s(now)) is not None:
             seen.append("desktop")
             self._present = max(self._present, now - desktop)
-        if (screen := _screen()) is not None:
+        if (screen := _last_screen_input()) is not None:
             seen.append("screen")
             self._present = max(self._present, now - screen)
         self.by = tuple(seen)
 
-    def _others(self, now: float) -> float | None:
+    def _cores_used_by_others(self, now: float) -> float | None:
         """Returns the number of cores that other programs used on average since the last check; None if unknown."""
         try:
             name, *ticks = (self._proc / "stat").read_text().split("\n", 1)[0].split()
             user, low, system, _, _, irq, soft = map(int, ticks[:7])
             every = (user + low + system + irq + soft) / TICK
-            own = sum(family(self._proc).values()) / TICK
+            own = sum(process_times(self._proc).values()) / TICK
         except (OSError, ValueError):
             return None
         before, self._times = self._times, (now, every, own)
@@ -72,7 +72,7 @@ class Presence:
             return None
         return max(every - before[1] - (own - before[2]), 0.0) / (now - before[0])
 
-    def _typed(self) -> float | None:
+    def _last_terminal_input(self) -> float | None:
         """Returns the time of the last input in any terminal; None if there are no terminals."""
         times = []
         for folder, pattern in ((self._dev / "pts", "[0-9]*"), (self._dev, "tty[1-9]*")):
@@ -84,7 +84,7 @@ class Presence:
         return max(times, default=None)
 
 
-def _desktop(now: float) -> float | None:
+def _desktop_idle_s(now: float) -> float | None:
     """Returns for how many seconds the graphical sessions are idle, by logind's IdleHint; None if no desktop reports it.
 
     A desktop sets the hint some minutes after the last input, and clears it at the next. A desktop that has never set it in its
@@ -115,18 +115,18 @@ def _desktop(now: float) -> float | None:
 def _output_of(command: list[str]) -> str:
     """Returns the output of a command; empty if it fails or takes too long."""
     try:
-        return subprocess.run(command, capture_output=True, text=True, timeout=SCREEN_PATIENCE_S, check=True).stdout
+        return subprocess.run(command, capture_output=True, text=True, timeout=SCREEN_TIMEOUT_S, check=True).stdout
     except (OSError, UnicodeError, subprocess.SubprocessError):
         return ""
 
 
-def _screen() -> float | None:
+def _last_screen_input() -> float | None:
     """Returns for how many seconds keyboard and mouse of this X session are idle; None if unavailable."""
     program = shutil.which("xprintidle")
     if program is None or not os.environ.get("DISPLAY"):
         return None
     try:
-        said = subprocess.run([program], capture_output=True, text=True, timeout=SCREEN_PATIENCE_S, check=True).stdout
+        said = subprocess.run([program], capture_output=True, text=True, timeout=SCREEN_TIMEOUT_S, check=True).stdout
         return int(said) / 1000
     except (OSError, ValueError, subprocess.SubprocessError):
         return None

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-__all__ = ["family"]
+__all__ = ["process_times"]
 
 
-def family(proc: Path = Path("/proc")) -> dict[int, int]:
+def process_times(proc: Path = Path("/proc")) -> dict[int, int]:
     """Returns the processor time of each process and of its ended children, in clock ticks, by pid.
 
     Empty if the system does not report it.

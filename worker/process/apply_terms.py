@@ -17,13 +17,13 @@ from protocol.hours import Hours, local_now
 from protocol.terms import Offer, Terms
 from renderer.sentences import Sentence
 from worker.machine.presence import Presence
-from worker.machine.process_tree import family
+from worker.machine.process_tree import process_times
 
 __all__ = ["TermsKeeper", "memory_limit"]
 
 MEMORY_EVERY = 5  # heartbeats; summing up the memory of all processes takes milliseconds
 NICE = "Its nice level"
-LESS_BY = 0.9  # of the limit: from then on it takes tasks again
+RESUME_BELOW = 0.9  # of the limit: from then on it takes tasks again
 
 log = logging.getLogger(__name__)
 
@@ -62,7 +62,7 @@ class TermsKeeper:
         """Number of slots that the worker may use now."""
         return min(self.terms.slots or self.slots, self.slots)
 
-    def may_work_ahead(self) -> bool:
+    def may_precompile(self) -> bool:
         """Whether the worker may compile kernels in advance. False if any of its terms limits its use of the machine."""
         own = self.own
         return not (own.hours or own.idle_minutes or own.memory or own.nice)
@@ -85,9 +85,11 @@ class TermsKeeper:
         """Updates whether the worker rests, and its nice level."""
         terms = self.terms
         struct.pack_into("q", _limit, 0, terms.memory or 0)
-        self._be_nice(terms.nice)
-        somebody = self._at_work(terms)  # tracked outside the hours too, so that the idle time is known when they begin
-        self.why = self._outside(terms) or somebody or self._too_large(terms)
+        self._set_nice_level(terms.nice)
+        somebody = self._machine_in_use_reason(
+            terms
+        )  # tracked outside the hours too, so that the idle time is known when they begin
+        self.why = self._outside_hours_reason(terms) or somebody or self._memory_reason(terms)
         self._beats += 1
 
     def offer(self) -> Offer:
@@ -109,12 +111,12 @@ class TermsKeeper:
             trouble=self.trouble,
         )
 
-    def _outside(self, terms: Terms) -> str | None:
-        if not terms.hours or Hours.parse(terms.hours).are_now(self.clock()):
+    def _outside_hours_reason(self, terms: Terms) -> str | None:
+        if not terms.hours or Hours.parse(terms.hours).includes(self.clock()):
             return None
         return Sentence("worker-outside-hours", "Outside its hours: {hours}.", hours=terms.hours)
 
-    def _at_work(self, terms: Terms) -> str | None:
+    def _machine_in_use_reason(self, terms: Terms) -> str | None:
         if not terms.idle_minutes:
             return None
         left = 60 * terms.idle_minutes - self.presence.idle_s()
@@ -128,12 +130,12 @@ class TermsKeeper:
             else None
         )
 
-    def _too_large(self, terms: Terms) -> str | None:
+    def _memory_reason(self, terms: Terms) -> str | None:
         """Returns why the worker rests for its memory use; None if it does not. It rests above its limit, until well below it."""
         if not terms.memory:
             self._is_over = False
         elif self._beats % MEMORY_EVERY == 0 or self._is_over:
-            self._is_over = _memory_of_family() > terms.memory * (LESS_BY if self._is_over else 1.0)
+            self._is_over = _memory_of_processes() > terms.memory * (RESUME_BELOW if self._is_over else 1.0)
         if not self._is_over or not terms.memory:
             return None
         return Sentence(
@@ -142,12 +144,12 @@ class TermsKeeper:
             limit=f"{terms.memory / 1000000000.0:.3g}",
         )
 
-    def _be_nice(self, nice: int | None) -> None:
+    def _set_nice_level(self, nice: int | None) -> None:
         """Sets the nice level of all processes of the worker; later forks inherit it. None: the start value."""
         wanted = self._first_nice if nice is None else nice
         if os.getpriority(os.PRIO_PROCESS, 0) == wanted:
             return
-        for pid in family():
+        for pid in process_times():
             try:
                 if os.getpriority(os.PRIO_PROCESS, pid) != wanted:
                     os.setpriority(os.PRIO_PROCESS, pid, wanted)
@@ -165,10 +167,10 @@ class TermsKeeper:
             self.trouble = None
 
 
-def _memory_of_family() -> int:
+def _memory_of_processes() -> int:
     """Returns the memory of all processes of this worker in bytes. Shared pages are counted once."""
     total = 0
-    for pid in family():
+    for pid in process_times():
         with contextlib.suppress(OSError, ValueError, IndexError):
             lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
             total += next(int(line.split()[1]) * 1024 for line in lines if line.startswith("Pss:"))

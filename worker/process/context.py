@@ -97,10 +97,10 @@ class WorkerContext:
             views=True,
             explains=True,
             adds=self.pieces is not None,
-            in_hand=self._in_hand(),
+            in_hand=self._messages_in_hand(),
         )
 
-    def _in_hand(self) -> list[str]:
+    def _messages_in_hand(self) -> list[str]:
         try:
             return self.pieces.messages() if self.pieces is not None else []
         except OSError:

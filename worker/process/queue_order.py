@@ -14,13 +14,13 @@ from protocol.joint import HELP_QUEUES
 from protocol.terms import NEEDS
 from protocol.view_parts import VIEW_QUEUES
 
-__all__ = ["STRATEGY", "ViewsFirst"]
+__all__ = ["STRATEGY", "ViewsFirstOrder"]
 
-STRATEGY = "worker.process.queue_order:ViewsFirst"  # as kombu names it
+STRATEGY = "worker.process.queue_order:ViewsFirstOrder"  # as kombu names it
 PREPARE_QUEUES = prepare_queue("")
 
 
-class ViewsFirst(round_robin_cycle):
+class ViewsFirstOrder(round_robin_cycle):
     """Kombu's round robin of queues, except that the queues of views, pieces and requirements come first."""
 
     _was_view = False

@@ -14,12 +14,12 @@ from renderer.image.read import decode
 from renderer.sentences import Sentence
 from worker.reading.scene_folder import folder_of
 
-__all__ = ["show", "small_picture"]
+__all__ = ["small_picture", "write_thumbnail"]
 
 NARROWEST, WIDEST = 1.9, 2.1  # an equirectangular image is twice as wide as high
 
 
-def show(folder: bytes, name: str, width: int, result: bytes, link: Link) -> dict[str, Any]:
+def write_thumbnail(folder: bytes, name: str, width: int, result: bytes, link: Link) -> dict[str, Any]:
     """Writes the thumbnail of the image `name` in `folder` to the file `result`. width: in pixels. Raises SceneError."""
     folder_of(result).write_bytes(encode.encode(small_picture(_pixels(folder_of(folder), name), width), "jpg"))
     return {}

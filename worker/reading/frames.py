@@ -26,16 +26,16 @@ from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.load import Shot
 from renderer.scene.scene_equality import compiles_alike
 from renderer.settings import View, chosen
-from worker.reading.scene_folder import folder_of, placed_scene
+from worker.reading.scene_folder import folder_of, mapped_scene
 
-__all__ = ["Stage", "answering", "serve"]
+__all__ = ["OpenScene", "frame_answerer", "serve_requests"]
 
 
-def serve(
+def serve_requests(
     folder: bytes, manifest: Manifest, work: PrepareFrames, base_folder: bytes, out: bytes, idle_s: float, link: Link
 ) -> dict[str, Any]:
     """Answers requests for frames until there has been none for `idle_s` seconds; then empties the folder `out`."""
-    answer = answering(folder_of(folder), manifest, work, placed_scene(base_folder, work.base), folder_of(out))
+    answer = frame_answerer(folder_of(folder), manifest, work, mapped_scene(base_folder, work.base), folder_of(out))
     for request in link.requests(idle_s):
         answer(request["frames"], link.send)
     for path in folder_of(out).iterdir():
@@ -43,13 +43,13 @@ def serve(
     return {}
 
 
-def answering(
+def frame_answerer(
     folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path
 ) -> Callable[[list[int], Send], None]:
     """Returns a function that compiles frames and sends a message for each: the result, or the error as `failed`."""
     begun = time.monotonic()
     shot = Shot(folder, manifest.main, manifest.environment, manifest.variant, manifest.up, manifest.floor)
-    stage = Stage(shot, work, base, out)
+    stage = OpenScene(shot, work, base, out)
     opened_s = time.monotonic() - begun
 
     def answer(frames: list[int], send: Send) -> None:
@@ -68,7 +68,7 @@ def answering(
     return answer
 
 
-class Stage:
+class OpenScene:
     """A scene over time. Its state at a moment does not depend on the moments requested before."""
 
     def __init__(self, shot: Shot, work: PrepareFrames, base: CompiledScene, out: Path) -> None:
@@ -82,7 +82,7 @@ class Stage:
         self._rooms = (out / str(number) for number in itertools.count())
         self._start = shot.at(Moment(shot.start))
         self._last: tuple[SceneDescription, CompiledScene, Path] | None = None  # valid until another moment is compiled
-        self._auto: View | None = View.from_json(_given(work.base_auto)) if work.clip is None else None
+        self._auto: View | None = View.from_json(_without_none(work.base_auto)) if work.clip is None else None
         self._still: SceneDescription | None = None  # the description of a static scene, read once
 
     def at(self, moment: Moment) -> dict[str, Any]:
@@ -110,7 +110,7 @@ class Stage:
             return read, self._base, None
         if self._last is not None and compiles_alike(read, self._last[0]):
             return read, *self._last[1:]
-        untouched = _untouched(read)
+        untouched = _copied_description(read)
         self._last = None
         kept, self._kept = self._kept, ShotCache()  # discard the cache if compiling fails
         compiled = compile_scene(read, kept=kept)
@@ -129,7 +129,7 @@ class Stage:
         open.
         """
         if self._work.view is not None:
-            return View.from_json(_given(self._work.view)), ()
+            return View.from_json(_without_none(self._work.view)), ()
         cameras = own_cameras(description, compiled)
         number = camera_number([*(c.name for c in cameras), AUTO_CAMERA], self._work.camera)
         return (cameras[number].view, cameras[number].keys) if number < len(cameras) else (self._auto_view(), ())
@@ -139,18 +139,18 @@ class Stage:
         if self._auto is None:
             read = self._shot.at(Moment(self._shot.start, self._work.fps, self._work.clip))
             if compiles_alike(read, self._start):
-                self._auto = View.from_json(_given(self._work.base_auto))
+                self._auto = View.from_json(_without_none(self._work.base_auto))
             else:
                 self._auto = View.from_json(summarise(read, compile_scene(read))["cameras"][-1]["view"])
         return self._auto
 
 
-def _untouched(description: SceneDescription) -> SceneDescription:
+def _copied_description(description: SceneDescription) -> SceneDescription:
     """Returns a copy of the description for compiling, which appends to its lists but does not change their items."""
     held = {f.name: getattr(description, f.name) for f in fields(description)}
     copied: dict[str, Any] = {name: copy.copy(value) for name, value in held.items() if isinstance(value, list | dict)}
     return replace(description, **copied)
 
 
-def _given(view: dict[str, Any]) -> dict[str, Any]:
+def _without_none(view: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in view.items() if value is not None}

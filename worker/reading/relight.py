@@ -11,8 +11,8 @@ from renderer.scene.compiled_parts import save_changed
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.load import environment_light
-from renderer.scene.relight import CHANGED, replace_environment
-from worker.reading.scene_folder import folder_of, placed_scene
+from renderer.scene.relight import CHANGED_ARRAYS, replace_environment
+from worker.reading.scene_folder import folder_of, mapped_scene
 
 __all__ = ["relight", "save_relit"]
 
@@ -23,7 +23,7 @@ def relight(folder: bytes, light: str, base_folder: bytes, base: str, power: flo
     light: path of an image in `folder`, or a preset. base: hash of the compiled scene to start from. power: of its other lights.
     """
     data = (folder_of(base_folder) / base).read_bytes()
-    return {"compiled": save_relit(folder_of(folder), light, placed_scene(base_folder, base), data, power, folder_of(out)).name}
+    return {"compiled": save_relit(folder_of(folder), light, mapped_scene(base_folder, base), data, power, folder_of(out)).name}
 
 
 def save_relit(folder: Path, light: str, base: CompiledScene, data: bytes, power: float, out: Path) -> Path:
@@ -33,4 +33,4 @@ def save_relit(folder: Path, light: str, base: CompiledScene, data: bytes, power
     """
     description = SceneDescription(name="light")
     environment_light(SceneFiles(folder, light), light, description)
-    return save_changed(data, replace_environment(base, description, power), CHANGED, out)
+    return save_changed(data, replace_environment(base, description, power), CHANGED_ARRAYS, out)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from renderer.scene.compiled import CompiledScene, load
 
-__all__ = ["folder_of", "placed_scene"]
+__all__ = ["folder_of", "mapped_scene"]
 
 
 def folder_of(path: bytes) -> Path:
@@ -15,6 +15,6 @@ def folder_of(path: bytes) -> Path:
     return Path(os.fsdecode(path))
 
 
-def placed_scene(folder: bytes, sha256: str) -> CompiledScene:
+def mapped_scene(folder: bytes, sha256: str) -> CompiledScene:
     """Maps the compiled scene with this hash in a folder."""
     return load(folder_of(folder) / sha256)

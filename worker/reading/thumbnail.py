@@ -12,7 +12,7 @@ from renderer.image import encode
 from renderer.image.darkness import darkness
 from renderer.render import render_batch, render_frame
 from renderer.settings import RenderSettings, Tile, View
-from worker.reading.scene_folder import folder_of, placed_scene
+from worker.reading.scene_folder import folder_of, mapped_scene
 
 __all__ = ["render_thumbnail", "thumbnail_settings"]
 
@@ -35,7 +35,7 @@ def render_thumbnail(
 
     compiled: hash of the compiled scene in `base_folder`.
     """
-    scene = placed_scene(base_folder, compiled)
+    scene = mapped_scene(base_folder, compiled)
     settings = thumbnail_settings(view, defaults)
     render_batch(scene, settings, Tile(0, 0, 0, 0), 0, 0)  # loads the kernel before timing starts
     sums = render_frame(scene, settings, SPP, threads=1, time_limit=SECONDS)

@@ -20,17 +20,17 @@ from protocol.site import (
     SIGNATURE_HEADER,
     SUMS_PATH,
     SiteReport,
-    announced,
     secret_key,
     signature,
     site_key,
+    size_signature,
 )
 
 __all__ = ["SiteLink"]
 
 PATIENCE_S = 5.0  # timeout of an answer, for which a slot waits
-KNOWN_S = 10.0  # validity of the reducer's address
-AWAY_S = 5.0  # pause after a failed connection
+ADDRESS_TTL_S = 10.0  # validity of the reducer's address
+RETRY_AFTER_S = 5.0  # pause after a failed connection
 
 log = logging.getLogger(__name__)
 
@@ -61,17 +61,17 @@ class SiteLink:
             if status == http.HTTPStatus.FORBIDDEN and (where := self._reducer_of(run.site, anew=True)) is not None:
                 status = _post(where, result)  # it has another secret by now
         except (OSError, http.client.HTTPException) as error:
-            self._leave(run.site, error)
+            self._suspend_reducer(run.site, error)
             return False
         if status == http.HTTPStatus.NO_CONTENT:
             return True
         if status != http.HTTPStatus.CONFLICT:  # that is about these sums alone
-            self._leave(run.site, f"it answers {status}")
+            self._suspend_reducer(run.site, f"it answers {status}")
         return False
 
-    def _leave(self, site: str, why: Any) -> None:
+    def _suspend_reducer(self, site: str, why: Any) -> None:
         log.warning("sums go to the service, and not to the reducer of %s: %s", site, why)
-        self._known[site] = time.monotonic() + AWAY_S, None
+        self._known[site] = time.monotonic() + RETRY_AFTER_S, None
 
     def _reducer_of(self, site: str, anew: bool = False) -> _ReducerAddress | None:
         until, where = self._known.get(site, (0.0, None))
@@ -85,7 +85,7 @@ class SiteLink:
                 where = _ReducerAddress(said.address, said.port, secret)
         except (redis.RedisError, ValueError) as error:
             log.debug("the reducer of %s is not known: %s", site, error)
-        self._known[site] = time.monotonic() + (AWAY_S if where is None else KNOWN_S), where
+        self._known[site] = time.monotonic() + (RETRY_AFTER_S if where is None else ADDRESS_TTL_S), where
         return where
 
 
@@ -93,7 +93,7 @@ def _post(where: _ReducerAddress, result: Result) -> int:
     body = result_bytes(result)
     connection = http.client.HTTPConnection(where.address, where.port, timeout=PATIENCE_S)
     try:
-        signed = {SIGNATURE_HEADER: signature(where.secret, body), ANNOUNCED_HEADER: announced(where.secret, len(body))}
+        signed = {SIGNATURE_HEADER: signature(where.secret, body), ANNOUNCED_HEADER: size_signature(where.secret, len(body))}
         connection.request("POST", SUMS_PATH, body, signed)
         answer = connection.getresponse()
         answer.read()

@@ -10,32 +10,32 @@ from protocol.contract import Result
 from protocol.sums import add_sums, pack_sums, unpack_sums
 from renderer.settings import Tile
 
-__all__ = ["joined", "parts_of"]
+__all__ = ["batches_of_event", "merged_results"]
 
 BAD_SHOWN = 64
 MOST_LINES = 20  # that were warned of
 
 
-def joined(results: Iterable[Result]) -> Iterator[Result]:
+def merged_results(results: Iterable[Result]) -> Iterator[Result]:
     """Yields the results, with those whose samples are contiguous merged into one."""
     run: list[Result] = []
     for result in results:
-        if run and _end(run[-1]) != (*_of(result), result.event["first"]):
-            yield _one(run)
+        if run and _end_key(run[-1]) != (*_tile_key(result), result.event["first"]):
+            yield _merged_run(run)
             run = []
         run.append(result)
     if run:
-        yield _one(run)
+        yield _merged_run(run)
 
 
-def parts_of(event: dict[str, Any]) -> list[list[Any]]:
+def batches_of_event(event: dict[str, Any]) -> list[list[Any]]:
     """Returns the batches in an event: batch, first, count, seconds, and, if known, the worker that rendered it."""
     if event["type"] == "batches":
         return [list(part) for part in event["parts"]]
     return [[event[key] for key in ("batch", "first", "count", "seconds")]]
 
 
-def _one(run: list[Result]) -> Result:
+def _merged_run(run: list[Result]) -> Result:
     if len(run) == 1:
         return run[0]
     first = run[0].event
@@ -48,7 +48,7 @@ def _one(run: list[Result]) -> Result:
         **{key: first[key] for key in ("job", "frame", "tile", "first", "worker", "run") if key in first},
         "type": "batches",
         "count": sum(event["count"] for event in events),
-        "parts": [part for event in events for part in parts_of(event)],
+        "parts": [part for event in events for part in batches_of_event(event)],
         "bad": [bad for event in events for bad in event["bad"]][:BAD_SHOWN],
         "bad_count": sum(event["bad_count"] for event in events),
     }
@@ -61,9 +61,9 @@ def _one(run: list[Result]) -> Result:
     return Result(event, pack_sums(total))
 
 
-def _of(result: Result) -> tuple[Any, ...]:
+def _tile_key(result: Result) -> tuple[Any, ...]:
     return tuple(result.event[key] for key in ("job", "frame", "tile"))
 
 
-def _end(result: Result) -> tuple[Any, ...]:
-    return *_of(result), result.event["first"] + result.event["count"]
+def _end_key(result: Result) -> tuple[Any, ...]:
+    return *_tile_key(result), result.event["first"] + result.event["count"]

@@ -37,32 +37,32 @@ from protocol.site import (
     SITE_NAME,
     SUMS_PATH,
     SiteReport,
-    announced,
     secret_key,
     signature,
     site_key,
+    size_signature,
 )
 from renderer.printable import printable
 from renderer.variables import VariableError, value_of
-from telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
-from worker.exchange.errors import LinkError, RefusedError, Trouble, WorkerError
+from telemetry.log_lines import FORMAT_VARIABLE, FORMATS, uses_json
+from worker.exchange.errors import LinkError, RefusedError, TemporaryError, WorkerError
 from worker.exchange.link import FarmAnswer, Link
 from worker.exchange.results import ResultStream
 from worker.site.socket_deadline import DeadlineReader
-from worker.site.sums import Full, SiteSums
+from worker.site.sums import SiteSums, SumsFullError
 from worker.telemetry import logs
 
 __all__ = ["Reducer", "main"]
 
 EXIT_REFUSED = 3
 LOOK_EVERY_S = 0.05
-LARGEST = 64 << 20  # bytes of a result
+MAX_RESULT_BYTES = 64 << 20  # bytes of a result
 MOST_BYTES = 1 << 30  # that wait here
-MOST_COMING = 8 * LARGEST  # limit of bytes being received from workers, and of bytes from unidentified senders
+MAX_INCOMING_BYTES = 8 * MAX_RESULT_BYTES  # limit of bytes being received from workers, and of bytes from unidentified senders
 MOST_AT_ONCE, MOST_OF_ONE = 1024, 256  # connections, and of them of one address
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.2, 3.0
 PATIENCE_S = 10.0  # timeout of a sender's header, and of a small body
-SLOWEST = 1 << 20  # minimum bytes per second of larger bodies
+MIN_RATE = 1 << 20  # minimum bytes per second of larger bodies
 
 log = logging.getLogger("worker")
 
@@ -87,7 +87,7 @@ class Reducer:
 
     def is_announced(self, size: int, said: str) -> bool:
         """Whether `said` is a valid signature of this size by a worker of the farm."""
-        return any(secrets.compare_digest(announced(secret, size).encode(), said.encode()) for _, secret in self._secrets)
+        return any(secrets.compare_digest(size_signature(secret, size).encode(), said.encode()) for _, secret in self._secrets)
 
     @contextlib.contextmanager
     def room(self, size: int, is_ours: bool = False) -> Iterator[bool]:
@@ -96,7 +96,7 @@ class Reducer:
         is_ours: the sender is a worker of the farm.
         """
         with self._count:
-            is_there = self._coming[is_ours] + size <= MOST_COMING
+            is_there = self._coming[is_ours] + size <= MAX_INCOMING_BYTES
             self._coming[is_ours] += size if is_there else 0
         try:
             yield is_there
@@ -113,7 +113,7 @@ class Reducer:
 
     def send_ripe(self, at_once: bool = False) -> None:
         """Sends the sums that are due."""
-        for results in self.sums.ripe(at_once):
+        for results in self.sums.due_results(at_once):
             for result in results:
                 self._stream.send(Result({**result.event, "worker": f"site {self.name}"}, result.sums))
                 self.sent += 1
@@ -183,13 +183,13 @@ class _Handler(BaseHTTPRequestHandler):
             size = int(self.headers.get("Content-Length", ""))
         except ValueError:
             return self._answer(HTTPStatus.LENGTH_REQUIRED)
-        if self.path != SUMS_PATH or not 0 <= size <= LARGEST:
+        if self.path != SUMS_PATH or not 0 <= size <= MAX_RESULT_BYTES:
             return self._answer(HTTPStatus.NOT_FOUND if self.path != SUMS_PATH else HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
         is_ours = self.server.reducer.is_announced(size, self.headers.get(ANNOUNCED_HEADER, ""))
         with self.server.reducer.room(size, is_ours) as is_there:
             if not is_there:
                 return self._answer(HTTPStatus.SERVICE_UNAVAILABLE)
-            self._timed.allow(PATIENCE_S + size / SLOWEST)
+            self._timed.set_deadline(PATIENCE_S + size / MIN_RATE)
             return self._take(self.rfile.read(size), size)
 
     def _take(self, body: bytes, size: int) -> None:
@@ -202,7 +202,7 @@ class _Handler(BaseHTTPRequestHandler):
         except ValueError as error:
             log.debug("sums are left to the service: %s", error)
             return self._answer(HTTPStatus.CONFLICT)
-        except (Full, OSError) as error:
+        except (SumsFullError, OSError) as error:
             log.warning("sums are not taken: %s", error or "too many wait")
             return self._answer(HTTPStatus.SERVICE_UNAVAILABLE)
         return self._answer(HTTPStatus.NO_CONTENT)
@@ -232,16 +232,16 @@ def main() -> int:
         signal.signal(number, lambda *_: stop.set())
     try:
         options.token = options.token or value_of("RAYFARM_TOKEN")
-        return _work(options, stop)
+        return _run_reducer(options, stop)
     except (WorkerError, VariableError) as error:
-        log.error("%s", error) if by_json() else print(printable(f"rayfarm site: {error}"), file=sys.stderr)
+        log.error("%s", error) if uses_json() else print(printable(f"rayfarm site: {error}"), file=sys.stderr)
         return EXIT_REFUSED
 
 
-def _work(options: argparse.Namespace, stop: threading.Event) -> int:
+def _run_reducer(options: argparse.Namespace, stop: threading.Event) -> int:
     if not SITE_NAME.fullmatch(options.name):
         raise RefusedError(f"{options.name!r} is no name of a site; take small letters, digits and . _ -")
-    farm = _joined(Link(options.service, options.token), stop)
+    farm = _join_farm(Link(options.service, options.token), stop)
     if farm is None:
         return 0
     folder = options.folder / options.name
@@ -258,7 +258,7 @@ def _work(options: argparse.Namespace, stop: threading.Event) -> int:
     server.reducer = reducer
     address = options.address or _own_address(options.service)
     threading.Thread(target=server.serve_forever, name="sums", daemon=True).start()
-    beating = threading.Thread(target=_beat, args=(reducer, address, server.server_port, stop), name="beat")
+    beating = threading.Thread(target=_report_until_stopped, args=(reducer, address, server.server_port, stop), name="beat")
     beating.start()
     log.info("adding up sums of the site %s at %s:%d", options.name, address, server.server_port)
     while not stop.wait(LOOK_EVERY_S):
@@ -276,7 +276,7 @@ def _send(reducer: Reducer, at_once: bool = False) -> None:
         log.warning("sums are lost, and will be rendered again: %s", error)
 
 
-def _beat(reducer: Reducer, address: str, port: int, stop: threading.Event) -> None:
+def _report_until_stopped(reducer: Reducer, address: str, port: int, stop: threading.Event) -> None:
     said = ""
     while True:
         try:
@@ -291,7 +291,7 @@ def _beat(reducer: Reducer, address: str, port: int, stop: threading.Event) -> N
             return
 
 
-def _joined(link: Link, stop: threading.Event) -> FarmAnswer | None:
+def _join_farm(link: Link, stop: threading.Event) -> FarmAnswer | None:
     """Joins the farm once the service is reachable; None if stopped. Raises WorkerError if a retry does not help."""
     pause, said = FIRST_PAUSE_S, ""
     while not stop.is_set():
@@ -308,7 +308,7 @@ def _joined(link: Link, stop: threading.Event) -> FarmAnswer | None:
                 log.info("waiting: %s", said)
             stop.wait(pause)
             pause = min(pause * 1.5, LAST_PAUSE_S)
-        except Trouble as error:
+        except TemporaryError as error:
             raise RefusedError(str(error)) from None
     return None
 

@@ -15,9 +15,9 @@ class DeadlineReader(io.RawIOBase):
 
     def __init__(self, wire: socket.socket, seconds: float) -> None:
         self._wire = wire
-        self.allow(seconds)
+        self.set_deadline(seconds)
 
-    def allow(self, seconds: float) -> None:
+    def set_deadline(self, seconds: float) -> None:
         """Sets the deadline: this many seconds from now."""
         self._until = time.monotonic() + seconds
 

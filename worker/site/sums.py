@@ -23,22 +23,22 @@ from protocol.joint import Run
 from protocol.result_bytes import result_bytes, result_of
 from protocol.sums import check_sums, check_weight
 from renderer.settings import Tile
-from worker.site.merging import joined, parts_of
+from worker.site.merging import batches_of_event, merged_results
 
-__all__ = ["Full", "SiteSums"]
+__all__ = ["SiteSums", "SumsFullError"]
 
-SENDING = "sending-"
+SENDING_PREFIX = "sending-"
 STALE_S = 300.0  # what an earlier life left has long been handed out again
-LONGEST_HOLD_S = 60.0
+MAX_HOLD_S = 60.0
 MOST_PARTS = 2048  # of a run
-RUNS_KNOWN = 4096  # of which some was sent and some has not come
+MAX_KNOWN_RUNS = 4096  # of which some was sent and some has not come
 
 _Key = tuple[Any, ...]
 
 log = logging.getLogger(__name__)
 
 
-class Full(Exception):  # noqa: N818 - it says how it is, and is nobody's error
+class SumsFullError(Exception):
     """Raised for sums that do not fit until others are sent."""
 
 
@@ -56,7 +56,7 @@ class _Group:
 
 
 class SiteSums:
-    """Unsent sums. Thread-safe, but only one thread may call `ripe`."""
+    """Unsent sums. Thread-safe, but only one thread may call `due_results`."""
 
     def __init__(self, folder: Path, most_bytes: int, clock: Callable[[], float] = time.monotonic) -> None:
         """Loads the sums left in the folder. Raises OSError."""
@@ -70,7 +70,7 @@ class SiteSums:
         self._sending: dict[Path, _Group] = {}
         self._left: OrderedDict[_Key, int] = OrderedDict()  # samples that had not come when the others of their run were sent
         for left in sorted(folder.iterdir()):
-            self._take_up(left)
+            self._load_left_sums(left)
 
     @property
     def size(self) -> int:
@@ -87,15 +87,15 @@ class SiteSums:
 
         Raises ValueError for malformed or conflicting sums, Full if they do not fit, and OSError.
         """
-        run, result = _checked(result)
+        run, result = _parse_result(result)
         event = result.event
         data = result_bytes(result)
         with self._lock:
             if self.size + len(data) > self._most_bytes:
-                raise Full
+                raise SumsFullError
             key = (event["job"], event["frame"], *event["tile"], run)
             group = self._groups.get(key)
-            ids = [part[0] for part in parts_of(event)]
+            ids = [part[0] for part in batches_of_event(event)]
             if group is not None:
                 if set(ids) <= set(group.batches):
                     return  # it came twice
@@ -104,7 +104,7 @@ class SiteSums:
                 ):
                     raise ValueError("these samples are here by another batch")
             else:
-                group = self._begin(run, self._left.pop(key, run.count))
+                group = self._begin_group(run, self._left.pop(key, run.count))
             try:
                 written = group.folder / "new"
                 written.write_bytes(data)
@@ -123,7 +123,7 @@ class SiteSums:
             group.size += len(data)
             self._groups[key] = group
 
-    def ripe(self, at_once: bool = False) -> Iterator[list[Result]]:
+    def due_results(self, at_once: bool = False) -> Iterator[list[Result]]:
         """Yields the results that are due, one list per run. Advancing the iterator marks them as sent.
 
         Due are runs that are complete or have waited too long. at_once: all runs are due.
@@ -134,26 +134,26 @@ class SiteSums:
                     del self._groups[key]
                     if group.missing > 0:
                         self._left[key] = group.missing
-                        while len(self._left) > RUNS_KNOWN:
+                        while len(self._left) > MAX_KNOWN_RUNS:
                             self._left.popitem(last=False)
-                    folder = group.folder.with_name(SENDING + group.folder.name)
+                    folder = group.folder.with_name(SENDING_PREFIX + group.folder.name)
                     group.folder.rename(folder)
                     self._sending[folder] = replace(group, folder=folder)
         for folder in list(self._sending):
             if results := _results_in(folder):
-                yield list(joined(results))
+                yield list(merged_results(results))
             shutil.rmtree(folder, ignore_errors=True)
             with self._lock:
                 del self._sending[folder]
 
-    def _begin(self, run: Run, missing: int) -> _Group:
+    def _begin_group(self, run: Run, missing: int) -> _Group:
         folder = self._folder / f"{time.time_ns():020}-{next(self._numbers)}"
         folder.mkdir(mode=0o700)
         return _Group(folder, run, self._clock(), missing)
 
-    def _take_up(self, left: Path) -> None:
+    def _load_left_sums(self, left: Path) -> None:
         """Loads the sums in a folder left by an earlier process, to be sent unchanged. Deletes folders that are too old."""
-        name = left.name.removeprefix(SENDING)
+        name = left.name.removeprefix(SENDING_PREFIX)
         try:
             is_stale = time.time() - int(name.partition("-")[0]) / 1e9 > STALE_S
         except ValueError:
@@ -162,14 +162,14 @@ class SiteSums:
         if not found:
             shutil.rmtree(left, ignore_errors=True)
             return
-        folder = left.with_name(SENDING + name)
+        folder = left.with_name(SENDING_PREFIX + name)
         left.rename(folder)
-        batches = [part[0] for result in found for part in parts_of(result.event)]
+        batches = [part[0] for result in found for part in batches_of_event(result.event)]
         size = sum(len(result.sums or b"") for result in found)
         self._sending[folder] = _Group(folder, Run("", 0, 0, 0.0), self._clock(), 0, size, {}, batches)
 
 
-def _checked(result: Result) -> tuple[Run, Result]:
+def _parse_result(result: Result) -> tuple[Run, Result]:
     """Validates sums. Returns their run, and the result with the worker's name added to each batch. Raises ValueError."""
     try:
         event = {name: value for name, value in result.event.items() if name != "run"}
@@ -177,7 +177,7 @@ def _checked(result: Result) -> tuple[Run, Result]:
         first, count, worker = int(event["first"]), int(event["count"]), str(event["worker"])
         tile = Tile(*map(int, event["tile"]))
         parts: list[list[Any]] = [
-            [str(batch), int(at), int(n), float(seconds), worker] for batch, at, n, seconds in parts_of(event)
+            [str(batch), int(at), int(n), float(seconds), worker] for batch, at, n, seconds in batches_of_event(event)
         ]
         if run is None or event["type"] not in ("batch", "batches") or not 0 < len(parts) <= MOST_PARTS or not worker:
             raise ValueError("no sums of a run")
@@ -198,7 +198,7 @@ def _checked(result: Result) -> tuple[Run, Result]:
         event.pop("batch", None), event.pop("seconds", None)
     except (KeyError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(f"no sums: {error!r}") from None
-    return run._replace(hold_s=min(run.hold_s, LONGEST_HOLD_S)), Result(event, result.sums)
+    return run._replace(hold_s=min(run.hold_s, MAX_HOLD_S)), Result(event, result.sums)
 
 
 def _results_in(folder: Path) -> list[Result]:

@@ -34,7 +34,7 @@ class BatchWarnings:
         return {name: value for name, value in said.items() if value}
 
 
-_now: ContextVar[BatchWarnings | None] = ContextVar("overheard", default=None)
+_current_warnings: ContextVar[BatchWarnings | None] = ContextVar("overheard", default=None)
 
 
 class WarningHandler(logging.Handler):
@@ -45,7 +45,7 @@ class WarningHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Adds the record's message to the warnings."""
-        now = _now.get()
+        now = _current_warnings.get()
         if now is not None and len(now.lines) < MOST:
             error = record.exc_info[1] if record.exc_info else None
             said = record.getMessage().strip() + (f" ({type(error).__name__}: {error})" if error is not None else "")
@@ -56,11 +56,11 @@ class WarningHandler(logging.Handler):
 def collect_warnings() -> Iterator[BatchWarnings]:
     """Context manager that collects warnings and durations; yields them."""
     noted = BatchWarnings()
-    before = _now.set(noted)
+    before = _current_warnings.set(noted)
     try:
         yield noted
     finally:
-        _now.reset(before)
+        _current_warnings.reset(before)
 
 
 @contextlib.contextmanager
@@ -71,5 +71,5 @@ def step(name: str, **attributes: Any) -> Iterator[None]:
         with tracing.span(name, **attributes):
             yield
     finally:
-        if (now := _now.get()) is not None:
+        if (now := _current_warnings.get()) is not None:
             now.took[name] = now.took.get(name, 0.0) + time.perf_counter() - begun

@@ -35,7 +35,7 @@ class LogTail(logging.Handler):
     def lines(self, most: int = 200) -> list[str]:
         """Returns the last lines, at most `most`, oldest first."""
         with contextlib.suppress(OSError, ValueError):
-            text = self._end().decode(errors="replace")
+            text = self._last_bytes().decode(errors="replace")
             return text.splitlines()[-most:]
         return []
 
@@ -43,7 +43,7 @@ class LogTail(logging.Handler):
         """Removes old lines from the file. Called only in the parent."""
         with contextlib.suppress(OSError, ValueError):
             if os.fstat(self._file.fileno()).st_size > LARGEST:
-                kept = self._end()
+                kept = self._last_bytes()
                 os.ftruncate(self._file.fileno(), 0)
                 self._file.write(kept)
 
@@ -52,7 +52,7 @@ class LogTail(logging.Handler):
         self._file.close()
         super().close()
 
-    def _end(self) -> bytes:
+    def _last_bytes(self) -> bytes:
         fd = self._file.fileno()
         size = os.fstat(fd).st_size
         data = os.pread(fd, KEPT, max(0, size - KEPT))

@@ -11,7 +11,7 @@ import sys
 import redis
 
 from renderer.printable import LogRecord
-from telemetry.log_lines import JsonLines, as_json, by_json, level
+from telemetry.log_lines import JsonLines, as_json, level, uses_json
 from worker.telemetry.batch_warnings import WarningHandler
 from worker.telemetry.log_tail import LogTail
 
@@ -25,7 +25,7 @@ def set_up() -> tuple[LogTail, JsonLines | None]:
     logging.setLogRecordFactory(LogRecord)
     tail = LogTail()
     tail.setFormatter(logging.Formatter(TEXT))
-    lines = as_json("worker") if by_json() else None
+    lines = as_json("worker") if uses_json() else None
     root = logging.getLogger()
     if lines is None:
         handler = logging.StreamHandler(sys.stderr)
@@ -36,11 +36,11 @@ def set_up() -> tuple[LogTail, JsonLines | None]:
     root.addHandler(tail)
     root.addHandler(WarningHandler())
     for each in root.handlers:
-        each.addFilter(_in_a_line)
+        each.addFilter(_without_traceback)
     return tail, lines
 
 
-def _in_a_line(record: logging.LogRecord) -> bool:
+def _without_traceback(record: logging.LogRecord) -> bool:
     """Logging filter: replaces the traceback of a lost connection by its message. Returns True: all records are logged."""
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, (redis.RedisError, OSError)):

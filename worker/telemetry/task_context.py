@@ -11,14 +11,14 @@ from typing import Any
 from telemetry import tracing
 from telemetry.log_lines import about
 
-__all__ = ["Steps", "named", "traced_task"]
+__all__ = ["Steps", "message_ids", "traced_task"]
 
 # What messages call it, and what lines do.
 NAMES = {"job": "job", "batch": "batch", "frame": "frame", "scene": "scene", "work": "work", "watch": "view"}
 LONGEST = 200
 
 
-def named(message: Any) -> dict[str, Any]:
+def message_ids(message: Any) -> dict[str, Any]:
     """Returns the ids in a message; ignores malformed ones, which another release may send."""
     if isinstance(message, str):
         return {"scene": message[:LONGEST]}
@@ -39,7 +39,7 @@ class Steps:
         """Ends the current step and begins the next. None: begins no step."""
         if name != self._name:
             if self._name is not None:
-                tracing.record(self._name.lower(), self._begun, time.time(), tracing.here())
+                tracing.record_span(self._name.lower(), self._begun, time.time(), tracing.current_span())
             self._name, self._begun = name, time.time()
 
 
@@ -53,8 +53,8 @@ def traced_task(task: Callable[[Any, Any], None], span: str) -> Callable[..., No
     @functools.wraps(task)
     def run(self: Any, *positional: Any, **arguments: Any) -> None:
         (message,) = (*positional, *arguments.values())
-        parent = tracing.where(getattr(self.request, tracing.HEADER, None)) if tracing.is_on() else None
-        ids = named(message)
+        parent = tracing.parse_traceparent(getattr(self.request, tracing.HEADER, None)) if tracing.is_on() else None
+        ids = message_ids(message)
         with about(**ids), tracing.child_of(parent), tracing.span(span, **ids) if span else contextlib.nullcontext():
             task(self, message)
 

@@ -9,7 +9,7 @@ import redis
 
 from worker.process.context import WorkerContext
 
-__all__ = ["DEATHS_ALLOWED", "deaths_of", "is_redelivered", "survived"]
+__all__ = ["DEATHS_ALLOWED", "count_deaths", "is_redelivered", "reset_deaths"]
 
 DEATHS_ALLOWED = 3
 
@@ -19,7 +19,7 @@ def is_redelivered(task: Any) -> bool:
     return bool((task.request.delivery_info or {}).get("redelivered"))
 
 
-def deaths_of(task: Any, worker: WorkerContext, work: str) -> int:
+def count_deaths(task: Any, worker: WorkerContext, work: str) -> int:
     """Returns how often this work has killed its process, including this redelivery; 0 for a first delivery.
 
     The broker redelivers the work of killed processes without a limit. The counter is in Redis; 0 if Redis is unreachable.
@@ -35,7 +35,7 @@ def deaths_of(task: Any, worker: WorkerContext, work: str) -> int:
     return deaths
 
 
-def survived(task: Any, worker: WorkerContext, work: str) -> None:
+def reset_deaths(task: Any, worker: WorkerContext, work: str) -> None:
     """Resets the counter of work that its process has survived: another batch of the same message may have caused the deaths."""
     if is_redelivered(task):
         with contextlib.suppress(redis.RedisError):

@@ -14,7 +14,7 @@ from protocol.contract import DenoiseFrame
 from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
 from worker.reading.denoise import denoise
-from worker.work.reader import Room
+from worker.work.reader import ReaderFolder
 
 __all__ = ["denoise_frame"]
 
@@ -27,7 +27,7 @@ DENOISED = "denoised.f32"
 
 def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
     """Denoises a frame. Returns its blob, and the film's version and samples. Raises WorkerError and OSError."""
-    with Room("denoise") as room:
+    with ReaderFolder("denoise") as room:
         means = room.scene / "means.f32"
         version, samples = retry_on_trouble(lambda: _fetch(worker, work, means), PATIENCE_S)
         job = partial(denoise, os.fsencode(means), os.fsencode(room.out / DENOISED), work.width, work.height)

@@ -15,11 +15,11 @@ from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, UnfitError, WorkerError, WorkError, is_of_machine
 from worker.process import context
 from worker.process.context import WorkerContext
-from worker.work.deaths import DEATHS_ALLOWED, deaths_of
+from worker.work.deaths import DEATHS_ALLOWED, count_deaths
 from worker.work.denoise import denoise_frame
 from worker.work.environments import show_environment
 from worker.work.slot import SlotTask
-from worker.work.vectors import frame_vectors
+from worker.work.vectors import make_frame_vectors
 
 __all__ = ["DENOISING", "ENVIRONMENTS", "MOTION_VECTORS", "ArtifactTask"]
 
@@ -55,7 +55,7 @@ class ArtifactTask(Generic[Work]):
         except ValueError as error:
             return self._failure(worker, message.get("work"), str(error))
         with SlotTask(worker, {self.shown_as: work.job, "frame": work.frame}):
-            if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
+            if count_deaths(task, worker, work.work) >= DEATHS_ALLOWED:
                 died = Sentence(
                     "worker-died-during-task",
                     "the worker process died {count} times while it tried to {task}",
@@ -116,7 +116,7 @@ class ArtifactTask(Generic[Work]):
 
 DENOISING = ArtifactTask(DenoiseFrame.from_json, denoise_frame, "denoised", "denoise-failed", "denoise", "denoise the picture")
 MOTION_VECTORS = ArtifactTask(
-    FrameVectors.from_json, frame_vectors, "vectors-made", "vectors-failed", "vectors", "make motion vectors"
+    FrameVectors.from_json, make_frame_vectors, "vectors-made", "vectors-failed", "vectors", "make motion vectors"
 )
 ENVIRONMENTS = ArtifactTask(
     ShowEnvironment.from_json, show_environment, "environment-shown", "environment-failed", "environment", "read the image"

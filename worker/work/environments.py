@@ -9,9 +9,9 @@ from typing import Any
 from protocol.contract import BlobRef, Manifest, ShowEnvironment
 from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
-from worker.reading.environments import show
+from worker.reading.environments import write_thumbnail
 from worker.work.files import place_files
-from worker.work.reader import Room
+from worker.work.reader import ReaderFolder
 
 __all__ = ["show_environment"]
 
@@ -22,9 +22,9 @@ THUMBNAIL = "thumbnail.jpg"
 
 def show_environment(worker: WorkerContext, work: ShowEnvironment) -> dict[str, Any]:
     """Makes the thumbnail and returns its blob. Raises WorkerError and OSError."""
-    with Room("environment") as room:
+    with ReaderFolder("environment") as room:
         place_files(worker, Manifest("", work.path, [BlobRef(work.path, work.sha256, work.size)]), room.scene)
-        job = partial(show, os.fsencode(room.scene), work.path, work.width, os.fsencode(room.out / THUMBNAIL))
+        job = partial(write_thumbnail, os.fsencode(room.scene), work.path, work.width, os.fsencode(room.out / THUMBNAIL))
         room.run(job, work.path, SECONDS)
         blob = retry_on_trouble(lambda: worker.link.store(room.result(THUMBNAIL)), PATIENCE_S)
     return {"sha256": blob.sha256}

@@ -14,14 +14,14 @@ from protocol.explained import ANSWER_TTL_S, ExplainPixel, explained_key
 from renderer.errors import RayfarmError
 from renderer.pixel_paths import MODELS, PixelPath, PixelPaths, bounce_of, pixel_paths
 from renderer.render import is_warm, variant_for
-from renderer.replay import Lamp, Vertex
+from renderer.replay import LightSample, Vertex
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence, encoded
-from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
-from worker.exchange.ready import get_ready
+from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
+from worker.exchange.ready import make_kernel_ready
 from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
-from worker.work.frames import see_frame
+from worker.work.frames import compiled_frame
 from worker.work.render import mapped_scene
 
 __all__ = ["explain_pixel", "explanation_json", "send_answer"]
@@ -49,18 +49,18 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
     """
     send_answer(worker, work.message, "begun")
     try:
-        scene = _scene(worker, work)
+        scene = _open_scene(worker, work)
         variant = variant_for(work.settings, scene)
         if not is_warm(work.settings, variant):
             compiling(True)
             send_answer(worker, work.message, "compiling")
-            get_ready(worker.link, work.settings, variant)
+            make_kernel_ready(worker.link, work.settings, variant)
             compiling(False)
         found = pixel_paths(scene, work.settings, work.x, work.y, work.count, work.sample)
         send_answer(worker, work.message, "done", explained=explanation_json(scene, found))
     except (UnfitError, MachineError) as error:
         send_answer(worker, work.message, "returned", error=str(error), unfit=True)
-    except Trouble as error:
+    except TemporaryError as error:
         send_answer(
             worker,
             work.message,
@@ -102,11 +102,11 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
         )
 
 
-def _scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:
+def _open_scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:
     if work.moment is not None:
         moment = work.moment
         manifest = retry_on_trouble(lambda: worker.link.manifest(moment.scene), PATIENCE_S)
-        found = see_frame(worker, manifest, moment)
+        found = compiled_frame(worker, manifest, moment)
         if found is not None:
             return found
     return retry_on_trouble(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
@@ -122,7 +122,7 @@ def _path(scene: CompiledScene, path: PixelPath) -> dict[str, Any]:
     vertices = path.replay.vertices
     following = [*vertices[1:], None]
     lines = [
-        _vertex(scene, vertex, beyond) | {"spot": list(spot), "light": vertex.lamp and _lamp(vertex.lamp, lamp)}
+        _vertex_json(scene, vertex, beyond) | {"spot": list(spot), "light": vertex.lamp and _lamp_json(vertex.lamp, lamp)}
         for vertex, beyond, spot, lamp in zip(vertices, following, path.spots, path.lamps, strict=True)
     ]
     value = path.replay.value
@@ -130,7 +130,7 @@ def _path(scene: CompiledScene, path: PixelPath) -> dict[str, Any]:
     return {**about, "time": path.replay.time, "vertices": lines}
 
 
-def _vertex(scene: CompiledScene, vertex: Vertex, beyond: Vertex | None) -> dict[str, Any]:
+def _vertex_json(scene: CompiledScene, vertex: Vertex, beyond: Vertex | None) -> dict[str, Any]:
     model = None if vertex.material is None else MODELS.get(int(scene.material_kind[vertex.material]))
     return {
         **{name: getattr(vertex, name) for name in ("kind", "object", "material", "survival")},
@@ -149,7 +149,7 @@ def _vertex(scene: CompiledScene, vertex: Vertex, beyond: Vertex | None) -> dict
     }
 
 
-def _lamp(lamp: Lamp, spot: Any) -> dict[str, Any]:
+def _lamp_json(lamp: LightSample, spot: Any) -> dict[str, Any]:
     return {
         "point": lamp.point and _numbers(lamp.point),
         "direction": _numbers(lamp.direction),

@@ -22,10 +22,10 @@ _LEAST_MEMORY = 1 << 30  # bytes of address space, a lower limit: less is not en
 def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None:
     """Puts the files of a scene into a folder. Raises as `prepare_scene` does."""
     for file in manifest.files:
-        _place(worker.cache.path(file.sha256, file.size), folder, file.path)
+        _place_blob(worker.cache.path(file.sha256, file.size), folder, file.path)
 
 
-def _place(blob: Path, folder: Path, name: str) -> None:
+def _place_blob(blob: Path, folder: Path, name: str) -> None:
     """Links or copies a blob to its uploaded name, encoded as UTF-8 in any locale, as readers expect."""
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\0" in name:

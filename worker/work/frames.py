@@ -20,12 +20,12 @@ from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
-from worker.reading.frames import serve
+from worker.reading.frames import serve_requests
 from worker.work.files import place_files
-from worker.work.reader import Room, as_of_worker
+from worker.work.reader import ReaderFolder, translated_errors
 from worker.work.scenes import store_scene
 
-__all__ = ["forget_frames", "prepare_frames", "see_frame"]
+__all__ = ["compiled_frame", "forget_frames", "prepare_frames"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 PATIENCE_S = 60.0
@@ -34,20 +34,20 @@ IDLE_S = 10.0  # seconds for which a scene stays open for more frames
 Answer = Callable[..., None]  # the event's type, and its further fields
 
 
-class _Open:
+class _OpenScene:
     """A scene that a confined reader of this slot has open: its room, and the compiled files of its latest frame."""
 
     def __init__(self, worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> None:
         """Opens a reader for the scene. Raises Trouble, UnfitError or RefusedError."""
         self._spent = 0.0
         self._latest: Path | None = None  # folder of the latest compiled files
-        self.room = Room("frames")
+        self.room = ReaderFolder("frames")
         try:
             retry_on_trouble(lambda: self.room.place_base(worker, work.base), PATIENCE_S)
             self.of_scene = {part.sha256 for part in parts_of(worker.cache.path(work.base))}  # kept by the service
             place_files(worker, manifest, self.room.scene)
             folder, base, out = (os.fsencode(each) for each in (self.room.scene, self.room.base, self.room.out))
-            job = partial(serve, folder, manifest, work, base, out, IDLE_S)
+            job = partial(serve_requests, folder, manifest, work, base, out, IDLE_S)
             self.reader = self.room.begin(job, manifest.main, SECONDS)
         except BaseException:
             self.room.close()
@@ -59,7 +59,7 @@ class _Open:
         Raises WorkError and UnfitError, after which the reader has ended.
         """
         begun = time.monotonic()
-        with as_of_worker():
+        with translated_errors():
             self.reader.ask({"frames": frames}, take)
         self._spent += time.monotonic() - begun
         if self._spent > SECONDS:  # the reader's CPU time limit covers all its requests
@@ -77,7 +77,7 @@ class _Open:
         self.room.close()
 
 
-_open: dict[str, _Open] = {}  # keyed by the request; at most one entry
+_open: dict[str, _OpenScene] = {}  # keyed by the request; at most one entry
 
 
 def forget_frames() -> None:
@@ -92,7 +92,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
     Raises Trouble or RefusedError if the service or this machine cannot be used; earlier answers remain valid.
     """
     left = list(work.frames)
-    opened: _Open
+    opened: _OpenScene
 
     def take(message: dict[str, Any]) -> None:
         frame = message.get("frame")
@@ -124,7 +124,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
         while left:
             if key not in _open:
                 forget_frames()
-                _open[key] = _Open(worker, manifest, work)
+                _open[key] = _OpenScene(worker, manifest, work)
             opened = _open[key]
             try:
                 opened.ask(left, take)
@@ -148,7 +148,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
         ) from error
 
 
-def see_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> CompiledScene | None:
+def compiled_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> CompiledScene | None:
     """Returns the compiled scene of the first of the frames, for use in this process only.
 
     None if it equals the scene compiled for the shot's start. Raises WorkError, Trouble or RefusedError.
@@ -161,7 +161,7 @@ def see_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) ->
         found.append(message.get("file"))
 
     forget_frames()  # earlier requests may have removed files of an open reader
-    opened = _Open(worker, manifest, work)
+    opened = _OpenScene(worker, manifest, work)
     try:
         opened.ask(work.frames[:1], take)
         opened.reader.close()  # ends the reader, which could modify the validated files

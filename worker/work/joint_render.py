@@ -22,13 +22,13 @@ from kombu.exceptions import BatchPublishError, OperationalError
 from protocol.contract import Result, render_queue
 from protocol.joint import HELP, RENDER_JOINTLY, JointBatch, Piece, help_queue
 from telemetry.log_lines import about
-from worker.machine.joint_pieces import Taken
+from worker.machine.joint_pieces import ClaimedPiece
 from worker.process.context import WorkerContext
-from worker.site.merging import joined
-from worker.telemetry.task_context import named
-from worker.work.slot import at_work
+from worker.site.merging import merged_results
+from worker.telemetry.task_context import message_ids
+from worker.work.slot import rendering_batch
 
-__all__ = ["ask_for_help", "hand_in", "help_out", "remaining_pieces", "share_pieces"]
+__all__ = ["ask_for_help", "remaining_pieces", "render_waiting_piece", "send_all_sums", "share_pieces"]
 
 _AWAY = (OperationalError, BatchPublishError, redis.RedisError, OSError)
 
@@ -50,7 +50,7 @@ def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message:
         return False
     if len(joint.pieces) > most:  # other machines may have slots for them
         try:
-            _put_back(app, worker, joint, joint.pieces[most:])
+            _requeue(app, worker, joint, joint.pieces[most:])
         except _AWAY as error:
             log.warning("pieces are lost, and will be handed out again: %s", error)
     ask_for_help(app, worker, min(most, len(joint.pieces)) - 1)
@@ -76,7 +76,7 @@ def ask_for_help(app: Celery, worker: WorkerContext, slots: int) -> None:
         log.warning("slots are not told of a batch yet: %s", error)
 
 
-def help_out(worker: WorkerContext) -> None:
+def render_waiting_piece(worker: WorkerContext) -> None:
     """Renders a waiting piece if there is one, and sends the sums that are due."""
     if worker.pieces is None:
         return
@@ -84,38 +84,38 @@ def help_out(worker: WorkerContext) -> None:
         taken = worker.pieces.take()
         if taken is not None:
             _render(worker, taken)
-        for results in worker.pieces.ripe():
+        for results in worker.pieces.due_results():
             _send(worker, results)
     except OSError as error:  # lost pieces are handed out again when their lease expires
         log.warning("sums of a batch are lost: %s", error)
 
 
-def hand_in(app: Celery, worker: WorkerContext) -> None:
+def send_all_sums(app: Celery, worker: WorkerContext) -> None:
     """Sends all available sums and returns unstarted pieces to the queue, at a worker's shutdown."""
     if worker.pieces is None:
         return
     try:
         for words, numbers in worker.pieces.withdraw():
             joint = JointBatch.from_json(json.loads(words))
-            _put_back(app, worker, joint, tuple(joint.pieces[number] for number in numbers))
-        for results in worker.pieces.ripe(at_once=True):
+            _requeue(app, worker, joint, tuple(joint.pieces[number] for number in numbers))
+        for results in worker.pieces.due_results(at_once=True):
             _send(worker, results)
     except _AWAY as error:
         log.warning("what is left of a batch is lost, and will be handed out again: %s", error)
 
 
-def _put_back(app: Celery, worker: WorkerContext, joint: JointBatch, pieces: tuple[Piece, ...]) -> None:
+def _requeue(app: Celery, worker: WorkerContext, joint: JointBatch, pieces: tuple[Piece, ...]) -> None:
     rest = replace(joint, pieces=pieces)
     options: dict[str, Any] = {"ignore_result": True, "retry": False, "task_id": joint.whole.batch}
     queue = joint.queue or render_queue(worker.kind)
     app.send_task(RENDER_JOINTLY, kwargs={"joint": rest.to_json()}, queue=queue, **options)
 
 
-def _render(worker: WorkerContext, taken: Taken) -> None:
+def _render(worker: WorkerContext, taken: ClaimedPiece) -> None:
     assert worker.pieces is not None
     joint = JointBatch.from_json(json.loads(taken.about))
     work = joint.batch(taken.number)
-    with about(**named(vars(work))), at_work(worker, work, joint.whole.batch) as do:
+    with about(**message_ids(vars(work))), rendering_batch(worker, work, joint.whole.batch) as do:
         result = do()
         if result.sums is not None:
             if joint.run is not None:
@@ -130,6 +130,6 @@ def _render(worker: WorkerContext, taken: Taken) -> None:
 
 
 def _send(worker: WorkerContext, results: list[Result]) -> None:
-    for result in joined(results):
+    for result in merged_results(results):
         if not worker.sites.send(result):
             worker.results.send(result)

@@ -22,7 +22,7 @@ from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.context import WorkerContext
 from worker.reading.prepare import PREVIEW, prepare
 from worker.work.files import memory_budget, place_files
-from worker.work.reader import Room, as_of_worker
+from worker.work.reader import ReaderFolder, translated_errors
 from worker.work.relight import relight
 from worker.work.scenes import store, store_scene
 
@@ -30,15 +30,17 @@ __all__ = ["prepare_scene"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 MAX_NAMES = 10_000
-LEFT_S = 120.0  # seconds reserved for the files that Blender wrote
-WRITTEN = "written"
+RESERVED_S = 120.0  # seconds reserved for the files that Blender wrote
+CONVERTED_FOLDER = "written"
 COMPILING = Sentence("compiling-renderer", "compiling the renderer, once: about 40 s")
 
 Progress = Callable[[str, float], None]
-Show = Callable[[ScenePreview], None]
+ShowPreview = Callable[[ScenePreview], None]
 
 
-def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Progress, show: Show = lambda preview: None) -> SceneInfo:
+def prepare_scene(
+    worker: WorkerContext, manifest: Manifest, progress: Progress, show: ShowPreview = lambda preview: None
+) -> SceneInfo:
     """Prepares an uploaded scene and stores the results at the service.
 
     show: called with what viewers can draw, once the scene was read. Raises WorkError with a sentence if the files are not a
@@ -68,16 +70,16 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Progress,
         ) from error
 
 
-def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, show: Show, begun: float) -> SceneInfo:
-    with Room("prepare") as room:
+def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, show: ShowPreview, begun: float) -> SceneInfo:
+    with ReaderFolder("prepare") as room:
         progress(Sentence("progress-fetching-files", "fetching files"), 0.0)
         place_files(worker, manifest, room.scene)
         read, written = manifest, list[str]()
         if is_blend(manifest.main):
             progress(Sentence("progress-opening-blender", "opening in Blender"), 0.02)
-            written = _opened(manifest, room)
+            written = _convert_with_blender(manifest, room)
             read = replace(manifest, main=written[0])
-        folder = room.folder / WRITTEN if written else room.scene
+        folder = room.folder / CONVERTED_FOLDER if written else room.scene
 
         preview: BlobRef | None = None
 
@@ -142,14 +144,14 @@ def _compile_kernel(variant: Any, progress: Progress) -> None:
         warm_up(variant=variant, prepares=False)  # if several slots need the kernel, only one compiles it
 
 
-def _opened(manifest: Manifest, room: Room) -> list[str]:
+def _convert_with_blender(manifest: Manifest, room: ReaderFolder) -> list[str]:
     """Converts the scene with Blender into the room's folder WRITTEN. Returns the names of the written files, main file first.
 
     Raises WorkError.
     """
-    written = room.folder / WRITTEN
+    written = room.folder / CONVERTED_FOLDER
     written.mkdir()
-    with as_of_worker():
+    with translated_errors():
         if (blender := find()) is None:
             raise WorkError(
                 Sentence(
@@ -158,7 +160,7 @@ def _opened(manifest: Manifest, room: Room) -> list[str]:
                     file=manifest.main,
                 )
             )
-        main = convert(blender, room.scene, manifest.main, written, memory_budget(), SECONDS - LEFT_S)
+        main = convert(blender, room.scene, manifest.main, written, memory_budget(), SECONDS - RESERVED_S)
     files = [main, *sorted(path.name for path in written.iterdir() if path.name != main)]
     if manifest.environment is not None and (room.scene / manifest.environment).is_file():
         light = written / manifest.environment

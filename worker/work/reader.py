@@ -29,7 +29,7 @@ from worker.process.context import WorkerContext
 from worker.work.files import link_or_copy, memory_budget
 from worker.work.scenes import open_scene
 
-__all__ = ["Room", "as_of_worker", "begin_launcher"]
+__all__ = ["ReaderFolder", "begin_launcher", "translated_errors"]
 
 Send = Callable[[dict[str, Any]], None]
 Job = Callable[[Link], dict[str, Any]]
@@ -50,12 +50,12 @@ _MOST_MANIFEST = 64 << 20  # bytes
 
 def begin_launcher() -> None:
     """Starts the launcher that forks readers for this process and its children. Raises UnfitError."""
-    with as_of_worker():
+    with translated_errors():
         running.begin_launcher(_PRELOAD)
 
 
 @contextlib.contextmanager
-def as_of_worker() -> Iterator[None]:
+def translated_errors() -> Iterator[None]:
     """Context manager that converts errors of the renderer: to UnfitError for limits of the machine, otherwise to WorkError."""
     try:
         yield
@@ -65,12 +65,12 @@ def as_of_worker() -> Iterator[None]:
         raise WorkError(str(error)) from error
 
 
-class Room:
+class ReaderFolder:
     """Temporary folder of one reader, as a context manager that deletes it. Raises UnfitError if it cannot be created."""
 
     def __init__(self, name: str) -> None:
         self._kept = contextlib.ExitStack()
-        with as_of_worker():
+        with translated_errors():
             self.folder = self._kept.enter_context(temporary_folder(f"rayfarm-{name}-"))
         self.scene, self.base, self.out, self._temporary = (self.folder / part for part in ("scene", "base", "out", "temporary"))
         for folder in (self.scene, self.base, self.out, self._temporary):
@@ -113,7 +113,7 @@ class Room:
         memory: limit in bytes; None: the worker's budget. reads: other folders that the reader may read.
         """
         with (
-            as_of_worker(),
+            translated_errors(),
             self.begin(job, subject, seconds, memory=memory, preload=preload, calls=calls, reads=reads) as reader,
         ):
             return reader.result(on_message)
@@ -139,7 +139,7 @@ class Room:
         )
         more = [_ALL_PREPARING] if jit.is_cached(kernel_name(variant=FULL)) else []  # do not wait while it is compiled
         calls = {**calls_of_reader(self.scene, self.folder), **(calls or {})}
-        with as_of_worker():
+        with translated_errors():
             return running.Reader(
                 job,
                 [self.scene, self.base, *reads],
@@ -193,7 +193,7 @@ class Room:
                     bytes=path.stat().st_size,
                 )
             )
-        with as_of_worker():
+        with translated_errors():
             for part in parts_of(path):
                 beside = path.parent / part.sha256
                 if os.path.lexists(beside) and not self.has(beside):

@@ -17,7 +17,7 @@ from worker.process.context import WorkerContext
 from worker.reading.relight import relight as relight_by_image
 from worker.reading.relight import save_relit
 from worker.work.files import place_files
-from worker.work.reader import Room
+from worker.work.reader import ReaderFolder
 from worker.work.render import mapped_scene
 from worker.work.scenes import store_scene
 
@@ -31,14 +31,14 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
 
     Reads only the manifest's replacement environment, no other file of the scene.
     """
-    known = _base_of(worker, manifest)
+    known = _base_scene(worker, manifest)
     if known is None or manifest.environment is None:
         return None
     info, base, data = known
     power = info.lights_power
     assert power is not None
     light = manifest.environment
-    with Room("relight") as room:
+    with ReaderFolder("relight") as room:
         if is_named(light):
             made = save_relit(room.scene, light, base, data, power, room.out)
         else:  # an uploaded image
@@ -54,7 +54,7 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
     return replace(info, compiled=compiled, thumbnail=None, warnings=warnings)
 
 
-def _base_of(worker: WorkerContext, manifest: Manifest) -> tuple[SceneInfo, CompiledScene, bytes] | None:
+def _base_scene(worker: WorkerContext, manifest: Manifest) -> tuple[SceneInfo, CompiledScene, bytes] | None:
     """Returns the scene with its original environment: its info, its compiled scene, and the bytes of its manifest; None if
     unusable.
     """

@@ -16,15 +16,15 @@ from renderer.film import BatchSums
 from renderer.render import is_warm, render_batch, variant_for
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
-from worker.exchange.errors import RefusedError, Trouble
-from worker.exchange.ready import get_ready
+from worker.exchange.errors import RefusedError, TemporaryError
+from worker.exchange.ready import make_kernel_ready
 from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
 from worker.telemetry.batch_warnings import step
 from worker.work.scenes import open_scene
 from worker.work.slot_card import render_with_card
 
-__all__ = ["batch_event", "failure", "mapped_scene", "not_understood", "render", "returned"]
+__all__ = ["batch_event", "failure_event", "mapped_scene", "not_understood_event", "render", "returned_event"]
 
 # Seconds to retry an unreachable service, less than a batch's lease.
 PATIENCE_S = 30.0
@@ -52,30 +52,30 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
         if not is_warm(batch.settings, variant):
             compiling(True)
             with step("kernel"):
-                get_ready(worker.link, batch.settings, variant)
+                make_kernel_ready(worker.link, batch.settings, variant)
             compiling(False)
         begun = time.perf_counter()
         with step("trace paths", first=batch.first, count=batch.count, tile=list(batch.tile)):
             sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
-    except Trouble as error:
-        return returned(
+    except TemporaryError as error:
+        return returned_event(
             worker,
             batch,
             Sentence("worker-returned-batch", "{worker} returned a batch: {error}", worker=worker.name, error=error),
         )
     except RefusedError as error:
-        return failure(
+        return failure_event(
             worker,
             batch,
             Sentence("worker-scene-not-fetched", "{worker} cannot fetch the scene: {error}", worker=worker.name, error=error),
         )
     except RayfarmError as error:
-        return failure(worker, batch, str(error))
+        return failure_event(worker, batch, str(error))
     except MemoryError:
-        return failure(worker, batch, f"{worker.name} has too little memory for this scene")
+        return failure_event(worker, batch, f"{worker.name} has too little memory for this scene")
     except Exception as error:  # any error fails this batch only, not the worker
         last = "".join(traceback.format_exception(error)[-TRACE_LINES:])[-TRACE_CHARACTERS:]
-        return failure(worker, batch, f"{type(error).__name__}: {error}", last)
+        return failure_event(worker, batch, f"{type(error).__name__}: {error}", last)
     return _rendered(worker, batch, sums, time.perf_counter() - begun)
 
 
@@ -90,18 +90,18 @@ def _rendered(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, second
     return Result(event, pack_sums(sums.sums, batch.packing))
 
 
-def failure(worker: WorkerContext, batch: RenderBatch, error: str, trace: str = "") -> Result:
+def failure_event(worker: WorkerContext, batch: RenderBatch, error: str, trace: str = "") -> Result:
     """Returns the result of a failed batch. trace: the last lines of the traceback."""
     command = batch_command(batch.settings, batch.tile, batch.first, batch.count)
     return Result({**batch_event(worker, batch, "batch-failed"), "error": error, "reproduce": command, "trace": trace})
 
 
-def returned(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
+def returned_event(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
     """Returns the result for a batch that this worker sends back because of its own trouble."""
     return Result({**batch_event(worker, batch, "batch-returned"), "error": error})
 
 
-def not_understood(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
+def not_understood_event(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
     """Returns the result for a batch that this release cannot parse. batch: the message, from RenderBatch.to_json."""
     event = {key: batch.get(key) for key in ("batch", "job", "frame", "tile", "first", "count")}
     sentence = Sentence(

@@ -22,12 +22,12 @@ from worker.process.context import WorkerContext
 
 __all__ = ["discard_damaged", "open_scene", "store", "store_scene"]
 
-STORE_PATIENCE_S = 60.0
+STORE_TIMEOUT_S = 60.0
 
 
 def store(worker: WorkerContext, path: Path) -> BlobRef:
     """Uploads a file to the service, with retries, so that a restart of the service does not lose minutes of work."""
-    return retry_on_trouble(lambda: worker.link.store(path), STORE_PATIENCE_S)
+    return retry_on_trouble(lambda: worker.link.store(path), STORE_TIMEOUT_S)
 
 
 def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) -> BlobRef:
@@ -41,20 +41,20 @@ def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) 
     for part in parts:
         if part.sha256 not in there:
             _store_part(worker, path.parent / part.sha256, part)
-    is_there: bool = bool(parts) and retry_on_trouble(lambda: worker.link.has(path.name), STORE_PATIENCE_S)
+    is_there: bool = bool(parts) and retry_on_trouble(lambda: worker.link.has(path.name), STORE_TIMEOUT_S)
     if is_there:
         ref = BlobRef("", path.name, path.stat().st_size)
     else:
         ref = store(worker, path)
-    worker.cache.adopt(path, ref.sha256)
+    worker.cache.add_copy(path, ref.sha256)
     return BlobRef(ref.path, ref.sha256, ref.size, tuple(parts))
 
 
 def _store_part(worker: WorkerContext, path: Path, part: Part) -> None:
-    if not retry_on_trouble(lambda: worker.link.has(part.sha256), STORE_PATIENCE_S):
+    if not retry_on_trouble(lambda: worker.link.has(part.sha256), STORE_TIMEOUT_S):
         store(worker, path if path.is_file() else _from_cache(worker, part))
     if path.is_file():
-        worker.cache.adopt(path, part.sha256)
+        worker.cache.add_copy(path, part.sha256)
 
 
 def _from_cache(worker: WorkerContext, part: Part) -> Path:

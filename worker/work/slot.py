@@ -13,10 +13,10 @@ from telemetry.log_lines import ids
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
 from worker.telemetry.batch_warnings import collect_warnings
-from worker.telemetry.task_context import named
+from worker.telemetry.task_context import message_ids
 from worker.work.render import render
 
-__all__ = ["SlotTask", "at_work"]
+__all__ = ["SlotTask", "rendering_batch"]
 
 log = logging.getLogger(__name__)
 
@@ -45,18 +45,18 @@ class SlotTask:
 
 
 @contextmanager
-def at_work(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], Result]]:
+def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], Result]]:
     """Context manager during which the slot reports this batch; yields a function that renders it."""
     about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
     with SlotTask(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
 
         def do() -> Result:
             # A piece shared by another slot comes without a trace context from the service.
-            parent = tracing.here() or tracing.root_of("job", work.job)
-            with collect_warnings() as heard, tracing.span("batch", parent, **named(vars(work))):
+            parent = tracing.current_span() or tracing.root_span("job", work.job)
+            with collect_warnings() as heard, tracing.span("batch", parent, **message_ids(vars(work))):
                 result = render(worker, work, hand.compiling)
                 if tracing.is_on():
-                    result.event["traceparents"] = [str(tracing.here())]
+                    result.event["traceparents"] = [str(tracing.current_span())]
             result.event.update(heard.result_fields())
             if result.sums is not None:
                 hand.speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)

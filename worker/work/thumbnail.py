@@ -8,7 +8,7 @@ from functools import partial
 from protocol.contract import BlobRef, SceneInfo
 from worker.process.context import WorkerContext
 from worker.reading.thumbnail import render_thumbnail
-from worker.work.reader import Room
+from worker.work.reader import ReaderFolder
 from worker.work.scenes import store
 
 __all__ = ["make_thumbnail"]
@@ -23,7 +23,7 @@ def make_thumbnail(worker: WorkerContext, info: SceneInfo, subject: str) -> Blob
     subject: the scene's main file, for errors.
     """
     compiled = info.compiled.sha256
-    with Room("thumbnail") as room:
+    with ReaderFolder("thumbnail") as room:
         room.place_base(worker, compiled)
         base, result = os.fsencode(room.base), os.fsencode(room.out / THUMBNAIL)
         job = partial(render_thumbnail, base, compiled, info.cameras[0]["view"], info.defaults, result)

@@ -12,20 +12,20 @@ from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
 from worker.reading.vectors import vectors
 from worker.work.files import place_files
-from worker.work.reader import Room
+from worker.work.reader import ReaderFolder
 
-__all__ = ["frame_vectors"]
+__all__ = ["make_frame_vectors"]
 
 SECONDS = 550.0  # below the service's timeout
 PATIENCE_S = 30.0  # seconds; a client waits
 VECTORS = "vectors.f32"
 
 
-def frame_vectors(worker: WorkerContext, work: FrameVectors) -> dict[str, Any]:
+def make_frame_vectors(worker: WorkerContext, work: FrameVectors) -> dict[str, Any]:
     """Computes the motion vectors and returns their blob. Raises WorkerError and OSError."""
     manifest = retry_on_trouble(lambda: worker.link.manifest(work.scene), PATIENCE_S)
     load_kernel()  # compiled here if necessary: a reader cannot store it
-    with Room("vectors") as room:
+    with ReaderFolder("vectors") as room:
         place_files(worker, manifest, room.scene)
         job = partial(vectors, os.fsencode(room.scene), manifest, work, os.fsencode(room.out / VECTORS))
         room.run(job, manifest.main, SECONDS, preload=["renderer.vectors:load_kernel"])

@@ -25,8 +25,8 @@ from renderer.errors import RayfarmError
 from renderer.film import COLOR, SAMPLES
 from renderer.render import is_warm, render_batch, variant_for
 from renderer.sentences import Sentence
-from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
-from worker.exchange.ready import get_ready
+from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
+from worker.exchange.ready import make_kernel_ready
 from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
 from worker.work.frames import prepare_frames
@@ -83,7 +83,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
         if not is_warm(work.settings, variant):
             compiling(True)
             answering.send("compiling")
-            get_ready(worker.link, work.settings, variant)
+            make_kernel_ready(worker.link, work.settings, variant)
             compiling(False)
         for part in work.parts:
             if not answering.is_wanted():
@@ -91,10 +91,10 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
             begun = time.perf_counter()
             sums = render_batch(scene, work.settings, part.tile, part.first, part.count).sums
             taken = time.perf_counter() - begun
-            answering.send("part", pack_sums(sums if work.is_whole else _seen(sums)), number=part.number, seconds=taken)
+            answering.send("part", pack_sums(sums if work.is_whole else _shown_planes(sums)), number=part.number, seconds=taken)
             samples, seconds = samples + _samples(part), seconds + taken
         answering.send("over")
-    except Trouble as error:
+    except TemporaryError as error:
         answering.send(
             "returned",
             error=Sentence("worker-returned-view", "{worker} returned a view: {error}", worker=worker.name, error=error),
@@ -148,7 +148,7 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         answering.send(
             "returned", error=Sentence("frame-memory-exhausted", "there is too little memory for this frame"), unfit=True
         )
-    except (Trouble, RefusedError) as error:
+    except (TemporaryError, RefusedError) as error:
         answering.send(
             "returned",
             error=Sentence("worker-returned-frame", "{worker} returned a frame: {error}", worker=worker.name, error=error),
@@ -167,7 +167,7 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         )
 
 
-def _seen(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def _shown_planes(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """Returns the sums with zeros in the planes that a view does not use; these take no space when packed."""
     seen = np.zeros_like(sums)
     seen[COLOR], seen[SAMPLES] = sums[COLOR], sums[SAMPLES]

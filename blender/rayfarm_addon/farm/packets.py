@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from .protocol.pictures import decode_view
 
-__all__ = ["View", "rgba"]
+__all__ = ["ProgressiveView", "rgba"]
 
 F32 = npt.NDArray[np.float32]
 
@@ -19,7 +19,7 @@ def rgba(rgb: F32) -> F32:
     return found
 
 
-class View:
+class ProgressiveView:
     """A progressive view, built from the packets of a viewport's channel. `rgb` is (h, w, 3), rows from the top."""
 
     def __init__(self) -> None:
@@ -34,14 +34,14 @@ class View:
         if head.id != self.id or self.rgb.shape[:2] != (head.h, head.w):
             old, self.rgb = self.rgb, np.zeros((head.h, head.w, 3), np.float32)
             if old.size:
-                self.rgb[:] = _stretched(old, head.w, head.h)
+                self.rgb[:] = _enlarged(old, head.w, head.h)
         self.id, self.seq, self.whole = head.id, head.seq, (head.whole_w, head.whole_h)
         for tile in tiles:
             x, y, w, h = tile.rect
             self.rgb[y : y + h, x : x + w] = np.moveaxis(tile.mean, 0, -1)
 
 
-def _stretched(rgb: F32, w: int, h: int) -> F32:
+def _enlarged(rgb: F32, w: int, h: int) -> F32:
     rows = np.arange(h) * rgb.shape[0] // h
     columns = np.arange(w) * rgb.shape[1] // w
     return np.asarray(rgb[rows][:, columns], np.float32)

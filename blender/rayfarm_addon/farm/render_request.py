@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from .protocol.pictures import Words
 
-__all__ = ["Asked", "Done", "Failed", "Grown", "Light", "Said"]
+__all__ = ["Failed", "FinishedPicture", "Light", "RenderRequest", "StatusMessage", "TileUpdate"]
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Light:
 
 
 @dataclass(frozen=True)
-class Asked:
+class RenderRequest:
     """The request for a picture.
 
     files: of its scene, by name. request: as POST /api/jobs takes it, without scene and light. planes: AOVs.
@@ -42,7 +42,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Said:
+class StatusMessage:
     """A status message. progress: 0 to 1; None if unknown."""
 
     text: str
@@ -50,7 +50,7 @@ class Said:
 
 
 @dataclass(frozen=True)
-class Grown:
+class TileUpdate:
     """A tile with more samples; x and y from the picture's upper left corner. words: (h, w) RGB9E5."""
 
     x: int
@@ -59,7 +59,7 @@ class Grown:
 
 
 @dataclass(frozen=True)
-class Done:
+class FinishedPicture:
     """The finished picture: channels by their EXR names, each (h, w) float32, rows from the top."""
 
     channels: dict[str, npt.NDArray[np.float32]]

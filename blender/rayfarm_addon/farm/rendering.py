@@ -19,7 +19,7 @@ from .client import Cancelled, Client, FarmError
 from .protocol.messages import JobState
 from .protocol.pictures import decode_tile
 from .protocol.websocket import Acknowledge, read_service
-from .render_request import Asked, Done, Failed, Grown, Light, Said
+from .render_request import Failed, FinishedPicture, Light, RenderRequest, StatusMessage, TileUpdate
 from .uploads import Uploads
 from .websocket import Closed, Socket
 
@@ -29,9 +29,9 @@ WAIT_S = 0.1
 POLL_S = 0.5
 TRIES = 20  # to get back to a farm that went away while it rendered: most of a minute
 PAUSE_S = 3.0
-OVER = ("finished", "failed", "cancelled")
+FINAL_STATES = ("finished", "failed", "cancelled")
 
-Event = Said | Grown | Done | Failed
+Event = StatusMessage | TileUpdate | FinishedPicture | Failed
 
 
 class _OverError(FarmError):
@@ -55,7 +55,7 @@ def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None
 class Rendering:
     """A rendering, started on creation. `events` holds the events in order; the last is Done or Failed."""
 
-    def __init__(self, client: Client, uploads: Uploads, asked: Asked) -> None:
+    def __init__(self, client: Client, uploads: Uploads, asked: RenderRequest) -> None:
         self.events: queue.SimpleQueue[Event] = queue.SimpleQueue()
         self._client, self._uploads, self._asked = client, uploads, asked
         self._cancelled = threading.Event()
@@ -75,7 +75,7 @@ class Rendering:
         try:
             self.events.put(self._picture())
         except Cancelled:
-            self._call_off()
+            self._cancel_job()
             self.events.put(Failed(None))
         except FarmError as error:
             if error.status == 404:
@@ -84,12 +84,12 @@ class Rendering:
         except Exception as error:
             self.events.put(Failed(f"The add-on failed: {error!r}."))
 
-    def _picture(self) -> Done:
+    def _picture(self) -> FinishedPicture:
         asked, uploads = self._asked, self._uploads
-        self._say("Sending the scene")
-        found = uploads.ready(asked.files, asked.main, asked.title, self._sending, self._cancelled.is_set, self._say)
+        self._report("Sending the scene")
+        found = uploads.ready(asked.files, asked.main, asked.title, self._report_upload, self._cancelled.is_set, self._report)
         scene, sent = found["id"], uploads.sent_bytes
-        environment = light_of(asked.light, uploads, self._sending)
+        environment = light_of(asked.light, uploads, self._report_upload)
         request = {**asked.request, "scene": scene, "name": asked.title}
         request |= {} if environment is None else {"environment": environment}
         uploads.rendered.add(scene)
@@ -97,18 +97,18 @@ class Rendering:
         self._job = job["id"]
         number = job["frames"][0]["number"] if job.get("frames") else 0
         self._watch(number)
-        return Done(self._channels(number), self._job or "", sent, list(found["warnings"]))
+        return FinishedPicture(self._channels(number), self._job or "", sent, list(found["warnings"]))
 
-    def _say(self, text: str, progress: float | None = None) -> None:
-        self.events.put(Said(text, progress))
+    def _report(self, text: str, progress: float | None = None) -> None:
+        self.events.put(StatusMessage(text, progress))
 
-    def _sending(self, done: int, size: int) -> None:
+    def _report_upload(self, done: int, size: int) -> None:
         if self._cancelled.is_set():
             raise Cancelled
         if size > 1 << 20:
-            self._say(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
+            self._report(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
 
-    def _call_off(self) -> None:
+    def _cancel_job(self) -> None:
         if self._job is not None:
             with contextlib.suppress(FarmError):  # it is over already, or the farm is gone
                 self._client.json("PATCH", f"/api/jobs/{self._job}", {"state": "cancelled"})
@@ -125,14 +125,14 @@ class Rendering:
             except (Closed, FarmError):
                 pass  # what is wrong, the question below is told; where only the live channel is cut, it goes on without
             try:
-                if self._ends(self._client.json("GET", f"/api/jobs/{self._job}")):
+                if self._report_state(self._client.json("GET", f"/api/jobs/{self._job}")):
                     return
                 failures = 0
             except FarmError as error:
                 failures += 1
                 if isinstance(error, _OverError) or failures > TRIES or (error.status is not None and error.status < 500):
                     raise
-                self._say("The farm does not answer; asking again")
+                self._report("The farm does not answer; asking again")
             self._pause(min(POLL_S * (1 + failures), PAUSE_S))
 
     def _pause(self, seconds: float) -> None:
@@ -151,20 +151,20 @@ class Rendering:
                 message = socket.receive(WAIT_S)
                 if isinstance(message, bytes):
                     tile = decode_tile(message)
-                    self.events.put(Grown(tile.head.x, tile.head.y, tile.words))
+                    self.events.put(TileUpdate(tile.head.x, tile.head.y, tile.words))
                     socket.send(Acknowledge(tile.head.seq).to_text())
                 elif message is not None:
                     told = read_service(message, (JobState,))
-                    if told is not None and self._ends(told.job):
+                    if told is not None and self._report_state(told.job):
                         return True
                 elif time.monotonic() - last > 10:
                     last = time.monotonic()
-                    if self._ends(self._client.json("GET", f"/api/jobs/{self._job}")):
+                    if self._report_state(self._client.json("GET", f"/api/jobs/{self._job}")):
                         return True
         finally:
             socket.close()
 
-    def _ends(self, job: dict[str, Any]) -> bool:
+    def _report_state(self, job: dict[str, Any]) -> bool:
         state = job["state"]
         if state == "failed":
             raise _OverError(f"The farm could not render it: {job['error']}")
@@ -176,16 +176,16 @@ class Rendering:
             text = str(job["message"])
         elif job.get("eta_s"):
             text += f", {job['eta_s']:.0f} s left"
-        self._say(text, float(job["progress"]))
-        return state in OVER
+        self._report(text, float(job["progress"]))
+        return state in FINAL_STATES
 
     def _channels(self, number: float) -> dict[str, Any]:
         path = f"/api/jobs/{self._job}/frames/{number:g}/image.exr"
         planes = ",".join(["color", *self._asked.planes]) if self._asked.planes else "color"
-        self._say("Fetching the picture", 1.0)
+        self._report("Fetching the picture", 1.0)
         found = self._exr(f"{path}?aov={planes}")
         if self._asked.denoise:
-            self._say("Denoising", 1.0)
+            self._report("Denoising", 1.0)
             found |= {name: plane for name, plane in self._exr(f"{path}?denoise=true").items() if name in "RGB"}
         return found
 

@@ -14,8 +14,8 @@ from .multipart import Part
 
 __all__ = ["Uploads"]
 
-LOOK_S = 0.1
-STALE = 0.5  # share of bytes that nothing names any more, from which on all is sent anew
+POLL_S = 0.1
+UNUSED_SHARE = 0.5  # share of bytes that nothing names any more, from which on all is sent anew
 
 
 class Uploads:
@@ -45,7 +45,7 @@ class Uploads:
             return self.scene
         stale = sum(size for name, (_, size) in self._there.items() if name not in wanted)
         fields = {"main": main, "name": title}
-        if self.scene is not None and stale <= STALE * sum(size for _, size in wanted.values()):
+        if self.scene is not None and stale <= UNUSED_SHARE * sum(size for _, size in wanted.values()):
             try:
                 return self._post(files, lacking, {"base": self.scene}, {**self._there, **wanted}, progress)
             except FarmError as error:
@@ -124,7 +124,7 @@ class Uploads:
             say(found.get("step") or "Preparing the scene")
             if is_over():
                 raise Cancelled
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
 
 
 def _size(content: bytes | Path) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .client import Cancelled, Client, FarmError
-from .packets import View
+from .packets import ProgressiveView
 from .protocol.messages import Look, Refused, ViewState
 from .protocol.websocket import Acknowledge, read_service
 from .render_request import Light
@@ -19,14 +19,14 @@ from .rendering import light_of
 from .uploads import Uploads
 from .websocket import Closed, Socket
 
-__all__ = ["Shown", "Watching"]
+__all__ = ["LiveView", "ViewPicture"]
 
 WAIT_S = 0.02
 AGAIN_S = 2.0
 
 
 @dataclass(frozen=True)
-class Shown:
+class ViewPicture:
     """A picture of a view: (h, w, 3) linear, rows from the top; the view's number, and its quality."""
 
     rgb: npt.NDArray[np.float32]
@@ -36,7 +36,7 @@ class Shown:
     done: bool
 
 
-class Watching:
+class LiveView:
     """The live view of one viewport. All methods return at once; the newest scene and view are used."""
 
     def __init__(self, client: Client, uploads: Uploads, title: str) -> None:
@@ -48,7 +48,7 @@ class Watching:
         self._view: dict[str, Any] | None = None
         self._number = 0
         self._ended = False
-        self._shown: Shown | None = None
+        self._shown: ViewPicture | None = None
         self._text = "Waiting for the scene"
         self.is_fresh = threading.Event()  # something is to be drawn that was not there when this was cleared
         self._thread = threading.Thread(target=self._run, name="rayfarm view", daemon=True)
@@ -68,7 +68,7 @@ class Watching:
             return self._number
 
     @property
-    def state(self) -> tuple[Shown | None, str]:
+    def state(self) -> tuple[ViewPicture | None, str]:
         """Returns the newest picture and a status line."""
         with self._lock:
             return self._shown, self._text
@@ -79,7 +79,7 @@ class Watching:
         return self._number
 
     @property
-    def is_settled(self) -> bool:
+    def is_up_to_date(self) -> bool:
         """True if the newest picture shows the newest scene."""
         return self._looks_at is not None and self._looks_at is self._scene
 
@@ -92,7 +92,7 @@ class Watching:
         """Waits until the thread has ended, at most `patience_s` seconds."""
         self._thread.join(patience_s)
 
-    def _say(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         with self._lock:
             if text == self._text:
                 return
@@ -102,25 +102,25 @@ class Watching:
     def _run(self) -> None:
         while not self._ended:
             try:
-                self._look_on()
+                self._show_scene()
             except Cancelled:
                 continue
             except (FarmError, Closed) as error:
-                self._say(str(error) or "The farm has ended the connection")
+                self._report(str(error) or "The farm has ended the connection")
                 self._wake.wait(AGAIN_S)
                 self._wake.clear()
             except Exception as error:
-                self._say(f"The add-on failed: {error!r}")
+                self._report(f"The add-on failed: {error!r}")
                 self._wake.wait(AGAIN_S)
                 self._wake.clear()
 
-    def _sending(self, done: int, size: int) -> None:
+    def _report_upload(self, done: int, size: int) -> None:
         if self._ended:
             raise Cancelled
         if size > 1 << 20:
-            self._say(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
+            self._report(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
 
-    def _look_on(self) -> None:
+    def _show_scene(self) -> None:
         """Shows one scene until it is replaced. Raises FarmError, Closed, Cancelled."""
         with self._lock:
             wanted = self._scene
@@ -132,12 +132,12 @@ class Watching:
         before = self._uploads.scene
         title = f"{self._title} (viewport)"
         found = self._uploads.ready(
-            files, main, title, self._sending, lambda: self._ended or self._scene is not wanted, self._say
+            files, main, title, self._report_upload, lambda: self._ended or self._scene is not wanted, self._report
         )
         scene = str(found["id"])
-        environment = light_of(light, self._uploads, self._sending)
+        environment = light_of(light, self._uploads, self._report_upload)
         if before is not None and before != scene:
-            self._let_go(before)
+            self._delete_scene(before)
         socket = Socket(self._client, f"/api/scenes/{scene}/viewport")
         try:
             self._receive(socket, wanted, environment)
@@ -145,33 +145,33 @@ class Watching:
             socket.close()
 
     def _receive(self, socket: Socket, wanted: Any, environment: dict[str, Any] | None) -> None:
-        sent, picture = 0, View()
+        sent, picture = 0, ProgressiveView()
         samples, done = 0.0, False
         while not self._ended and self._scene is wanted:
             with self._lock:
                 view = self._view
             if view is not None and view["id"] != sent:
                 sent, done = view["id"], False
-                self._say("Rendering")
+                self._report("Rendering")
                 socket.send(Look(view if environment is None else {**view, "environment": environment}).to_text())
             message = socket.receive(WAIT_S)
             if isinstance(message, bytes):
                 picture.take(message)
                 socket.send(Acknowledge(picture.seq).to_text())
-                self._keep(Shown(picture.rgb.copy(), picture.id, picture.whole, samples, done), wanted)
+                self._keep(ViewPicture(picture.rgb.copy(), picture.id, picture.whole, samples, done), wanted)
             elif message is not None:
                 told = read_service(message, (ViewState, Refused))
                 if isinstance(told, Refused):
-                    self._say(told.detail)
+                    self._report(told.detail)
                 elif isinstance(told, ViewState) and told.id in (None, sent):
                     samples, done = told.mean, told.done
-                    self._say(told.message or f"{samples:.0f} samples" + (", done" if done else ""))
+                    self._report(told.message or f"{samples:.0f} samples" + (", done" if done else ""))
 
-    def _keep(self, shown: Shown, scene: Any) -> None:
+    def _keep(self, shown: ViewPicture, scene: Any) -> None:
         with self._lock:
             self._shown, self._looks_at = shown, scene
         self.is_fresh.set()
 
-    def _let_go(self, scene: str) -> None:
+    def _delete_scene(self, scene: str) -> None:
         with contextlib.suppress(FarmError):  # a job has it, or the farm is gone
             self._uploads.let_go(scene)

@@ -41,7 +41,7 @@ class Socket:
         self._pieces: list[bytes] = []
         self._kind = TEXT
         try:
-            self._shake(parts.netloc.rpartition("@")[2], parts.path.rstrip("/") + path, client)
+            self._handshake(parts.netloc.rpartition("@")[2], parts.path.rstrip("/") + path, client)
         except OSError as error:
             self.close()
             raise FarmError(f"No farm answers at {client.url} ({error.strerror or error}).") from None
@@ -49,7 +49,7 @@ class Socket:
             self.close()
             raise
 
-    def _shake(self, host: str, path: str, client: Client) -> None:
+    def _handshake(self, host: str, path: str, client: Client) -> None:
         key = base64.b64encode(os.urandom(16))
         lines = [f"GET {path} HTTP/1.1", f"Host: {host}", "Upgrade: websocket", "Connection: Upgrade"]
         lines += [f"Sec-WebSocket-Key: {key.decode()}", "Sec-WebSocket-Version: 13"]
@@ -58,7 +58,7 @@ class Socket:
         while b"\r\n\r\n" not in self._buffer:
             if len(self._buffer) > 1 << 16:
                 raise FarmError(f"What answers at {client.url} is no Rayfarm. Is the address right?")
-            self._more()
+            self._receive_more()
         head, _, rest = bytes(self._buffer).partition(b"\r\n\r\n")
         self._buffer = bytearray(rest)
         status, *headers = head.decode("latin-1").split("\r\n")
@@ -94,7 +94,7 @@ class Socket:
                 return message
             self._socket.settimeout(wait_s)
             try:
-                self._more()
+                self._receive_more()
             except TimeoutError:
                 return None
             except OSError as error:
@@ -133,7 +133,7 @@ class Socket:
         del self._buffer[: at + size]
         return found
 
-    def _more(self) -> None:
+    def _receive_more(self) -> None:
         data = self._socket.recv(1 << 18)
         if not data:
             raise ConnectionResetError("the connection was cut")

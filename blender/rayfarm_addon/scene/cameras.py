@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .model import Scene, up
+from .model import Scene, to_y_up
 from .view import Lens, Shot, shot_of
 
 __all__ = ["lens_of", "shot_of_camera", "with_keys"]
@@ -59,7 +59,7 @@ def shot_of_camera(
         if kind != "EQUIRECTANGULAR":
             scene.warn("Camera: its panorama is taken as an equirectangular one.")
         eye = place[:3, 3]
-        view = {"eye": up(eye), "target": up(eye - place[:3, 2]), "up": up(place[:3, 1]), "projection": "panorama"}
+        view = {"eye": to_y_up(eye), "target": to_y_up(eye - place[:3, 2]), "up": to_y_up(place[:3, 1]), "projection": "panorama"}
         x0, y0, x1, y1 = border or (0, 0, *size)
         return Shot(view, *size, x0, size[1] - y1, x1 - x0, y1 - y0)
     return shot_of(place, projection, size, lens_of(scene, camera), border)

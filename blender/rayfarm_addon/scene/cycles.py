@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-__all__ = ["Flags", "depths_of", "takes_time", "tell_material", "tell_passes", "tell_settings", "tell_volumes"]
+__all__ = ["Flags", "depths_of", "takes_time", "warn_of_material", "warn_of_passes", "warn_of_settings", "warn_of_volumes"]
 
 Warn = Callable[[str], None]
 ENGINES = ("CYCLES", "RAYFARM")  # for others Cycles' settings mean nothing
@@ -22,7 +22,7 @@ NEAR = 1e-3
 MOST_NAMES = 5
 
 
-class _Row(NamedTuple):
+class _CheckedSetting(NamedTuple):
     """A setting that differs from the farm's if `differs` says so. {} in the sentence stands for its value."""
 
     owner: str
@@ -49,32 +49,44 @@ def _other_than(*usual: Any) -> Callable[[Any], bool]:
 
 ROWS = (
     # Light Paths
-    _Row("cycles", "transparent_max_bounces", _below(1), "Light passes one transparent surface, where Blender lets it pass {}"),
-    _Row("cycles", "sample_clamp_direct", _above(0.0), "Light that comes straight from lights is not clamped at {:g}"),
-    _Row("cycles", "blur_glossy", _above(1.0), "Caustics are sharp, not blurred (Filter Glossy is {:g} in Blender)"),
-    _Row("cycles", "caustics_reflective", _off, "Mirrors light what is around them (reflective caustics are off in Blender)"),
-    _Row("cycles", "caustics_refractive", _off, "Light comes through glass (refractive caustics are off in Blender)"),
-    _Row("cycles", "use_fast_gi", bool, "Light between surfaces is followed, not approximated (Fast GI)"),
+    _CheckedSetting(
+        "cycles", "transparent_max_bounces", _below(1), "Light passes one transparent surface, where Blender lets it pass {}"
+    ),
+    _CheckedSetting("cycles", "sample_clamp_direct", _above(0.0), "Light that comes straight from lights is not clamped at {:g}"),
+    _CheckedSetting("cycles", "blur_glossy", _above(1.0), "Caustics are sharp, not blurred (Filter Glossy is {:g} in Blender)"),
+    _CheckedSetting(
+        "cycles", "caustics_reflective", _off, "Mirrors light what is around them (reflective caustics are off in Blender)"
+    ),
+    _CheckedSetting("cycles", "caustics_refractive", _off, "Light comes through glass (refractive caustics are off in Blender)"),
+    _CheckedSetting("cycles", "use_fast_gi", bool, "Light between surfaces is followed, not approximated (Fast GI)"),
     # Film
-    _Row("render", "film_transparent", bool, "Transparent film: the world is seen behind the scene, and there is no alpha"),
-    _Row(
+    _CheckedSetting(
+        "render", "film_transparent", bool, "Transparent film: the world is seen behind the scene, and there is no alpha"
+    ),
+    _CheckedSetting(
         "cycles",
         "film_exposure",
         lambda value: abs(value - 1) > NEAR,
         "The film's exposure of {:g} is not taken over; set the exposure where the picture is looked at (Color Management)",
     ),
     # Output
-    _Row("render", "use_multiview", bool, "Stereoscopy: one picture is rendered, as the camera sees it with one eye"),
+    _CheckedSetting("render", "use_multiview", bool, "Stereoscopy: one picture is rendered, as the camera sees it with one eye"),
     # View Layer
-    _Row("layer", "use_sky", _off, "The world is seen, though the view layer leaves it out (Environment)"),
-    _Row("layer", "use_solid", _off, "Surfaces are shown, though the view layer leaves them out"),
-    _Row("layer", "use_strand", _off, "Hair is shown, though the view layer leaves it out"),
+    _CheckedSetting("layer", "use_sky", _off, "The world is seen, though the view layer leaves it out (Environment)"),
+    _CheckedSetting("layer", "use_solid", _off, "Surfaces are shown, though the view layer leaves them out"),
+    _CheckedSetting("layer", "use_strand", _off, "Hair is shown, though the view layer leaves it out"),
 )
-MOVING = (_Row("cycles", "rolling_shutter_type", _other_than("NONE"), "The shutter opens everywhere at once, without rolling"),)
+MOVING = (
+    _CheckedSetting(
+        "cycles", "rolling_shutter_type", _other_than("NONE"), "The shutter opens everywhere at once, without rolling"
+    ),
+)
 SIMPLIFIED = (
-    _Row("cycles", "texture_limit_render", _other_than("OFF"), "Pictures are as large as they are, not cut at {} texels"),
-    _Row("cycles", "use_camera_cull", bool, "Objects that the camera does not see are not left out (Camera Culling)"),
-    _Row("cycles", "use_distance_cull", bool, "Objects that are far away are not left out (Distance Culling)"),
+    _CheckedSetting(
+        "cycles", "texture_limit_render", _other_than("OFF"), "Pictures are as large as they are, not cut at {} texels"
+    ),
+    _CheckedSetting("cycles", "use_camera_cull", bool, "Objects that the camera does not see are not left out (Camera Culling)"),
+    _CheckedSetting("cycles", "use_distance_cull", bool, "Objects that are far away are not left out (Distance Culling)"),
 )
 
 # Of objects: a flag, its value that is not followed, and what is done.
@@ -115,7 +127,7 @@ def depths_of(scene: Any) -> dict[str, int]:
     return {name: min(int(depth), MOST_DEPTH) for name, depth in found.items()}
 
 
-def tell_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filter: bool) -> None:
+def warn_of_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filter: bool) -> None:
     """Warns about a scene's settings.
 
     is_clamped, has_filter: whether the clamping of indirect light and the pixel filter are set for Rayfarm.
@@ -142,7 +154,7 @@ def tell_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filt
             warn(f"The pixel filter is Blackman-Harris, {USUAL_WIDTH:g} pixels wide, not {told}, {cycles.filter_width:g} wide")
 
 
-def tell_volumes(scene: Any, warn: Warn) -> None:
+def warn_of_volumes(scene: Any, warn: Warn) -> None:
     """Warns about the volume settings of a scene with scattering volumes."""
     most = getattr(getattr(scene, "cycles", None), "volume_bounces", FEW)
     if scene.render.engine in ENGINES and most < FEW:
@@ -176,7 +188,7 @@ class Flags:
             warn(f"{', '.join(list(names)[:MOST_NAMES])}{more}: {words}")
 
 
-def tell_material(material: Any, warn: Warn) -> None:
+def warn_of_material(material: Any, warn: Warn) -> None:
     """Warns about a material's unsupported flags."""
     if not getattr(material, "use_transparent_shadow", True) and _is_transparent(material):
         warn("light passes where it is transparent, though not in Blender (Transparent Shadows)")
@@ -193,7 +205,7 @@ def _is_transparent(material: Any) -> bool:
     return tree is not None and any(is_so(node) for node in tree.nodes)
 
 
-def tell_passes(layer: Any, warn: Warn) -> None:
+def warn_of_passes(layer: Any, warn: Warn) -> None:
     """Warns about the passes of a view layer that are not supported."""
     told = [
         each.name

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from .nodes import Source, constant
+from .nodes import Source, constant_value
 
-__all__ = ["NUMBERS", "has_film", "tell_pictures", "tell_shader", "tell_surface"]
+__all__ = ["NUMBERS", "has_film", "warn_of_pictures", "warn_of_shader", "warn_of_surface"]
 
 # Inputs that are numbers here, whatever feeds them in Blender.
 NUMBERS = {
@@ -36,17 +36,17 @@ SPACES = ("sRGB", "Non-Color", "Linear Rec.709", "Raw")
 Warn = Callable[[str], None]
 
 
-def tell_surface(look: Any, warn: Warn) -> None:
+def warn_of_surface(look: Any, warn: Warn) -> None:
     """Warns about differences of a principled surface, or of one expressed as such."""
 
     def number(name: str, default: float) -> float:
-        found = constant(look.input(name))
+        found = constant_value(look.input(name))
         return found if isinstance(found, float) else default
 
-    is_within = constant(look.input("Subsurface Weight")) not in (None, 0.0) or _is_fed(look.input("Subsurface Weight"))
+    is_within = constant_value(look.input("Subsurface Weight")) not in (None, 0.0) or _is_fed(look.input("Subsurface Weight"))
     for name, words in (NUMBERS | WITHIN if is_within else NUMBERS).items():
         at = look.input(name)
-        if at is not None and constant(at) is None:
+        if at is not None and constant_value(at) is None:
             warn(f"what feeds its {words} is not taken over; a plain number stands for it")
     if number("Coat Weight", 1.0) > 0 and abs(number("Coat IOR", 1.5) - 1.5) > NEAR:
         warn("its coat refracts as 1.5")
@@ -57,17 +57,17 @@ def tell_surface(look: Any, warn: Warn) -> None:
     is_half = 0 < number("Transmission Weight", 0.5) < 1 and look.input("Transmission Weight") is not None
     if is_half and _is_tinted(look.input("Base Color"), PALE):
         warn("what it lets through is of its base colour, and darker than in Cycles")
-    base = constant(look.input("Base Color"))
+    base = constant_value(look.input("Base Color"))
     if isinstance(base, list) and max(base) > 1:
         warn("its base colour is cut at 1")
     if number("IOR", 1.5) < 1:
         warn("its index of refraction is below 1, and taken as 1")
 
 
-def tell_shader(source: Source, warn: Warn) -> None:
+def warn_of_shader(source: Source, warn: Warn) -> None:
     """Warns about differences of a shader that is replaced by a principled surface."""
     facets = OTHER_FACETS.get(getattr(source.node, "distribution", ""))
-    rough = constant(source.input("Roughness"))
+    rough = constant_value(source.input("Roughness"))
     if source.node.type == "BSDF_SHEEN":
         return
     if facets is not None and rough != 0.0:
@@ -79,7 +79,7 @@ def tell_shader(source: Source, warn: Warn) -> None:
         warn("the tint of its metal's edge is not taken over")
 
 
-def tell_pictures(tree: Any, warn: Warn) -> None:
+def warn_of_pictures(tree: Any, warn: Warn) -> None:
     """Warns about differences of the images in a material's nodes."""
     for node in tree.nodes:
         image = node.image if node.type == "TEX_IMAGE" else None
@@ -93,7 +93,7 @@ def tell_pictures(tree: Any, warn: Warn) -> None:
 
 def has_film(look: Any) -> bool:
     """Returns True if its thin film is visible: before Blender 5, not on a metal."""
-    if constant(look.input("Metallic")) != 1.0:
+    if constant_value(look.input("Metallic")) != 1.0:
         return True
     try:
         import bpy
@@ -103,11 +103,11 @@ def has_film(look: Any) -> bool:
 
 
 def _is_fed(at: Any) -> bool:
-    return at is not None and constant(at) is None
+    return at is not None and constant_value(at) is None
 
 
 def _is_tinted(at: Any, least: float) -> bool:
     if at is None:
         return False
-    found = constant(at)
+    found = constant_value(at)
     return found is None or (min(found) if isinstance(found, list) else found) < least

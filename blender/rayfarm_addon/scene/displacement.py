@@ -6,7 +6,7 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from .nodes import At, Plain, Product, Source, followed
+from .nodes import ConstantValue, Product, SocketInGroups, Source, source_of
 
 __all__ = ["Heights", "displaced"]
 
@@ -22,9 +22,9 @@ class Heights:
     def input(self, *names: str) -> Any:
         """Returns the input that a Bump node would have under that name."""
         if names[0] == "Strength":
-            return Plain(1.0)
+            return ConstantValue(1.0)
         if names[0] == "Distance":
-            return Product(self._source.input("Scale"), Plain(self._scale))
+            return Product(self._source.input("Scale"), ConstantValue(self._scale))
         return self._source.input(*names)
 
 
@@ -36,7 +36,7 @@ def displaced(material: Any, tree: Any, scale: float, warn: Callable[[str], None
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None or not output.inputs["Displacement"].is_linked:
         return None
-    source, _ = followed(At(output.inputs["Displacement"]))
+    source, _ = source_of(SocketInGroups(output.inputs["Displacement"]))
     if source is None or source.node.type != "DISPLACEMENT":
         warn("its displacement is left out; that by a Displacement node and a picture is shown as bumps")
         return None

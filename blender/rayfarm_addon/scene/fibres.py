@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .nodes import Plain, Source, constant
+from .nodes import ConstantValue, Source, constant_value
 
 __all__ = ["hair_color"]
 
@@ -20,20 +20,20 @@ LEAST = 1e-4
 def hair_color(source: Source) -> Any:
     """Returns the socket of a Principled Hair BSDF's colour, or a substitute for one."""
     kind = getattr(source.node, "parametrization", "COLOR")
-    beta = constant(source.input("Radial Roughness"))
+    beta = constant_value(source.input("Radial Roughness"))
     beta = beta if isinstance(beta, float) else 0.3
     if kind == "ABSORPTION":
-        absorbed = constant(source.input("Absorption Coefficient"))
-        return source.input("Color") if absorbed is None else Plain(_seen(absorbed, beta))
+        absorbed = constant_value(source.input("Absorption Coefficient"))
+        return source.input("Color") if absorbed is None else ConstantValue(_seen(absorbed, beta))
     if kind != "MELANIN":
         return source.input("Color")
-    melanin, redness, tint = (constant(source.input(name)) for name in ("Melanin", "Melanin Redness", "Tint"))
+    melanin, redness, tint = (constant_value(source.input(name)) for name in ("Melanin", "Melanin Redness", "Tint"))
     if not isinstance(melanin, float) or not isinstance(redness, float):
         return source.input("Color")
     pigment = -math.log(max(1 - max(melanin, 0.0), LEAST))
     brown, red = pigment * (1 - redness), pigment * redness
     dyed = [_absorbed(c, beta) for c in tint] if isinstance(tint, list) else [0.0] * 3
-    return Plain(_seen([brown * e + red * p + d for e, p, d in zip(EUMELANIN, PHEOMELANIN, dyed, strict=True)], beta))
+    return ConstantValue(_seen([brown * e + red * p + d for e, p, d in zip(EUMELANIN, PHEOMELANIN, dyed, strict=True)], beta))
 
 
 def _spread(beta: float) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import lights
-from .cycles import Flags, tell_passes, tell_settings, tell_volumes
+from .cycles import Flags, warn_of_passes, warn_of_settings, warn_of_volumes
 from .lights import is_linked_to_lights
 from .meshes import Corners, extract, hair, shape, stretched
 from .model import Mesh, Node, Scene
@@ -20,7 +20,7 @@ from .subsurface import has_volumes
 from .surfaces import Surfaces
 from .world import Bake, read_world
 
-__all__ = ["Known", "beyond", "gather", "over_the_shutter"]
+__all__ = ["ExportedMeshes", "export_scene", "extends_beyond_clip_end", "over_the_shutter"]
 
 F64 = npt.NDArray[np.float64]
 SURFACES = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES")
@@ -46,7 +46,7 @@ RAYS = {
     "transmission": "through glass",
 }
 FILTER = "blackman-harris"  # unless another is set
-Known = dict[str, tuple[Mesh, Corners] | None]
+ExportedMeshes = dict[str, tuple[Mesh, Corners] | None]
 
 
 class _Density:
@@ -61,8 +61,8 @@ class _Density:
         return None if found is None else (found[0] * self.scale, found[1] * self.scale)
 
 
-class _Gathering:
-    def __init__(self, scene: Scene, known: Known, changed: Callable[[Any, Any], bool], graph: Any) -> None:
+class _SceneExport:
+    def __init__(self, scene: Scene, known: ExportedMeshes, changed: Callable[[Any, Any], bool], graph: Any) -> None:
         layer = graph.view_layer
         self.scene, self.known, self._changed, self._layer = scene, known, changed, layer
         self.flags = Flags(graph.scene, layer)
@@ -194,19 +194,19 @@ class _Gathering:
         return name if count == 1 else f"{name} ({count})"
 
 
-def gather(
+def export_scene(
     depsgraph: Any,
-    known: Known,
+    known: ExportedMeshes,
     changed: Callable[[Any, Any], bool] = lambda thing, data: True,
     bake: Bake | None = None,
-) -> Iterator[_Gathering]:
+) -> Iterator[_SceneExport]:
     """Exports the scene step by step; yields the unfinished state, and at the end the complete one.
 
     known: earlier meshes by key; unchanged ones are reused. changed: whether an object's mesh (given the object and its data) has
     changed. bake: as for `read_world`.
     """
     scene = Scene()
-    found = _Gathering(scene, known, changed, depsgraph)
+    found = _SceneExport(scene, known, changed, depsgraph)
     for number, instance in enumerate(depsgraph.object_instances):
         if found.instance(instance) or number % 256 == 255:
             yield found
@@ -214,17 +214,17 @@ def gather(
     scene.world = read_world(scene, getattr(depsgraph.view_layer, "world_override", None) or blender.world, bake)
     own = blender.rayfarm
     taken = {"is_clamped": own.clamp > 0, "has_filter": own.filter != FILTER}
-    tell_settings(blender, depsgraph.view_layer, scene.tell, **taken)
+    warn_of_settings(blender, depsgraph.view_layer, scene.tell, **taken)
     if has_volumes(scene):
-        tell_volumes(blender, scene.tell)
-    tell_passes(depsgraph.view_layer, scene.tell)
+        warn_of_volumes(blender, scene.tell)
+    warn_of_passes(depsgraph.view_layer, scene.tell)
     found.flags.tell(scene.tell)
     for key in [key for key in known if key not in scene.meshes and key not in found.made]:
         del known[key]
     yield found
 
 
-def beyond(scene: Scene, eye: F64, forward: F64, end: float) -> bool:
+def extends_beyond_clip_end(scene: Scene, eye: F64, forward: F64, end: float) -> bool:
     """Returns True if a visible object extends beyond the camera's clip end, which is not exported. In Blender's axes."""
     seen = [node for node in scene.nodes if not node.unseen]
     if not seen:
@@ -237,7 +237,7 @@ def beyond(scene: Scene, eye: F64, forward: F64, end: float) -> bool:
     return bool(((at - eye) @ forward).max() > end)
 
 
-def over_the_shutter(found: _Gathering, keys: Sequence[tuple[float, Callable[[], Any]]]) -> None:
+def over_the_shutter(found: _SceneExport, keys: Sequence[tuple[float, Callable[[], Any]]]) -> None:
     """Adds the positions of all exported objects while the shutter is open.
 
     keys: seconds of the file's clock, and a function that moves Blender there and returns its dependency graph.

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from . import images
 from .color_nodes import BLENDS, MATH, hsv, rgb
 from .model import TextureUse
-from .nodes import At, Blend, Product, Root, Source, constant, followed
+from .nodes import Blend, Product, SocketInGroups, Source, SquareRoot, constant_value, source_of
 
 __all__ = ["Bump", "Painted", "Painter"]
 
@@ -107,12 +107,12 @@ class Painter:
             return self._mixed(at.share, at.first, at.second, "MIX")
         if isinstance(at, Product):
             return self._with(lambda a, b: a * b, self._plane(at.first), self._number(at.second))
-        if isinstance(at, Root):
+        if isinstance(at, SquareRoot):
             return self._with(lambda c: np.sqrt(np.maximum(c, 0)), self._plane(at.of))
-        plain = constant(at)
+        plain = constant_value(at)
         if plain is not None:
             return _Plane(np.atleast_1d(np.array(plain, np.float32)))
-        source, _ = followed(at)
+        source, _ = source_of(at)
         if source is None:
             raise _UnknownError
         return self._of(source)
@@ -144,7 +144,7 @@ class Painter:
             raise _UnknownError
         return make(source)
 
-    def _number(self, at: At | None) -> _Plane:
+    def _number(self, at: SocketInGroups | None) -> _Plane:
         """Returns the value behind a socket as a number; a colour is converted to its luminance, as in Blender."""
         found = self._plane(at)
         if found.values.shape[-1] == 3:
@@ -308,7 +308,7 @@ class Painter:
     def _checker(self, source: Source) -> _Plane:
         """Returns a checker pattern in the UV plane, z = 0: one pair of squares, repeated by the scale."""
         use = self._use_of(source)
-        scale = constant(source.input("Scale"))
+        scale = constant_value(source.input("Scale"))
         if use is None or not scale or isinstance(scale, list) or (use.offset, use.rotation, use.scale) != PLAIN:
             raise _UnknownError
         # Two squares along each side are one texture, laid scale / 2 times; v is downwards in files.

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from .image_nodes import Painter
-from .model import TO_Y_UP, Scene, up
-from .nodes import constant, followed, output_of
+from .model import TO_Y_UP, Scene, to_y_up
+from .nodes import constant_value, output_of, source_of
 
-__all__ = ["add_light", "is_linked_to_lights", "is_stretched", "of_nodes", "told_bounces"]
+__all__ = ["add_light", "bounce_limit", "constant_emission_factor", "is_linked_to_lights", "is_stretched"]
 
 F64 = npt.NDArray[np.float64]
 LEAST = 1e-6  # of a size
@@ -35,10 +35,10 @@ def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
         if light.energy < 0:
             scene.warn(f"Lamp {name}: takes light away in Blender, and is left out.")
         return
-    _tell(scene, thing, name, place)
+    _warn_of_differences(scene, thing, name, place)
     if light.type == "SUN":
         angle = min(float(light.angle), math.pi)
-        said = {"type": "directional", "direction": up(-place[:3, 2]), "intensity": [c * sun_area(light) for c in strength]}
+        said = {"type": "directional", "direction": to_y_up(-place[:3, 2]), "intensity": [c * sun_area(light) for c in strength]}
         if angle > LEAST:
             said["seen"] = "always" if getattr(thing, "visible_camera", True) else "mirrored"
         scene.lights.append({"name": name, **said, "angle": math.degrees(angle)})
@@ -54,7 +54,7 @@ def _strength(scene: Scene, light: Any, name: str) -> list[float]:
         color = [c * float(t) for c, t in zip(color, light.temperature_color, strict=True)]
     energy = float(light.energy) * 2.0 ** float(getattr(light, "exposure", 0.0))
     if light.use_nodes and light.node_tree is not None:
-        factor = of_nodes(light.node_tree)
+        factor = constant_emission_factor(light.node_tree)
         if factor is None:
             scene.warn(f"Lamp {name}: its nodes are not read; its colour and power are.")
         else:
@@ -74,7 +74,7 @@ def is_stretched(scale: Any) -> bool:
     return max(abs(x - z), abs(y - z)) > NEAR * max(x, y, z)
 
 
-def told_bounces(light: Any) -> int | None:
+def bounce_limit(light: Any) -> int | None:
     """Returns the bounce limit of a lamp; None if it has none."""
     most = int(getattr(getattr(light, "cycles", None), "max_bounces", ALL_BOUNCES))
     return most if most < ALL_BOUNCES else None
@@ -91,7 +91,7 @@ def sun_area(light: Any) -> float:
     return math.pi * math.sin(half) ** 2 if is_of_a_square_metre(light) and half > LEAST else 1.0
 
 
-def _tell(scene: Scene, thing: Any, name: str, place: F64) -> None:
+def _warn_of_differences(scene: Scene, thing: Any, name: str, place: F64) -> None:
     light = thing.data
     casts = getattr(light, "use_shadow", True) and getattr(getattr(light, "cycles", None), "cast_shadow", True)
     if not casts:
@@ -100,7 +100,7 @@ def _tell(scene: Scene, thing: Any, name: str, place: F64) -> None:
         scene.warn(f"Lamp {name}: its cone is round, and as wide as it says, whatever its scale.")
     if light.type == "SPOT" and light.shadow_soft_size > WIDE and not getattr(light, "use_soft_falloff", True):
         scene.warn(f"Lamp {name}: its cone is that of a point, though in Blender that of a ball.")
-    if (bounces := told_bounces(light)) is not None:
+    if (bounces := bounce_limit(light)) is not None:
         scene.warn(f"Lamp {name}: lights however often its light was scattered, though no more than {bounces} times in Blender.")
     if is_linked_to_lights(thing):
         scene.warn(f"Lamp {name}: lights all that it reaches (light linking is left out).")
@@ -113,15 +113,15 @@ def _tell(scene: Scene, thing: Any, name: str, place: F64) -> None:
         scene.warn(f"Lamp {name}: lights {' and '.join(hidden)} here, though not in Blender.")
 
 
-def of_nodes(tree: Any) -> list[float] | None:
+def constant_emission_factor(tree: Any) -> list[float] | None:
     """Returns the factor by which an Emission node multiplies a lamp's light, if all of its inputs are constant."""
     source = output_of(tree)
     if source is None or source.node.type != "EMISSION":
         return None
     strength = source.input("Strength")
-    falls, _ = followed(strength)
+    falls, _ = source_of(strength)
     if falls is not None and falls.node.type == "LIGHT_FALLOFF":
-        if falls.output.name != "Quadratic" or constant(falls.input("Smooth")) != 0.0:
+        if falls.output.name != "Quadratic" or constant_value(falls.input("Smooth")) != 0.0:
             return None
         strength = falls.input("Strength")  # it falls by the square in any case
     made = [Painter("lamp", lambda _: None).paint(at, "light") for at in (source.input("Color"), strength)]
@@ -131,7 +131,7 @@ def of_nodes(tree: Any) -> list[float] | None:
     return [c * p for c, p in zip(color, power, strict=True)]  # type: ignore[arg-type]
 
 
-def of_its_size(radius: float) -> float:
+def size_factor(radius: float) -> float:
     """Returns the factor from a point or spot light's strength per square metre to its total strength."""
     return 4 * math.pi * radius**2
 
@@ -142,13 +142,13 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
     is_spot = light.type == "SPOT"
     is_facing = bool(getattr(light, "use_soft_falloff", False))
     if is_of_a_square_metre(light) and radius > LEAST:
-        strength = [c * of_its_size(radius) for c in strength]
+        strength = [c * size_factor(radius) for c in strength]
     if not is_spot and radius > LEAST:
         radiance = [c / (4 * math.pi**2 * radius**2) for c in strength]
         scene.lamp_materials[name] = _shining(thing, radiance) | ({"facing": True} if is_facing else {})
-        scene.lamps.append({"type": "sphere", "name": name, "material": name, "center": up(place[:3, 3]), "radius": radius})
+        scene.lamps.append({"type": "sphere", "name": name, "material": name, "center": to_y_up(place[:3, 3]), "radius": radius})
         return
-    said: dict[str, Any] = {"type": "spot" if is_spot else "point", "name": name, "position": up(place[:3, 3])}
+    said: dict[str, Any] = {"type": "spot" if is_spot else "point", "name": name, "position": to_y_up(place[:3, 3])}
     said |= {"intensity": [c / (4 * math.pi) for c in strength], "radius": radius if radius > LEAST else 0}
     if is_facing and radius > LEAST:
         said["facing"] = True
@@ -156,7 +156,7 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
         half = float(light.spot_size) / 2
         dark = math.cos(half)
         full = dark + (1 - dark) * float(light.spot_blend)
-        said |= {"direction": up(-place[:3, 2]), "outer_cone": min(math.degrees(half), 180.0), "falloff": "smooth"}
+        said |= {"direction": to_y_up(-place[:3, 2]), "outer_cone": min(math.degrees(half), 180.0), "falloff": "smooth"}
         said |= {"inner_cone": min(math.degrees(math.acos(min(max(full, -1.0), 1.0))), said["outer_cone"])}
     scene.lights.append(said)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["TO_Y_UP", "Image", "Material", "Mesh", "Node", "Scene", "TextureUse", "World", "up"]
+__all__ = ["TO_Y_UP", "Image", "Material", "Mesh", "Node", "Scene", "TextureUse", "World", "to_y_up"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -18,7 +18,7 @@ U32 = npt.NDArray[np.uint32]
 TO_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
-def up(vector: Any) -> list[float]:
+def to_y_up(vector: Any) -> list[float]:
     """Converts a point or direction from Blender's axes to the farm's, with Y up."""
     x, y, z = (float(c) for c in vector)
     return [x, z, -y]

@@ -6,24 +6,34 @@ from typing import Any, NamedTuple
 
 from .temperature import blackbody
 
-__all__ = ["At", "Blend", "Plain", "Product", "Root", "Source", "constant", "followed", "output_of"]
+__all__ = [
+    "Blend",
+    "ConstantValue",
+    "Product",
+    "SocketInGroups",
+    "Source",
+    "SquareRoot",
+    "constant_value",
+    "output_of",
+    "source_of",
+]
 
 PASSED = ("REROUTE",)
 DEEPEST = 64
 
 
-class At(NamedTuple):
+class SocketInGroups(NamedTuple):
     """A socket with the groups that enclose it."""
 
     socket: Any
     groups: tuple[Any, ...] = ()
 
-    def input(self, node: Any, *names: str) -> At | None:
+    def input(self, node: Any, *names: str) -> SocketInGroups | None:
         """Returns an input of a node at the same depth, by the first of these names that it has."""
         for name in names:
             found = node.inputs.get(name)
             if found is not None:
-                return At(found, self.groups)
+                return SocketInGroups(found, self.groups)
         return None
 
 
@@ -34,16 +44,16 @@ class Source(NamedTuple):
     output: Any
     groups: tuple[Any, ...]
 
-    def input(self, *names: str) -> At | None:
+    def input(self, *names: str) -> SocketInGroups | None:
         """Returns the input with the first of these names that the node has."""
-        return At(self.output, self.groups).input(self.node, *names)
+        return SocketInGroups(self.output, self.groups).input(self.node, *names)
 
-    def at(self, number: int) -> At:
+    def at(self, number: int) -> SocketInGroups:
         """Returns an input by its number."""
-        return At(self.node.inputs[number], self.groups)
+        return SocketInGroups(self.node.inputs[number], self.groups)
 
 
-class Plain(NamedTuple):
+class ConstantValue(NamedTuple):
     """A constant, a number or a list of three, in place of a socket."""
 
     value: Any
@@ -64,15 +74,15 @@ class Product(NamedTuple):
     second: Any
 
 
-class Root(NamedTuple):
+class SquareRoot(NamedTuple):
     """The square root of a socket's colour, in place of a socket."""
 
     of: Any
 
 
-def followed(at: Any) -> tuple[Source | None, At | None]:
+def source_of(at: Any) -> tuple[Source | None, SocketInGroups | None]:
     """Returns (the source connected to an input, None), or (None, the socket whose own value is used)."""
-    if isinstance(at, Plain | Blend | Product | Root):
+    if isinstance(at, ConstantValue | Blend | Product | SquareRoot):
         return None, None
     for _ in range(DEEPEST):
         if at is None or not at.socket.is_linked:
@@ -82,24 +92,24 @@ def followed(at: Any) -> tuple[Source | None, At | None]:
         if not link.is_valid or link.is_muted:
             return None, at
         if node.type in PASSED:
-            at = At(node.inputs[0], at.groups)
+            at = SocketInGroups(node.inputs[0], at.groups)
         elif node.mute:
             through = next((each.from_socket for each in node.internal_links if each.to_socket == output), None)
             if through is None:
                 return None, None
-            at = At(through, at.groups)
+            at = SocketInGroups(through, at.groups)
         elif node.type == "GROUP" and node.node_tree is not None:
             inner = next((each for each in node.node_tree.nodes if each.type == "GROUP_OUTPUT" and each.is_active_output), None)
             found = None if inner is None else next((s for s in inner.inputs if s.identifier == output.identifier), None)
             if found is None:
                 return None, None
-            at = At(found, (*at.groups, node))
+            at = SocketInGroups(found, (*at.groups, node))
         elif node.type == "GROUP_INPUT" and at.groups:
             outer = at.groups[-1]
             found = next((s for s in outer.inputs if s.identifier == output.identifier), None)
             if found is None:
                 return None, None
-            at = At(found, at.groups[:-1])
+            at = SocketInGroups(found, at.groups[:-1])
         else:
             return Source(node, output, at.groups), None
     return None, None
@@ -110,25 +120,25 @@ def output_of(tree: Any) -> Source | None:
     for engine in ("CYCLES", "ALL", "EEVEE"):
         output = tree.get_output_node(engine)
         if output is not None:
-            return followed(At(output.inputs["Surface"]))[0]
+            return source_of(SocketInGroups(output.inputs["Surface"]))[0]
     return None
 
 
-def constant(at: Any) -> Any:
+def constant_value(at: Any) -> Any:
     """Returns the number, or list of three, of a socket that only depends on constants; else None."""
-    if isinstance(at, Plain):
+    if isinstance(at, ConstantValue):
         return at.value
     if isinstance(at, Blend):
-        return _blended(*(constant(each) for each in at))
+        return _blended(*(constant_value(each) for each in at))
     if isinstance(at, Product):
-        return _product(constant(at.first), constant(at.second))
-    if isinstance(at, Root):
-        return _root(constant(at.of))
-    source, last = followed(at)
+        return _product(constant_value(at.first), constant_value(at.second))
+    if isinstance(at, SquareRoot):
+        return _root(constant_value(at.of))
+    source, last = source_of(at)
     if source is not None:
         if source.node.type in ("VALUE", "RGB"):
             return _plain(source.output.default_value)
-        kelvin = constant(source.input("Temperature")) if source.node.type == "BLACKBODY" else None
+        kelvin = constant_value(source.input("Temperature")) if source.node.type == "BLACKBODY" else None
         return blackbody(kelvin) if isinstance(kelvin, float) else None
     return None if last is None else _plain(getattr(last.socket, "default_value", None))
 

@@ -11,45 +11,45 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from .cycles_differences import tell_shader, tell_surface
+from .cycles_differences import warn_of_shader, warn_of_surface
 from .fibres import hair_color
-from .nodes import At, Blend, Plain, Root, Source, constant, followed
+from .nodes import Blend, ConstantValue, SocketInGroups, Source, SquareRoot, constant_value, source_of
 
-__all__ = ["Look", "brushed", "look_of", "told_by_ray", "under_coat"]
+__all__ = ["PrincipledLook", "brushed", "input_for_camera_rays", "principled_look", "under_coat"]
 
-BLACK, WHITE = Plain([0.0] * 3), Plain([1.0] * 3)
+BLACK, WHITE = ConstantValue([0.0] * 3), ConstantValue([1.0] * 3)
 SHARE = 0.5
 CLEAR = 0.999
 WAY = 1.15  # through a coat, of its thickness: on average over what leaves a matt surface, where the coat refracts as 1.5
 MOST_POLISHED = 0.95  # of a mix, beyond which it is a metal
 # Of a principled BSDF, what a shader without the input would have there.
-DEFAULTS: dict[str, Plain] = {
-    "Base Color": Plain([0.8] * 3),
-    "Metallic": Plain(0.0),
-    "Roughness": Plain(0.5),
-    "IOR": Plain(1.5),
-    "Alpha": Plain(1.0),
-    "Specular IOR Level": Plain(0.5),
-    "Specular Tint": Plain([1.0] * 3),
-    "Transmission Weight": Plain(0.0),
-    "Translucent Weight": Plain(0.0),
-    "Translucent Color": Plain([0.8] * 3),
-    "Coat Weight": Plain(0.0),
-    "Coat Roughness": Plain(0.03),
-    "Sheen Weight": Plain(0.0),
-    "Sheen Tint": Plain([1.0] * 3),
-    "Sheen Roughness": Plain(0.5),
-    "Emission Color": Plain([1.0] * 3),
-    "Emission Strength": Plain(0.0),
-    "Anisotropic": Plain(0.0),
-    "Anisotropic Rotation": Plain(0.0),
-    "Subsurface Weight": Plain(0.0),
+DEFAULTS: dict[str, ConstantValue] = {
+    "Base Color": ConstantValue([0.8] * 3),
+    "Metallic": ConstantValue(0.0),
+    "Roughness": ConstantValue(0.5),
+    "IOR": ConstantValue(1.5),
+    "Alpha": ConstantValue(1.0),
+    "Specular IOR Level": ConstantValue(0.5),
+    "Specular Tint": ConstantValue([1.0] * 3),
+    "Transmission Weight": ConstantValue(0.0),
+    "Translucent Weight": ConstantValue(0.0),
+    "Translucent Color": ConstantValue([0.8] * 3),
+    "Coat Weight": ConstantValue(0.0),
+    "Coat Roughness": ConstantValue(0.03),
+    "Sheen Weight": ConstantValue(0.0),
+    "Sheen Tint": ConstantValue([1.0] * 3),
+    "Sheen Roughness": ConstantValue(0.5),
+    "Emission Color": ConstantValue([1.0] * 3),
+    "Emission Strength": ConstantValue(0.0),
+    "Anisotropic": ConstantValue(0.0),
+    "Anisotropic Rotation": ConstantValue(0.0),
+    "Subsurface Weight": ConstantValue(0.0),
 }
 LINKED = ("Normal", "Coat Normal", "Tangent")  # of which there is one or the other, and nothing between
 OF_GLOSS = ("Roughness", "IOR", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation")
 
 
-class Look:
+class PrincipledLook:
     """A shader as principled BSDF inputs.
 
     inputs: by input name. beneath: the source of other inputs. is_matt: whether it only reflects diffusely.
@@ -67,16 +67,16 @@ class Look:
                 return self._inputs[name]
         return self._beneath(*names) if self._beneath is not None else None
 
-    def over(self, inputs: Mapping[str, Any], is_matt: bool = False) -> Look:
+    def over(self, inputs: Mapping[str, Any], is_matt: bool = False) -> PrincipledLook:
         """Returns a copy with inputs replaced."""
-        return Look(inputs, self.input, is_matt)
+        return PrincipledLook(inputs, self.input, is_matt)
 
 
-class _Clear(Look):
+class _Clear(PrincipledLook):
     is_clear = True
 
     def __init__(self) -> None:
-        super().__init__({"Alpha": Plain(0.0)})
+        super().__init__({"Alpha": ConstantValue(0.0)})
 
 
 def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dict[str, float]]:
@@ -91,9 +91,9 @@ def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dic
     return math.sqrt(across), {"anisotropyStrength": min(stretch, 1.0), "anisotropyRotation": turns * 2 * math.pi}
 
 
-def under_coat(look: Look) -> list[float] | None:
+def under_coat(look: PrincipledLook) -> list[float] | None:
     """Returns the approximate transmission of a tinted coat for the layers beneath; None if it is clear."""
-    weight, tint = constant(look.input("Coat Weight")), constant(look.input("Coat Tint"))
+    weight, tint = constant_value(look.input("Coat Weight")), constant_value(look.input("Coat Tint"))
     if not isinstance(weight, float) or not isinstance(tint, list) or weight <= 0 or min(tint) > CLEAR:
         return None
     share = min(weight, 1.0)
@@ -105,54 +105,54 @@ def _of_glossy(anisotropy: Any, rotation: Any) -> dict[str, Any]:
 
     The latter's lobe is narrow along the tangent, by 1 - anisotropy.
     """
-    strength, turns = constant(anisotropy), constant(rotation)
+    strength, turns = constant_value(anisotropy), constant_value(rotation)
     if not strength or not isinstance(turns, float):
         return {} if strength == 0.0 or anisotropy is None else {"Anisotropic": anisotropy}
     aspect = 1 - min(abs(strength), 0.99)
     turned = turns + (0.25 if strength > 0 else 0.0)
-    return {"Anisotropic": Plain((1 - aspect**2) / 0.9), "Anisotropic Rotation": Plain(turned)}
+    return {"Anisotropic": ConstantValue((1 - aspect**2) / 0.9), "Anisotropic Rotation": ConstantValue(turned)}
 
 
-def told_by_ray(at: At) -> int | None:
+def input_for_camera_rays(at: SocketInGroups) -> int | None:
     """Returns which of a Mix Shader's inputs, 0 or 1, camera rays see, if it depends on the kind of ray; else None."""
-    by, _ = followed(at)
+    by, _ = source_of(at)
     if by is None or by.node.type != "LIGHT_PATH":
         return None
     return int(by.output.name == "Is Camera Ray")
 
 
-def look_of(source: Source | None, warn: Callable[[str], None]) -> Look | None:
+def principled_look(source: Source | None, warn: Callable[[str], None]) -> PrincipledLook | None:
     """Returns the Look of a shader.
 
     None if it is unknown or no surface shader. warn: called for each difference from Blender.
     """
     found = _look_of(source, warn)
     if found is not None:
-        tell_surface(found, warn)
+        warn_of_surface(found, warn)
     return found
 
 
-def _look_of(source: Source | None, warn: Callable[[str], None]) -> Look | None:
+def _look_of(source: Source | None, warn: Callable[[str], None]) -> PrincipledLook | None:
     if source is None:
         return None
     made = _simple(source, warn)
     if made is not None:
-        tell_shader(source, warn)
+        warn_of_shader(source, warn)
         return made
     if source.node.type == "MIX_SHADER":
         return _mixed(source, warn)
     return _added(source, warn) if source.node.type == "ADD_SHADER" else None
 
 
-def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
+def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
     kind, at = source.node.type, source.input
     if kind == "BSDF_PRINCIPLED":
-        return Look(_let_through(at) | _is_skin(getattr(source.node, "subsurface_method", "")), at)
+        return PrincipledLook(_transmitted_color(at) | _is_skin(getattr(source.node, "subsurface_method", "")), at)
     color = at("Color", "Base Color")
     if kind == "SUBSURFACE_SCATTERING":
         inside = {f"Subsurface {name}": at(name) for name in ("Radius", "Scale", "Anisotropy", "IOR")}
         inside |= _is_skin(getattr(source.node, "falloff", ""))
-        return _matt({"Base Color": color, "Normal": at("Normal"), "Subsurface Weight": Plain(1.0), **inside})
+        return _matt({"Base Color": color, "Normal": at("Normal"), "Subsurface Weight": ConstantValue(1.0), **inside})
     if kind in ("BSDF_DIFFUSE", "BSDF_TOON", "BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"):
         if kind != "BSDF_DIFFUSE":
             warn(f"its {source.node.bl_label or kind} is shown as matt")
@@ -162,18 +162,20 @@ def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
     if kind in ("BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"):
         if kind == "BSDF_METALLIC" and source.node.fresnel_type == "PHYSICAL_CONDUCTOR":
             color = _of_metal(at("IOR"), at("Extinction"), color)
-        said = {"Base Color": color, "Metallic": Plain(1.0), "Roughness": at("Roughness"), "Normal": at("Normal")}
-        return Look(said | _of_glossy(at("Anisotropy"), at("Rotation")))
+        said = {"Base Color": color, "Metallic": ConstantValue(1.0), "Roughness": at("Roughness"), "Normal": at("Normal")}
+        return PrincipledLook(said | _of_glossy(at("Anisotropy"), at("Rotation")))
     if kind in ("BSDF_GLASS", "BSDF_REFRACTION"):
-        said = {"Base Color": color, "Transmission Weight": Plain(1.0), "Roughness": at("Roughness"), "IOR": at("IOR")}
-        return Look(said | {"Normal": at("Normal")})
+        said = {"Base Color": color, "Transmission Weight": ConstantValue(1.0), "Roughness": at("Roughness"), "IOR": at("IOR")}
+        return PrincipledLook(said | {"Normal": at("Normal")})
     if kind in ("BSDF_SHEEN", "BSDF_VELVET"):
-        said = {"Sheen Weight": Plain(1.0), "Sheen Tint": color, "Sheen Roughness": at("Roughness", "Sigma")}
+        said = {"Sheen Weight": ConstantValue(1.0), "Sheen Tint": color, "Sheen Roughness": at("Roughness", "Sigma")}
         return _matt({"Base Color": BLACK, "Normal": at("Normal"), **said})
     if kind == "BSDF_TRANSLUCENT":
-        return _matt({"Base Color": BLACK, "Translucent Weight": Plain(1.0), "Translucent Color": color, "Normal": at("Normal")})
+        return _matt(
+            {"Base Color": BLACK, "Translucent Weight": ConstantValue(1.0), "Translucent Color": color, "Normal": at("Normal")}
+        )
     if kind == "BSDF_TRANSPARENT":
-        return _pane(color) if (constant(color) or BLACK.value) != WHITE.value else _Clear()
+        return _pane(color) if (constant_value(color) or BLACK.value) != WHITE.value else _Clear()
     if kind == "EMISSION":
         return _matt({"Base Color": BLACK, "Emission Color": color, "Emission Strength": at("Strength")})
     return None
@@ -181,41 +183,46 @@ def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
 
 def _is_skin(method: str) -> dict[str, Any]:
     """Returns how the subsurface radius is interpreted."""
-    return {"Subsurface Skin": Plain(float(method == "RANDOM_WALK_SKIN"))}
+    return {"Subsurface Skin": ConstantValue(float(method == "RANDOM_WALK_SKIN"))}
 
 
-def _let_through(at: Callable[..., Any]) -> dict[str, Any]:
+def _transmitted_color(at: Callable[..., Any]) -> dict[str, Any]:
     """Returns the base colour of a transmissive shader.
 
     Cycles applies its square root at each of two surfaces, glTF all of it once.
     """
-    weight, color = constant(at("Transmission Weight", "Transmission")), at("Base Color")
+    weight, color = constant_value(at("Transmission Weight", "Transmission")), at("Base Color")
     is_clear = isinstance(weight, float) and weight >= 1 and color is not None
-    return {"Base Color": Root(color)} if is_clear else {}
+    return {"Base Color": SquareRoot(color)} if is_clear else {}
 
 
-def _pane(color: Any) -> Look:
+def _pane(color: Any) -> PrincipledLook:
     """Returns the Look of a coloured pane without refraction."""
-    said = {"Base Color": color, "Transmission Weight": Plain(1.0), "Roughness": Plain(0.0), "IOR": Plain(1.0)}
-    return Look(said)
+    said = {
+        "Base Color": color,
+        "Transmission Weight": ConstantValue(1.0),
+        "Roughness": ConstantValue(0.0),
+        "IOR": ConstantValue(1.0),
+    }
+    return PrincipledLook(said)
 
 
 def _of_metal(ior: Any, extinction: Any, color: Any) -> Any:
     """Returns a conductor's reflectance at normal incidence."""
-    n, k = constant(ior), constant(extinction)
+    n, k = constant_value(ior), constant_value(extinction)
     if not isinstance(n, list) or not isinstance(k, list):
         return color
-    return Plain([((a - 1) ** 2 + b * b) / ((a + 1) ** 2 + b * b) for a, b in zip(n, k, strict=True)])
+    return ConstantValue([((a - 1) ** 2 + b * b) / ((a + 1) ** 2 + b * b) for a, b in zip(n, k, strict=True)])
 
 
-def _matt(inputs: Mapping[str, Any]) -> Look:
-    return Look({"Roughness": Plain(1.0), "Specular IOR Level": Plain(0.0), **inputs}, is_matt=True)
+def _matt(inputs: Mapping[str, Any]) -> PrincipledLook:
+    return PrincipledLook({"Roughness": ConstantValue(1.0), "Specular IOR Level": ConstantValue(0.0), **inputs}, is_matt=True)
 
 
-def _mixed(source: Source, warn: Callable[[str], None]) -> Look | None:
-    first, second = (_look_of(followed(source.at(i))[0], warn) for i in (1, 2))
+def _mixed(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
+    first, second = (_look_of(source_of(source.at(i))[0], warn) for i in (1, 2))
     share = source.at(0)
-    if (which := told_by_ray(share)) is not None:
+    if (which := input_for_camera_rays(share)) is not None:
         warn("of shaders that are for different rays the camera's is shown to all")
         return (first, second)[which]
     if first is None or second is None:
@@ -223,63 +230,67 @@ def _mixed(source: Source, warn: Callable[[str], None]) -> Look | None:
         if known is not None:
             warn("of the shaders that are mixed one is shown")
         return known
-    by, _ = followed(share)
-    if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT") and constant(second.input("Metallic")) == 1.0:
+    by, _ = source_of(share)
+    if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT") and constant_value(second.input("Metallic")) == 1.0:
         return _reflecting(by, first, second, warn)
-    plain = constant(share)
+    plain = constant_value(share)
     if plain in (0.0, 1.0):
         return second if plain else first
     if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT", "CAMERA", "NEW_GEOMETRY"):
         warn(f"its shaders are mixed half and half, not by {by.node.bl_label or by.node.type}")
-        share = Plain(SHARE)
+        share = ConstantValue(SHARE)
     polished = _polished(plain, first, second)
     return polished if polished is not None else _Mix(share, first, second, warn)
 
 
-def _polished(share: Any, first: Look, second: Look) -> Look | None:
+def _polished(share: Any, first: PrincipledLook, second: PrincipledLook) -> PrincipledLook | None:
     """Returns the mix of a diffuse shader and a metal by a constant: the former under a coat of equal reflectance at normal
     incidence.
     """
     matt, metal, part = (first, second, share) if first.is_matt else (second, first, None if share is None else 1 - share)
-    is_metal = constant(metal.input("Metallic")) == 1.0 and not metal.is_matt
+    is_metal = constant_value(metal.input("Metallic")) == 1.0 and not metal.is_matt
     if not (isinstance(part, float) and 0 < part < MOST_POLISHED and matt.is_matt and is_metal) or _is_black(matt):
         return None
     root = math.sqrt(part)
-    said = {"Roughness": metal.input("Roughness"), "IOR": Plain((1 + root) / (1 - root)), "Specular IOR Level": Plain(0.5)}
+    said = {
+        "Roughness": metal.input("Roughness"),
+        "IOR": ConstantValue((1 + root) / (1 - root)),
+        "Specular IOR Level": ConstantValue(0.5),
+    }
     return matt.over(said | {"Specular Tint": metal.input("Base Color")})
 
 
-def _reflecting(by: Source, beneath: Look, gloss: Look, warn: Callable[[str], None]) -> Look:
+def _reflecting(by: Source, beneath: PrincipledLook, gloss: PrincipledLook, warn: Callable[[str], None]) -> PrincipledLook:
     """Returns a reflection by Fresnel's law on another look."""
-    ior = constant(by.input("IOR")) if by.node.type == "FRESNEL" else None
+    ior = constant_value(by.input("IOR")) if by.node.type == "FRESNEL" else None
     if by.node.type == "LAYER_WEIGHT":
-        blend = constant(by.input("Blend"))
+        blend = constant_value(by.input("Blend"))
         ior = 1 / max(1 - (SHARE if blend is None else blend), 1e-3)
         if by.output.name == "Facing":
             warn("its reflection follows Fresnel's law, not how far it is turned away")
     roughness = gloss.input("Roughness")
     if beneath.is_matt:
-        said = {"Roughness": roughness, "IOR": Plain(ior or 1.45), "Specular IOR Level": Plain(0.5)}
+        said = {"Roughness": roughness, "IOR": ConstantValue(ior or 1.45), "Specular IOR Level": ConstantValue(0.5)}
         return beneath.over(said | {"Specular Tint": gloss.input("Base Color")})
-    return beneath.over({"Coat Weight": Plain(1.0), "Coat Roughness": roughness})
+    return beneath.over({"Coat Weight": ConstantValue(1.0), "Coat Roughness": roughness})
 
 
-def _added(source: Source, warn: Callable[[str], None]) -> Look | None:
+def _added(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
     """Returns the look of an Add Shader: emission is added; of several surfaces, one is used."""
-    parts = [look for look in (_look_of(followed(source.at(i))[0], warn) for i in (0, 1)) if look is not None]
-    shining = [each for each in parts if _is_black(each) and constant(each.input("Emission Strength")) != 0.0]
+    parts = [look for look in (_look_of(source_of(source.at(i))[0], warn) for i in (0, 1)) if look is not None]
+    shining = [each for each in parts if _is_black(each) and constant_value(each.input("Emission Strength")) != 0.0]
     others = [each for each in parts if each not in shining]
     if shining and any(each.is_clear for each in others):
         warn("what is added to its transparency hides what is behind by half")
-        return _Mix(Plain(SHARE), others[0], shining[0], warn)
+        return _Mix(ConstantValue(SHARE), others[0], shining[0], warn)
     if len(others) > 1:
-        leaf = next((each for each in others if constant(each.input("Translucent Weight")) == 1.0), None)
+        leaf = next((each for each in others if constant_value(each.input("Translucent Weight")) == 1.0), None)
         solid = next((each for each in others if each is not leaf), others[0])
         if leaf is None:
             warn("of the shaders that are added one is shown")
         else:
             warn("its light from both sides is shared, not added")
-            solid = _Mix(Plain(SHARE), solid, leaf, warn)
+            solid = _Mix(ConstantValue(SHARE), solid, leaf, warn)
         others = [solid]
     if not others:
         return shining[0] if shining else None
@@ -289,21 +300,25 @@ def _added(source: Source, warn: Callable[[str], None]) -> Look | None:
     return others[0].over({name: shining[0].input(name) for name in names}, others[0].is_matt)
 
 
-def _is_black(look: Look) -> bool:
-    told = constant(look.input("Base Color"))
-    return isinstance(told, list) and max(told) <= 0 and constant(look.input("Translucent Weight")) in (None, 0.0)
+def _is_black(look: PrincipledLook) -> bool:
+    told = constant_value(look.input("Base Color"))
+    return isinstance(told, list) and max(told) <= 0 and constant_value(look.input("Translucent Weight")) in (None, 0.0)
 
 
-class _Mix(Look):
+class _Mix(PrincipledLook):
     """The mix of two looks; share: weight of the second."""
 
-    def __init__(self, share: At | Plain, first: Look, second: Look, warn: Callable[[str], None]) -> None:
+    def __init__(
+        self, share: SocketInGroups | ConstantValue, first: PrincipledLook, second: PrincipledLook, warn: Callable[[str], None]
+    ) -> None:
         super().__init__({}, None, first.is_matt and second.is_matt)
         self.is_clear = first.is_clear and second.is_clear
         self._share, self._first, self._second = share, first, second
-        a, b = (constant(look.input("Metallic")) for look in (first, second))
-        colors = [constant(look.input("Base Color")) for look in (first, second)]
-        glass, rough = ([constant(look.input(name)) for look in (first, second)] for name in ("Transmission Weight", "Roughness"))
+        a, b = (constant_value(look.input("Metallic")) for look in (first, second))
+        colors = [constant_value(look.input("Base Color")) for look in (first, second)]
+        glass, rough = (
+            [constant_value(look.input(name)) for look in (first, second)] for name in ("Transmission Weight", "Roughness")
+        )
         if glass[0] != glass[1] and (glass[0] or glass[1]) and not (first.is_clear or second.is_clear):
             warn("of glass and something else that are mixed, both have the colour between")
         if rough[0] != rough[1] and not (first.is_matt or second.is_matt or first.is_clear or second.is_clear):
@@ -319,7 +334,7 @@ class _Mix(Look):
         if self._first.is_clear != self._second.is_clear and names[0] != "Alpha":
             return b if self._first.is_clear else a
         if names[0] in LINKED:
-            return a if a is not None and (b is None or followed(a)[0] is not None) else b
+            return a if a is not None and (b is None or source_of(a)[0] is not None) else b
         if names[0] in OF_GLOSS and self._first.is_matt != self._second.is_matt and names[0] != "Specular IOR Level":
             return b if self._first.is_matt else a
         if names[0] == "Emission Color":
@@ -328,15 +343,15 @@ class _Mix(Look):
             if _is_dark(self._second):
                 return a
         if names[0] == "Translucent Color":  # where there is none, it means nothing
-            none = [constant(each.input("Translucent Weight")) in (None, 0.0) for each in (self._first, self._second)]
+            none = [constant_value(each.input("Translucent Weight")) in (None, 0.0) for each in (self._first, self._second)]
             if none[0] != none[1]:
                 return b if none[0] else a
         if names[0].startswith("Subsurface ") and names[0] != "Subsurface Weight":  # likewise
-            none = [constant(each.input("Subsurface Weight")) in (None, 0.0) for each in (self._first, self._second)]
+            none = [constant_value(each.input("Subsurface Weight")) in (None, 0.0) for each in (self._first, self._second)]
             if none[0] != none[1]:
                 return b if none[0] else a
         if names[0] == "Base Color":  # of light that is let through, the weight is the share
-            through = [constant(each.input("Translucent Weight")) == 1.0 for each in (self._first, self._second)]
+            through = [constant_value(each.input("Translucent Weight")) == 1.0 for each in (self._first, self._second)]
             if through[0] != through[1]:
                 return b if through[0] else a
         default = DEFAULTS.get(names[0])
@@ -344,6 +359,6 @@ class _Mix(Look):
         return b if a is None else a if b is None else Blend(self._share, a, b)
 
 
-def _is_dark(look: Look) -> bool:
+def _is_dark(look: PrincipledLook) -> bool:
     strength = look.input("Emission Strength")
-    return strength is None or constant(strength) == 0.0
+    return strength is None or constant_value(strength) == 0.0

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .model import Scene
-from .nodes import constant, output_of
+from .nodes import constant_value, output_of
 from .volumes import Medium, medium_of, volume_of
 
 __all__ = ["MEDIUM", "SUBSURFACE", "filled", "has_volumes", "scatters", "subsurface", "world_medium"]
@@ -66,7 +66,7 @@ def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
     if source is None:
         return None
     top = output_of(tree)
-    is_bare = top is None or (top.node.type == "BSDF_TRANSPARENT" and min(constant(top.input("Color")) or [0.0]) > CLEAR)
+    is_bare = top is None or (top.node.type == "BSDF_TRANSPARENT" and min(constant_value(top.input("Color")) or [0.0]) > CLEAR)
     found = medium_of(source, warn)
     if not is_bare and not lets_in:
         if found is not None and not found.is_nothing():
@@ -98,7 +98,7 @@ def _written(found: Medium) -> dict[str, Any]:
 
 
 def _number(look: Any, name: str, default: float) -> float:
-    found = constant(look.input(name))
+    found = constant_value(look.input(name))
     return found if isinstance(found, float) else _own(look, name, default)
 
 
@@ -109,7 +109,7 @@ def _own(look: Any, name: str, default: float) -> float:
 
 
 def _three(look: Any, name: str, default: list[float]) -> list[float]:
-    found = constant(look.input(name))
+    found = constant_value(look.input(name))
     if isinstance(found, list):
         return found
     if isinstance(found, float):

@@ -8,13 +8,13 @@ from dataclasses import replace
 from typing import Any
 
 from . import subsurface
-from .cycles import tell_material
-from .cycles_differences import has_film, tell_pictures
+from .cycles import warn_of_material
+from .cycles_differences import has_film, warn_of_pictures
 from .displacement import displaced
 from .model import Material, Scene, TextureUse
-from .nodes import At, Product, Source, constant, followed, output_of
+from .nodes import Product, SocketInGroups, Source, constant_value, output_of, source_of
 from .pictures import Pictures
-from .shader_mix import Look, brushed, look_of, told_by_ray, under_coat
+from .shader_mix import PrincipledLook, brushed, input_for_camera_rays, principled_look, under_coat
 from .textures import Value, Values, as_list, number, one_minus
 
 __all__ = ["Surfaces"]
@@ -77,8 +77,8 @@ class _Reader:
         if inside is not None:
             self._more[subsurface.MEDIUM] = inside
         self._displace(tree)
-        tell_pictures(tree, self._warn)
-        tell_material(self._source, self._warn)
+        warn_of_pictures(tree, self._warn)
+        warn_of_material(self._source, self._warn)
         if self._more:
             self._said["extensions"] = self._more
         return self._said
@@ -120,14 +120,14 @@ class _Reader:
         if read is not None:
             read(source)
             return
-        look = look_of(source, self._warn)
+        look = principled_look(source, self._warn)
         if look is not None:
             self._principled(look)
             return
         self._warn(f"the shader {source.node.bl_label or source.node.type} is not read, and shown as grey")
         self._pbr([0.8] * 3, 0.0, 1.0)
 
-    def _principled(self, source: Look) -> None:
+    def _principled(self, source: PrincipledLook) -> None:
         def value(default: Any, *names: str) -> Value:
             return self._values.read(source.input(*names), default, names[0].lower())
 
@@ -189,9 +189,9 @@ class _Reader:
         if picture is not None:
             found["metallicRoughnessTexture"] = picture
 
-    def _reflection(self, source: Look, transmits: bool) -> None:
+    def _reflection(self, source: PrincipledLook, transmits: bool) -> None:
         """Exports the specular level as an index of refraction: Cycles scales the reflectance at normal incidence."""
-        ior = number(constant(source.input("IOR")) or 1.5)
+        ior = number(constant_value(source.input("IOR")) or 1.5)
         level = self._values.read(source.input("Specular IOR Level", "Specular"), NEUTRAL, "specular level")
         factor = number(level.factor) / NEUTRAL if level.image is None else 1.0
         if level.image is not None:
@@ -216,7 +216,7 @@ class _Reader:
         # Cycles refracts at every surface; the thickness says so where a mesh is open.
         self._extend("volume", thicknessFactor=1.0)
 
-    def _coat(self, value: Any, source: Look) -> None:
+    def _coat(self, value: Any, source: PrincipledLook) -> None:
         coat = value(0.0, "Coat Weight", "Clearcoat")
         if number(coat.factor) <= 0:
             return
@@ -230,9 +230,9 @@ class _Reader:
             factor = self._said["pbrMetallicRoughness"]["baseColorFactor"]
             factor[:3] = [c * share for c, share in zip(factor[:3], left, strict=True)]
 
-    def _sheen(self, source: Look) -> None:
+    def _sheen(self, source: PrincipledLook) -> None:
         weight = source.input("Sheen Weight", "Sheen")
-        if weight is None or constant(weight) == 0.0:
+        if weight is None or constant_value(weight) == 0.0:
             return
         tint, rough = source.input("Sheen Tint"), self._values.read(source.input("Sheen Roughness"), 0.5, "sheen roughness")
         color = self._values.read(weight if tint is None else Product(tint, weight), WHITE, "sheen")
@@ -241,9 +241,9 @@ class _Reader:
         self._slot(color, "KHR_materials_sheen", "sheenColorTexture", None, as_color=True)
         self._slot(rough, "KHR_materials_sheen", "sheenRoughnessTexture", 3)
 
-    def _emission(self, source: Look) -> None:
+    def _emission(self, source: PrincipledLook) -> None:
         color, strength = source.input("Emission Color", "Emission"), source.input("Emission Strength")
-        plain = constant(strength)
+        plain = constant_value(strength)
         if plain is None and strength is not None:  # what feeds the strength is in the picture
             shines = self._values.read(Product(color, strength), [0.0] * 3, "emission")
             plain = 1.0 if shines.image is None else shines.image.scale_down()
@@ -261,23 +261,23 @@ class _Reader:
             if picture is not None:
                 self._said["emissiveTexture"] = picture
 
-    def _brushed(self, source: Look, roughness: float) -> None:
-        strength, turns = constant(source.input("Anisotropic")), constant(source.input("Anisotropic Rotation"))
+    def _brushed(self, source: PrincipledLook, roughness: float) -> None:
+        strength, turns = constant_value(source.input("Anisotropic")), constant_value(source.input("Anisotropic Rotation"))
         if not strength or strength <= 0:
             return
         rough, stretched = brushed(strength, roughness, turns or 0.0)
         self._said["pbrMetallicRoughness"]["roughnessFactor"] = rough
         self._extend("anisotropy", **stretched)
 
-    def _film(self, source: Look) -> None:
-        thickness = constant(source.input("Thin Film Thickness"))
+    def _film(self, source: PrincipledLook) -> None:
+        thickness = constant_value(source.input("Thin Film Thickness"))
         if thickness and has_film(source):
-            ior = constant(source.input("Thin Film IOR")) or 1.33
+            ior = constant_value(source.input("Thin Film IOR")) or 1.33
             ends = {"iridescenceThicknessMinimum": thickness, "iridescenceThicknessMaximum": thickness}
             self._extend("iridescence", iridescenceFactor=1.0, iridescenceIor=ior, **ends)
 
-    def _normal(self, at: At | None, owner: dict[str, Any], name: str) -> None:
-        source, _ = followed(at)
+    def _normal(self, at: SocketInGroups | None, owner: dict[str, Any], name: str) -> None:
+        source, _ = source_of(at)
         if source is None:
             return
         if source.node.type == "BUMP":
@@ -287,13 +287,13 @@ class _Reader:
                 self._warn("its bumps are left out; those of pictures that lie by UVs are read, and normal maps")
             else:
                 owner[name] = replace(picture, strength=1.0)
-            if followed(source.input("Normal"))[0] is not None:
+            if source_of(source.input("Normal"))[0] is not None:
                 self._warn("of normals one behind the other the last is read")
             return
         if source.node.type != "NORMAL_MAP" or source.node.space != "TANGENT":
             self._warn("its normals are left out; bumps and normal maps in tangent space are read")
             return
-        strength = constant(source.input("Strength"))
+        strength = constant_value(source.input("Strength"))
         found = self._values.read(source.input("Color"), WHITE, "normal map")
         if found.image is not None:
             picture = self._pictures.used(found, False)
@@ -326,13 +326,13 @@ class _Reader:
 
         Else as an approximation.
         """
-        if (which := told_by_ray(source.at(0))) is not None:
+        if (which := input_for_camera_rays(source.at(0))) is not None:
             self._warn("of shaders that are for different rays the camera's is shown to all")
-            shown = followed(source.at(1 + which))[0]
+            shown = source_of(source.at(1 + which))[0]
             if shown is not None:
                 self._shader(shown)
             return
-        first, second = (followed(source.at(i))[0] for i in (1, 2))
+        first, second = (source_of(source.at(i))[0] for i in (1, 2))
         clear = [each is not None and each.node.type == "BSDF_TRANSPARENT" for each in (first, second)]
         if clear[0] != clear[1]:
             solid = second if clear[0] else first
@@ -341,7 +341,7 @@ class _Reader:
                 self._shader(solid)
                 self._see_through(share if clear[0] else one_minus(share))
                 return
-        look = look_of(source, self._warn)
+        look = principled_look(source, self._warn)
         if look is not None:
             self._principled(look)
 
@@ -366,7 +366,7 @@ class _Reader:
 
     def _sum(self, source: Source) -> None:
         """Exports an Add Shader with a Transparent BSDF: the emission is kept and the rest is transparent."""
-        parts = [followed(source.at(i))[0] for i in (0, 1)]
+        parts = [source_of(source.at(i))[0] for i in (0, 1)]
         clear = [each is not None and each.node.type == "BSDF_TRANSPARENT" for each in parts]
         if any(clear):
             self._warn("what is added to its transparency hides what is behind by half")
@@ -375,7 +375,7 @@ class _Reader:
                 self._shader(solid)
                 self._see_through(Value(0.5))
             return
-        look = look_of(source, self._warn)
+        look = principled_look(source, self._warn)
         if look is not None:
             self._principled(look)
 
@@ -391,8 +391,8 @@ class _Reader:
             self._more.setdefault(extension, {})[name] = picture
 
 
-def _is_some(at: At | None) -> bool:
+def _is_some(at: SocketInGroups | None) -> bool:
     if at is None:
         return False
-    plain = constant(at)
+    plain = constant_value(at)
     return plain is None or number(plain) > SHARP

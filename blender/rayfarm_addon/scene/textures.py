@@ -10,7 +10,7 @@ from typing import Any
 from .displacement import Heights
 from .image_nodes import Bump, Painter
 from .model import Scene, TextureUse
-from .nodes import At, Source, constant, followed
+from .nodes import SocketInGroups, Source, constant_value, source_of
 
 __all__ = ["GREY", "Value", "Values", "as_list", "number", "one_minus"]
 
@@ -64,10 +64,10 @@ class Values:
         """Returns the value behind a socket; its own number, with a warning, if that is unsupported."""
         if at is None:
             return Value(default)
-        plain = constant(at)
+        plain = constant_value(at)
         if plain is not None:
             return Value(plain)
-        source, _ = followed(at)
+        source, _ = source_of(at)
         found = None if source is None else self._of(source)
         if found is not None:
             if found.image is not None and found.channel is None and not isinstance(default, list):
@@ -85,7 +85,7 @@ class Values:
 
     def bumps(self, source: Source | Heights, density: Callable[[int], tuple[float, float] | None]) -> Value | None:
         """Returns the normal map of a Bump node whose height is an image. density: as from `stretched`."""
-        numbers = [constant(source.input(name)) for name in ("Strength", "Distance")]
+        numbers = [constant_value(source.input(name)) for name in ("Strength", "Distance")]
         if any(not isinstance(each, float) for each in numbers):
             return None
         strength, distance = numbers
@@ -105,32 +105,32 @@ class Values:
             use = self._use(source)
             return None if use is None else Value(1.0, node.image, use, channel)
         if kind in ("SEPARATE_COLOR", "SEPRGB"):
-            inner = self._below(source.at(0))
+            inner = self._value_of_source(source.at(0))
             if inner is None or inner.image is None or inner.channel is not None:
                 return None
             inner.channel = CHANNELS.get(source.output.name)
             return inner if inner.channel is not None else None
         if kind == "INVERT":
-            inner = self._below(source.input("Color"))
-            if inner is None or constant(source.input("Fac", "Factor")) != 1.0 or inner.factor != 1.0:
+            inner = self._value_of_source(source.input("Color"))
+            if inner is None or constant_value(source.input("Fac", "Factor")) != 1.0 or inner.factor != 1.0:
                 return None
             inner.inverted = not inner.inverted
             return inner
         if kind in ("VERTEX_COLOR", "ATTRIBUTE") and source.output.name in ("Color", "Alpha"):
             return Value(1.0, vertex=node.layer_name if kind == "VERTEX_COLOR" else node.attribute_name)
         if kind == "RGBTOBW":
-            return self._below(source.at(0))
+            return self._value_of_source(source.at(0))
         if kind in ("MIX", "MIX_RGB"):
             return self._mixed(source)
         if kind == "MATH" and node.operation == "MULTIPLY":
             return self._product(source.at(0), source.at(1))
         return None
 
-    def _below(self, at: At | None) -> Value | None:
-        plain = constant(at)
+    def _value_of_source(self, at: SocketInGroups | None) -> Value | None:
+        plain = constant_value(at)
         if plain is not None:
             return Value(plain)
-        source, _ = followed(at)
+        source, _ = source_of(at)
         return None if source is None else self._of(source)
 
     def _mixed(self, source: Source) -> Value | None:
@@ -139,17 +139,17 @@ class Values:
             return None
         # The new node has sockets of every type; those of colours are the last.
         first, second = (source.at(6), source.at(7)) if node.type == "MIX" else (source.at(1), source.at(2))
-        share = constant(source.at(0))
+        share = constant_value(source.at(0))
         if share == 0.0:
-            return self._below(first)
+            return self._value_of_source(first)
         if share != 1.0:
             return None
         if node.blend_type == "MIX":
-            return self._below(second)
+            return self._value_of_source(second)
         return self._product(first, second) if node.blend_type == "MULTIPLY" else None
 
-    def _product(self, first: At, second: At) -> Value | None:
-        a, b = self._below(first), self._below(second)
+    def _product(self, first: SocketInGroups, second: SocketInGroups) -> Value | None:
+        a, b = self._value_of_source(first), self._value_of_source(second)
         if a is None or b is None or (a.image is not None and b.image is not None):
             return None
         if a.inverted or b.inverted or (a.vertex is not None and b.vertex is not None):
@@ -167,10 +167,10 @@ class Values:
             return None
         wrap = WRAPS.get(getattr(node, "extension", ""), "repeat")
         nearest = getattr(node, "interpolation", "") == "Closest"
-        lies = _Lies()
+        lies = _TexturePlacement()
         at = source.input("Vector")
         for _ in range(4):
-            found, _ = followed(at)
+            found, _ = source_of(at)
             if found is None:
                 if not is_image:
                     return None  # patterns lie by what Blender generates, images by UVs
@@ -196,7 +196,7 @@ class Values:
         return 0 if not name or name in self._primary else 1
 
 
-class _Lies:
+class _TexturePlacement:
     def __init__(self) -> None:
         self.uv_set = 0
         self.offset, self.rotation, self.scale = (0.0, 0.0), 0.0, (1.0, 1.0)
@@ -205,7 +205,7 @@ class _Lies:
         """Applies a Mapping node; False if it is no rotation, scale and translation in the plane."""
         if source.node.vector_type != "POINT" or self.offset != (0.0, 0.0) or self.rotation or self.scale != (1.0, 1.0):
             return False
-        location, turn, scale = (constant(source.input(name)) for name in ("Location", "Rotation", "Scale"))
+        location, turn, scale = (constant_value(source.input(name)) for name in ("Location", "Rotation", "Scale"))
         if location is None or turn is None or scale is None or abs(turn[0]) > 1e-6 or abs(turn[1]) > 1e-6:
             return False
         # Blender counts v upwards, glTF downwards: the same map, seen with v turned over before and after.

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .model import up
+from .model import to_y_up
 
 __all__ = ["Lens", "Shot", "shot_of", "view_of"]
 
@@ -61,7 +61,7 @@ def view_of(place: F64, projection: F64, share: float, lens: Lens) -> dict[str, 
     eye, forward, above = place[:3, 3], -_unit(place[:3, 2]), _unit(place[:3, 1])
     # Far enough that float32 tells the two apart.
     target = eye + forward * max(1.0, float(np.abs(eye).max()))
-    found: dict[str, Any] = {"eye": up(eye), "target": up(target), "up": up(above)}
+    found: dict[str, Any] = {"eye": to_y_up(eye), "target": to_y_up(target), "up": to_y_up(above)}
     if projection[3, 3] == 0:
         fov = math.degrees(2 * math.atan(share / projection[1, 1]))
         found |= {"fov": min(max(fov, 0.01), WIDEST)}

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from .nodes import At, Source, constant, followed
+from .nodes import SocketInGroups, Source, constant_value, source_of
 
 __all__ = ["Medium", "medium_of", "volume_of"]
 
@@ -38,7 +38,7 @@ def volume_of(tree: Any) -> Source | None:
     for engine in ("CYCLES", "ALL", "EEVEE"):
         output = tree.get_output_node(engine)
         if output is not None:
-            return followed(At(output.inputs["Volume"]))[0] if output.inputs["Volume"].is_linked else None
+            return source_of(SocketInGroups(output.inputs["Volume"]))[0] if output.inputs["Volume"].is_linked else None
     return None
 
 
@@ -60,7 +60,7 @@ def _read(source: Source, warn: Warn, depth: int) -> Medium | None:
     if depth < MOST_NESTED and kind == "ADD_SHADER":
         return _sum([_below(source.at(i), warn, depth) for i in (0, 1)], [1.0, 1.0])
     if depth < MOST_NESTED and kind == "MIX_SHADER":
-        share = constant(source.at(0))
+        share = constant_value(source.at(0))
         if isinstance(share, float):
             share = min(max(share, 0.0), 1.0)
             return _sum([_below(source.at(i), warn, depth) for i in (1, 2)], [1 - share, share])
@@ -71,8 +71,8 @@ def _read(source: Source, warn: Warn, depth: int) -> Medium | None:
     return None
 
 
-def _below(at: At, warn: Warn, depth: int) -> Medium | None:
-    source, _ = followed(at)
+def _below(at: SocketInGroups, warn: Warn, depth: int) -> Medium | None:
+    source, _ = source_of(at)
     return None if source is None else _read(source, warn, depth + 1)
 
 
@@ -95,7 +95,7 @@ def _number(source: Source, name: str, default: float, warn: Warn) -> float:
     at = source.input(name)
     if at is None:
         return default
-    found = constant(at)
+    found = constant_value(at)
     if isinstance(found, list):
         return sum(found) / len(found)
     if isinstance(found, float):
@@ -109,7 +109,7 @@ def _color(source: Source, name: str, default: list[float], warn: Warn) -> list[
     at = source.input(name)
     if at is None:
         return default
-    found = constant(at)
+    found = constant_value(at)
     if found is None:
         warn(f"its volume's {name.lower()} varies in Blender; its plain value stands for it")
         found = getattr(at.socket, "default_value", default)

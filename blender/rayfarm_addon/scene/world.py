@@ -14,9 +14,9 @@ import numpy as np
 from ..farm import exr
 from . import images
 from .image_nodes import Painter
-from .model import Image, Scene, World, up
-from .nodes import At, Source, constant, followed, output_of
-from .shader_mix import told_by_ray
+from .model import Image, Scene, World, to_y_up
+from .nodes import SocketInGroups, Source, constant_value, output_of, source_of
+from .shader_mix import input_for_camera_rays
 from .subsurface import world_medium
 
 __all__ = ["Bake", "read_world"]
@@ -60,14 +60,14 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
     if source.node.type != "BACKGROUND":
         scene.warn(f"World: the shader {source.node.bl_label} is not read; there is no light from around.")
         return World([0.0] * 3)
-    strength = constant(source.input("Strength"))
+    strength = constant_value(source.input("Strength"))
     if strength is None:
         scene.warn("World: what makes its strength is not read; it is 1.")
         strength = 1.0
-    color = constant(source.input("Color"))
+    color = constant_value(source.input("Color"))
     if color is not None:
         return World([c * strength for c in color])
-    node, _ = followed(source.input("Color"))
+    node, _ = source_of(source.input("Color"))
     if node is not None and node.node.type == "TEX_ENVIRONMENT" and node.node.image is not None:
         return _image(scene, node, strength)
     if node is not None and node.node.type == "TEX_SKY":
@@ -85,13 +85,13 @@ def _is_known(scene: Scene, top: Source) -> bool:
 
     A world that depends on the kind of ray is also accepted, with a warning elsewhere.
     """
-    if top.node.type == "MIX_SHADER" and told_by_ray(top.at(0)) is not None:
+    if top.node.type == "MIX_SHADER" and input_for_camera_rays(top.at(0)) is not None:
         return True
-    if top.node.type != "BACKGROUND" or constant(top.input("Strength")) is None:
+    if top.node.type != "BACKGROUND" or constant_value(top.input("Strength")) is None:
         return False
-    if constant(top.input("Color")) is not None:
+    if constant_value(top.input("Color")) is not None:
         return True
-    node, _ = followed(top.input("Color"))
+    node, _ = source_of(top.input("Color"))
     if node is None or node.node.type == "TEX_SKY":
         return False
     probe = Scene()  # is told what it would be told
@@ -103,7 +103,11 @@ def _is_known(scene: Scene, top: Source) -> bool:
 def _baked(scene: Scene, world: Any, content: bytes, sun: dict[str, Any] | None) -> World:
     if sun is not None:
         is_seen = getattr(getattr(world, "cycles_visibility", None), "camera", True)
-        said = {"direction": up(-np.array(sun["towards"])), "intensity": sun["irradiance"], "angle": math.degrees(sun["angle"])}
+        said = {
+            "direction": to_y_up(-np.array(sun["towards"])),
+            "intensity": sun["irradiance"],
+            "angle": math.degrees(sun["angle"]),
+        }
         scene.lights.append(
             {"type": "directional", "name": "sun of the sky", **said, "seen": "always" if is_seen else "mirrored"}
         )
@@ -118,13 +122,13 @@ def _tell(scene: Scene, world: Any) -> None:
 
 def _background(scene: Scene, source: Source | None) -> Source | None:
     """Returns the shader that lights the scene, if camera rays see another one."""
-    if source is not None and source.node.type == "MIX_SHADER" and (which := told_by_ray(source.at(0))) is not None:
+    if source is not None and source.node.type == "MIX_SHADER" and (which := input_for_camera_rays(source.at(0))) is not None:
         scene.warn("World: the camera sees what lights, though in Blender it sees something else.")
-        return followed(source.at(2 - which))[0]
+        return source_of(source.at(2 - which))[0]
     return source
 
 
-def _painted(scene: Scene, at: At | None, strength: float) -> World | None:
+def _painted(scene: Scene, at: SocketInGroups | None, strength: float) -> World | None:
     """Returns the light of panoramas changed by nodes, evaluated texel by texel; None if it has other images."""
 
     def turn_of(source: Source) -> Any:
@@ -157,14 +161,14 @@ def _image(scene: Scene, source: Source, strength: float) -> World:
 
 def _turn(scene: Scene, source: Source) -> float:
     """Returns the rotation of the environment about the up axis, in degrees."""
-    found, _ = followed(source.input("Vector"))
+    found, _ = source_of(source.input("Vector"))
     if found is None or found.node.type == "TEX_COORD":
         return 0.0
     if found.node.type != "MAPPING":
         scene.warn("World: how its picture is turned is not read.")
         return 0.0
-    turn = constant(found.input("Rotation")) or [0.0] * 3
-    rest = [constant(found.input(name)) for name in ("Location", "Scale")]
+    turn = constant_value(found.input("Rotation")) or [0.0] * 3
+    rest = [constant_value(found.input(name)) for name in ("Location", "Scale")]
     if abs(turn[0]) > 1e-4 or abs(turn[1]) > 1e-4 or rest not in ([[0.0] * 3, [1.0] * 3], [None, [1.0] * 3]):
         scene.warn("World: its picture is turned about Z alone.")
     # The direction that is looked up is turned, so what is seen turns the other way.

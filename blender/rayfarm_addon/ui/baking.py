@@ -14,7 +14,7 @@ import bpy
 
 from ..scene import skies
 
-__all__ = ["photographed"]
+__all__ = ["baked_panorama"]
 
 WIDTH, MOST_WIDTH = 2048, 8192
 PATIENCE_S = 120.0
@@ -23,8 +23,8 @@ KEPT = 4  # worlds, of which the oldest are forgotten
 _known: dict[str, tuple[bytes, Any]] = {}
 
 
-def photographed(world: Any) -> tuple[bytes, dict[str, Any] | None] | None:
-    """Returns the EXR file of a world's panorama and the sun left out of it, see `skies.photographed`; None if that fails."""
+def baked_panorama(world: Any) -> tuple[bytes, dict[str, Any] | None] | None:
+    """Returns the EXR file of a world's panorama and the sun left out of it, see `skies.baked_panorama`; None if that fails."""
     key = _digest(world.node_tree)
     if key not in _known:
         made = _made(world)
@@ -65,8 +65,8 @@ def _digest(tree: Any) -> str:
     said: list[Any] = []
     for node in tree.nodes:
         said.append((node.bl_idname, node.name, node.mute))
-        said += [(each.name, _told(getattr(each, "default_value", None))) for each in node.inputs]
-        said += [(p.identifier, _told(getattr(node, p.identifier))) for p in node.bl_rna.properties if not p.is_readonly]
+        said += [(each.name, _plain_value(getattr(each, "default_value", None))) for each in node.inputs]
+        said += [(p.identifier, _plain_value(getattr(node, p.identifier))) for p in node.bl_rna.properties if not p.is_readonly]
         if node.type == "VALTORGB":
             said += [(each.position, tuple(each.color)) for each in node.color_ramp.elements]
         if node.type == "GROUP" and node.node_tree is not None:
@@ -77,7 +77,7 @@ def _digest(tree: Any) -> str:
     return hashlib.sha256(repr(said).encode()).hexdigest()
 
 
-def _told(value: Any) -> Any:
+def _plain_value(value: Any) -> Any:
     if isinstance(value, int | float | str) or value is None:
         return value
     if isinstance(value, bpy.types.Image):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..farm.packets import rgba
-from ..farm.watching import Shown
+from ..farm.watching import ViewPicture
 
 __all__ = ["Canvas"]
 
@@ -18,11 +18,11 @@ class Canvas:
     """Keeps the texture of the last picture. Used in the main thread, while Blender draws."""
 
     def __init__(self) -> None:
-        self._shown: Shown | None = None
+        self._shown: ViewPicture | None = None
         self._cut: Corners = (0.0, 0.0, 1.0, 1.0)
         self._texture: Any = None
 
-    def show(self, shown: Shown, cut: Corners) -> None:
+    def show(self, shown: ViewPicture, cut: Corners) -> None:
         """Sets the picture. cut: the part of it that fills the region, as fractions from the lower left corner."""
         if shown is not self._shown:
             self._shown, self._texture = shown, None

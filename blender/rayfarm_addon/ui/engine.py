@@ -13,7 +13,7 @@ import numpy as np
 from ..farm.client import FarmError
 from ..farm.packets import rgba
 from ..farm.protocol import rgbe9995
-from ..farm.render_request import Done, Failed, Grown, Said
+from ..farm.render_request import Failed, FinishedPicture, StatusMessage, TileUpdate
 from ..farm.rendering import Rendering
 from . import connection
 from .passes import COMBINED, planes_of, values, wanted
@@ -71,24 +71,24 @@ class RayfarmEngine(bpy.types.RenderEngine):
     def _go_to(self, frame: float) -> None:
         self.frame_set(*split(frame))
 
-    def _is_broken_off(self) -> bool:
+    def _is_cancelled(self) -> bool:
         return bool(self.test_break())
 
     def _follow(self, rendering: Rendering, picture: Picture, layer: str, passes: list[Any]) -> None:
         cancelled = 0.0  # when
         while not cancelled or time.monotonic() < cancelled + PATIENCE_S:
-            if not cancelled and self._is_broken_off():
+            if not cancelled and self._is_cancelled():
                 cancelled = time.monotonic()
                 rendering.cancel()
             try:
                 event = rendering.events.get(timeout=TICK_S)
             except queue.Empty:
                 continue
-            if isinstance(event, Said):
+            if isinstance(event, StatusMessage):
                 self.update_stats("", f"Rayfarm: {event.text}")
                 if event.progress is not None:
                     self.update_progress(event.progress)
-            elif isinstance(event, Grown):
+            elif isinstance(event, TileUpdate):
                 if not cancelled:
                     self._show(event, picture, layer)
             elif isinstance(event, Failed):
@@ -99,7 +99,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
                 self._finish(event, picture, layer, passes)
                 return
 
-    def _show(self, tile: Grown, picture: Picture, layer: str) -> None:
+    def _show(self, tile: TileUpdate, picture: Picture, layer: str) -> None:
         """Copies the needed part of a tile to Blender's image."""
         shot = picture.shot
         h, w = tile.words.shape
@@ -114,7 +114,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
         _put(result, "Combined", rgba(rgbe9995.unpack(words)).reshape(-1, 4))
         self.end_result(result)
 
-    def _finish(self, done: Done, picture: Picture, layer: str, passes: list[Any]) -> None:
+    def _finish(self, done: FinishedPicture, picture: Picture, layer: str, passes: list[Any]) -> None:
         shot = picture.shot
         result = self.begin_result(0, 0, shot.w, shot.h, layer=layer)
         for each in (COMBINED, *passes):
@@ -132,13 +132,13 @@ class RayfarmEngine(bpy.types.RenderEngine):
 
     def view_update(self, context: Any, depsgraph: Any) -> None:
         """Called when something shown in the viewport has changed."""
-        self._looking(context, depsgraph).update(depsgraph)
+        self._viewport_of(context, depsgraph).update(depsgraph)
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
         """Draws the newest picture, and continues the export."""
-        self._looking(context, depsgraph).draw(context, depsgraph)
+        self._viewport_of(context, depsgraph).draw(context, depsgraph)
 
-    def _looking(self, context: Any, depsgraph: Any) -> Viewport:
+    def _viewport_of(self, context: Any, depsgraph: Any) -> Viewport:
         if self._viewport is None:
             url, token = farm_of(context)
             self._viewport = Viewport(self, url, token, depsgraph.scene.rayfarm.project, _file_name())

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..farm.render_request import Asked, Light
+from ..farm.render_request import Light, RenderRequest
 from ..scene.cameras import NAME, lens_of, shot_of_camera, with_keys
 from ..scene.cycles import depths_of, takes_time
 from ..scene.files import FPS, MAIN, scene_files
-from ..scene.gather import beyond, gather, over_the_shutter
+from ..scene.gather import export_scene, extends_beyond_clip_end, over_the_shutter
 from ..scene.ids import Ids, ids_of
 from ..scene.model import World
 from ..scene.view import Shot
-from .baking import photographed
+from .baking import baked_panorama
 
 __all__ = ["Picture", "light_of", "picture_of", "requested", "split"]
 
@@ -31,7 +31,7 @@ LARGEST = 16_384  # along each side
 class Picture:
     """A request, the part of the result that is needed, and the warnings."""
 
-    asked: Asked
+    asked: RenderRequest
     shot: Shot
     ids: Ids
     warnings: list[str]
@@ -76,7 +76,7 @@ def picture_of(
     middle = frame + {"START": length / 2, "END": -length / 2}.get(render.motion_blur_position, 0.0)
     if length and middle != frame:
         go_to(middle)
-    *_, found = gather(depsgraph, {}, bake=photographed)
+    *_, found = export_scene(depsgraph, {}, bake=baked_panorama)
     scene = found.scene
 
     def camera() -> tuple[F64, F64, Any]:
@@ -86,7 +86,7 @@ def picture_of(
         return place_of(thing), np.array(projection, np.float64), thing
 
     place, projection, thing = camera()
-    if thing.data.type != "PANO" and beyond(scene, place[:3, 3], -place[:3, 2], float(thing.data.clip_end)):
+    if thing.data.type != "PANO" and extends_beyond_clip_end(scene, place[:3, 3], -place[:3, 2], float(thing.data.clip_end)):
         scene.warn(f"Camera: what lies beyond its end of {thing.data.clip_end:g} is shown, though not in Blender.")
     border = _border(render, size)
     shot = shot_of_camera(scene, thing, place, projection, size, border)
@@ -119,7 +119,7 @@ def picture_of(
             request |= {"frame": FRAME, "shutter": length, "shutter_at": "centred"}
     request |= {"camera": NAME} if moves else {"view": shot.view}
     files = scene_files(scene)
-    asked = Asked(files, MAIN, title, light_of(scene.world), request, planes, settings.denoise)
+    asked = RenderRequest(files, MAIN, title, light_of(scene.world), request, planes, settings.denoise)
     return Picture(asked, shot, ids_of(scene), scene.warnings)
 
 

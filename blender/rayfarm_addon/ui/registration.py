@@ -13,7 +13,7 @@ __all__ = ["register", "unregister"]
 
 CLASSES = (*settings.CLASSES, RayfarmEngine, *panels.CLASSES)
 # Of other engines: what they show, this one reads as well.
-ALSO = (
+ADDITIONAL_PANELS = (
     "EEVEE_MATERIAL_PT_surface",
     "EEVEE_MATERIAL_PT_context_material",
     "EEVEE_WORLD_PT_surface",
@@ -21,7 +21,7 @@ ALSO = (
     "DATA_PT_EEVEE_light_distance",
     "MATERIAL_PT_preview",
 )
-NOT = ("VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes", "RENDER_PT_freestyle", "VIEWLAYER_PT_freestyle")
+EXCLUDED_PANELS = ("VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes", "RENDER_PT_freestyle", "VIEWLAYER_PT_freestyle")
 
 
 def _panels() -> list[type]:
@@ -29,9 +29,9 @@ def _panels() -> list[type]:
     for panel in bpy.types.Panel.__subclasses__():
         engines = getattr(panel, "COMPAT_ENGINES", ())
         name = panel.__name__
-        if name in NOT or not isinstance(engines, set):
+        if name in EXCLUDED_PANELS or not isinstance(engines, set):
             continue
-        if "BLENDER_RENDER" in engines or name in ALSO:
+        if "BLENDER_RENDER" in engines or name in ADDITIONAL_PANELS:
             found.append(panel)
     return found
 

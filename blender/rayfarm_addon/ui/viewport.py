@@ -10,24 +10,24 @@ from typing import Any
 import numpy as np
 
 from ..farm.client import FarmError
-from ..farm.watching import Shown, Watching
+from ..farm.watching import LiveView, ViewPicture
 from ..scene.cameras import lens_of
 from ..scene.files import MAIN, scene_files
-from ..scene.gather import Known, gather
+from ..scene.gather import ExportedMeshes, export_scene
 from ..scene.view import Lens, shot_of
 from . import connection
 from .drawing import Canvas
 from .picture import light_of, requested
 
-__all__ = ["Changes", "Viewport"]
+__all__ = ["PendingChanges", "Viewport"]
 
 TICK_S = 0.015  # of the main thread, at a time
 LOOK_S = 0.05
-BEHIND = 1000.0
+HIDDEN_DEPTH = 1000.0
 SETTLED_S = 0.15  # after the last change, so that a hand that moves something does not send each of its places
 
 
-class Changes:
+class PendingChanges:
     """The changes of Blender's data since the last export."""
 
     def __init__(self) -> None:
@@ -71,14 +71,14 @@ class Viewport:
     def __init__(self, engine: Any, url: str, token: str, project: str, title: str) -> None:
         self._engine = engine
         self._error = ""
-        self._watching: Watching | None = None
+        self._watching: LiveView | None = None
         try:
             farm = connection.connect(url, token, project)
-            self._watching = Watching(farm.client, farm.uploads, title)
+            self._watching = LiveView(farm.client, farm.uploads, title)
         except FarmError as error:
             self._error = str(error)
-        self._known: Known = {}
-        self._changes = Changes()
+        self._known: ExportedMeshes = {}
+        self._changes = PendingChanges()
         self._reading: Iterator[Any] | None = None
         self._begin_at = 0.0  # when reading may begin
         self._waits = False
@@ -120,7 +120,7 @@ class Viewport:
         now = time.monotonic()
         if self._waits and now >= self._begin_at:
             self._waits = False
-            self._reading = gather(depsgraph, self._known, self._changes.touch)
+            self._reading = export_scene(depsgraph, self._known, self._changes.touch)
         if self._reading is None:
             return
         found = None
@@ -149,7 +149,7 @@ class Viewport:
         projection = np.array(seen.window_matrix, np.float64)
         if projection[3, 3] != 0 and seen.view_perspective != "CAMERA":
             # Blender shows what is behind the eye of an orthographic view, too.
-            place[:3, 3] += place[:3, 2] * min(float(space.clip_end), BEHIND)
+            place[:3, 3] += place[:3, 2] * min(float(space.clip_end), HIDDEN_DEPTH)
         camera = space.camera if seen.view_perspective == "CAMERA" else None
         lens = Lens() if camera is None or camera.type != "CAMERA" else lens_of(None, camera.evaluated_get(depsgraph))
         try:
@@ -178,7 +178,7 @@ class Viewport:
         self._engine.update_stats("Rayfarm", text)
         self._canvas.draw(self._engine, depsgraph.scene, context.region)
 
-    def cut(self, shown: Shown) -> tuple[float, float, float, float]:
+    def cut(self, shown: ViewPicture) -> tuple[float, float, float, float]:
         """Returns the viewport's part of a picture as fractions: left, low, right, high, from the lower left corner."""
         shot = self._shots.get(shown.id)
         if shot is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from .exporter_support import is_followed, is_of_each, sees_from
+from .exporter_support import differs_by_object, is_supported, view_dependent_label
 
 __all__ = ["bake"]
 
@@ -36,7 +36,9 @@ def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
             if time.monotonic() > until:
                 notes.append("What nodes make of some materials took too long to be baked; bake it to images")
                 break
-            told = sorted({sees_from(entry.links[0].from_node, entry.links[0].from_socket.name) for entry in entries} - {""})
+            told = sorted(
+                {view_dependent_label(entry.links[0].from_node, entry.links[0].from_socket.name) for entry in entries} - {""}
+            )
             if told:
                 notes.append(
                     f"Material {material.name}: what {told[0]} makes is another from elsewhere, and baked as of one place"
@@ -66,7 +68,9 @@ def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
                 continue
             entries = _odd(material)
             is_shared = thing.type == "MESH" and thing.data.users > 1 and len(split) < MOST_THINGS
-            if is_shared and any(is_of_each(entry.links[0].from_node, entry.links[0].from_socket.name) for entry in entries):
+            if is_shared and any(
+                differs_by_object(entry.links[0].from_node, entry.links[0].from_socket.name) for entry in entries
+            ):
                 thing.data = thing.data.copy()
                 split.append(thing)
             if not entries or (material.name, thing.data.name) in seen:
@@ -84,7 +88,7 @@ def _odd(material: Any) -> list[Any]:
     if node is None or node.type != "BSDF_PRINCIPLED":
         return []
     entries = [node.inputs[name] for name in (*BAKED, *BENT) if name in node.inputs and node.inputs[name].is_linked]
-    return [entry for entry in entries if not is_followed(entry.links[0].from_node)]
+    return [entry for entry in entries if not is_supported(entry.links[0].from_node)]
 
 
 def _unfit(owners: list[Any]) -> str:

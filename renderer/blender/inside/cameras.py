@@ -94,14 +94,14 @@ class Cameras:
             place = there.matrix_world @ bone.head
         return max(abs((place - camera.matrix_world.translation).dot(forward)), 1e-4)
 
-    def _reaches(self, thing: Any) -> float:
+    def _distance_to_far_end(self, thing: Any) -> float:
         """Returns the distance from a camera to the far end of the scene."""
         eye, forward = thing.matrix_world.translation, thing.matrix_world.to_3x3() @ self._vector((0, 0, -1))
         return max(((point - eye).dot(forward.normalized()) for point in self._corners), default=0.0)
 
     def _note(self, thing: Any) -> None:
         data, name = thing.data, thing.name
-        if data.type != "PANO" and self._reaches(thing) > data.clip_end:
+        if data.type != "PANO" and self._distance_to_far_end(thing) > data.clip_end:
             self._notes.append(f"Camera {name}: what lies beyond its end of {data.clip_end:g} is shown, though not in Blender")
         if data.type == "PANO" and _panorama(data) not in ("EQUIRECTANGULAR", None):
             self._notes.append(f"Camera {name}: shows all around (equirectangular) in place of {_panorama(data).lower()}")

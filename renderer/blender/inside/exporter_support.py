@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["is_followed", "is_of_each", "lies_by_uv", "sees_from"]
+__all__ = ["differs_by_object", "is_placed_by_uv", "is_supported", "view_dependent_label"]
 
 ENDS = {"ATTRIBUTE", "VERTEX_COLOR", "VALUE", "RGB"}
 PASSED = {"REROUTE", "SEPARATE_COLOR", "SEPRGB"}
@@ -15,7 +15,7 @@ OUTPUTS_FROM_ELSEWHERE = {"Reflection", "Incoming"}
 OUTPUTS_OF_EACH = {"Position", "Camera", "Window", *OUTPUTS_FROM_ELSEWHERE}
 
 
-def is_followed(node: Any) -> bool:
+def is_supported(node: Any) -> bool:
     """Returns True if the exporter supports a node and all nodes that feed it."""
     seen, left = set(), [node]
     while left:
@@ -24,7 +24,7 @@ def is_followed(node: Any) -> bool:
             continue
         seen.add(each.name)
         if each.type == "TEX_IMAGE":
-            if each.image is None or each.projection != "FLAT" or not lies_by_uv(each):
+            if each.image is None or each.projection != "FLAT" or not is_placed_by_uv(each):
                 return False
             continue
         if each.type == "NORMAL_MAP":
@@ -46,7 +46,7 @@ def _is_factor(node: Any) -> bool:
     return not share.is_linked and abs(share.default_value - 1) < NEAR
 
 
-def lies_by_uv(node: Any) -> bool:
+def is_placed_by_uv(node: Any) -> bool:
     """Returns True if an image node is placed by a UV set, with at most one rotation, scale and translation in its plane."""
     entry, is_mapped = node.inputs["Vector"], False
     while entry.is_linked:
@@ -70,24 +70,24 @@ def _is_flat(mapping: Any) -> bool:
     return abs(turn[0]) < NEAR and abs(turn[1]) < NEAR
 
 
-def sees_from(node: Any, output: str) -> str:
+def view_dependent_label(node: Any, output: str) -> str:
     """Returns the label of a view-dependent node that feeds an output; empty if there is none."""
     return next(
         (
             str(each.bl_label)
-            for each, name in _behind(node, output)
+            for each, name in _feeding_nodes(node, output)
             if each.type in FROM_ELSEWHERE or name in OUTPUTS_FROM_ELSEWHERE
         ),
         "",
     )
 
 
-def is_of_each(node: Any, output: str) -> bool:
+def differs_by_object(node: Any, output: str) -> bool:
     """Returns True if an output differs between objects that share a mesh."""
-    return any(each.type == "OBJECT_INFO" or name in OUTPUTS_OF_EACH for each, name in _behind(node, output))
+    return any(each.type == "OBJECT_INFO" or name in OUTPUTS_OF_EACH for each, name in _feeding_nodes(node, output))
 
 
-def _behind(node: Any, output: str) -> list[tuple[Any, str]]:
+def _feeding_nodes(node: Any, output: str) -> list[tuple[Any, str]]:
     """Returns a node and all nodes that feed it, each with the output that is used."""
     found: list[tuple[Any, str]] = []
     left = [(node, output)]

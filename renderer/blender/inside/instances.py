@@ -46,7 +46,7 @@ def instances_as_objects(bpy: Any, scene: Any, shown: set[str], frames: list[int
             setattr(thing, flag, getattr(each.parent, flag) and getattr(each.thing, flag))
         scene.collection.objects.link(thing)
         shown.add(thing.name)
-        _put(bpy, scene, thing, each.place, moves.get(each.key), frames, notes)
+        _place_object(bpy, scene, thing, each.place, moves.get(each.key), frames, notes)
     for each in found:
         if each.parent.instance_type in ON_MESHES and each.thing.parent == each.parent:
             shown.discard(each.thing.name)  # in renders, unlike in a viewport, it is visible only as an instance
@@ -141,7 +141,9 @@ def _are_apart(a: Any, b: Any) -> bool:
     return any(abs(x - y) > NEAR * max(1.0, abs(y)) for rows in zip(a, b, strict=True) for x, y in zip(*rows, strict=True))
 
 
-def _put(bpy: Any, scene: Any, thing: Any, place: Any, places: list[Any] | None, frames: list[int], notes: list[str]) -> None:
+def _place_object(
+    bpy: Any, scene: Any, thing: Any, place: Any, places: list[Any] | None, frames: list[int], notes: list[str]
+) -> None:
     """Places an object by a transform, or by one per frame. A sheared one is rotated under a parent with non-uniform scale."""
     if _is_straight(place):
         carrier, turn = thing, None

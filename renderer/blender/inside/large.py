@@ -12,17 +12,20 @@ from typing import Any
 from .glb import Glb
 from .principled_materials import modules_of
 
-__all__ = ["put_back", "stand_ins"]
+__all__ = ["replace_by_stand_ins", "restore_large_meshes"]
 
 LEAST = 20_000  # faces
-COLORED = {"VERTEX_COLOR", "ATTRIBUTE"}  # nodes for which the exporter writes attributes that `put_back` does not restore
+COLORED = {
+    "VERTEX_COLOR",
+    "ATTRIBUTE",
+}  # nodes for which the exporter writes attributes that `restore_large_meshes` does not restore
 FLOAT, UINT = 5126, 5125
 DEEPEST = 16
 
 Taken = dict[str, Any]  # rayfarm_addon's meshes, by the names of their stand-ins
 
 
-def stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Taken:
+def replace_by_stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Taken:
     """Replaces large, undeformed meshes by stand-ins. addon: as for `simplify`."""
     if addon is None:
         return {}
@@ -43,7 +46,7 @@ def stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Taken:
     return taken
 
 
-def put_back(path: Path, taken: Taken) -> None:
+def restore_large_meshes(path: Path, taken: Taken) -> None:
     """Replaces the stand-ins in a GLB by the real meshes."""
     if not taken:
         return

@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 
 from .keys import animated_paths
 
-__all__ = ["EmissionImage", "is_thrown", "moves", "photographed"]
+__all__ = ["EmissionImage", "is_animated_light", "needs_emission_image", "render_emission_image"]
 
 WIDE = 120.0  # degrees: cones up to this are rendered by a perspective camera
 SIDE, AROUND = 512, 1024  # pixels: side of a perspective image, and width of a panorama
 MOST = 2048
 SAMPLES = 4
 FINE = (256, 128)  # faces of the sphere: around, and from pole to pole
-FALLING = ("LIGHT_FALLOFF", "LIGHT_PATH")  # nodes that depend on the distance or the kind of ray
+VIEW_DEPENDENT_NODES = ("LIGHT_FALLOFF", "LIGHT_PATH")  # nodes that depend on the distance or the kind of ray
 
 
 class EmissionImage(NamedTuple):
@@ -29,14 +29,14 @@ class EmissionImage(NamedTuple):
     is_window: bool  # whether it covers the light's cone, instead of all directions
 
 
-def is_thrown(bpy: Any, data: Any) -> bool:
+def needs_emission_image(bpy: Any, data: Any) -> bool:
     """Returns True if a light's nodes can be rendered to an image. Only for lights whose nodes are more than constants."""
     if data.type not in ("POINT", "SPOT") or "cycles" not in bpy.context.preferences.addons:
         return False
-    return not any(node.type in FALLING for node in _nodes(data.node_tree))
+    return not any(node.type in VIEW_DEPENDENT_NODES for node in _nodes(data.node_tree))
 
 
-def photographed(bpy: Any, lamp: Any, out: Path, name: str) -> EmissionImage:
+def render_emission_image(bpy: Any, lamp: Any, out: Path, name: str) -> EmissionImage:
     """Writes the emission image of a light object into a folder."""
     is_window = lamp.data.type == "SPOT" and math.degrees(lamp.data.spot_size) <= WIDE
     sizes = [max(node.image.size) for node in _nodes(lamp.data.node_tree) if getattr(node, "image", None) is not None]
@@ -49,7 +49,7 @@ def photographed(bpy: Any, lamp: Any, out: Path, name: str) -> EmissionImage:
     return EmissionImage(name, is_window)
 
 
-def moves(data: Any) -> bool:
+def is_animated_light(data: Any) -> bool:
     """Returns True if a light's nodes change over time."""
     return bool(animated_paths(data.node_tree))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from .cameras import to_ours
 from .keys import keyed
-from .light_profiles import EmissionImage, is_thrown, moves, photographed
+from .light_profiles import EmissionImage, is_animated_light, needs_emission_image, render_emission_image
 
 __all__ = ["Lights", "is_linked_to_lights"]
 
@@ -37,21 +37,21 @@ class Lights:
         self._all = sorted((thing for thing in lights if not _is_portal(thing.data)), key=lambda thing: thing.name)
         self._turns: dict[str, Any] = {}
         self._thrown: dict[str, EmissionImage] = {}
-        self._throw(out)
+        self._render_emission_images(out)
         for thing in lights:
             self._note(thing, notes)
 
-    def _throw(self, out: Path) -> None:
+    def _render_emission_images(self, out: Path) -> None:
         """Renders the emission images, one for each light data block."""
         taken: dict[str, EmissionImage] = {}
         for thing in self._all:
             data = thing.data
             is_odd = self._known is not None and data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None
-            if is_odd and is_thrown(self._bpy, data):
+            if is_odd and needs_emission_image(self._bpy, data):
                 if data.name not in taken and len(taken) == MOST_PICTURES:
                     continue
                 if data.name not in taken:
-                    taken[data.name] = photographed(self._bpy, thing, out, f"blender-lamp-{len(taken)}.exr")
+                    taken[data.name] = render_emission_image(self._bpy, thing, out, f"blender-lamp-{len(taken)}.exr")
                 self._thrown[thing.name] = taken[data.name]
 
     def looks(self) -> dict[str, Any]:
@@ -151,14 +151,14 @@ class Lights:
 
     def _of_nodes(self, data: Any) -> list[float] | None:
         has_some = data.use_nodes and data.node_tree is not None and self._known is not None
-        return self._known.of_nodes(data.node_tree) if has_some else None
+        return self._known.constant_emission_factor(data.node_tree) if has_some else None
 
     def _note(self, thing: Any, notes: list[str]) -> None:
         data, name = thing.data, f"Light {thing.name}"
         if thing.name in self._thrown:
             if data.type == "POINT" and data.shadow_soft_size > LEAST:
                 notes.append(f"{name}: is not seen in mirrors, as its nodes send another light into each direction")
-            if moves(data):
+            if is_animated_light(data):
                 notes.append(f"{name}: its nodes move with the frame in Blender, and are as at the first frame here")
         elif data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None:
             notes.append(f"{name}: its nodes are not taken over; it shines in its own colour")
@@ -170,7 +170,7 @@ class Lights:
             notes.append(f"{name}: its spread is not taken over; it shines to all sides")
         if self._known is not None and data.type == "SPOT" and self._known.is_stretched(thing.matrix_world.to_scale()):
             notes.append(f"{name}: its cone is round, and as wide as it says, whatever its scale")
-        if self._known is not None and (most := self._known.told_bounces(data)) is not None:
+        if self._known is not None and (most := self._known.bounce_limit(data)) is not None:
             notes.append(f"{name}: lights however often its light was scattered, though no more than {most} times in Blender")
         if not getattr(data, "use_shadow", True):
             notes.append(f"{name}: casts shadows here, as all lights do")

@@ -25,7 +25,7 @@ def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: 
     if blinking and len(frames) > 1:
         notes.append(f"{_listed(blinking)}: comes or goes with the frame in Blender, and is as at the first frame here")
     shown = _shown(bpy, scene)
-    nowhere = sorted(name for name in shown if not _is_somewhere(scene.objects[name]))
+    nowhere = sorted(name for name in shown if not _has_finite_transform(scene.objects[name]))
     if nowhere:
         notes.append(f"{_listed(nowhere)}: lies at a place that is no number, and is left out")
         for name in nowhere:  # objects with a non-finite transform cannot be exported, even if hidden
@@ -41,7 +41,7 @@ def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: 
     return found
 
 
-def _is_somewhere(thing: Any) -> bool:
+def _has_finite_transform(thing: Any) -> bool:
     return all(math.isfinite(each) for row in thing.matrix_world for each in row)
 
 

@@ -11,7 +11,7 @@ import types
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .exporter_support import is_followed, lies_by_uv
+from .exporter_support import is_placed_by_uv, is_supported
 from .texture_spaces import is_suited
 
 __all__ = ["Extensions", "modules_of", "simplify"]
@@ -106,12 +106,12 @@ class _Simplifier:
             inside = self._filled(False, told)
             self._tell(told)
             return inside
-        self._modules.unlike.tell_pictures(self._tree, told.append)
-        self._modules.cycles.tell_material(self._material, told.append)
-        look = self._modules.looks.look_of(source, told.append)
+        self._modules.unlike.warn_of_pictures(self._tree, told.append)
+        self._modules.cycles.warn_of_material(self._material, told.append)
+        look = self._modules.looks.principled_look(source, told.append)
         if look is None:
             return {}
-        through = nodes.constant(look.input("Transmission Weight"))
+        through = nodes.constant_value(look.input("Transmission Weight"))
         is_fed = through is None and look.input("Transmission Weight") is not None
         inside = self._filled(is_fed or (isinstance(through, float) and through > 0), told)
         is_own = source.node.type == "BSDF_PRINCIPLED" and not source.groups
@@ -144,7 +144,7 @@ class _Simplifier:
         nodes = self._modules.nodes
         names = ("Emission Color", "Emission Strength")
         color, strength = (look.input(name) for name in names)
-        if color is None or strength is None or nodes.constant(strength) is not None:
+        if color is None or strength is None or nodes.constant_value(strength) is not None:
             return ()
         painted = self._painter.paint(nodes.Product(color, strength), "emission")
         entry, power = (principled.inputs[name] for name in names)
@@ -161,14 +161,14 @@ class _Simplifier:
 
     def _extensions(self, look: Any) -> dict[str, Any]:
         def number(name: str, default: float = 0.0) -> float:
-            found = self._modules.nodes.constant(look.input(name))
+            found = self._modules.nodes.constant_value(look.input(name))
             return float(found) if isinstance(found, float) else default
 
         said: dict[str, Any] = {}
         if (beneath := self._modules.within.subsurface(look)) is not None:
             said[self._modules.within.SUBSURFACE] = beneath
         if (weight := number("Translucent Weight")) > 0:
-            color = self._modules.nodes.constant(look.input("Translucent Color"))
+            color = self._modules.nodes.constant_value(look.input("Translucent Color"))
             said["KHR_materials_diffuse_transmission"] = {
                 "diffuseTransmissionFactor": min(weight, 1.0),
                 "diffuseTransmissionColorFactor": [min(max(c, 0.0), 1.0) for c in color or [0.8] * 3],
@@ -201,12 +201,17 @@ class _Simplifier:
 
     def _set(self, entry: Any, at: Any, is_own: bool) -> None:
         nodes = self._modules.nodes
-        plain = nodes.constant(at)
+        plain = nodes.constant_value(at)
         if plain is not None:
             self._put(entry, plain)
             return
-        source = nodes.followed(at)[0]
-        if source is not None and not source.groups and is_followed(source.node) and is_suited(entry, source.node, source.output):
+        source = nodes.source_of(at)[0]
+        if (
+            source is not None
+            and not source.groups
+            and is_supported(source.node)
+            and is_suited(entry, source.node, source.output)
+        ):
             if not is_own:
                 self._tree.links.new(source.output, entry)
             return
@@ -224,8 +229,8 @@ class _Simplifier:
     def _bumps(self, entry: Any, at: Any) -> bool:
         """Returns True if the normal comes from a height image; replaces it by a normal map."""
         nodes = self._modules.nodes
-        source = nodes.followed(at)[0]
-        if source is None or source.node.type != "BUMP" or nodes.followed(source.input("Normal"))[0] is not None:
+        source = nodes.source_of(at)[0]
+        if source is None or source.node.type != "BUMP" or nodes.source_of(source.input("Normal"))[0] is not None:
             return False
         return self._bend([entry], source)
 
@@ -243,7 +248,7 @@ class _Simplifier:
 
     def _bend(self, entries: list[Any], source: Any) -> bool:
         """Returns True if a Bump node's height is an image; replaces it by a normal map on these inputs."""
-        numbers = [self._modules.nodes.constant(source.input(name)) for name in ("Strength", "Distance")]
+        numbers = [self._modules.nodes.constant_value(source.input(name)) for name in ("Strength", "Distance")]
         spans = _stretched(self._thing, self._modules.meshes.spans)
         if spans is None or not all(isinstance(each, float) for each in numbers):
             return False
@@ -293,14 +298,14 @@ class _Simplifier:
         node = source.node
         if node.type != "TEX_IMAGE" or node.projection != "FLAT" or source.groups:
             return None
-        found, _ = self._modules.nodes.followed(source.input("Vector"))
+        found, _ = self._modules.nodes.source_of(source.input("Vector"))
         if found is None:
             return _Way("", "", node.extension, node.interpolation, (1.0, 1.0))
-        if found.groups or not lies_by_uv(node):
+        if found.groups or not is_placed_by_uv(node):
             return None
         scale = (1.0, 1.0)
         if found.node.type == "MAPPING":
-            told = self._modules.nodes.constant(found.input("Scale"))
+            told = self._modules.nodes.constant_value(found.input("Scale"))
             scale = (0.0, 0.0) if told is None else (told[0], told[1])
         return _Way(found.node.name, found.output.identifier, node.extension, node.interpolation, scale)
 

@@ -49,7 +49,7 @@ def note_settings(scenes: Any, scene: Any, layer: Any, notes: list[str], known: 
     if render.use_border:
         notes.append("The whole picture is rendered, not the region that is set in Blender")
     if known is not None:
-        known.tell_settings(scene, layer, notes.append, is_clamped=True, has_filter=False)
+        known.warn_of_settings(scene, layer, notes.append, is_clamped=True, has_filter=False)
     view = scene.view_settings
     looks = [
         words

@@ -10,7 +10,7 @@ from .bake_materials import bake
 from .cameras import Cameras
 from .hair import hair_as_meshes
 from .keys import exposed_over, frames_of, is_animated, over_frames, scripted
-from .large import put_back, stand_ins
+from .large import replace_by_stand_ins, restore_large_meshes
 from .lights import Lights
 from .movie_textures import as_stills
 from .prepare_scene import prepare
@@ -71,15 +71,15 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     scene.frame_set(frames[0])
     medium = world_medium(scene.world, getattr(known, "within", None), notes)
     if known is not None and (medium is not None or any(known.within.scatters(each) for each in surfaces.values())):
-        known.cycles.tell_volumes(scene, notes.append)
+        known.cycles.warn_of_volumes(scene, notes.append)
     # Infinitely distant light is not visible through a medium that fills the world.
     environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes) if medium is None else (None, [])
     lamps, materials, shapes = lights.written(_of("light", seen), exposed, fps)
     if solid:
-        taken = stand_ins(bpy, solid, addon)
+        taken = replace_by_stand_ins(bpy, solid, addon)
         scene.frame_start, scene.frame_end = exposed[0], exposed[-1]
         _write_glb(bpy, out / "blender-scene.glb", is_moving=len(exposed) > 1)
-        put_back(out / "blender-scene.glb", taken)
+        restore_large_meshes(out / "blender-scene.glb", taken)
         with_rays(out / "blender-scene.glb", passed_by(solid, layer), surfaces)
         shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:100]})
     document: dict[str, Any] = {
@@ -175,13 +175,13 @@ def _note_flags(scene: Any, layer: Any, shown: list[Any], known: Any, notes: lis
 def _note_missing(bpy: Any, notes: list[str]) -> None:
     """Notes missing files, by name without folders, since original paths are private."""
     images = [i for i in bpy.data.images if i.source in ("FILE", "SEQUENCE", "TILED") and i.users and i.packed_file is None]
-    lost = sorted({_bare(i.filepath) for i in images if "missing-files" in i.filepath})
+    lost = sorted({_base_name(i.filepath) for i in images if "missing-files" in i.filepath})
     if lost:
         notes.append(
             f"Missing pictures: {', '.join(lost[:8])}{' ...' if len(lost) > 8 else ''}. Give them with the file, or pack them in "
             "Blender (File > External Data > Pack Resources)"
         )
-    links = sorted({_bare(each.filepath) for each in bpy.data.libraries if "missing-files" in each.filepath})
+    links = sorted({_base_name(each.filepath) for each in bpy.data.libraries if "missing-files" in each.filepath})
     if links:
         notes.append(
             f"Missing linked files: {', '.join(links[:8])}. Give them with the file, or make what is linked local in Blender "
@@ -189,7 +189,7 @@ def _note_missing(bpy: Any, notes: list[str]) -> None:
         )
 
 
-def _bare(path: str) -> str:
+def _base_name(path: str) -> str:
     return path.replace("\\", "/").rsplit("/", 1)[-1]
 
 

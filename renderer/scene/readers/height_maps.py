@@ -106,7 +106,7 @@ class BumpMaps:
         if not (size > 0 and math.isfinite(size)):
             return None
         what = f"normals of heights {step} {texture.transform} {texture.wrap_s} {texture.wrap_t}"
-        made = self._shelf.derived(heights, what, lambda it: _as_normals(it, slopes / np.float32(size)))
+        made = self._shelf.derived_texture(heights, what, lambda it: _as_normals(it, slopes / np.float32(size)))
         return None if made is None else (made, size)
 
 

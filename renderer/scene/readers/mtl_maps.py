@@ -11,7 +11,7 @@ import numpy as np
 from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.scene.description import Image, TextureLayer, UvTransform, Vec3, Wrap
 from renderer.scene.readers.linear_images import Codes, alike, alpha, codes, encoded, linear, most
-from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
 from renderer.sentences import Sentence
 
 __all__ = [
@@ -52,7 +52,7 @@ class Map(NamedTuple):
 
     file: str
     wrap: Wrap = "repeat"
-    transform: UvTransform = UNMOVED  # of UVs from the image's upper left corner
+    transform: UvTransform = IDENTITY_UV_TRANSFORM  # of UVs from the image's upper left corner
     strength: float = 1.0  # -bm
     span: tuple[float, float] = (0.0, 1.0)  # -mm: base and gain; a value x means base + gain x
     channel: str = ""  # -imfchan: r, g, b, m (alpha), l or z
@@ -72,8 +72,12 @@ class Map(NamedTuple):
                 )
             )
         if self.channel in _CHANNELS:
-            found = shelf.derived(found, f"channel {self.channel}", lambda i: _channel(i, self.channel))
-        return found if self.span == (0.0, 1.0) else shelf.derived(found, f"span {self.span}", lambda i: _spanned(i, self.span))
+            found = shelf.derived_texture(found, f"channel {self.channel}", lambda i: _channel(i, self.channel))
+        return (
+            found
+            if self.span == (0.0, 1.0)
+            else shelf.derived_texture(found, f"span {self.span}", lambda i: _spanned(i, self.span))
+        )
 
 
 def parse_map(value: str, is_file: Callable[[str], bool] = lambda _: True) -> Map | None:
@@ -181,7 +185,7 @@ def with_decal(shelf: TextureShelf, texture: int | None, decal: int, color: Vec3
         hidden = np.iinfo(shown.dtype).max - shown
         return Image(f"{image.name} as a decal", np.dstack([np.broadcast_to(painted, (*hidden.shape, 3)), hidden]))
 
-    over = shelf.derived(decal, f"decal on {color}", make)
+    over = shelf.derived_texture(decal, f"decal on {color}", make)
     return texture if over is None else shelf.stacked(texture, (TextureLayer(over),))
 
 
@@ -232,7 +236,7 @@ def as_alpha(shelf: TextureShelf, texture: int | None) -> int | None:
             srgb=False,
         )
 
-    return shelf.derived(texture, "as alpha", make)
+    return shelf.derived_texture(texture, "as alpha", make)
 
 
 def inverted(shelf: TextureShelf, texture: int | None) -> int | None:
@@ -243,7 +247,7 @@ def inverted(shelf: TextureShelf, texture: int | None) -> int | None:
         pixels[..., :3] = np.iinfo(pixels.dtype).max - pixels[..., :3]
         return Image(f"{image.name} inverted", pixels, srgb=False)
 
-    return shelf.derived(texture, "inverted", make)
+    return shelf.derived_texture(texture, "inverted", make)
 
 
 def _channel(image: Image, channel: str) -> Image:

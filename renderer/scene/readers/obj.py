@@ -16,8 +16,8 @@ from renderer.scene.deduplicate import unique_threes
 from renderer.scene.description import F32, I32, Instance, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed_together
-from renderer.scene.origin import exact
-from renderer.scene.polygons import Cut
+from renderer.scene.origin import in_exact_type
+from renderer.scene.polygons import Triangulation
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.mtl import without_comment
 from renderer.scene.readers.obj_lines import Statements, parse
@@ -79,7 +79,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             )
     elif said.colors is not None:
         said = said._replace(colors=_scaled(said.colors, main, shelf))
-    said = said._replace(positions=exact(said.positions))
+    said = said._replace(positions=in_exact_type(said.positions))
     said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ counts v from the image's lower edge
     if said.lost:
         shelf.warn(
@@ -161,7 +161,7 @@ def _polypaint(text: bytes, vertices: int) -> F32 | None:
     return codes[:, 1:].astype(np.float32) / np.float32(255)
 
 
-def _rounded(said: Statements, cut: Cut, meshes: list[Mesh], triangles: list[npt.NDArray[np.int64]]) -> list[Mesh]:
+def _rounded(said: Statements, cut: Triangulation, meshes: list[Mesh], triangles: list[npt.NDArray[np.int64]]) -> list[Mesh]:
     """Returns the meshes with missing normals computed.
 
     With smoothing groups, normals are smooth within each group of an object (`s off` is no group). Otherwise they are smooth over
@@ -214,7 +214,7 @@ def _faces_by_material(said: Statements) -> dict[str | None, npt.NDArray[np.int6
 
 
 def _groups(
-    said: Statements, cut: Cut, stretches: list[npt.NDArray[np.int64]]
+    said: Statements, cut: Triangulation, stretches: list[npt.NDArray[np.int64]]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Returns (T,) triangles sorted by group, and (2 S + 1,) the start of each group.
 
@@ -232,7 +232,7 @@ def _groups(
 
 
 def _meshes(
-    names: list[str], said: Statements, cut: Cut, order: npt.NDArray[np.int64], begins: npt.NDArray[np.int64]
+    names: list[str], said: Statements, cut: Triangulation, order: npt.NDArray[np.int64], begins: npt.NDArray[np.int64]
 ) -> list[Mesh]:
     """Returns a mesh per group of triangles (see `_groups`), vectorised because files have a hundred thousand small groups."""
     corners = said.corners[cut.triangles[order].reshape(-1)]

@@ -6,10 +6,10 @@ from pathlib import PurePosixPath
 
 from renderer.image.read import IMAGE_SUFFIXES
 from renderer.scene.description import Material, Mesh, SceneDescription
-from renderer.scene.files import SceneFiles, folded
+from renderer.scene.files import SceneFiles, case_folded
 from renderer.scene.readers.mtl import names_of, read_mtl, without_comment
 from renderer.scene.readers.obj_lines import Statements
-from renderer.scene.text_encoding import is_readable, readings
+from renderer.scene.text_encoding import is_readable, possible_decodings
 from renderer.scene.textures import TextureShelf
 from renderer.scene.watertight import is_closed
 from renderer.sentences import Sentence
@@ -85,8 +85,8 @@ class Materials:
     def _guessed(self, said: Statements) -> str | None:
         """Returns a material file with the OBJ file's name, or the only one beside it if faces name its materials; else None."""
         beside = self._files.siblings(self._file, (".mtl",))
-        stem = folded(PurePosixPath(self._file).stem)
-        same = [name for name in beside if folded(PurePosixPath(name).stem) == stem]
+        stem = case_folded(PurePosixPath(self._file).stem)
+        same = [name for name in beside if case_folded(PurePosixPath(name).stem) == stem]
         if len(same) == 1:
             return same[0]
         if len(beside) != 1:
@@ -125,9 +125,9 @@ class Materials:
     def _in_another_encoding(self, name: str) -> Material | None:
         """Returns the material whose name matches in another encoding, if only one of the two files is in UTF-8; else None."""
         if not is_readable(name):
-            return next((self._found[text] for _, text in readings(name) if text in self._found), None)
+            return next((self._found[text] for _, text in possible_decodings(name) if text in self._found), None)
         others = (key for key in self._found if not is_readable(key))
-        return next((self._found[key] for key in others if any(text == name for _, text in readings(key))), None)
+        return next((self._found[key] for key in others if any(text == name for _, text in possible_decodings(key))), None)
 
     def _lone_texture(self, material: Material) -> int | None:
         images = [name for name in self._files.siblings(self._file, IMAGE_SUFFIXES) if not name.lower().endswith(_OF_LIGHT)]

@@ -17,11 +17,11 @@ from renderer.library_messages import library_message
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
-from renderer.scene.origin import exact
+from renderer.scene.origin import in_exact_type
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.points import add_points
 from renderer.scene.readers.polygon_meshes import fractions, split, triangulated, used
-from renderer.scene.text_encoding import decoded, with_points
+from renderer.scene.text_encoding import decoded, with_decimal_points
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
@@ -61,7 +61,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
                 kind=found[0].strip(),
             )
         )
-    text, commas = with_points(text)
+    text, commas = with_decimal_points(text)
     if commas:
         shelf.warn(
             Sentence(
@@ -166,7 +166,7 @@ def _fractions(rows: list[list[str]]) -> F32:
 
 
 def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, description: SceneDescription) -> None:
-    positions = exact(rows[:, :3])
+    positions = in_exact_type(rows[:, :3])
     at = 3
     normals: F32 | None = None
     uvs: F32 | None = None

@@ -13,7 +13,7 @@ from renderer.errors import SceneError
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed_together
-from renderer.scene.origin import exact
+from renderer.scene.origin import in_exact_type
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.ply_rows import Element, Lists, elements, textures_of
 from renderer.scene.readers.points import add_points
@@ -58,7 +58,7 @@ def read_data(
         raise SceneError(
             Sentence("ply-vertices-missing", "{file}: contains no vertices with x, y and z; export it again", file=main)
         )
-    positions = exact(_positions(vertex))
+    positions = in_exact_type(_positions(vertex))
     faces = _faces(found, positions, main, shelf)
     if faces is None or not len(faces.triangles):
         add_points(positions, _values_of(vertex) if _has(vertex) else _splats(vertex), np.eye(4), main, description, shelf)

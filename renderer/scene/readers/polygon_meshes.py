@@ -10,7 +10,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.deduplicate import unique_corners, used_among
 from renderer.scene.description import F32, I32, Mesh
-from renderer.scene.polygons import Cut, triangulate
+from renderer.scene.polygons import Triangulation, triangulate
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
@@ -19,7 +19,9 @@ __all__ = ["fractions", "of_triangles", "split", "triangulated", "used"]
 Array = npt.NDArray[Any]
 
 
-def triangulated(counts: Array, corners: Array, positions: npt.NDArray[np.floating], main: str, shelf: TextureShelf) -> Cut:
+def triangulated(
+    counts: Array, corners: Array, positions: npt.NDArray[np.floating], main: str, shelf: TextureShelf
+) -> Triangulation:
     """Returns the triangles of polygons (see `triangulate`) without those with non-finite vertices. Warns with their number.
 
     Raises SceneError if a face names a vertex that does not exist, or if no face remains.
@@ -50,7 +52,7 @@ def triangulated(counts: Array, corners: Array, positions: npt.NDArray[np.floati
                     file=main,
                 )
             )
-        cut = Cut(cut.triangles[whole], cut.face[whole], cut.unfilled)
+        cut = Triangulation(cut.triangles[whole], cut.face[whole], cut.unfilled)
         shelf.warn(
             Sentence(
                 "mesh-vertices-not-finite",

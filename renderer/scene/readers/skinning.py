@@ -8,20 +8,20 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.kernel.mesh.skin import carry
-from renderer.scene.origin import exact
+from renderer.scene.origin import in_exact_type
 
 __all__ = ["carried"]
 
 
 def carried(*arguments: npt.NDArray[Any], turned: npt.NDArray[Any], bent: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Returns (V, 3) skinned positions, in float64 where `exact` requires it; fills `turned` and `bent`.
+    """Returns (V, 3) skinned positions, in float64 where `in_exact_type` requires it; fills `turned` and `bent`.
 
     arguments: those of `carry` before `placed`.
     """
     point = arguments[3]
     placed: npt.NDArray[Any] = np.empty((len(point), 3), np.float32)
     carry(*arguments, placed, turned, bent)
-    if exact(placed.astype(np.float64)).dtype != np.float32:
+    if in_exact_type(placed.astype(np.float64)).dtype != np.float32:
         placed = np.empty((len(point), 3))
         carry(*arguments, placed, turned, bent)
     return placed

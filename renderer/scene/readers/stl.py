@@ -16,7 +16,7 @@ from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.polygon_meshes import triangulated
 from renderer.scene.readers.up_axis import Z_UP
-from renderer.scene.text_encoding import as_utf8, decoded, readable, with_points
+from renderer.scene.text_encoding import as_utf8, decoded, readable, with_decimal_points
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
@@ -35,7 +35,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     count = _triangles_of(data, main)
     shelf = TextureShelf(description, files)
     if count is None:
-        text, commas = with_points(readable(decoded(data)))  # non-ASCII names must not stop the parser
+        text, commas = with_decimal_points(readable(decoded(data)))  # non-ASCII names must not stop the parser
         if commas:
             shelf.warn(
                 Sentence(

@@ -27,7 +27,7 @@ from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescr
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import product
 from renderer.scene.normals import smoothed_together
-from renderer.scene.origin import exact
+from renderer.scene.origin import in_exact_type
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.expansion_limits import check_expansion
 from renderer.scene.readers.threemf_parts import NotSolid
@@ -35,7 +35,7 @@ from renderer.scene.readers.threemf_relations import relations_of
 from renderer.scene.readers.threemf_rows import MARK, Rows, cut_out, transform_of
 from renderer.scene.readers.threemf_slicers import PAINTED, filaments_of
 from renderer.scene.textures import TextureShelf
-from renderer.sentences import Sentence, amount
+from renderer.sentences import Sentence, count_of
 from renderer.zips import DAMAGED, is_bomb
 
 __all__ = ["read"]
@@ -79,7 +79,7 @@ class _Object:
     def points(self) -> npt.NDArray[Any]:
         """Returns (V, 3) vertex positions."""
         taken = [rows.stacked(("x", "y", "z")) for rows in self.rows if "x" in rows.columns]
-        return exact(np.concatenate([*taken, np.array(self.vertices).reshape(-1, 3)]))
+        return in_exact_type(np.concatenate([*taken, np.array(self.vertices).reshape(-1, 3)]))
 
     @property
     def corners(self) -> npt.NDArray[np.int64]:
@@ -276,7 +276,7 @@ class _Reader:
         self._description.meshes[first:] = smoothed_together(self._description.meshes[first:], surfaces=self._surfaces)
         left = sorted({words for model in self._models.values() for words in model.left_out})
         if parts := self._not_solid.left_out:
-            listed = [amount(count, kind) for kind, count in sorted(parts.items())]
+            listed = [count_of(count, kind) for kind, count in sorted(parts.items())]
             self._shelf.warn(
                 Sentence(
                     "3mf-objects-not-printed",
@@ -296,7 +296,7 @@ class _Reader:
                     "3mf-contents",
                     "{file}: holds {contents}.",
                     file=self._main,
-                    contents=[amount(count, what) for what, count in odd.items()],
+                    contents=[count_of(count, what) for what, count in odd.items()],
                 )
             )
         if self._filaments.is_damaged:

@@ -20,7 +20,7 @@ from renderer.library_messages import library_message
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
-from renderer.scene.origin import exact
+from renderer.scene.origin import in_exact_type
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.points import add_points
 from renderer.scene.readers.polygon_meshes import triangulated, used
@@ -101,7 +101,7 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
 def _points(geometry: Any) -> F32 | None:
     """Returns the points of geometry without faces; None for a surface."""
     if isinstance(geometry, trimesh.PointCloud) or (isinstance(geometry, trimesh.Trimesh) and len(geometry.faces) == 0):
-        points = exact(np.asarray(geometry.vertices))
+        points = in_exact_type(np.asarray(geometry.vertices))
         return points if points.ndim == 2 and points.shape[1] == 3 and len(points) else None
     return None
 
@@ -117,7 +117,7 @@ def _add_points(
 
 
 def _mesh(name: str, geometry: Any, main: str, shelf: TextureShelf) -> Mesh:
-    positions = exact(np.asarray(geometry.vertices))
+    positions = in_exact_type(np.asarray(geometry.vertices))
     triangles = np.asarray(geometry.faces, np.int64)
     whole = triangulated(np.full(len(triangles), 3), triangles.reshape(-1), positions, main, shelf).face
     triangles = triangles[whole]

@@ -20,9 +20,9 @@ from typing import Generic, TypeVar
 
 from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, WorkerReport, prepare_queue
 from renderer.sentences import Sentence
-from service.errors import Failed, FarmError, NotFound, QueueError, TooLate, Unavailable
+from service.errors import AnswerTimeout, Failed, FarmError, NotFound, QueueError, Unavailable
 from service.events import BlobsReleased, Events
-from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
+from service.scheduling.artifacts.unfit_machines import MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.leases import Lease
 from service.scheduling.faults.redis_errors import redis_unavailable
@@ -31,12 +31,12 @@ from service.store.blobs import BlobStore, is_sha256
 
 __all__ = ["ArtifactResult", "ArtifactTask"]
 
-PATIENCE_S_PER_PIXEL = 1e-5
-UNSEEN_ALLOWED = 10  # consecutive polls without a holder, since a crashed slot restarts its work
-SENT_AT_MOST = 3
+TIMEOUT_S_PER_PIXEL = 1e-5
+MAX_UNSEEN_POLLS = 10  # consecutive polls without a holder, since a crashed slot restarts its work
+MAX_ATTEMPTS = 3
 Key = tuple[str, int]  # job, frame
 
-Wish = TypeVar("Wish", DenoiseFrame, FrameVectors, ShowEnvironment)
+Request = TypeVar("Request", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 
 @dataclass(frozen=True)
@@ -49,14 +49,14 @@ class ArtifactResult:
 
 
 @dataclass
-class _Wanted(Generic[Wish]):
-    wish: Wish
+class _PendingRequest(Generic[Request]):
+    wish: Request
     answer: Future[ArtifactResult] = field(default_factory=Future)
     lease: Lease | None = None
     sent: int = 0
 
 
-class ArtifactTask(ABC, Generic[Wish]):
+class ArtifactTask(ABC, Generic[Request]):
     """Base class of artifacts of one type.
 
     Any thread may request one. The engine's thread dispatches the requests and handles the answers. A separate thread queries the
@@ -73,7 +73,7 @@ class ArtifactTask(ABC, Generic[Wish]):
         self._events = events
         self._aside = ThreadPoolExecutor(1, thread_name_prefix="aside")
         self._lock = threading.Lock()
-        self._wanted: dict[Key, _Wanted[Wish]] = {}
+        self._wanted: dict[Key, _PendingRequest[Request]] = {}
         self._unfit = UnfitMachines()
         self._made: dict[Key, ArtifactResult] = {}
 
@@ -82,11 +82,11 @@ class ArtifactTask(ABC, Generic[Wish]):
         """Returns the worker kind that can make this artifact; None if there is none."""
 
     @abstractmethod
-    def _able(self) -> list[WorkerReport]:
+    def _able_workers(self) -> list[WorkerReport]:
         """Returns the ready workers that can make this artifact."""
 
     @abstractmethod
-    def _send(self, wish: Wish, queue: str) -> None:
+    def _send(self, wish: Request, queue: str) -> None:
         """Sends a request to a queue. wish: the request; its `work` is its lease's id. Raises QueueError."""
 
     def _queue(self, kind: str) -> str:
@@ -94,7 +94,7 @@ class ArtifactTask(ABC, Generic[Wish]):
         return prepare_queue(kind)
 
     @abstractmethod
-    def _is_size(self, size: int, wish: Wish) -> bool:
+    def _is_size(self, size: int, wish: Request) -> bool:
         """Whether `size`, in bytes, is a plausible size of the requested artifact."""
 
     @abstractmethod
@@ -106,7 +106,7 @@ class ArtifactTask(ABC, Generic[Wish]):
     def _name(self) -> str:
         """The name of this artifact in error messages."""
 
-    def want(self, wish: Wish, version: str = "") -> Future[ArtifactResult]:
+    def request(self, wish: Request, version: str = "") -> Future[ArtifactResult]:
         """Requests an artifact and returns a future of it.
 
         wish: the request; its `work` is set later. version: required version of the film; a newer one is accepted. If the same
@@ -125,35 +125,35 @@ class ArtifactTask(ABC, Generic[Wish]):
             if wanted is None:
                 if self._kind() is None:
                     raise self._no_worker_error()
-                wanted = self._wanted[job, frame] = _Wanted(wish)
+                wanted = self._wanted[job, frame] = _PendingRequest(wish)
             return wanted.answer
 
     def fill(self) -> None:
         """Sends the requests that are not in progress to workers. Raises QueueError."""
-        for key, wanted in self._waiting():
+        for key, wanted in self._unsent_requests():
             kind = self._kind()
             if kind is None:
-                self._fail(key, self._no_worker_error())
+                self._fail_request(key, self._no_worker_error())
                 continue
             queue = self._queue(kind)
-            owner = _owner(key)
+            owner = _lease_owner(key)
             if owner in self._unfit:
-                place = self._unfit.next(owner, self._able())
+                place = self._unfit.next(owner, self._able_workers())
                 if place is None:
-                    self._fail(key, Failed(self._unfit.sentence(owner, f"make the {self._name}")))
+                    self._fail_request(key, Failed(self._unfit.sentence(owner, f"make the {self._name}")))
                     continue
                 kind, queue = place.kind, place.queue
-            patience = self._patience_s + PATIENCE_S_PER_PIXEL * wanted.wish.width * wanted.wish.height
+            patience = self._patience_s + TIMEOUT_S_PER_PIXEL * wanted.wish.width * wanted.wish.height
             lease = Lease(key[0], kind, None, patience)
             try:
                 self._send(replace(wanted.wish, work=lease.id), queue)
             except QueueError as error:
-                self._fail(key, redis_unavailable(error))
+                self._fail_request(key, redis_unavailable(error))
                 raise
             wanted.lease = lease
             wanted.sent += 1
 
-    def heard(self, work: str, made: ArtifactResult | None, error: str = "", unfit: Fault | None = None) -> None:
+    def heard(self, work: str, made: ArtifactResult | None, error: str = "", unfit: MachineFault | None = None) -> None:
         """Handles a worker's answer to request `work`. made: the artifact; None if it failed with message `error`.
 
         unfit: fault of that worker's machine; then the request is sent to another worker.
@@ -167,27 +167,27 @@ class ArtifactTask(ABC, Generic[Wish]):
         if made is None and unfit is not None:
             with self._lock:
                 if (wanted := self._wanted.get(key)) is not None:
-                    self._unfit.add(_owner(key), unfit)
+                    self._unfit.add(_lease_owner(key), unfit)
                     wanted.lease, wanted.sent = None, 0
         elif made is None:
-            self._fail(key, self._failed(error))
+            self._fail_request(key, self._failure(error))
         else:
-            self._later(self._keep, key, work, made)
+            self._run_in_background(self._keep_result, key, work, made)
 
-    def _keep(self, key: Key, work: str, made: ArtifactResult) -> None:
+    def _keep_result(self, key: Key, work: str, made: ArtifactResult) -> None:
         with self._lock:
             wanted = self._wanted.get(key)
-        is_there = wanted is not None and is_sha256(made.sha256) and self._is_there(made.sha256, wanted.wish)
+        is_there = wanted is not None and is_sha256(made.sha256) and self._is_stored(made.sha256, wanted.wish)
         with self._lock:
             if wanted is None or self._wanted.get(key) is not wanted or wanted.lease is None or wanted.lease.id != work:
                 return  # given up meanwhile, or its job was deleted
             del self._wanted[key]
-            self._unfit.forget(_owner(key))
+            self._unfit.forget(_lease_owner(key))
             old = self._made.get(key)
             if is_there:
                 self._made[key] = made
         if not is_there:
-            wanted.answer.set_exception(self._failed(""))
+            wanted.answer.set_exception(self._failure(""))
             return
         wanted.answer.set_result(made)
         if old is not None and old.sha256 != made.sha256:
@@ -196,16 +196,16 @@ class ArtifactTask(ABC, Generic[Wish]):
     def review(self) -> None:
         """Releases the leases of requests that were lost with their worker, and fails overdue requests. Called once a second."""
         with self._lock:
-            self._look_for_lost()
+            self._release_lost()
             late = [
                 key
                 for key, wanted in self._wanted.items()
                 if wanted.lease is not None and wanted.lease.is_overdue(time.monotonic())
             ]
         for key in late:
-            self._fail(
+            self._fail_request(
                 key,
-                TooLate(
+                AnswerTimeout(
                     Sentence(
                         "artifact-timeout",
                         "No worker delivered the {artifact} in time; they may be busy. Try again.",
@@ -214,7 +214,7 @@ class ArtifactTask(ABC, Generic[Wish]):
                 ),
             )
 
-    def _look_for_lost(self) -> None:
+    def _release_lost(self) -> None:
         """Ends the leases of requests that no worker reports any more.
 
         When a worker is killed, its current request is lost, and the broker would deliver it again only much later.
@@ -230,7 +230,7 @@ class ArtifactTask(ABC, Generic[Wish]):
             holder = held.get((job, str(frame)))
             lease.holder = holder or lease.holder
             lease.unseen = 0 if holder or not lease.holder else lease.unseen + 1
-            if lease.unseen >= UNSEEN_ALLOWED and wanted.sent < SENT_AT_MOST:
+            if lease.unseen >= MAX_UNSEEN_POLLS and wanted.sent < MAX_ATTEMPTS:
                 wanted.lease = None
 
     def forget(self, job: str) -> None:
@@ -239,7 +239,7 @@ class ArtifactTask(ABC, Generic[Wish]):
             gone = [self._made.pop(key) for key in list(self._made) if key[0] == job]
             waiting = [key for key in self._wanted if key[0] == job]
         for key in waiting:
-            self._fail(
+            self._fail_request(
                 key,
                 NotFound(
                     Sentence(
@@ -248,17 +248,17 @@ class ArtifactTask(ABC, Generic[Wish]):
                 ),
             )
         for made in gone:
-            self._later(self._delete, made.sha256)
+            self._run_in_background(self._delete, made.sha256)
 
     def close(self) -> None:
         """Stops the thread that queries the blob store."""
         self._aside.shutdown(wait=False, cancel_futures=True)
 
-    def _later(self, function: Callable[..., None], *arguments: object) -> None:
+    def _run_in_background(self, function: Callable[..., None], *arguments: object) -> None:
         with contextlib.suppress(RuntimeError):  # during shutdown
             self._aside.submit(function, *arguments)
 
-    def _failed(self, why: str) -> FarmError:
+    def _failure(self, why: str) -> FarmError:
         return Failed(
             Sentence(
                 "artifact-failed",
@@ -268,7 +268,7 @@ class ArtifactTask(ABC, Generic[Wish]):
             )
         )
 
-    def _is_there(self, sha256: str, wish: Wish) -> bool:
+    def _is_stored(self, sha256: str, wish: Request) -> bool:
         try:
             size = self._blobs.size(sha256)
         except FarmError:
@@ -278,17 +278,17 @@ class ArtifactTask(ABC, Generic[Wish]):
     def _delete(self, sha256: str) -> None:
         self._events.publish(BlobsReleased(Counter([sha256])))  # other references to this blob may exist
 
-    def _waiting(self) -> list[tuple[Key, _Wanted[Wish]]]:
+    def _unsent_requests(self) -> list[tuple[Key, _PendingRequest[Request]]]:
         with self._lock:
             return [(key, wanted) for key, wanted in self._wanted.items() if wanted.lease is None]
 
-    def _fail(self, key: Key, error: FarmError) -> None:
+    def _fail_request(self, key: Key, error: FarmError) -> None:
         with self._lock:
             wanted = self._wanted.pop(key, None)
-            self._unfit.forget(_owner(key))
+            self._unfit.forget(_lease_owner(key))
         if wanted is not None:
             wanted.answer.set_exception(error)
 
 
-def _owner(key: Key) -> str:
+def _lease_owner(key: Key) -> str:
     return f"{key[0]} {key[1]}"

@@ -8,7 +8,7 @@ from service.scheduling.artifacts.denoising import Denoising
 from service.scheduling.artifacts.environments import Environments
 from service.scheduling.artifacts.frame_preparation import FramePreparation
 from service.scheduling.artifacts.scene_preparation import ScenePreparations
-from service.scheduling.artifacts.unfit_machines import Fault
+from service.scheduling.artifacts.unfit_machines import MachineFault
 from service.scheduling.artifacts.vectors import Vectors
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.fleet.workers import Workers
@@ -54,15 +54,15 @@ class ArtifactTasks:
             case DenoiseDone():
                 self.denoising.heard(message.work, ArtifactResult(message.sha256, message.version, message.samples))
             case DenoiseFailed():
-                self.denoising.heard(message.work, None, message.error, _fault(message))
+                self.denoising.heard(message.work, None, message.error, _machine_fault(message))
             case VectorsMade():
                 self.vectors.heard(message.work, ArtifactResult(message.sha256))
             case VectorsFailed():
-                self.vectors.heard(message.work, None, message.error, _fault(message))
+                self.vectors.heard(message.work, None, message.error, _machine_fault(message))
             case EnvironmentShown():
                 self.environments.heard(message.work, ArtifactResult(message.sha256))
             case EnvironmentFailed():
-                self.environments.heard(message.work, None, message.error, _fault(message))
+                self.environments.heard(message.work, None, message.error, _machine_fault(message))
 
     def forget(self, job: str) -> None:
         """Discards the artifact requests and artifacts of a deleted job."""
@@ -75,5 +75,5 @@ class ArtifactTasks:
             each.close()
 
 
-def _fault(message: DenoiseFailed | VectorsFailed | EnvironmentFailed) -> Fault | None:
-    return Fault(message.worker, message.error, passing=False) if message.unfit else None
+def _machine_fault(message: DenoiseFailed | VectorsFailed | EnvironmentFailed) -> MachineFault | None:
+    return MachineFault(message.worker, message.error, passing=False) if message.unfit else None

@@ -19,7 +19,7 @@ class Denoising(ArtifactTask[DenoiseFrame]):
     def _kind(self) -> str | None:
         return self._workers.roster.denoising_kind()
 
-    def _able(self) -> list[WorkerReport]:
+    def _able_workers(self) -> list[WorkerReport]:
         return [report for report in self._workers.roster.ready() if report.denoises]
 
     def _queue(self, kind: str) -> str:

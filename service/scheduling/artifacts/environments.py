@@ -22,7 +22,7 @@ class Environments(ArtifactTask[ShowEnvironment]):
     def _kind(self) -> str | None:
         return self._workers.roster.environment_kind()
 
-    def _able(self) -> list[WorkerReport]:
+    def _able_workers(self) -> list[WorkerReport]:
         return [report for report in self._workers.roster.ready() if report.views]
 
     def _send(self, wish: ShowEnvironment, queue: str) -> None:
@@ -47,5 +47,5 @@ class Environments(ArtifactTask[ShowEnvironment]):
             )
         )
 
-    def _failed(self, why: str) -> FarmError:
-        return Invalid(with_full_stop(why.rstrip("."))) if why else super()._failed(why)
+    def _failure(self, why: str) -> FarmError:
+        return Invalid(with_full_stop(why.rstrip("."))) if why else super()._failure(why)

@@ -15,9 +15,9 @@ from functools import cache
 
 from protocol.contract import FrameInfo, PrepareFrames, prepare_queue
 from renderer.settings import OPTIONAL
-from service.scheduling.artifacts.unfit_machines import Fault, Place, UnfitMachines
+from service.scheduling.artifacts.unfit_machines import Destination, MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
-from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.dispatching.leases import MAX_UNSEEN_POLLS, Lease, Leases
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.results import Results
 from service.scheduling.jobs.active_frame import ActiveFrame
@@ -27,10 +27,10 @@ from service.scheduling.jobs.frame_bytes import additional_bytes, exclusive_byte
 __all__ = ["FramePreparation"]
 
 LOSSES_ALLOWED = 3
-AHEAD = 4  # frames, at least
-MOST_AT_ONCE = 32
-MOST_WITHOUT_ROOM = 500  # frames without a compiled scene, if only the camera moves
-AIM_S = 1.0  # target duration of frames handed out together
+MIN_FRAMES_AHEAD = 4  # frames, at least
+MAX_FRAMES_PER_MESSAGE = 32
+MAX_CAMERA_ONLY_FRAMES = 500  # frames without a compiled scene, if only the camera moves
+TARGET_S = 1.0  # target duration of frames handed out together
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 
 FrameOf = Callable[[ActiveJob], dict[str, object]]  # returns the view that frames the scene, for PrepareFrames
@@ -64,14 +64,14 @@ class FramePreparation:
         """
         cleared = []
         shots = [(job, kind) for job, kind in jobs if job.shot is not None and kind is not None and kind in job.compiled]
-        left = self._room - self._taken([job for job, _ in shots])
+        left = self._room - self._bytes_in_use([job for job, _ in shots])
         for job, kind in shots:
             if kind is None or len(self.leases.of(job.id)) >= max(1, self._workers.roster.slots(kind) // 2):
                 continue
-            place = self._place(job.id, kind)
+            place = self._choose_destination(job.id, kind)
             if place is None:
                 continue
-            chosen, size = self._chosen(job, kind), self._sizes.get(job.id)
+            chosen, size = self._choose_frames(job, kind), self._sizes.get(job.id)
             if size is None:
                 chosen = chosen[:1]
             if chosen and size and left < size:
@@ -96,7 +96,7 @@ class FramePreparation:
         for key in [key for key in self._losses if key[0] == job]:
             del self._losses[key]
         for lease in self.leases.of(job):
-            self._end(lease)
+            self._end_lease(lease)
 
     def heard(self, job: ActiveJob, work: str, frame: int, worker: str, info: FrameInfo | None) -> None:
         """Handles a worker's answer about a frame. info: the prepared frame; None if the preparation failed."""
@@ -116,16 +116,16 @@ class FramePreparation:
             left.discard(frame)
             self._is_prepared(job, [frame])
         if not left:
-            self._end(lease)
+            self._end_lease(lease)
 
-    def returned(self, job: ActiveJob, work: str, unfit: Fault | None = None) -> None:
+    def handle_return(self, job: ActiveJob, work: str, unfit: MachineFault | None = None) -> None:
         """Ends the lease of frames that a worker returned without preparing them.
 
         unfit: fault of that worker's machine; then the frames are sent to another worker.
         """
         lease = self.leases.get(work)
         if lease is not None:
-            self._is_prepared(job, self._end(lease))
+            self._is_prepared(job, self._end_lease(lease))
             if unfit is not None:
                 self._unfit.add(job.id, unfit)
                 self._unfit_kind[job.id] = lease.kind
@@ -139,10 +139,10 @@ class FramePreparation:
                 found.append((jobs[id], self._unfit.sentence(id, "prepare this shot")))
         return found
 
-    def _place(self, job: str, kind: str) -> Place | None:
+    def _choose_destination(self, job: str, kind: str) -> Destination | None:
         """Returns the worker or queue to which a job's next frames are sent; None if no worker is left."""
         if job not in self._unfit:
-            return Place("", kind, prepare_queue(kind))
+            return Destination("", kind, prepare_queue(kind))
         ready = self._workers.roster.ready()
         return self._unfit.next(job, [report for report in ready if report.kind == kind and report.frames])
 
@@ -159,18 +159,18 @@ class FramePreparation:
         for lease in self.leases:
             job = jobs.get(lease.owner)
             if job is None:
-                self._end(lease)
+                self._end_lease(lease)
                 continue
             if lease.only and lease.id in waiting and lease.only not in there:  # another worker may be
                 self._dispatcher.take_back(lease.queue, {lease.id})
-                self._is_prepared(job, self._end(lease))
+                self._is_prepared(job, self._end_lease(lease))
                 continue
             lease.is_held = lease.id in in_hand
             lease.seen(lease.is_held or lease.id in waiting, end)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
-            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue(time.monotonic())):
+            if may_be_answered or (lease.unseen < MAX_UNSEEN_POLLS and not lease.is_overdue(time.monotonic())):
                 continue
-            lost = self._end(lease)
+            lost = self._end_lease(lease)
             self._is_prepared(job, lost)
             for frame in sorted(lost)[:1] if lease.id not in waiting else ():  # the frame that was in progress
                 self._losses[job.id, frame] += 1
@@ -178,17 +178,17 @@ class FramePreparation:
                     hopeless.append((job, job.frames[frame]))
         return hopeless
 
-    def _chosen(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
+    def _choose_frames(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
         """Returns the frames to send in the next message; empty if enough frames are ready."""
         turns, seconds = job.agenda.turns, self._seconds.get(job.id)
-        most = MOST_AT_ONCE if self._sizes.get(job.id) else MOST_WITHOUT_ROOM
-        together = 1 if seconds is None else max(1, min(most, int(AIM_S / max(seconds, 1e-6))))
-        ahead = max(AHEAD, 2 * self._workers.roster.slots(kind), 2 * together)
+        most = MAX_FRAMES_PER_MESSAGE if self._sizes.get(job.id) else MAX_CAMERA_ONLY_FRAMES
+        together = 1 if seconds is None else max(1, min(most, int(TARGET_S / max(seconds, 1e-6))))
+        ahead = max(MIN_FRAMES_AHEAD, 2 * self._workers.roster.slots(kind), 2 * together)
         lacking = turns.lacking(kind, together)
         if not lacking:
             return []
         in_hand = sum(not frame.is_over and not frame.is_idle for frame in turns.preparing())
-        ready = in_hand + turns.ready_before(kind, job.agenda.turn(lacking[0]), ahead)
+        ready = in_hand + turns.count_ready_before(kind, job.agenda.turn(lacking[0]), ahead)
         return lacking[: min(together, ahead - ready)] if ready < ahead else []
 
     def _make_room(self, job: ActiveJob, kind: str, wanted: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
@@ -208,12 +208,12 @@ class FramePreparation:
             return gone
         return 0 if job.agenda.next(kind) is None and not self.leases.of(job.id) else None
 
-    def _taken(self, jobs: list[ActiveJob]) -> int:
+    def _bytes_in_use(self, jobs: list[ActiveJob]) -> int:
         """Returns the size of all compiled frames in bytes, including the expected size of frames in preparation."""
         awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing()) for job in jobs)
         return awaited + sum(total_bytes(jobs).values())
 
-    def _send(self, job: ActiveJob, place: Place, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
+    def _send(self, job: ActiveJob, place: Destination, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
         assert job.shot is not None
         lease = Lease(job.id, place.kind, None, self._deadline_s, queue=place.queue, only=place.worker)
         work = PrepareFrames(
@@ -237,7 +237,7 @@ class FramePreparation:
             frame.is_preparing = True
             job.touch(frame)
 
-    def _end(self, lease: Lease) -> set[int]:
+    def _end_lease(self, lease: Lease) -> set[int]:
         self.leases.end(lease.id)
         return self._frames.pop(lease.id, set())
 

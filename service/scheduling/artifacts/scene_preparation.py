@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 
-from protocol.blends import WAITS, blender_queue
+from protocol.blends import WAITS_FOR_BLENDER, blender_queue
 from protocol.contract import ScenePreview, WorkerReport, prepare_queue
-from renderer.sentences import Sentence, joined
-from service.scheduling.artifacts.unfit_machines import Fault, Place, UnfitMachines
+from renderer.sentences import Sentence, joined_sentences
+from service.scheduling.artifacts.unfit_machines import Destination, MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
-from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.dispatching.leases import MAX_UNSEEN_POLLS, Lease, Leases
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.results import Results
 
@@ -33,7 +33,7 @@ class Progress:
     preview: ScenePreview | None = None
 
 
-NO_BLENDER = Progress(WAITS, 0.0)
+NO_BLENDER = Progress(WAITS_FOR_BLENDER, 0.0)
 
 
 class ScenePreparations:
@@ -49,7 +49,7 @@ class ScenePreparations:
         self.leases = Leases()
         self.progress: dict[str, Progress] = {}
 
-    def want(self, scene: str, kind: str | None, by_blender: bool = False) -> None:
+    def request(self, scene: str, kind: str | None, by_blender: bool = False) -> None:
         """Requests the preparation of a scene. by_blender: only workers that have Blender can do it."""
         self._wanted.setdefault((scene, kind), 0)
         if by_blender:
@@ -88,9 +88,9 @@ class ScenePreparations:
                 self.progress[scene] = NO_BLENDER
             if kind is None or not roster.slots(kind):
                 continue
-            place = Place("", kind, blender_queue(kind) if by_blender else prepare_queue(kind))
+            place = Destination("", kind, blender_queue(kind) if by_blender else prepare_queue(kind))
             if scene in self._unfit:
-                other = self._unfit.next(scene, self._able(scene, wanted_kind, roster.ready()))
+                other = self._unfit.next(scene, self._able_workers(scene, wanted_kind, roster.ready()))
                 if other is None:
                     continue
                 place = other
@@ -106,12 +106,12 @@ class ScenePreparations:
         for scene, kind in self._wanted:
             if scene not in self._unfit or any(kind in (None, lease.kind) for lease in self.leases.of(scene)):
                 continue
-            able = self._able(scene, kind, self._workers.roster.reports.values())
+            able = self._able_workers(scene, kind, self._workers.roster.reports.values())
             if able and self._unfit.next(scene, able) is None:
                 found.append((scene, kind, self._unfit.sentence(scene, "prepare this scene")))
         return found
 
-    def _able(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:
+    def _able_workers(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:
         """Returns the workers among `reports` that can prepare a scene for this kind."""
         by_blender, has_blender = scene in self._by_blender, self._workers.roster.has_blender
         return [each for each in reports if kind in (None, each.kind) and (not by_blender or has_blender(each.name))]
@@ -132,7 +132,7 @@ class ScenePreparations:
             if lease.kind == kind:
                 lease.has_arrived = True
 
-    def returned(self, scene: str, kind: str, why: str, unfit: Fault | None = None) -> None:
+    def handle_return(self, scene: str, kind: str, why: str, unfit: MachineFault | None = None) -> None:
         """Ends the lease of a scene that a worker returned through no fault of the scene; it will be sent again.
 
         unfit: fault of that worker's machine; then the scene is sent to another worker.
@@ -143,9 +143,11 @@ class ScenePreparations:
                 if unfit is not None:
                     self._unfit.add(scene, unfit)
                     why = str(unfit)
-                self.progress[scene] = Progress(joined(why, Sentence("advice-retried-automatically", "It will be retried.")), 0.0)
+                self.progress[scene] = Progress(
+                    joined_sentences(why, Sentence("advice-retried-automatically", "It will be retried.")), 0.0
+                )
 
-    def unusable(self, scene: str, kind: str) -> bool:
+    def reject_answer(self, scene: str, kind: str) -> bool:
         """Ends the lease of a scene after an unusable answer, so that the scene is sent again.
 
         Returns True if that has happened too often.
@@ -179,7 +181,7 @@ class ScenePreparations:
             lease.is_held = lease.owner in in_hand
             lease.seen(lease.is_held or lease.id in waiting, end)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
-            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue(time.monotonic())):
+            if may_be_answered or (lease.unseen < MAX_UNSEEN_POLLS and not lease.is_overdue(time.monotonic())):
                 continue
             self.leases.end(lease.id)
             for key in [(lease.owner, lease.kind), (lease.owner, None)]:

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from functools import reduce
 
 from protocol.contract import WorkerReport, own_prepare_queue
-from renderer.sentences import Sentence, joined
+from renderer.sentences import Sentence, joined_sentences
 
-__all__ = ["Fault", "Place", "UnfitMachines"]
+__all__ = ["Destination", "MachineFault", "UnfitMachines"]
 
-MOST_TRIED = 5  # after this many unfit machines, no others are tried
+MAX_TRIED = 5  # after this many unfit machines, no others are tried
 
 
 @dataclass(frozen=True)
-class Fault:
+class MachineFault:
     """A machine's fault as reported by its worker. passing: whether it may be temporary, such as a full disk."""
 
     worker: str
@@ -30,7 +30,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Place:
+class Destination:
     """Destination of work: a worker, its kind, and the queue to use. If `worker` is empty, the queue is the whole kind's."""
 
     worker: str
@@ -42,12 +42,12 @@ class UnfitMachines:
     """Faults of machines by owner: a scene, a job, or a client's request."""
 
     def __init__(self) -> None:
-        self._faults: dict[str, dict[str, Fault]] = {}  # by owner and worker
+        self._faults: dict[str, dict[str, MachineFault]] = {}  # by owner and worker
 
     def __contains__(self, owner: str) -> bool:
         return owner in self._faults
 
-    def add(self, owner: str, fault: Fault) -> None:
+    def add(self, owner: str, fault: MachineFault) -> None:
         """Records that a worker's machine cannot do the work of this owner."""
         self._faults.setdefault(owner, {})[fault.worker] = fault
 
@@ -55,20 +55,20 @@ class UnfitMachines:
         """Removes the faults recorded for an owner that has ended or is started again."""
         self._faults.pop(owner, None)
 
-    def next(self, owner: str, able: Sequence[WorkerReport]) -> Place | None:
+    def next(self, owner: str, able: Sequence[WorkerReport]) -> Destination | None:
         """Returns the next worker to try among `able`; None if there is none.
 
         If all have failed, those whose fault may be temporary are tried again.
         """
         faults = self._faults[owner]
-        left = [report for report in able if report.name not in faults] if len(faults) < MOST_TRIED else []
+        left = [report for report in able if report.name not in faults] if len(faults) < MAX_TRIED else []
         if not left:
             left = [report for report in able if report.name in faults and faults[report.name].passing]
             self._faults[owner] = {name: fault for name, fault in faults.items() if not (left and fault.passing)}
         if not left:
             return None
         report = max(left, key=lambda each: (each.slots, each.name))
-        return Place(report.name, report.kind, own_prepare_queue(report.kind, report.name))
+        return Destination(report.name, report.kind, own_prepare_queue(report.kind, report.name))
 
     def sentence(self, owner: str, what: str) -> str:
         """Returns the error sentence that lists the faults of all machines tried.
@@ -79,5 +79,5 @@ class UnfitMachines:
             "task-without-worker",
             "No worker can {task}. {faults}",
             task=what,
-            faults=reduce(joined, map(str, self._faults[owner].values())),
+            faults=reduce(joined_sentences, map(str, self._faults[owner].values())),
         )

@@ -20,7 +20,7 @@ class Vectors(ArtifactTask[FrameVectors]):
     def _kind(self) -> str | None:
         return self._workers.roster.motion_vector_kind()
 
-    def _able(self) -> list[WorkerReport]:
+    def _able_workers(self) -> list[WorkerReport]:
         return [report for report in self._workers.roster.ready() if report.vectors]
 
     def _send(self, wish: FrameVectors, queue: str) -> None:

@@ -15,11 +15,11 @@ from service.scheduling.dispatching.leases import Lease
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.plan import Range
 
-__all__ = ["BatchGroup", "SlotGroup", "joint_work_of", "next_batch_groups", "work_of"]
+__all__ = ["BatchGroup", "SlotGroup", "batch_message", "joint_message", "next_batch_groups"]
 
 # fraction of the target duration for grouped batches: a slot prefetches two messages, whose batches no other slot can take
-SHARE = 0.5
-MOST = 32
+GROUP_DURATION_SHARE = 0.5
+MAX_BATCHES = 32
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,18 @@ def next_batch_groups(job: ActiveJob, hands: SlotGroup) -> list[BatchGroup]:
     first = job.next(hands.batch_s, hands.slots, hands.kind, hands.of_a_tile)
     if first is None:
         return []
-    if not _is_known(job, first):
+    if not _has_known_cost(job, first):
         return [BatchGroup([first])]
-    if hands.several and job.shot is not None and job.expected_s(first) < SHARE * job.aim_s(hands.batch_s, hands.slots):
-        return _in_turn(job, hands, first)
-    return _of_a_tile(job, hands, first) if hands.joint and hands.of_a_tile > 1 else [BatchGroup([first])]
+    if (
+        hands.several
+        and job.shot is not None
+        and job.expected_s(first) < GROUP_DURATION_SHARE * job.target_s(hands.batch_s, hands.slots)
+    ):
+        return _batches_of_many_tiles(job, hands, first)
+    return _batches_of_one_tile(job, hands, first) if hands.joint and hands.of_a_tile > 1 else [BatchGroup([first])]
 
 
-def work_of(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
+def batch_message(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
     """Returns the message that asks a worker to render one batch."""
     frame, tile = job.frames[batch.frame], job.film.tiles[batch.tile]
     settings = frame.settings or job.settings
@@ -71,7 +75,7 @@ def work_of(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
     return RenderBatch(lease.id, job.id, frame.key, compiled, tile, batch.first, batch.count, settings, PACKED)
 
 
-def joint_work_of(job: ActiveJob, leases: list[Lease], batches: list[Range], hold_s: float, run: Run | None = None) -> JointBatch:
+def joint_message(job: ActiveJob, leases: list[Lease], batches: list[Range], hold_s: float, run: Run | None = None) -> JointBatch:
     """Returns the joint message for consecutive batches of a tile.
 
     hold_s: how long, in seconds, the sums of one batch may wait for those of the others. run: the site's run; None: not at a
@@ -79,47 +83,51 @@ def joint_work_of(job: ActiveJob, leases: list[Lease], batches: list[Range], hol
     """
     whole = batches[0]._replace(count=sum(batch.count for batch in batches))
     pieces = tuple(Piece(lease.id, batch.first, batch.count) for lease, batch in zip(leases, batches, strict=True))
-    return JointBatch(work_of(job, leases[0], whole), pieces, hold_s, leases[0].queue, run)
+    return JointBatch(batch_message(job, leases[0], whole), pieces, hold_s, leases[0].queue, run)
 
 
-def _in_turn(job: ActiveJob, hands: SlotGroup, first: Range) -> list[BatchGroup]:
+def _batches_of_many_tiles(job: ActiveJob, hands: SlotGroup, first: Range) -> list[BatchGroup]:
     batches = [first]
-    aim = SHARE * job.aim_s(hands.batch_s, hands.slots)
+    aim = GROUP_DURATION_SHARE * job.target_s(hands.batch_s, hands.slots)
     expected = job.expected_s(first)
-    while expected < aim and len(batches) < MOST and not job.agenda.overtakes(job.frames[batches[-1].frame], hands.kind):
+    while (
+        expected < aim
+        and len(batches) < MAX_BATCHES
+        and not job.agenda.is_out_of_order(job.frames[batches[-1].frame], hands.kind)
+    ):
         batch = job.next(hands.batch_s, hands.slots, hands.kind)
         if batch is None:
             break
-        if not _is_known(job, batch):
-            return [BatchGroup(batches), *_alone(job, hands, 1, batch)]
+        if not _has_known_cost(job, batch):
+            return [BatchGroup(batches), *_separate_group(job, hands, 1, batch)]
         expected += job.expected_s(batch)
         batches.append(batch)
     return [BatchGroup(batches)]
 
 
-def _of_a_tile(job: ActiveJob, hands: SlotGroup, first: Range) -> list[BatchGroup]:
+def _batches_of_one_tile(job: ActiveJob, hands: SlotGroup, first: Range) -> list[BatchGroup]:
     batches = [first]
     while len(batches) < min(hands.of_a_tile, hands.most):
         last = batches[-1]
         batch = job.next(hands.batch_s, hands.slots, hands.kind, hands.of_a_tile)
         if batch is None:
             break
-        if batch[:2] != (last.tile, last.first + last.count) or batch.frame != last.frame or not _is_known(job, batch):
-            return [BatchGroup(batches, is_joint=len(batches) > 1), *_alone(job, hands, len(batches), batch)]
+        if batch[:2] != (last.tile, last.first + last.count) or batch.frame != last.frame or not _has_known_cost(job, batch):
+            return [BatchGroup(batches, is_joint=len(batches) > 1), *_separate_group(job, hands, len(batches), batch)]
         batches.append(batch)
     return [BatchGroup(batches, is_joint=len(batches) > 1)]
 
 
-def _alone(job: ActiveJob, hands: SlotGroup, taken: int, batch: Range) -> list[BatchGroup]:
+def _separate_group(job: ActiveJob, hands: SlotGroup, taken: int, batch: Range) -> list[BatchGroup]:
     """Returns one message with a batch that does not fit the previous ones.
 
     If all slots are taken, returns the batch to the plan, and an empty list.
     """
     if taken < hands.most:
         return [BatchGroup([batch])]
-    job.lose(batch)
+    job.requeue(batch)
     return []
 
 
-def _is_known(job: ActiveJob, batch: Range) -> bool:
+def _has_known_cost(job: ActiveJob, batch: Range) -> bool:
     return batch not in job.trouble and job.expected_s(batch) > 0.0

@@ -34,11 +34,11 @@ from protocol.explained import EXPLAIN, ExplainPixel
 from protocol.joint import HELP_QUEUES, RENDER_JOINTLY, JointBatch
 from protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
 from service.errors import FarmError, QueueError
-from service.scheduling.jobs.traces import headers_of
+from service.scheduling.jobs.traces import trace_headers
 
 __all__ = ["CeleryDispatcher"]
 
-_AWAY = (OperationalError, BatchPublishError, redis.RedisError, OSError)
+_UNREACHABLE = (OperationalError, BatchPublishError, redis.RedisError, OSError)
 
 
 class CeleryDispatcher:
@@ -71,8 +71,8 @@ class CeleryDispatcher:
                     yield
                 finally:
                     self._producer = None
-                self._may_send()
-        except _AWAY as error:
+                self._check_ownership()
+        except _UNREACHABLE as error:
             raise QueueError(str(error)) from error
 
     def send_batch(self, batch: RenderBatch, queue: str) -> None:
@@ -152,7 +152,7 @@ class CeleryDispatcher:
                 self._redis.delete(name)
         self._redis.delete(VIEW_ANSWERS)
 
-    def _may_send(self) -> None:
+    def _check_ownership(self) -> None:
         try:
             self._guard()
         except FarmError as error:
@@ -164,7 +164,7 @@ class CeleryDispatcher:
 
     def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str, traced: tuple[str, str] | None = None) -> None:
         """Sends a Celery task. traced: ("job" or "scene", id) of the trace that it belongs to, or None."""
-        self._may_send()
+        self._check_ownership()
         try:
             options: dict[str, Any] = {
                 "ignore_result": True,
@@ -172,8 +172,8 @@ class CeleryDispatcher:
                 "argsrepr": "",
                 "kwargsrepr": "",
             }  # the reprs are unused
-            if traced is not None and (headers := headers_of(*traced)) is not None:
+            if traced is not None and (headers := trace_headers(*traced)) is not None:
                 options["headers"] = headers
             self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, producer=self._producer, **options)
-        except _AWAY as error:
+        except _UNREACHABLE as error:
             raise QueueError(str(error)) from error

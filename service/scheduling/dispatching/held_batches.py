@@ -28,7 +28,9 @@ class HeldBatches:
                 if isinstance(message, str):
                     self._by_message[message] = report.name
                 elif "job" in doing:
-                    self._by_range[_key(*(doing.get(name) for name in ("job", "frame", "tile", "first", "count")))] = report.name
+                    self._by_range[_held_key(*(doing.get(name) for name in ("job", "frame", "tile", "first", "count")))] = (
+                        report.name
+                    )
 
     def holder_of(self, lease: Lease, job: ActiveJob) -> str | None:
         """Returns the name of the worker that reports this lease; None if none does."""
@@ -38,7 +40,7 @@ class HeldBatches:
         held = self._by_message.get(lease.message)
         if held is not None or not self._by_range:
             return held
-        return self._by_range.get(_key(job.id, frame, list(job.film.tiles[tile]), first, count))
+        return self._by_range.get(_held_key(job.id, frame, list(job.film.tiles[tile]), first, count))
 
     def is_at_work(self, lease: Lease) -> bool:
         """Whether a slot reports that it is rendering this lease's batch."""
@@ -49,5 +51,5 @@ class HeldBatches:
         return lease.id in self._at_sites
 
 
-def _key(*about: Any) -> str:
+def _held_key(*about: Any) -> str:
     return repr(about)  # always comparable, whatever a report contains

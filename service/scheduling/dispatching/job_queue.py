@@ -11,7 +11,7 @@ from service.scheduling.jobs.active_job import ActiveJob
 
 __all__ = ["JobQueue"]
 
-AHEAD_EVERY_S = 1.0
+COUNT_AHEAD_EVERY_S = 1.0
 
 
 class JobQueue:
@@ -27,7 +27,7 @@ class JobQueue:
         roster = self._workers.roster
         if job.needs is not None and job.kind is None and job.shot is None:
             kinds = {report.kind for report in roster.ready()}
-            serving = {kind: roster.serving(job.needs.queue(kind)).get(kind, 0) for kind in sorted(kinds)}
+            serving = {kind: roster.slots_serving(job.needs.queue(kind)).get(kind, 0) for kind in sorted(kinds)}
             return max(serving, key=lambda kind: serving[kind], default=None)
         if job.kind is not None or job.shot is None:
             return job.kind or roster.best_kind()
@@ -39,7 +39,7 @@ class JobQueue:
         if kind is None:
             return 0
         roster = self._workers.roster
-        return roster.slots(kind) if job.needs is None else roster.serving(job.needs.queue(kind)).get(kind, 0)
+        return roster.slots(kind) if job.needs is None else roster.slots_serving(job.needs.queue(kind)).get(kind, 0)
 
     def by_priority(self, kind: str) -> dict[int, list[ActiveJob]]:
         """Returns the jobs that workers of this kind may render, by priority."""
@@ -65,11 +65,11 @@ class JobQueue:
 
         The counts are at most a second old.
         """
-        if time.monotonic() - self._ahead[0] > AHEAD_EVERY_S:
-            self._ahead = time.monotonic(), self._find_ahead()
+        if time.monotonic() - self._ahead[0] > COUNT_AHEAD_EVERY_S:
+            self._ahead = time.monotonic(), self._count_ahead()
         return self._ahead[1]
 
-    def _find_ahead(self) -> dict[str, int]:
+    def _count_ahead(self) -> dict[str, int]:
         found = {}
         for kind in {report.kind for report in self._workers.roster.ready()}:
             before = 0

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from service.scheduling.incoming.results import Position
 from service.scheduling.jobs.plan import Range
 
-__all__ = ["UNSEEN_ALLOWED", "Lease", "Leases"]
+__all__ = ["MAX_UNSEEN_POLLS", "Lease", "Leases"]
 
-HELD_FACTOR = 4
-UNSEEN_ALLOWED = 3  # polls, one per second
+HELD_DEADLINE_FACTOR = 4
+MAX_UNSEEN_POLLS = 3  # polls, one per second
 
 
 @dataclass
@@ -62,12 +62,12 @@ class Lease:
     def is_overdue(self, now: float) -> bool:
         """Whether the lease's timeout has passed since it was last seen in its queue.
 
-        A lease that a worker reports gets `HELD_FACTOR` times the timeout, since a tile may be slower than estimated.
+        A lease that a worker reports gets `HELD_DEADLINE_FACTOR` times the timeout, since a tile may be slower than estimated.
         """
-        patience = self.patience_s * (HELD_FACTOR if self.is_held else 1)
+        patience = self.patience_s * (HELD_DEADLINE_FACTOR if self.is_held else 1)
         return now - max(self.issued, self.waited) > patience
 
-    def travelled_s(self, seconds: float, now: float) -> float:
+    def transit_s(self, seconds: float, now: float) -> float:
         """Returns the time that the lease's sums spent in transit, in seconds. seconds: the batch's rendering time.
 
         Returns 0 if it is unknown: for joint batches, whose sums wait for others on their machine, and for results that arrived
@@ -75,7 +75,7 @@ class Lease:
         """
         return 0.0 if self.is_joint or self.held_since is None else max(now - self.held_since - seconds, 0.0)
 
-    def seen(self, is_seen: bool, end: Callable[[], Position], allowed: float = UNSEEN_ALLOWED) -> None:
+    def seen(self, is_seen: bool, end: Callable[[], Position], allowed: float = MAX_UNSEEN_POLLS) -> None:
         """Records whether a check found the lease in its queue or with a worker (is_seen).
 
         end: returns the end of the result stream. allowed: number of successive checks in which the lease may be unseen.
@@ -117,7 +117,7 @@ class Leases:
         self._all[lease.id] = lease
         self._of.setdefault(lease.owner, {})[lease.id] = lease
         if lease.takes_a_slot:
-            self._take_up(lease)
+            self._occupy(lease)
 
     def get(self, lease: str) -> Lease | None:
         """Returns the lease with this id; None if it does not exist."""
@@ -126,10 +126,10 @@ class Leases:
     def arrived(self, lease: Lease) -> None:
         """Marks the lease as answered: its result was read, but perhaps not stored yet."""
         if lease.takes_a_slot:
-            self._let_go(lease)
+            self._release(lease)
         lease.has_arrived = True
 
-    def looked_at(self, lease: Lease, is_away: bool, is_rendered: bool) -> None:
+    def update_state(self, lease: Lease, is_away: bool, is_rendered: bool) -> None:
         """Updates the state of a lease after a check.
 
         is_away: the worker that holds it does not report; the lease then occupies no slot, so others get work instead.
@@ -138,9 +138,9 @@ class Leases:
         took = lease.takes_a_slot
         lease.is_away, lease.is_rendered = is_away, is_rendered
         if took and not lease.takes_a_slot:
-            self._let_go(lease)
+            self._release(lease)
         elif lease.takes_a_slot and not took:
-            self._take_up(lease)
+            self._occupy(lease)
 
     def end(self, lease: str) -> Lease | None:
         """Removes a lease and returns it; None if it has already ended."""
@@ -151,7 +151,7 @@ class Leases:
             if not of:
                 del self._of[ended.owner]
             if ended.takes_a_slot:
-                self._let_go(ended)
+                self._release(ended)
         return ended
 
     def of(self, owner: str) -> list[Lease]:
@@ -166,7 +166,7 @@ class Leases:
         """Returns the number of slots that each job occupies, by job id. Leases whose answers were read are not counted."""
         return self._held.copy()
 
-    def waiting_in(self, queue: str) -> int:
+    def slots_waiting_in(self, queue: str) -> int:
         """Returns the number of slots occupied by the leases of one queue, counted as in `turns`."""
         return self._waiting[queue]
 
@@ -177,12 +177,12 @@ class Leases:
         """
         return self._kinds[kind]
 
-    def _take_up(self, lease: Lease) -> None:
+    def _occupy(self, lease: Lease) -> None:
         self._turns[lease.owner, lease.turn] += 1
         if self._turns[lease.owner, lease.turn] == 1:
             self._count(lease, 1)
 
-    def _let_go(self, lease: Lease) -> None:
+    def _release(self, lease: Lease) -> None:
         turn = lease.owner, lease.turn
         self._turns[turn] -= 1
         if not self._turns[turn]:

@@ -17,7 +17,7 @@ from typing import Protocol
 
 from service.clock import Clock
 from service.scheduling.dispatching.held_batches import HeldBatches
-from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.dispatching.leases import MAX_UNSEEN_POLLS, Lease, Leases
 from service.scheduling.fleet.workers import WorkerSnapshot
 from service.scheduling.incoming.results import Position
 from service.scheduling.jobs.active_job import ActiveJob
@@ -58,7 +58,7 @@ class Fleet(Protocol):
     def away(self) -> set[str]:
         """Returns the names of workers that are connected but do not report. Raises redis.RedisError."""
 
-    def are_late(self) -> bool:
+    def has_late_report(self) -> bool:
         """Whether any worker's report is overdue."""
 
 
@@ -89,12 +89,12 @@ class LostLeaseFinder:
         A lease whose answer may be among unread results is not lost. travel_s: transit time of results in seconds; a message to a
         worker takes about as long, and in this time no worker reports it.
         """
-        allowed = UNSEEN_ALLOWED + travel_s
+        allowed = MAX_UNSEEN_POLLS + travel_s
         waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._queues.waiting(queue)}
         roster = self._workers.roster
         held = HeldBatches(roster)
         living = self._workers.away()
-        end, is_late = cache(results.end), cache(lambda: bool(living) or self._workers.are_late())
+        end, is_late = cache(results.end), cache(lambda: bool(living) or self._workers.has_late_report())
         out = [lease for lease in self._leases if lease.batch is not None and not lease.has_arrived and lease.owner in jobs]
         now = self._clock.monotonic()
         for lease in out:
@@ -111,13 +111,13 @@ class LostLeaseFinder:
             lease.has_begun |= is_at_work
             waits_here = lease.has_begun and lease.is_held and not is_at_work
             is_rendered = lease.is_joint and (waits_here or held.is_at_site(lease))
-            self._leases.looked_at(lease, is_gone and lease.holder in living, is_rendered)
-            fate = self._fate(lease, is_gone, is_late, allowed)
+            self._leases.update_state(lease, is_gone and lease.holder in living, is_rendered)
+            fate = self._verdict(lease, is_gone, is_late, allowed)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
             if fate is LossVerdict.LATE or (fate is not None and lease.message not in waiting and not may_be_answered):
                 yield lease, fate
 
-    def _fate(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], allowed: float) -> LossVerdict | None:
+    def _verdict(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], allowed: float) -> LossVerdict | None:
         """Returns why a lease is lost or late; None if it is neither.
 
         is_gone: its worker does not report. is_late: some worker's report is overdue, so that worker may have the lease without a

@@ -17,30 +17,32 @@ from contextlib import contextmanager
 
 from service.clock import WorkClock
 
-__all__ = ["Pace"]
+__all__ = ["BatchSizing"]
 
-SHARE = 0.5  # fraction of the engine's time for results; the rest is for users, peaks and other programs
+RESULTS_TIME_SHARE = 0.5  # fraction of the engine's time for results; the rest is for users, peaks and other programs
 SMOOTHING = 0.3
-RENEWED_EVERY_S = 1.0
-BEHIND_S = 0.75  # a backlog of this age is not just a burst
-MOST_STRETCH = 20.0
-GROWTH = 1 / 16  # of the slot-seconds per slot that a job has used, so a batch adds at most this fraction to a picture
-MOST_GROWN = 3.0  # multiple of the shortest batch; the wait of a new job for a slot
-SEEN_EVERY_S = 0.25  # interval of a long job's results with few slots, whose batches stay short; longer on a busy machine
-FIRST_GUESS_S = 0.001  # core-seconds per batch, assumed until measured, so that a large farm does not start with short batches
-FEW = 8  # minimum number of batches or results for a measurement
-AHEAD_S = 1.0
-UNTOLD_S = 1.25  # mean delay until the service notices a finished part of a tile: a report and a poll, once a second each
-SLOTS_ALONE = 32  # up to this number of slots, each gets a batch of another tile
-MOST_OF_A_TILE = 8
-MOST_JOINT = 16
-MOST_OF_A_SITE = 64
-SHORTEST_HOLD_S = 1.0
-GATHERED_FROM = 40.0  # results per second; below this rate they are taken in one by one
-GATHER_S = 0.15
+UPDATE_EVERY_S = 1.0
+BACKLOG_AGE_S = 0.75  # a backlog of this age is not just a burst
+MAX_STRETCH = 20.0
+BATCH_GROWTH = 1 / 16  # of the slot-seconds per slot that a job has used, so a batch adds at most this fraction to a picture
+MAX_GROWTH = 3.0  # multiple of the shortest batch; the wait of a new job for a slot
+RESULT_EVERY_S = 0.25  # interval of a long job's results with few slots, whose batches stay short; longer on a busy machine
+ASSUMED_BATCH_COST_S = (
+    0.001  # core-seconds per batch, assumed until measured, so that a large farm does not start with short batches
+)
+MIN_MEASUREMENTS = 8  # minimum number of batches or results for a measurement
+WORK_AHEAD_S = 1.0
+NOTICE_DELAY_S = 1.25  # mean delay until the service notices a finished part of a tile: a report and a poll, once a second each
+MAX_SLOTS_WITH_OWN_TILE = 32  # up to this number of slots, each gets a batch of another tile
+MAX_BATCHES_OF_A_TILE = 8
+MAX_JOINT_BATCHES = 16
+MAX_BATCHES_OF_A_SITE = 64
+MIN_HOLD_S = 1.0
+GATHER_RATE = 40.0  # results per second; below this rate they are taken in one by one
+GATHER_DELAY_S = 0.15
 
 
-class Pace:
+class BatchSizing:
     """Measures the engine's load and computes batch sizes from it. Used only by the engine's thread."""
 
     def __init__(
@@ -66,7 +68,7 @@ class Pace:
         self._unread = 0
         self._size = 0.0
         self._grown_s = self._shortest_s  # duration of the latest batches
-        self._travels: deque[float] = deque(maxlen=2 * FEW)  # transit times of the latest results, in seconds
+        self._travels: deque[float] = deque(maxlen=2 * MIN_MEASUREMENTS)  # transit times of the latest results, in seconds
         self._stretch = 1.0  # factor for batches while storing waits for a disk or other programs
         self._busy_s = 0.0
         self._storing_s = 0.0  # wall time
@@ -82,7 +84,7 @@ class Pace:
         finally:
             self._busy_s += self._clock.thread_time() - begun
 
-    def took_in(self, results: int, batches: int = 0, seconds: float = 0.0) -> None:
+    def record_results(self, results: int, batches: int = 0, seconds: float = 0.0) -> None:
         """Records that results were processed. batches: number of their batches, since some results combine several.
 
         seconds: wall time spent.
@@ -91,19 +93,19 @@ class Pace:
         self._batches += batches
         self._storing_s += seconds
         now = self._clock.monotonic()
-        if now - self._since < RENEWED_EVERY_S:
+        if now - self._since < UPDATE_EVERY_S:
             return
         self.results_per_s = self._results / (now - self._since)
-        if (batches := max(self._batches, self._results)) >= FEW:
+        if (batches := max(self._batches, self._results)) >= MIN_MEASUREMENTS:
             cost = self._busy_s / batches
             self.batch_cost_s += (cost - self.batch_cost_s) * (SMOOTHING if self.batch_cost_s else 1.0)
         # results per second that could be stored
         able = max(self.results_per_s, self._results / self._storing_s if self._storing_s else 0.0)
-        behind = self._unread > max(FEW, BEHIND_S * able)
-        self._stretch = min(self._stretch * 1.2, MOST_STRETCH) if behind else max(self._stretch * 0.95, 1.0)
+        behind = self._unread > max(MIN_MEASUREMENTS, BACKLOG_AGE_S * able)
+        self._stretch = min(self._stretch * 1.2, MAX_STRETCH) if behind else max(self._stretch * 0.95, 1.0)
         self._busy_s, self._storing_s, self._results, self._batches, self._since = 0.0, 0.0, 0, 0, now
 
-    def travelled(self, seconds: float) -> None:
+    def record_transit(self, seconds: float) -> None:
         """Records the transit time of a result in seconds. A batch should render at least that long, since its slot is idle
         meanwhile.
 
@@ -112,9 +114,9 @@ class Pace:
         self._travels.append(seconds)
 
     @property
-    def travel_s(self) -> float:
+    def transit_s(self) -> float:
         """Lower quartile of the latest transit times, in seconds; 0 if too few were recorded."""
-        return sorted(self._travels)[len(self._travels) // 4] if len(self._travels) >= FEW else 0.0
+        return sorted(self._travels)[len(self._travels) // 4] if len(self._travels) >= MIN_MEASUREMENTS else 0.0
 
     def batch_s(self, slots: int, spent_s: float = 0.0) -> float:
         """Returns the target duration of a batch in seconds, for a job with this number of slots.
@@ -123,10 +125,10 @@ class Pace:
         picture of many, and half as many results cost the service half the time. They do not get longer if there are few slots,
         whose results cost little and whose picture would be updated too rarely, nor while a viewer needs slots soon.
         """
-        most_s = min(MOST_GROWN * self._shortest_s, slots * SEEN_EVERY_S)
-        grown_s = 0.0 if self.is_pressed() else min(spent_s * GROWTH, most_s)
+        most_s = min(MAX_GROWTH * self._shortest_s, slots * RESULT_EVERY_S)
+        grown_s = 0.0 if self.is_pressed() else min(spent_s * BATCH_GROWTH, most_s)
         self._grown_s = max(self._shortest_s, grown_s)
-        return self._long_s(slots, self._grown_s)
+        return self._batch_s_at_full_load(slots, self._grown_s)
 
     def window(self, slots: int, per_slot: int, joint: bool = False) -> int:
         """Returns the maximum number of outstanding messages for this number of slots.
@@ -137,12 +139,12 @@ class Pace:
         joint: sums wait on their machines for those of other slots, so some slots are already idle while their batches still
         count as in progress; the window is larger.
         """
-        ahead_s = AHEAD_S + (UNTOLD_S if joint and slots > SLOTS_ALONE else 0.0)
-        return slots + math.ceil(slots * (per_slot - 1) * min(1.0, ahead_s / self._long_s(slots, self._grown_s)))
+        ahead_s = WORK_AHEAD_S + (NOTICE_DELAY_S if joint and slots > MAX_SLOTS_WITH_OWN_TILE else 0.0)
+        return slots + math.ceil(slots * (per_slot - 1) * min(1.0, ahead_s / self._batch_s_at_full_load(slots, self._grown_s)))
 
-    def _long_s(self, slots: int, shortest_s: float) -> float:
-        cost_s = self.batch_cost_s or FIRST_GUESS_S
-        return min(max(shortest_s, self.travel_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
+    def _batch_s_at_full_load(self, slots: int, shortest_s: float) -> float:
+        cost_s = self.batch_cost_s or ASSUMED_BATCH_COST_S
+        return min(max(shortest_s, self.transit_s, slots * cost_s / RESULTS_TIME_SHARE) * self._stretch, self._longest_s)
 
     def of_a_tile(self, slots: int, joint: bool = False) -> int:
         """Returns how many consecutive batches of one tile are dispatched together; their sums become one row of the film.
@@ -150,8 +152,8 @@ class Pace:
         joint: the workers add up the sums, instead of the service.
         """
         if joint:
-            return min(2 * slots // SLOTS_ALONE, MOST_JOINT) if slots > SLOTS_ALONE else 1
-        return min(max(1, math.ceil(slots / SLOTS_ALONE)), MOST_OF_A_TILE)
+            return min(2 * slots // MAX_SLOTS_WITH_OWN_TILE, MAX_JOINT_BATCHES) if slots > MAX_SLOTS_WITH_OWN_TILE else 1
+        return min(max(1, math.ceil(slots / MAX_SLOTS_WITH_OWN_TILE)), MAX_BATCHES_OF_A_TILE)
 
     @staticmethod
     def hold_s(batch_s: float) -> float:
@@ -159,19 +161,19 @@ class Pace:
 
         batch_s: expected duration of each batch in seconds.
         """
-        return max(SHORTEST_HOLD_S, batch_s)
+        return max(MIN_HOLD_S, batch_s)
 
     @staticmethod
-    def of_a_site(slots: int) -> int:
+    def batches_of_a_site(slots: int) -> int:
         """Returns how many consecutive batches of one tile are sent to a site with this many slots, which adds up their sums."""
-        return max(2, min(slots, MOST_OF_A_SITE))
+        return max(2, min(slots, MAX_BATCHES_OF_A_SITE))
 
     @staticmethod
     def site_hold_s(batch_s: float) -> float:
         """Returns how long, in seconds, the sums of a batch may wait at a site, where the last batches of a run wait for a free
         slot.
         """
-        return SHORTEST_HOLD_S + 2 * batch_s
+        return MIN_HOLD_S + 2 * batch_s
 
     def room(self, room: int) -> int:
         """Returns the number of batches to dispatch: `room` reduced linearly with the size of unread results; 0 at the limit."""
@@ -189,4 +191,4 @@ class Pace:
     @property
     def gather_s(self) -> float:
         """Time to wait for more results before processing them together, in seconds; 0 while results are few."""
-        return GATHER_S if self.results_per_s >= GATHERED_FROM else 0.0
+        return GATHER_DELAY_S if self.results_per_s >= GATHER_RATE else 0.0

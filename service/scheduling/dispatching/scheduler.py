@@ -16,13 +16,13 @@ import redis
 from renderer.frames import frame_number, frame_text
 from renderer.sentences import Sentence
 from service.errors import QueueError
-from service.scheduling.dispatching.batch_groups import BatchGroup, SlotGroup, joint_work_of, next_batch_groups, work_of
+from service.scheduling.dispatching.batch_groups import BatchGroup, SlotGroup, batch_message, joint_message, next_batch_groups
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.job_queue import JobQueue
 from service.scheduling.dispatching.leases import Lease, Leases
 from service.scheduling.dispatching.lost_batches import LossVerdict, LostLeaseFinder
-from service.scheduling.dispatching.pacing import Pace
-from service.scheduling.dispatching.sites import Place, Sites
+from service.scheduling.dispatching.pacing import BatchSizing
+from service.scheduling.dispatching.sites import SitePlace, Sites
 from service.scheduling.faults.bulkhead import Bulkheads, Step
 from service.scheduling.faults.suspicion import Suspicion
 from service.scheduling.fleet.workers import Workers
@@ -32,24 +32,24 @@ from service.scheduling.jobs.batch_failures import FAILURES_ALLOWED, LOSSES_ALLO
 from service.scheduling.jobs.noise_budget import NoiseBudget
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.reproduce import reproduce
-from service.scheduling.jobs.shares import Line, Shares
+from service.scheduling.jobs.shares import ShareQueue, Shares
 from service.settings import Settings
 from telemetry.log_lines import ids
 
-__all__ = ["Scheduler", "named"]
+__all__ = ["Scheduler", "batch_description"]
 
-PATIENCE_WITH_FEW_S = 5.0
-UNMEASURED = 32  # batches handed out before the duration of one is known, in addition to one sample of every tile
-CLOCKS_S = 60.0  # seconds of tolerance for a worker's clock
-REST_S = 1.0  # seconds before the only worker gets a returned batch again
+FEW_SLOTS_TIMEOUT_S = 5.0
+MAX_UNMEASURED_BATCHES = 32  # batches handed out before the duration of one is known, in addition to one sample of every tile
+CLOCK_TOLERANCE_S = 60.0  # seconds of tolerance for a worker's clock
+RETURNED_PAUSE_S = 1.0  # seconds before the only worker gets a returned batch again
 
 log = logging.getLogger(__name__)
 
-Start = Callable[[ActiveJob, str], bool]
+StartJob = Callable[[ActiveJob, str], bool]
 
 
 @dataclass
-class Pool:
+class QueueCapacity:
     """Capacity of the workers that serve a queue: their slots, and how many more messages they may get."""
 
     slots: int
@@ -59,7 +59,9 @@ class Pool:
 class Scheduler:
     """Decides which batches are rendered next. Used only by the engine's thread."""
 
-    def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: Pace) -> None:
+    def __init__(
+        self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: BatchSizing
+    ) -> None:
         self._settings = settings
         self._pace = pace
         self.verify = settings.verify  # fraction of batches rendered twice, unless the job sets another
@@ -72,7 +74,7 @@ class Scheduler:
         self.line_up = JobQueue(workers, self.jobs)
         self.shares = Shares()
         self.sites = Sites(workers, self.leases, dispatcher, pace)
-        self._places: list[Place] = []  # sites, during one call of `fill`
+        self._places: list[SitePlace] = []  # sites, during one call of `fill`
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers whose results no film accepts (trust/trust.py)
         self.looks = NoiseBudget()
@@ -82,7 +84,7 @@ class Scheduler:
         self.lost = 0  # batches that were handed out again
         self.doubled = 0  # duplicates of straggling batches
 
-    def fill(self, start: Start) -> None:
+    def fill(self, start: StartJob) -> None:
         """Dispatches batches until every worker kind has its maximum number of outstanding messages. Raises QueueError.
 
         start(job, kind): starts a job on workers of this kind; returns False if the job is not ready.
@@ -98,18 +100,18 @@ class Scheduler:
             try:
                 with self._dispatcher.at_once():
                     held = self.leases.held()
-                    shares_held = self.held_by_shares(held)
-                    pools: dict[str, Pool] = {}
+                    shares_held = self.outstanding_by_share(held)
+                    pools: dict[str, QueueCapacity] = {}
                     for priority in sorted(turns, reverse=True):
                         line = self.shares.line(kind, turns[priority], held, shares_held)
-                        room -= self._serve(line, kind, slots, room, start, pools)
+                        room -= self._serve_priority(line, kind, slots, room, start, pools)
                         if room <= 0:
                             break
             except QueueError:
-                self._take_as_not_sent()
+                self._end_unsent_leases()
                 raise
 
-    def _take_as_not_sent(self) -> None:
+    def _end_unsent_leases(self) -> None:
         """Ends the leases of messages whose sending failed, so that their batches are dispatched again.
 
         If a message was sent nevertheless, its batch may be rendered twice; the film accepts each batch only once.
@@ -117,10 +119,12 @@ class Scheduler:
         for lease in self._sent:
             job = self.jobs.get(lease.owner)
             if self.leases.end(lease.id) is not None and job is not None and lease.batch is not None:
-                self.shares.correct(lease.kind, job.share, -lease.charged_s)
-                job.lose(lease.batch)
+                self.shares.correct_charge(lease.kind, job.share, -lease.charged_s)
+                job.requeue(lease.batch)
 
-    def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start, pools: dict[str, Pool]) -> int:
+    def _serve_priority(
+        self, line: ShareQueue[ActiveJob], kind: str, slots: int, room: int, start: StartJob, pools: dict[str, QueueCapacity]
+    ) -> int:
         """Dispatches batches of jobs of one priority for up to `room` slots; returns the number of slots used.
 
         pools: capacities of the queues for worker requirements, by queue; computed on demand.
@@ -129,10 +133,10 @@ class Scheduler:
         while handed_out < room and (job := line.next()) is not None:
             if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until or job.done:
                 continue
-            pool = Pool(slots, room) if job.needs is None else self._pool(job.needs.queue(kind), kind, pools)
+            pool = QueueCapacity(slots, room) if job.needs is None else self._pool(job.needs.queue(kind), kind, pools)
             if pool.room <= 0:
                 continue
-            if not job.knows_cost and line.held >= max(UNMEASURED, len(job.film.tiles)):
+            if not job.knows_cost and line.held >= max(MAX_UNMEASURED_BATCHES, len(job.film.tiles)):
                 continue  # single samples on many slots cost more than they gain
             sent = len(self._sent)
             hand_out = partial(self._hand_out, job, kind, pool.slots, start, min(line.left, pool.room))
@@ -145,17 +149,17 @@ class Scheduler:
         return handed_out
 
     def _window(self, slots: int, kind: str) -> int:
-        return self._pace.window(slots, self._settings.window_per_slot, self._workers.roster.takes_joint(kind))
+        return self._pace.window(slots, self._settings.window_per_slot, self._workers.roster.accepts_joint(kind))
 
-    def _pool(self, queue: str, kind: str, known: dict[str, Pool]) -> Pool:
+    def _pool(self, queue: str, kind: str, known: dict[str, QueueCapacity]) -> QueueCapacity:
         """Returns the capacity of the workers that serve a queue for requirements, computed once per call of `fill`."""
         if queue not in known:
-            slots = self._workers.roster.serving(queue).get(kind, 0)
+            slots = self._workers.roster.slots_serving(queue).get(kind, 0)
             window = self._window(slots, kind) if slots else 0
-            known[queue] = Pool(slots, window - self.leases.waiting_in(queue))
+            known[queue] = QueueCapacity(slots, window - self.leases.slots_waiting_in(queue))
         return known[queue]
 
-    def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start, most: int) -> None:
+    def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: StartJob, most: int) -> None:
         """Dispatches the next batches of a job for at most `most` slots. Does nothing if the job has none. Raises QueueError.
 
         slots: number of slots that may render the job.
@@ -163,25 +167,25 @@ class Scheduler:
         if not start(job, kind):
             return
         roster, batch_s = self._workers.roster, self._pace.batch_s(slots, job.rendered_s / max(slots, 1))
-        several, joint = roster.takes_several(kind), roster.takes_joint(kind)
+        several, joint = roster.accepts_several(kind), roster.accepts_joint(kind)
         of_a_tile = self._pace.of_a_tile(slots, joint)
-        place = self._place_for(job) if joint and of_a_tile > 1 else None
+        place = self._choose_site(job) if joint and of_a_tile > 1 else None
         if place is not None:
-            of_a_tile, most = self._pace.of_a_site(place.slots), min(most, place.room)
+            of_a_tile, most = self._pace.batches_of_a_site(place.slots), min(most, place.room)
         handfuls = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, of_a_tile, most))
         if place is not None:
             hold_s = self._pace.site_hold_s(batch_s)
-            handfuls = [message for handful in handfuls for message in place.shared_out(handful, hold_s)]
+            handfuls = [message for handful in handfuls for message in place.split_for_machines(handful, hold_s)]
         try:
             while handfuls:
                 self._send(job, kind, handfuls[0])
                 handfuls.pop(0)
         except BaseException:
             for batch in (batch for handful in handfuls for batch in handful.batches):
-                job.lose(batch)
+                job.requeue(batch)
             raise
 
-    def _place_for(self, job: ActiveJob) -> Place | None:
+    def _choose_site(self, job: ActiveJob) -> SitePlace | None:
         """Returns the site with most room; None if there is none, or if this job's sums must stay separate for each worker."""
         if job.needs is not None or job.verify:
             return None
@@ -201,11 +205,11 @@ class Scheduler:
             leases[-1].message = leases[0].id
         if handful.is_joint:
             hold_s = self._pace.hold_s(expected / len(batches))
-            self._dispatcher.send_joint(joint_work_of(job, leases, batches, hold_s, handful.run), leases[0].queue)
+            self._dispatcher.send_joint(joint_message(job, leases, batches, hold_s, handful.run), leases[0].queue)
         elif len(leases) == 1:
-            self._dispatcher.send_batch(work_of(job, leases[0], batches[0]), leases[0].queue)
+            self._dispatcher.send_batch(batch_message(job, leases[0], batches[0]), leases[0].queue)
         else:
-            works = [work_of(job, lease, batch) for lease, batch in zip(leases, batches, strict=True)]
+            works = [batch_message(job, lease, batch) for lease, batch in zip(leases, batches, strict=True)]
             self._dispatcher.send_batches(works, leases[0].queue, leases[0].id)
         self._sent += leases
         for lease in leases:
@@ -227,14 +231,14 @@ class Scheduler:
 
         batch: None if the job does not need it any more.
         """
-        ended = self._end(job, lease)
+        ended = self._end_lease(job, lease)
         if ended is not None:  # limits the reported time to the age of the lease
-            seconds = min(seconds, time.monotonic() - ended.issued + CLOCKS_S)
-            self._pace.travelled(ended.travelled_s(seconds, time.monotonic()))
+            seconds = min(seconds, time.monotonic() - ended.issued + CLOCK_TOLERANCE_S)
+            self._pace.record_transit(ended.transit_s(seconds, time.monotonic()))
         if ended is not None and ended.batch is not None and ended.batch != batch:
-            job.lose(ended.batch)
+            job.requeue(ended.batch)
         if ended is not None and batch is not None:
-            self.shares.correct(ended.kind, job.share, seconds - ended.charged_s)
+            self.shares.correct_charge(ended.kind, job.share, seconds - ended.charged_s)
         if batch is None:
             return
         job.history.rendered_by(worker)
@@ -245,7 +249,7 @@ class Scheduler:
         self.suspicion.succeeded(worker, failed_on)
         job.came_back(batch, seconds)
         for other in set(failed_on):
-            self._set_aside_if_alone(other)
+            self._quarantine_if_alone(other)
 
     def failed(
         self,
@@ -263,44 +267,44 @@ class Scheduler:
         Returns the failures of the batch if they stop the job, else None. is_suspect: whether the failure counts against the
         worker.
         """
-        ended = self._end(job, lease)
+        ended = self._end_lease(job, lease)
         if ended is None:
             return None  # handed out again meanwhile, or from before a restart
         batch = ended.batch or batch  # the batch as handed out takes precedence over the message
         trouble = job.trouble.setdefault(batch, BatchFailures())
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
-        job.history.log.add_line(f"{worker} could not render {named(batch)}: {error}", trace)
+        job.history.log.add_line(f"{worker} could not render {batch_description(batch)}: {error}", trace)
         able = {report.name for report in self._workers.roster.ready() if report.kind == job.kind}
         enough_workers = len(able & set(trouble.workers)) >= max(min(FAILURES_ALLOWED, len(able)), 1)
         # A worker that fails at once may get the batch several times before another does.
-        is_hopeless = enough_workers or time.monotonic() - trouble.since > PATIENCE_WITH_FEW_S
+        is_hopeless = enough_workers or time.monotonic() - trouble.since > FEW_SLOTS_TIMEOUT_S
         if len(trouble.workers) >= FAILURES_ALLOWED and is_hopeless:
             return trouble
         job.history.add_event("failed", f"{worker}: {error.splitlines()[0][:200] if error else 'a batch'}")
-        job.lose(batch)
+        job.requeue(batch)
         if is_suspect:
             self.suspicion.failed(worker, (job.id, batch))
-            self._set_aside_if_alone(worker)
+            self._quarantine_if_alone(worker)
         return None
 
-    def returned(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
+    def handle_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
         """Returns a batch to the plan that a worker sent back because of its own trouble. It does not count against the job."""
-        ended = self._end(job, lease)
+        ended = self._end_lease(job, lease)
         if ended is None:
             return
         batch = ended.batch or batch
         if job.handed_back != why:
             log.info("job %s: %s", job.id, why, extra=ids(job=job.id, batch=lease, worker=worker))
-            job.history.log.add_line(f"{named(batch)} is handed out again: {why}")
+            job.history.log.add_line(f"{batch_description(batch)} is handed out again: {why}")
         job.handed_back = why
-        job.lose(batch)
+        job.requeue(batch)
         self.suspicion.failed(worker, (job.id, batch))
-        self._set_aside_if_alone(worker)
-        if not self._others(worker):
-            job.rests_until = time.monotonic() + REST_S
+        self._quarantine_if_alone(worker)
+        if not self._other_ready_workers(worker):
+            job.rests_until = time.monotonic() + RETURNED_PAUSE_S
 
-    def _end(self, job: ActiveJob, lease: str) -> Lease | None:
+    def _end_lease(self, job: ActiveJob, lease: str) -> Lease | None:
         """Ends a lease of this job and returns it; None if it has already ended or belongs to another job."""
         known = self.leases.get(lease)
         return self.leases.end(lease) if known is not None and known.owner == job.id else None
@@ -322,7 +326,7 @@ class Scheduler:
         for lease in mine:
             self.leases.end(lease.id)
             if lease.batch is not None:
-                job.lose(lease.batch)
+                job.requeue(lease.batch)
 
     def review(self, results: Results) -> None:
         """Dispatches overdue and lost batches again, and fails jobs whose batches were lost too often. Called once a second.
@@ -332,21 +336,21 @@ class Scheduler:
         self.sites.review(self.jobs)
         idle = cache(self._has_idle_slots)
         rests = cache(lambda id, kind: not (job := self.jobs[id]).knows_cost or job.agenda.next(kind) is None)
-        for lease, fate in self._missing.find_lost(self.jobs, results, self._pace.travel_s):
+        for lease, fate in self._missing.find_lost(self.jobs, results, self._pace.transit_s):
             job = self.jobs.get(lease.owner)
             if lease.batch is None or job is None or self.leases.get(lease.id) is None:
                 continue  # ended together with another lease of its job or frame
             if fate is not LossVerdict.LATE:
-                self._lost(job, lease, lease.batch, fate)
+                self._handle_loss(job, lease, lease.batch, fate)
             # no other work is left for idle slots
             elif rests(job.id, lease.kind) and idle(lease.kind) and not self._pace.waiting:
                 lease.doubled = True
                 self.doubled += 1
-                job.lose(lease.batch)
+                job.requeue(lease.batch)
 
-    def _set_aside_if_alone(self, worker: str) -> None:
+    def _quarantine_if_alone(self, worker: str) -> None:
         """Quarantines a worker whose batches fail while others render theirs, unless no other worker is ready."""
-        others = self._others(worker)
+        others = self._other_ready_workers(worker)
         failures = self.suspicion.of(worker, others)
         if others and failures >= FAILURES_ALLOWED:
             log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
@@ -355,20 +359,20 @@ class Scheduler:
                 "Set aside: {failures} of its batches failed while other workers rendered theirs. Check its log, then resume it.",
                 failures=failures,
             )
-            self.set_aside(worker, why)
+            self.quarantine(worker, why)
 
-    def set_aside(self, worker: str, why: str) -> None:
+    def quarantine(self, worker: str, why: str) -> None:
         """Quarantines a worker: pauses it until a user resumes it."""
         with suppress(redis.RedisError):  # the worker fails again and is paused then
             self._workers.pause(worker, why)
             self._workers.look(now=True)
 
-    def _others(self, worker: str) -> list[str]:
+    def _other_ready_workers(self, worker: str) -> list[str]:
         """Returns the names of the other ready workers of the worker's kind; empty if the worker itself is not ready."""
         kinds = {report.name: report.kind for report in self._workers.roster.ready()}
         return [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
 
-    def _lost(self, job: ActiveJob, lease: Lease, batch: Range, fate: LossVerdict) -> None:
+    def _handle_loss(self, job: ActiveJob, lease: Lease, batch: Range, fate: LossVerdict) -> None:
         self.leases.end(lease.id)
         self.lost += 1
         trouble = job.trouble.setdefault(batch, BatchFailures())
@@ -376,8 +380,8 @@ class Scheduler:
         job.history.add_event("lost", lease.holder or "")
         said, known = (job.id, lease.holder, batch, fate.value), ids(job=job.id, batch=lease.id, worker=lease.holder)
         log.info("job %s: a batch did not come back (%s, %s): %s; it is handed out again", *said, extra=known)
-        job.history.log.add_line(f"that was {named(batch)} ({fate.value}), lost {trouble.losses} times so far")
-        job.lose(batch)
+        job.history.log.add_line(f"that was {batch_description(batch)} ({fate.value}), lost {trouble.losses} times so far")
+        job.requeue(batch)
         if trouble.losses >= LOSSES_ALLOWED:
             where = job.film.tiles[batch.tile][:2]
             sentence = Sentence(
@@ -389,9 +393,9 @@ class Scheduler:
                 where=where,
                 losses=trouble.losses,
             )
-            self.give_up(job, batch, sentence)
+            self.fail_batch(job, batch, sentence)
 
-    def give_up(self, job: ActiveJob, batch: Range, error: str, command: str | None = None) -> None:
+    def fail_batch(self, job: ActiveJob, batch: Range, error: str, command: str | None = None) -> None:
         """Fails a still image's job, or one frame of a shot, because a batch cannot be rendered.
 
         command: the worker's command line that reproduces the error.
@@ -408,11 +412,11 @@ class Scheduler:
     def _has_idle_slots(self, kind: str) -> bool:
         return self._workers.roster.slots(kind) > self.leases.turns(kind)
 
-    def connected(self) -> set[str]:
+    def connected_workers(self) -> set[str]:
         """Returns the names of the connected workers."""
         return set(self._workers.roster.reports)
 
-    def held_by_shares(self, held: Counter[str]) -> Counter[str]:
+    def outstanding_by_share(self, held: Counter[str]) -> Counter[str]:
         """Returns the number of outstanding messages of each share. held: the number for each job, by id."""
         found: Counter[str] = Counter()
         for id, messages in held.items():
@@ -425,7 +429,7 @@ class Scheduler:
         return {(lease.owner, lease.batch.frame) for lease in self.leases if lease.batch is not None}
 
 
-def named(batch: Range) -> str:
+def batch_description(batch: Range) -> str:
     """Returns a description of a batch for log lines."""
     frame = frame_text(frame_number(batch.frame))
     return f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}, frame {frame}"

@@ -20,18 +20,18 @@ from protocol.site import SITE
 from service.scheduling.dispatching.batch_groups import BatchGroup
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.leases import Lease, Leases
-from service.scheduling.dispatching.pacing import MOST_JOINT, Pace
+from service.scheduling.dispatching.pacing import MAX_JOINT_BATCHES, BatchSizing
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["Place", "Sites"]
+__all__ = ["SitePlace", "Sites"]
 
 log = logging.getLogger(__name__)
 
 
 @dataclass
-class Place:
+class SitePlace:
     """A site with ready workers of one kind. room: for how many more slots it accepts batches."""
 
     name: str
@@ -39,7 +39,7 @@ class Place:
     slots: int
     room: int
 
-    def shared_out(self, handful: BatchGroup, hold_s: float) -> list[BatchGroup]:
+    def split_for_machines(self, handful: BatchGroup, hold_s: float) -> list[BatchGroup]:
         """Divides the joint batches of a tile into messages of about equal size for the site's machines.
 
         Other groups are unchanged.
@@ -49,7 +49,7 @@ class Place:
         batches = handful.batches
         self.room -= len(batches)
         run = Run(self.name, batches[0].first, sum(batch.count for batch in batches), hold_s)
-        messages = -(-len(batches) // MOST_JOINT)
+        messages = -(-len(batches) // MAX_JOINT_BATCHES)
         ends = [len(batches) * i // messages for i in range(messages + 1)]
         return [BatchGroup(batches[begin:end], True, run, self.queue) for begin, end in pairwise(ends)]
 
@@ -57,7 +57,7 @@ class Place:
 class Sites:
     """The sites that accept batches at present. Used only by the engine's thread."""
 
-    def __init__(self, workers: Workers, leases: Leases, dispatcher: Dispatcher, pace: Pace) -> None:
+    def __init__(self, workers: Workers, leases: Leases, dispatcher: Dispatcher, pace: BatchSizing) -> None:
         self._workers = workers
         self._leases = leases
         self._dispatcher = dispatcher
@@ -67,14 +67,14 @@ class Sites:
         """Returns the tags of all sites with a reducer, as requirements; their workers serve the corresponding queues."""
         return [Needs((f"{SITE}{name}",)) for name in self._workers.roster.sites]
 
-    def places(self, kind: str, per_slot: int) -> list[Place]:
+    def places(self, kind: str, per_slot: int) -> list[SitePlace]:
         """Returns the sites that have ready workers of this kind. per_slot: outstanding messages per slot."""
         found = []
         for needs in self.needs():
             queue = needs.queue(kind)
-            if slots := self._workers.roster.serving(queue).get(kind, 0):
-                room = self._pace.window(slots, per_slot, joint=True) - self._leases.waiting_in(queue)
-                found.append(Place(needs.tags[0].removeprefix(SITE), queue, slots, room))
+            if slots := self._workers.roster.slots_serving(queue).get(kind, 0):
+                room = self._pace.window(slots, per_slot, joint=True) - self._leases.slots_waiting_in(queue)
+                found.append(SitePlace(needs.tags[0].removeprefix(SITE), queue, slots, room))
         return found
 
     def review(self, jobs: Mapping[str, ActiveJob]) -> None:
@@ -85,7 +85,7 @@ class Sites:
             if job is not None and lease.batch is not None and not lease.has_arrived and lease.queue != job.queue(lease.kind):
                 elsewhere[lease.queue].append((job, lease))
         for queue, out in elsewhere.items():
-            if self._workers.roster.serving(queue):
+            if self._workers.roster.slots_serving(queue):
                 continue
             try:
                 taken = self._dispatcher.take_back(queue, {lease.message for _, lease in out})
@@ -94,4 +94,4 @@ class Sites:
                 raise
             for job, lease in out:
                 if lease.message in taken and lease.batch is not None and self._leases.end(lease.id) is not None:
-                    job.lose(lease.batch)
+                    job.requeue(lease.batch)

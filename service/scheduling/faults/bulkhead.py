@@ -22,16 +22,16 @@ import redis
 from sqlalchemy import exc
 
 from renderer.errors import SettingsError
-from renderer.sentences import Sentence, lowered
+from renderer.sentences import Sentence, in_lower_case
 from service.clock import Clock
-from service.errors import FarmError, FilmWaits, Invalid, NoRoom, QueueError, Unavailable
+from service.errors import FarmError, FilmUnavailable, Invalid, OutOfSpace, QueueError, Unavailable
 from telemetry.log_lines import about, ids
 
 __all__ = ["Bulkheads", "Step", "Verdict", "is_message_fault"]
 
 RETRY_S = 1.0
 RETRY_AT_MOST_S = 5.0
-SHARE_OF_A_FAULT = 10  # a slowly failing step, such as one waiting for a lock, is retried after this multiple of its duration
+RETRY_FACTOR = 10  # a slowly failing step, such as one waiting for a lock, is retried after this multiple of its duration
 
 DATABASE_FAULTS = (exc.DBAPIError, exc.TimeoutError)
 # Errors of a row, not of the database.
@@ -69,7 +69,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class _Wait:
+class _Delay:
     sentence: str
     until: float
 
@@ -79,7 +79,7 @@ class Bulkheads:
 
     def __init__(self, clock: Clock = time) -> None:
         self._clock = clock
-        self._waits: dict[str, dict[Step, _Wait]] = {}
+        self._waits: dict[str, dict[Step, _Delay]] = {}
         self.verdicts: dict[str, Verdict] = {}  # not carried out yet
         self.database_fault: str | None = None
         self._database_until = 0.0
@@ -109,15 +109,15 @@ class Bulkheads:
                 action()
         except (redis.RedisError, QueueError):
             raise
-        except FilmWaits as error:
-            self._wait(id, step, error.fact, began)
-        except (NoRoom, Unavailable) as error:
-            self._wait_for_database(id, step, error.fact, began)
+        except FilmUnavailable as error:
+            self._delay(id, step, error.fact, began)
+        except (OutOfSpace, Unavailable) as error:
+            self._delay_for_database(id, step, error.fact, began)
         except DATABASE_FAULTS as error:
             if isinstance(error, ROW_FAULTS):
-                self._blame(id, step, error)
+                self._fail_owner(id, step, error)
             else:
-                self._wait_for_database(
+                self._delay_for_database(
                     id,
                     step,
                     Sentence(
@@ -126,7 +126,7 @@ class Bulkheads:
                     began,
                 )
         except (OSError, MemoryError) as error:
-            self._wait(
+            self._delay(
                 id,
                 step,
                 Sentence(
@@ -138,9 +138,9 @@ class Bulkheads:
                 began,
             )
         except Exception as error:
-            self._blame(id, step, error)
+            self._fail_owner(id, step, error)
         else:
-            self._passed(id, step, needs_database)
+            self._clear_delay(id, step, needs_database)
             return True
         return False
 
@@ -169,20 +169,20 @@ class Bulkheads:
         wait = self._waits.get(id, {}).get(step)
         return wait is None or now >= wait.until
 
-    def _wait_for_database(self, id: str, step: Step, sentence: str, began: float) -> None:
+    def _delay_for_database(self, id: str, step: Step, sentence: str, began: float) -> None:
         self.database_fault = sentence
-        self._wait(id, step, sentence, began)
+        self._delay(id, step, sentence, began)
         self._database_until = self._waits[id][step].until
 
-    def _wait(self, id: str, step: Step, why: str, began: float) -> None:
-        sentence = Sentence("job-waits-because", "Waits: {reason}", reason=lowered(why))
+    def _delay(self, id: str, step: Step, why: str, began: float) -> None:
+        sentence = Sentence("job-waits-because", "Waits: {reason}", reason=in_lower_case(why))
         waits = self._waits.setdefault(id, {})
         if step not in waits:
             log.warning("%s: %s (%s)", id, sentence, step, extra=ids(owner=id))
         now = self._clock.monotonic()
-        waits[step] = _Wait(sentence, now + min(max(RETRY_S, SHARE_OF_A_FAULT * (now - began)), RETRY_AT_MOST_S))
+        waits[step] = _Delay(sentence, now + min(max(RETRY_S, RETRY_FACTOR * (now - began)), RETRY_AT_MOST_S))
 
-    def _passed(self, id: str, step: Step, needs_database: bool) -> None:
+    def _clear_delay(self, id: str, step: Step, needs_database: bool) -> None:
         if needs_database and self.database_fault is not None:
             log.warning("the database can be used again")
             self.database_fault = None
@@ -192,7 +192,7 @@ class Bulkheads:
             if not waits:
                 del self._waits[id]
 
-    def _blame(self, id: str, step: Step, error: Exception) -> None:
+    def _fail_owner(self, id: str, step: Step, error: Exception) -> None:
         if isinstance(error, FarmError):
             sentence = str(error)
         elif isinstance(error, SettingsError):

@@ -10,12 +10,12 @@ import redis
 from renderer.sentences import Sentence
 from service.errors import Unavailable
 
-__all__ = ["RedisTrouble", "causes", "redis_fault", "redis_unavailable"]
+__all__ = ["FactAndRemedy", "exception_chain", "redis_fault", "redis_unavailable"]
 
-RedisTrouble = tuple[str, str]  # fact and remedy
+FactAndRemedy = tuple[str, str]  # fact and remedy
 
 # By error code, or by text where Redis sends no code; the first match counts.
-ANSWERS: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
+ERROR_SENTENCES: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     (
         r"\bBUSY\b|running a script",
         lambda error: Sentence("redis-script-hanging", "Redis is blocked by a script that does not end ({error}).", error=error),
@@ -97,12 +97,12 @@ ANSWERS: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
 )
 
 
-def redis_fault(error: BaseException) -> RedisTrouble:
+def redis_fault(error: BaseException) -> FactAndRemedy:
     """Returns what is wrong and what to do, for an error of the Redis client or a queue error caused by one."""
-    found = causes(error)
+    found = exception_chain(error)
     for cause in found:
         text = str(cause)
-        for pattern, fact, remedy in ANSWERS:
+        for pattern, fact, remedy in ERROR_SENTENCES:
             # The client removes the code of errors that it has classes for
             if re.search(pattern, text) or re.search(pattern, _CODES.get(type(cause), "")):
                 return fact(text), remedy
@@ -134,7 +134,7 @@ _CODES: dict[type[BaseException], str] = {
 }
 
 
-def causes(error: BaseException | None) -> list[BaseException]:
+def exception_chain(error: BaseException | None) -> list[BaseException]:
     """Returns an exception followed by the chain of its causes and contexts."""
     found: list[BaseException] = []
     while error is not None and error not in found:

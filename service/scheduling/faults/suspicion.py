@@ -8,7 +8,7 @@ from itertools import count
 
 __all__ = ["Suspicion"]
 
-FORGIVENESS = 0.02  # failures cancelled by one success, so one failure in fifty batches is tolerated
+FORGIVEN_PER_SUCCESS = 0.02  # failures cancelled by one success, so one failure in fifty batches is tolerated
 
 
 class Suspicion:
@@ -34,7 +34,7 @@ class Suspicion:
             self._row_began[worker] = next(self._clock)
         self._row[worker].add(batch)
 
-    def misunderstood(self, worker: str) -> int:
+    def record_misunderstood(self, worker: str) -> int:
         """Records that a worker did not understand a batch; returns how many since its last success."""
         self._misunderstood[worker] += 1
         return self._misunderstood[worker]
@@ -47,7 +47,7 @@ class Suspicion:
         self._row.pop(worker, None)
         self._misunderstood.pop(worker, None)
         if worker in self._made_good:
-            self._made_good[worker] = max(self._made_good[worker] - FORGIVENESS, 0.0)
+            self._made_good[worker] = max(self._made_good[worker] - FORGIVEN_PER_SUCCESS, 0.0)
 
     def of(self, worker: str, others: list[str]) -> int:
         """Returns the number of failures attributed to a worker. others: the workers it is compared with."""

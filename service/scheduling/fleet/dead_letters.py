@@ -10,14 +10,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from service.store.atomic_files import write_whole
+from service.store.atomic_files import write_atomically
 from telemetry.log_lines import ids
 
 __all__ = ["FILE", "DeadLetters"]
 
 FILE = "put-aside.jsonl"  # in the data folder
-KEPT = 100
-LONGEST = 2000  # characters of a message or a reason
+MAX_KEPT = 100
+MAX_CHARACTERS = 2000  # characters of a message or a reason
 LOG_EVERY_S = 1.0
 
 log = logging.getLogger(__name__)
@@ -28,7 +28,7 @@ class DeadLetters:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._latest: deque[str] = deque(maxlen=KEPT)
+        self._latest: deque[str] = deque(maxlen=MAX_KEPT)
         self._is_written = True
         self._logged = float("-inf")
         self._unlogged = 0
@@ -41,7 +41,7 @@ class DeadLetters:
         """
         self.count += 1
         reason = f"{type(why).__name__}: {why}" if isinstance(why, BaseException) else str(why)
-        told = {"time": round(time.time(), 3), "where": where, "why": reason[:LONGEST], "message": _shown(content)}
+        told = {"time": round(time.time(), 3), "where": where, "why": reason[:MAX_CHARACTERS], "message": _readable(content)}
         self._latest.append(json.dumps(told))
         self._is_written = False
         now = time.monotonic()
@@ -58,17 +58,17 @@ class DeadLetters:
             return
         self._is_written = True
         try:
-            write_whole(self._path, "".join(f"{line}\n" for line in self._latest).encode())
+            write_atomically(self._path, "".join(f"{line}\n" for line in self._latest).encode())
         except OSError as error:
             log.warning("the list of messages that were put aside is not written: %s", error)
 
 
-def _shown(content: object) -> Any:
+def _readable(content: object) -> Any:
     """Returns a readable, shortened form of a message. Binary fields are truncated and described by their size."""
     if isinstance(content, Mapping):
         fields = list(content.items())[:20]
-        return {_text(name, 100): _text(value, LONGEST) for name, value in fields}
-    return _text(content, LONGEST)
+        return {_text(name, 100): _text(value, MAX_CHARACTERS) for name, value in fields}
+    return _text(content, MAX_CHARACTERS)
 
 
 def _text(value: object, longest: int) -> str:

@@ -17,8 +17,8 @@ from renderer.sentences import Sentence
 
 __all__ = ["Needs"]
 
-MOST = 20
-MEMORY = re.compile(r"memory_gb=(\d{1,6}(?:\.\d{1,3})?)")
+MAX_TAGS = 20
+MEMORY_PATTERN = re.compile(r"memory_gb=(\d{1,6}(?:\.\d{1,3})?)")
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ class Needs:
         """
         tags, memory = set(), 0.0
         for text in texts:
-            if found := MEMORY.fullmatch(text):
+            if found := MEMORY_PATTERN.fullmatch(text):
                 memory = max(memory, float(found[1]))
             elif TAG.fullmatch(text):
                 tags.add(text)
             else:
                 raise ValueError(f"{text[:60]!r} is no need; give a tag in small letters, or memory_gb=32")
-        if len(tags) > MOST:
-            raise ValueError(f"a job has at most {MOST} needs")
+        if len(tags) > MAX_TAGS:
+            raise ValueError(f"a job has at most {MAX_TAGS} needs")
         return cls(tuple(sorted(tags)), memory) if tags or memory else None
 
     @classmethod

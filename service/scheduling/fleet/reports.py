@@ -18,50 +18,50 @@ from protocol.contract import WorkerReport, worker_key
 __all__ = ["is_plain", "report_of"]
 
 MAX_SLOTS = 4096
-MOST_BYTES = 4 << 20
-LONGEST_NAME = 200
-LONGEST_KIND = 128  # as in a job's row
-LONGEST_TEXT = 4000
-FASTEST = 1e12  # samples per second of a slot
-LARGEST = 1e15  # no arithmetic on it overflows
-DEEPEST = 4
+MAX_REPORT_BYTES = 4 << 20
+MAX_NAME_LENGTH = 200
+MAX_KIND_LENGTH = 128  # as in a job's row
+MAX_TEXT_LENGTH = 4000
+MAX_SPEED = 1e12  # samples per second of a slot
+MAX_NUMBER = 1e15  # no arithmetic on it overflows
+MAX_DEPTH = 4
 
 _REPORT = TypeAdapter(WorkerReport)
 
 
 def report_of(key: bytes, value: bytes) -> WorkerReport:
     """Parses a worker's report, stored in Redis under `key`. Raises ValueError or RecursionError if it is invalid."""
-    if len(value) > MOST_BYTES:
+    if len(value) > MAX_REPORT_BYTES:
         raise ValueError(f"it has {len(value)} bytes")
     if b"NaN" in value or b"Infinity" in value:
-        json.loads(value, parse_constant=_no_number)
+        json.loads(value, parse_constant=_reject_constant)
     report = _REPORT.validate_json(value)
     if worker_key(report.name).encode() != key:
-        raise ValueError(f"it is said to be of {report.name[:LONGEST_NAME]!r}")
-    if not 0 < len(report.name) <= LONGEST_NAME or any(unicodedata.category(c) == "Cc" for c in report.name):
+        raise ValueError(f"it is said to be of {report.name[:MAX_NAME_LENGTH]!r}")
+    if not 0 < len(report.name) <= MAX_NAME_LENGTH or any(unicodedata.category(c) == "Cc" for c in report.name):
         raise ValueError("its name is none")
     if not (0 < report.slots <= MAX_SLOTS and len(report.current) <= MAX_SLOTS):
         raise ValueError(f"{report.slots} slots, of which {len(report.current)} do something")
-    if not (0 <= report.samples_per_s <= FASTEST and math.isfinite(report.started) and abs(report.pid) <= LARGEST):
+    if not (0 <= report.samples_per_s <= MAX_SPEED and math.isfinite(report.started) and abs(report.pid) <= MAX_NUMBER):
         raise ValueError(f"{report.samples_per_s} samples a second")
-    if len(report.kind) > LONGEST_KIND or not all(map(is_plain, (report.kind, report.host, report.cpu))):
+    if len(report.kind) > MAX_KIND_LENGTH or not all(map(is_plain, (report.kind, report.host, report.cpu))):
         raise ValueError("its host, processor or kind has no name")
     if not all(is_plain(doing) for doing in report.current):
         raise ValueError("what its slots do cannot be told")
     return report
 
 
-def is_plain(value: Any, deepest: int = DEEPEST, longest: int = LONGEST_TEXT) -> bool:
+def is_plain(value: Any, deepest: int = MAX_DEPTH, longest: int = MAX_TEXT_LENGTH) -> bool:
     """Whether a worker's JSON value is safe to use: finite numbers, bounded texts, at most `deepest` levels of nesting."""
     if isinstance(value, str):
         return len(value) <= longest and "\0" not in value
     if isinstance(value, int | float):
-        return abs(value) <= LARGEST  # False for NaN
+        return abs(value) <= MAX_NUMBER  # False for NaN
     if isinstance(value, list | tuple | dict) and deepest > 0:
         inside = [*value, *value.values()] if isinstance(value, dict) else value
         return all(is_plain(each, deepest - 1, longest) for each in inside)
     return value is None
 
 
-def _no_number(constant: str) -> float:
+def _reject_constant(constant: str) -> float:
     raise ValueError(f"{constant} is no number")

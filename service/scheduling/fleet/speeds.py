@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping
 
 from protocol.contract import WorkerReport
 
-__all__ = ["KEPT", "Speeds"]
+__all__ = ["INTERVALS_KEPT", "Speeds"]
 
-EVERY_S = 60.0
-KEPT = 60
-FORGOTTEN_AFTER_S = 3600.0
+INTERVAL_S = 60.0
+INTERVALS_KEPT = 60
+FORGET_AFTER_S = 3600.0
 
 
 class Speeds:
@@ -30,9 +30,9 @@ class Speeds:
     def note(self, reports: Iterable[WorkerReport], now: float | None = None) -> None:
         """Adds the speeds in the workers' current reports. now: Unix time."""
         now = time.monotonic() if now is None else now
-        if now - self._begun >= EVERY_S:
+        if now - self._begun >= INTERVAL_S:
             self._begun = now
-            self._close(now)
+            self._close_interval(now)
         for report in reports:
             busy = sum(1 for doing in report.current if "batch" in doing and not doing.get("compiling"))
             self._running.setdefault(report.name, []).append(busy * report.samples_per_s)
@@ -43,13 +43,13 @@ class Speeds:
         """Returns the speeds by worker, oldest first: one value per minute since the worker connected, at most KEPT."""
         return {name: (*self._past.get(name, ()), *_mean(self._running.get(name))) for name in self._seen}
 
-    def _close(self, now: float) -> None:
+    def _close_interval(self, now: float) -> None:
         for name, seen in list(self._seen.items()):
-            if now - seen > FORGOTTEN_AFTER_S:
+            if now - seen > FORGET_AFTER_S:
                 del self._seen[name]
                 self._past.pop(name, None)
             else:
-                self._past.setdefault(name, deque(maxlen=KEPT - 1)).extend(_mean(self._running.get(name)) or (0.0,))
+                self._past.setdefault(name, deque(maxlen=INTERVALS_KEPT - 1)).extend(_mean(self._running.get(name)) or (0.0,))
         self._running = {}
 
 

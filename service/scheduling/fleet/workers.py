@@ -23,22 +23,24 @@ from service.scheduling.fleet.needs import Needs
 from service.scheduling.fleet.reports import report_of
 from service.scheduling.fleet.speeds import Speeds
 
-__all__ = ["BY_A_PERSON", "WorkerSnapshot", "Workers"]
+__all__ = ["PAUSED_BY_USER", "WorkerSnapshot", "Workers"]
 
-BY_A_PERSON = Sentence("worker-paused-by-user", "Paused by a user.")
+PAUSED_BY_USER = Sentence("worker-paused-by-user", "Paused by a user.")
 
-LOOK_EVERY_S = 1.0
+POLL_EVERY_S = 1.0
 LATE_S = 2.5 * HEARTBEAT_EVERY_S
-AWAY_S = 30.0  # seconds until a silent but connected worker is given up; a host without power leaves its connection open
-ORDER_TTL_S = 7 * 86400  # a worker of that name may return, but the reason is outdated some day
-LOOK_SOON_S = 0.05  # poll interval while no worker is ready or one is starting, so that the first job starts early
-MOST_STRANGE = 1000  # keys
-FEW = 100  # polling this many workers takes a hundredth of a core
-PUT_BACK_S = 2.0  # a clock that differs by this much was set back
-LOG_PATIENCE_S = 3.0
+SILENT_TIMEOUT_S = (
+    30.0  # seconds until a silent but connected worker is given up; a host without power leaves its connection open
+)
+PAUSE_TTL_S = 7 * 86400  # a worker of that name may return, but the reason is outdated some day
+FAST_POLL_S = 0.05  # poll interval while no worker is ready or one is starting, so that the first job starts early
+MAX_INVALID_KEYS = 1000  # keys
+FEW_WORKERS = 100  # polling this many workers takes a hundredth of a core
+CLOCK_SET_BACK_S = 2.0  # a clock that differs by this much was set back
+LOG_TIMEOUT_S = 3.0
 MAX_LINES, MAX_LINE = 500, 2000
 
-Told = TypeVar("Told")
+Parsed = TypeVar("Parsed")
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class WorkerSnapshot:
         """Returns the number of slots of the ready workers of this kind."""
         return sum(report.slots for report in self.ready() if report.kind == kind)
 
-    def serving(self, queue: str) -> dict[str, int]:
+    def slots_serving(self, queue: str) -> dict[str, int]:
         """Returns the slots, by kind, of the ready workers that have confirmed that they serve this queue for requirements."""
         found: dict[str, int] = {}
         for report in self.ready():
@@ -110,11 +112,11 @@ class WorkerSnapshot:
         """Whether a worker can open .blend files."""
         return name in self.offers and TAG in self.offers[name].tags
 
-    def takes_several(self, kind: str) -> bool:
+    def accepts_several(self, kind: str) -> bool:
         """Whether all workers of this kind accept several batches in one message. Any of them may receive it."""
         return all(report.several for report in self.reports.values() if report.kind == kind)
 
-    def takes_joint(self, kind: str) -> bool:
+    def accepts_joint(self, kind: str) -> bool:
         """Whether all workers of this kind support joint messages: they add up the sums that their slots render of one tile."""
         return all(report.adds for report in self.reports.values() if report.kind == kind)
 
@@ -126,7 +128,7 @@ class WorkerSnapshot:
         """Whether workers should be polled more often: none is ready, or there are few and one is starting."""
         if not self.ready():
             return True
-        return len(self.reports) <= FEW and any(report.state == "starting" for report in self.reports.values())
+        return len(self.reports) <= FEW_WORKERS and any(report.state == "starting" for report in self.reports.values())
 
     def _kind_of(self, reports: list[WorkerReport]) -> str | None:
         slots: dict[str, int] = {}
@@ -159,21 +161,21 @@ class Workers:
     def look(self, now: bool = False) -> None:
         """Polls the workers if the poll interval has passed, or in any case if `now`. Raises redis.RedisError."""
         age = time.monotonic() - self._looked
-        if not now and age < (LOOK_SOON_S if self.roster.is_about_to_change() else LOOK_EVERY_S):
+        if not now and age < (FAST_POLL_S if self.roster.is_about_to_change() else POLL_EVERY_S):
             return
         self._looked = time.monotonic()
         keys = sorted(self._redis.scan_iter(WORKER_KEYS, count=1000))
-        self._look_at_clock([*keys, *(site_key(name) for name in self.roster.sites)])
+        self._correct_expiries([*keys, *(site_key(name) for name in self.roster.sites)])
         values: Any = self._redis.mget(keys) if keys else []
-        found = [self._understand(key, value) for key, value in zip(keys, values, strict=True) if value is not None]
+        found = [self._parse_report(key, value) for key, value in zip(keys, values, strict=True) if value is not None]
         reports = {report.name: report for report in found if report is not None}
         names = sorted(reports)
         whys: Any = self._redis.mget([pause_key(name) for name in names]) if names else []
         orders = {name: from_text(why.decode(errors="replace")) for name, why in zip(names, whys, strict=True) if why is not None}
         told: Any = self._redis.mget([vitals_key(name) for name in names]) if names else []
-        vitals = self._all_of(Vitals.from_bytes, vitals_key, names, told)
+        vitals = self._parse_all(Vitals.from_bytes, vitals_key, names, told)
         said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
-        offers = self._all_of(Offer.from_bytes, offer_key, names, said)
+        offers = self._parse_all(Offer.from_bytes, offer_key, names, said)
         self._speeds.note(reports.values())
         self._vanished |= dict.fromkeys(self.roster.reports.keys() - reports.keys(), self._looked)
         self._vanished = {name: since for name, since in self._vanished.items() if name not in reports}
@@ -186,14 +188,14 @@ class Workers:
             if had != has:
                 self._on_change(name)
 
-    def _look_at_clock(self, keys: list[Any]) -> None:
+    def _correct_expiries(self, keys: list[Any]) -> None:
         """Limits the expiry of the reports after Redis's clock was set back. Raises redis.RedisError.
 
         Otherwise the reports of departed workers, and the work in them, would persist for as long as the clock was set back.
         """
         seconds, micros = self._redis.time()
         before, self._ahead = self._ahead, seconds + micros / 1e6 - time.monotonic()
-        if self._ahead > before - PUT_BACK_S:
+        if self._ahead > before - CLOCK_SET_BACK_S:
             return
         with self._redis.pipeline(transaction=False) as all_at_once:
             for key in keys:
@@ -208,7 +210,7 @@ class Workers:
         tags = {tag for offer in offers.values() for tag in offer.tags if tag.startswith(SITE)}
         names = sorted(tag.removeprefix(SITE) for tag in tags)
         said: Any = self._redis.mget([site_key(name) for name in names]) if names else []
-        return self._all_of(SiteReport.from_bytes, site_key, names, said)
+        return self._parse_all(SiteReport.from_bytes, site_key, names, said)
 
     def ask(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
         """Sends each worker its terms, unless it has confirmed them already. Raises redis.RedisError.
@@ -224,7 +226,7 @@ class Workers:
             if wanted.digest != offer.keeps:
                 self._redis.set(terms_key(name), wanted.to_bytes())
 
-    def are_late(self) -> bool:
+    def has_late_report(self) -> bool:
         """Whether any worker's report is so old that its current work is unknown. Raises redis.RedisError."""
         with self._redis.pipeline(transaction=False) as all_at_once:
             for name in self.roster.reports:
@@ -235,16 +237,16 @@ class Workers:
     def away(self) -> set[str]:
         """Returns the names of workers that have stopped reporting but are still connected to Redis. Raises redis.RedisError."""
         now = time.monotonic()
-        lately = {name for name, since in self._vanished.items() if now - since < AWAY_S}
+        lately = {name for name, since in self._vanished.items() if now - since < SILENT_TIMEOUT_S}
         living = connected(self._redis, lately) if lately else set()
         self._vanished = {name: since for name, since in self._vanished.items() if name in living}
         return living
 
     def pause(self, name: str, why: str) -> None:
         """Pauses a worker until `resume` is called. why: the reason, for users. Thread-safe. Raises redis.RedisError."""
-        self._redis.set(pause_key(name), to_text(why), ex=ORDER_TTL_S)
+        self._redis.set(pause_key(name), to_text(why), ex=PAUSE_TTL_S)
 
-    def all_orders(self) -> dict[str, str]:
+    def pause_reasons(self) -> dict[str, str]:
         """Returns the reasons of all paused workers by name, including workers that are not connected.
 
         Raises redis.RedisError.
@@ -265,7 +267,7 @@ class Workers:
         Blocks for seconds; do not call it in the engine's thread. Raises redis.RedisError.
         """
         self._redis.set(log_wanted_key(name), b"1", ex=LOG_TTL_S)
-        deadline = time.monotonic() + LOG_PATIENCE_S
+        deadline = time.monotonic() + LOG_TIMEOUT_S
         while (found := self._redis.get(log_key(name))) is None and time.monotonic() < deadline:
             time.sleep(0.1)
         try:
@@ -274,21 +276,21 @@ class Workers:
             return None
         return [str(line)[:MAX_LINE] for line in lines[-MAX_LINES:]] if isinstance(lines, list) else None
 
-    def _all_of(
-        self, read: Callable[[bytes], Told], key_of: Callable[[str], str], names: list[str], values: list[bytes | None]
-    ) -> dict[str, Told]:
+    def _parse_all(
+        self, read: Callable[[bytes], Parsed], key_of: Callable[[str], str], names: list[str], values: list[bytes | None]
+    ) -> dict[str, Parsed]:
         """Parses the values of these workers' keys. Returns them by worker; invalid and missing ones are skipped."""
         found = {}
         for name, value in zip(names, values, strict=True):
-            if value is not None and (told := self._read(read, key_of(name).encode(), value)) is not None:
+            if value is not None and (told := self._parse(read, key_of(name).encode(), value)) is not None:
                 found[name] = told
         return found
 
-    def _understand(self, key: bytes, value: bytes) -> WorkerReport | None:
+    def _parse_report(self, key: bytes, value: bytes) -> WorkerReport | None:
         """Parses a worker's report; None if it is invalid, for instance because the worker has another release."""
-        return self._read(lambda value: report_of(key, value), key, value)
+        return self._parse(lambda value: report_of(key, value), key, value)
 
-    def _read(self, read: Callable[[bytes], Told], key: bytes, value: bytes) -> Told | None:
+    def _parse(self, read: Callable[[bytes], Parsed], key: bytes, value: bytes) -> Parsed | None:
         """Parses the value of a worker's key with `read`; None if that raises an error.
 
         An invalid value is added to the dead letters once.
@@ -297,7 +299,7 @@ class Workers:
             told = read(value)
         except Exception as error:
             if key not in self._strange:
-                if len(self._strange) >= MOST_STRANGE:
+                if len(self._strange) >= MAX_INVALID_KEYS:
                     self._strange.clear()
                 self._strange.add(key)
                 self._put_aside.add(key.decode(errors="backslashreplace")[:200], error, value)

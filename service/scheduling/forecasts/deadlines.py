@@ -18,23 +18,23 @@ from service.events import ItemKind
 from service.scheduling.forecasts.forecast import Forecast
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["Deadlines", "Recorded"]
+__all__ = ["DeadlineRecords", "Deadlines"]
 
-SURE_AFTER_S = 5.0  # the first forecasts of a job are distorted by kernel compilation
+RELIABLE_AFTER_S = 5.0  # the first forecasts of a job are distorted by kernel compilation
 RECORDS_EVERY_S = 5.0
-RESTS = 20  # minimum interval of reviews, as a multiple of their duration
+PAUSE_FACTOR = 20  # minimum interval of reviews, as a multiple of their duration
 
 
-Run = Callable[[str, Callable[[], object]], bool]
+RunStep = Callable[[str, Callable[[], object]], bool]
 
 
-class Recorded(Protocol):
+class DeadlineRecords(Protocol):
     """Interface of the database operations used here; implemented by service/scheduling/records.py."""
 
     def late(self, id: str, since: float | None) -> bool:
         """Stores the time since which a job is late; None: it is not late. Returns False if the job has ended or is deleted."""
 
-    def overdue(self, now: float) -> list[str]:
+    def store_overdue(self, now: float) -> list[str]:
         """Returns the ids of the jobs whose deadline has passed and that are not stored as late."""
 
 
@@ -42,7 +42,7 @@ class Deadlines:
     """The late jobs. Used only by the engine's thread."""
 
     def __init__(
-        self, records: Recorded, run: Callable[[str, Callable[[], object]], bool], tell: Callable[[ItemKind, str], None]
+        self, records: DeadlineRecords, run: Callable[[str, Callable[[], object]], bool], tell: Callable[[ItemKind, str], None]
     ) -> None:
         """Stores the parameters. run: runs a step that needs the database; returns False if the step has to wait."""
         self._records = records
@@ -66,7 +66,7 @@ class Deadlines:
             return
         begins = time.perf_counter()
         self._review(jobs, forecast, now)
-        self._rests_until = now + RESTS * (time.perf_counter() - begins) if len(jobs) > 1 else -math.inf
+        self._rests_until = now + PAUSE_FACTOR * (time.perf_counter() - begins) if len(jobs) > 1 else -math.inf
 
     def _review(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
         for job in jobs:
@@ -75,16 +75,16 @@ class Deadlines:
                 continue
             found = forecast(job, now)
             job.expected, job.unforeseen = found.at, found.why
-            if (changed := self._turned(job, now)) is not None:
-                self._run(job.id, lambda job=job, late=changed: self._note(job, late, now))  # type: ignore[misc]
+            if (changed := self._changed_lateness(job, now)) is not None:
+                self._run(job.id, lambda job=job, late=changed: self._log_change(job, late, now))  # type: ignore[misc]
         if now - self._looked >= RECORDS_EVERY_S:
             self._looked = now
             known = {job.id: job for job in jobs}
-            self._run("deadlines", lambda: self._note_overdue(known, now))
+            self._run("deadlines", lambda: self._record_overdue(known, now))
         for id in self._since.keys() - {job.id for job in jobs}:
             del self._since[id]
 
-    def _turned(self, job: ActiveJob, now: float) -> bool | None:
+    def _changed_lateness(self, job: ActiveJob, now: float) -> bool | None:
         """Returns whether a job is late if that has changed just now; None if it has not changed."""
         assert job.deadline is not None
         if now > job.deadline:
@@ -93,9 +93,9 @@ class Deadlines:
         if says_late == job.is_late:
             self._since.pop(job.id, None)
             return None
-        return says_late if now - self._since.setdefault(job.id, now) >= SURE_AFTER_S else None
+        return says_late if now - self._since.setdefault(job.id, now) >= RELIABLE_AFTER_S else None
 
-    def _note(self, job: ActiveJob, is_late: bool, now: float) -> None:
+    def _log_change(self, job: ActiveJob, is_late: bool, now: float) -> None:
         if not self._records.late(job.id, now if is_late else None):
             return
         self._since.pop(job.id, None)
@@ -104,8 +104,8 @@ class Deadlines:
         job.history.log.add_line("is expected after its deadline" if is_late else "is expected by its deadline again")
         self._tell("job", job.id)
 
-    def _note_overdue(self, known: dict[str, ActiveJob], now: float) -> None:
+    def _record_overdue(self, known: dict[str, ActiveJob], now: float) -> None:
         """Marks overdue jobs as late that are not active in the engine, such as those waiting for a scene or for other jobs."""
-        for id in self._records.overdue(now):
+        for id in self._records.store_overdue(now):
             if id not in known and self._records.late(id, now):
                 self._tell("job", id)

@@ -26,11 +26,11 @@ from service.scheduling.jobs.shares import Shares
 
 __all__ = ["Forecast", "Forecaster", "JobLines", "RemainingWork"]
 
-RENEWED_EVERY_S = 1.0
-RESTS = 20  # validity of a computation, as a multiple of its duration
+UPDATE_EVERY_S = 1.0
+VALIDITY_FACTOR = 20  # validity of a computation, as a multiple of its duration
 
 NO_SLOTS = Sentence("forecast-without-worker", "No worker is available to render it.")
-NO_COST = Sentence("forecast-speed-unknown", "Its rendering speed is not known yet.")
+SPEED_UNKNOWN = Sentence("forecast-speed-unknown", "Its rendering speed is not known yet.")
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class RemainingWork:
                     continue
                 self.jobs += 1
                 share = found.setdefault(job.share, _Share())
-                work = work_s(job, slots)
+                work = remaining_work_s(job, slots)
                 self.is_known &= work is not None
                 if job.is_late:
                     share.urgent[job.id] = job.urgency, work or 0.0
@@ -147,12 +147,12 @@ class Forecaster:
         slots = self._lines.slots_for(job)
         if slots <= 0:
             return Forecast(None, NO_SLOTS)
-        work = work_s(job, slots)
+        work = remaining_work_s(job, slots)
         most = [each for each in (job.max_slots, self._shares.terms_of(job.share).max_slots) if each is not None]
         alone = None if work is None else work / min([slots, *most])
         measured = job.eta_s if job.state == "running" and job.samples_per_s > 0.0 else alone
         if measured is None:
-            return Forecast(None, NO_COST)
+            return Forecast(None, SPEED_UNKNOWN)
         if work is None or alone is None or job.state == "paused":
             return Forecast(now + measured)
         crowd = self._remaining_work(self._lines.kind_for(job) or "", slots)
@@ -167,11 +167,11 @@ class Forecaster:
         if crowd is None or begins > until:
             crowd = RemainingWork(self._lines.by_priority(kind), self._shares, slots)
             ends = time.monotonic()
-            self._crowds[kind] = ends + max(RENEWED_EVERY_S, RESTS * (ends - begins)), crowd
+            self._crowds[kind] = ends + max(UPDATE_EVERY_S, VALIDITY_FACTOR * (ends - begins)), crowd
         return crowd
 
 
-def work_s(job: ActiveJob, slots: int) -> float | None:
+def remaining_work_s(job: ActiveJob, slots: int) -> float | None:
     """Returns the remaining work of a job in slot-seconds; None if its cost per sample is unknown. slots: that render it."""
     cost = job.sample_s
     if cost <= 0.0:

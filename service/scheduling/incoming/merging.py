@@ -15,11 +15,11 @@ from service.scheduling.jobs.plan import Range
 from service.store.contributions import Part
 from telemetry import tracing
 
-__all__ = ["Arrived", "batch_of", "merge"]
+__all__ = ["ReceivedBatch", "batch_of", "merge"]
 
 
 @dataclass(frozen=True)
-class Arrived:
+class ReceivedBatch:
     """A received batch. taken: whether the film accepted it; False for a duplicate.
 
     fault: why its sums cannot be used, or None.
@@ -31,13 +31,13 @@ class Arrived:
     fault: str | None = None  # why the sums are invalid
 
 
-def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrived]:
+def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[ReceivedBatch]:
     """Adds the batches that the job still needs to its film; returns all batches.
 
     Raises FilmWaits or FilmLost; then none was added.
     """
-    wanted = [_wanted(message, job) for message, _ in answers]
-    faults = [_weight(sums, batch, job) for (_, sums), batch in zip(answers, wanted, strict=True)]
+    wanted = [_wanted_batch(message, job) for message, _ in answers]
+    faults = [_weight_error(sums, batch, job) for (_, sums), batch in zip(answers, wanted, strict=True)]
     parts = [
         Part(
             batch.frame,
@@ -52,39 +52,39 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrive
         for (message, sums), batch, fault in zip(answers, wanted, faults, strict=True)
         if batch is not None and fault is None
     ]
-    with tracing.span("film", tracing.root_of("job", job.id), batches=len(parts)) if parts else nullcontext():
+    with tracing.span("film", tracing.root_span("job", job.id), batches=len(parts)) if parts else nullcontext():
         taken = iter(job.film.merge(parts) if parts else [])
     arrived = []
     for (message, sums), batch, fault in zip(answers, wanted, faults, strict=True):
         is_taken = batch is not None and fault is None and next(taken)
         if batch is not None and fault is None and not is_taken:
-            fault = _damage(sums, batch, job)
-        arrived.append(Arrived(message, batch, is_taken, fault))
+            fault = _decoding_error(sums, batch, job)
+        arrived.append(ReceivedBatch(message, batch, is_taken, fault))
     return arrived
 
 
 def batch_of(message: BatchDone | BatchFailed | BatchReturned, job: ActiveJob) -> Range | None:
     """Returns the batch that a message refers to; None if the job has no such frame, or its film no such tile."""
-    tile = job.film.index_of(Tile(*message.tile)) if message.frame in job.frames else None
+    tile = job.film.tile_index(Tile(*message.tile)) if message.frame in job.frames else None
     return None if tile is None else Range(tile, message.first, message.count, message.frame)
 
 
-def _wanted(message: BatchDone, job: ActiveJob) -> Range | None:
+def _wanted_batch(message: BatchDone, job: ActiveJob) -> Range | None:
     batch = batch_of(message, job)
     return batch if batch is not None and job.wants(batch) else None
 
 
-def _weight(sums: bytes, batch: Range | None, job: ActiveJob) -> str | None:
+def _weight_error(sums: bytes, batch: Range | None, job: ActiveJob) -> str | None:
     """Returns an error sentence if the sums have another number of samples than the batch; None if valid or no longer needed."""
-    return None if batch is None else _fault(lambda: check_weight(sums, job.film.tiles[batch.tile], batch.count))
+    return None if batch is None else _error_of(lambda: check_weight(sums, job.film.tiles[batch.tile], batch.count))
 
 
-def _damage(sums: bytes, batch: Range, job: ActiveJob) -> str | None:
+def _decoding_error(sums: bytes, batch: Range, job: ActiveJob) -> str | None:
     """Returns an error sentence if a batch's sums cannot be decoded, else None."""
-    return _fault(lambda: check_sums(sums, job.film.tiles[batch.tile]))
+    return _error_of(lambda: check_sums(sums, job.film.tiles[batch.tile]))
 
 
-def _fault(check: Callable[[], None]) -> str | None:
+def _error_of(check: Callable[[], None]) -> str | None:
     try:
         check()
     except ValueError as error:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 from pydantic import BaseModel, Field, PlainValidator, TypeAdapter, ValidationError, field_validator, model_validator
 
-from protocol.blends import written_of
+from protocol.blends import converted_files
 from protocol.contract import BlobRef, FrameInfo, SceneInfo, ScenePreview
 from renderer.sentences import Sentence
 from service.scheduling.fleet.reports import is_plain
@@ -31,7 +31,7 @@ __all__ = [
     "Message",
     "PrepareDone",
     "PrepareFailed",
-    "PrepareGoesOn",
+    "PrepareProgress",
     "PrepareReturned",
     "PrepareStarted",
     "ThumbnailMade",
@@ -46,18 +46,18 @@ SAME_RELEASE = Sentence(
     "advice-same-release", "Run the same release of Rayfarm on all machines."
 )  # ends the error of a worker that does not understand a batch
 DAY_S = 86400.0
-LONGEST_SENTENCE = 20_000  # characters
-LARGE = 1 << 31  # limit of the numbers that a faulty worker may have stored
-MOST_PIECES = 4096
-LARGEST_BLOB = 1 << 50  # bytes
+MAX_SENTENCE_LENGTH = 20_000  # characters
+MAX_STORED_NUMBER = 1 << 31  # limit of the numbers that a faulty worker may have stored
+MAX_PIECES = 4096
+MAX_BLOB_BYTES = 1 << 50  # bytes
 Id = Annotated[str, Field(max_length=200, pattern=r"^[^\x00]*$")]
 
 
 def _sentence(value: Any) -> str:
     """Shortens a sentence to the maximum length, and preserves its code."""
-    if not isinstance(value, str) or len(value) > LONGEST_SENTENCE:
-        raise ValueError(f"no text of at most {LONGEST_SENTENCE} characters")
-    return value.mapped(_without_zeros) if isinstance(value, Sentence) else _without_zeros(value)
+    if not isinstance(value, str) or len(value) > MAX_SENTENCE_LENGTH:
+        raise ValueError(f"no text of at most {MAX_SENTENCE_LENGTH} characters")
+    return value.mapped(_without_nul_characters) if isinstance(value, Sentence) else _without_nul_characters(value)
 
 
 Info = TypeVar("Info", SceneInfo, FrameInfo)
@@ -69,16 +69,16 @@ def _with_warnings(info: Info, sent: Any) -> Info:
     return replace(info, warnings=[_sentence(warning) for warning in warnings])
 
 
-def _without_zeros(text: str) -> str:
+def _without_nul_characters(text: str) -> str:
     return text.replace("\0", "\ufffd")
 
 
-Said = Annotated[str, PlainValidator(_sentence)]
-Number = Annotated[int, Field(ge=0, le=LARGE)]
+SentSentence = Annotated[str, PlainValidator(_sentence)]
+Number = Annotated[int, Field(ge=0, le=MAX_STORED_NUMBER)]
 Seconds = Annotated[float, Field(ge=0.0, le=DAY_S)]
 
-LONGEST_TEXT = 1 << 16
-DEEPEST = 8  # nesting levels of lists and objects
+MAX_TEXT_LENGTH = 1 << 16
+MAX_DEPTH = 8  # nesting levels of lists and objects
 
 
 class Unusable(ValueError):  # noqa: N818 - named as what it says
@@ -94,7 +94,7 @@ class _Batch(BaseModel):
     frame: Number
     tile: tuple[Number, Number, Number, Number]
     first: Number
-    count: Annotated[int, Field(ge=1, le=LARGE)]
+    count: Annotated[int, Field(ge=1, le=MAX_STORED_NUMBER)]
     worker: Id = ""
     lines: Annotated[list[Line], Field(max_length=20)] = []  # warnings that the slot logged while rendering
     took: Annotated[dict[Id, float], Field(max_length=20)] = {}  # seconds of each rendering step
@@ -110,7 +110,7 @@ class Piece(NamedTuple):
 
     batch: Id
     first: Number
-    count: Annotated[int, Field(ge=1, le=LARGE)]  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    count: Annotated[int, Field(ge=1, le=MAX_STORED_NUMBER)]  # type: ignore[assignment]  # hides tuple.count, which nobody needs
     seconds: Seconds
     worker: Id = ""  # the worker that rendered it, if several contributed
 
@@ -121,11 +121,11 @@ class BatchDone(_Batch):
     type: Literal["batch", "batches"]
     batch: Id = ""
     seconds: Seconds = 0.0
-    parts: Annotated[list[Piece], Field(max_length=MOST_PIECES)] = []
-    bad: Annotated[list[tuple[Number, Number, Number]], Field(max_length=MOST_PIECES)] = []
+    parts: Annotated[list[Piece], Field(max_length=MAX_PIECES)] = []
+    bad: Annotated[list[tuple[Number, Number, Number]], Field(max_length=MAX_PIECES)] = []
     bad_count: Number = 0
     traceparents: Annotated[
-        list[Id], Field(max_length=MOST_PIECES)
+        list[Id], Field(max_length=MAX_PIECES)
     ] = []  # tracing spans in which it was rendered, if tracing is on
 
     @property
@@ -139,7 +139,7 @@ class BatchDone(_Batch):
         return tuple(dict.fromkeys(piece.worker or self.worker for piece in self.pieces))
 
     @model_validator(mode="after")
-    def _all_of_it(self) -> BatchDone:
+    def _is_contiguous(self) -> BatchDone:
         end = self.first
         for piece in self.pieces:
             if piece.first != end:
@@ -154,16 +154,16 @@ class BatchFailed(_Batch):
     """Message: a batch could not be rendered."""
 
     type: Literal["batch-failed"]
-    error: Said
-    reproduce: Said | None = None
-    trace: Said = ""  # the last lines of the program's error output
+    error: SentSentence
+    reproduce: SentSentence | None = None
+    trace: SentSentence = ""  # the last lines of the program's error output
 
 
 class BatchReturned(_Batch):
     """Message: a worker sends back a batch because of its own trouble, such as a lost connection or a full disk."""
 
     type: Literal["batch-returned"]
-    error: Said
+    error: SentSentence
 
 
 class _Denoise(BaseModel):
@@ -189,7 +189,7 @@ class DenoiseFailed(_Denoise):
     """Message: a frame could not be denoised."""
 
     type: Literal["denoise-failed"]
-    error: Said
+    error: SentSentence
     unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
@@ -208,7 +208,7 @@ class VectorsFailed(_Vectors):
     """Message: a frame's motion vectors could not be computed."""
 
     type: Literal["vectors-failed"]
-    error: Said
+    error: SentSentence
     unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
@@ -223,7 +223,7 @@ class EnvironmentFailed(_Denoise):
     """Message: an uploaded environment image cannot be used for lighting."""
 
     type: Literal["environment-failed"]
-    error: Said
+    error: SentSentence
     unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
@@ -244,11 +244,11 @@ class PrepareStarted(_Prepare):
     type: Literal["prepare-started"]
 
 
-class PrepareGoesOn(_Prepare):
+class PrepareProgress(_Prepare):
     """Message: progress of a scene's preparation. `fraction`: 0 to 1."""
 
     type: Literal["prepare-progress"]
-    step: Said
+    step: SentSentence
     fraction: float = Field(ge=0.0, le=1.0)
     preview: ScenePreview | None = None
 
@@ -257,7 +257,7 @@ class PrepareGoesOn(_Prepare):
     def _usable(cls, preview: ScenePreview | None) -> ScenePreview | None:
         if preview is not None:
             _check(preview.preview)
-            _check_seen(preview)
+            _check_cameras(preview)
         return preview
 
 
@@ -269,22 +269,22 @@ class PrepareDone(_Prepare):
 
     @field_validator("info", mode="wrap")
     @classmethod
-    def _storable(cls, info: Any, validated: Callable[[Any], SceneInfo]) -> SceneInfo:
+    def _without_nul_in_info(cls, info: Any, validated: Callable[[Any], SceneInfo]) -> SceneInfo:
         return _with_warnings(validated(_without_nul(info)), info)
 
     @field_validator("info")
     @classmethod
     def _usable(cls, info: SceneInfo) -> SceneInfo:
-        written = written_of({"blend": info.blend})
+        written = converted_files({"blend": info.blend})
         for blob in (info.compiled, info.thumbnail, info.preview, *(written[1] if written is not None else ())):
             _check(blob)
         _check_seconds(info.seconds)
         _check_plain(info)
-        _check_seen(info)
+        _check_cameras(info)
         return info
 
     @model_validator(mode="after")
-    def _of_one_kind(self) -> PrepareDone:
+    def _has_one_kind(self) -> PrepareDone:
         if self.info.kind != self.kind:
             raise ValueError(f"it is of workers of the kind {self.info.kind[:80]!r}")
         return self
@@ -303,7 +303,7 @@ class ThumbnailMade(_Prepare):
         return thumbnail
 
 
-def _check_seen(info: SceneInfo | ScenePreview) -> None:
+def _check_cameras(info: SceneInfo | ScenePreview) -> None:
     if not all(math.isfinite(value) for corner in info.bounds for value in corner):
         raise ValueError("bounds are no numbers")
     if not info.cameras:
@@ -317,7 +317,7 @@ def _check(blob: BlobRef | None) -> None:
     for sha256, size in () if blob is None else ((blob.sha256, blob.size), *blob.parts):
         if not is_sha256(sha256):
             raise ValueError(f"{sha256[:80]!r} is no hash")
-        if not 0 <= size <= LARGEST_BLOB:
+        if not 0 <= size <= MAX_BLOB_BYTES:
             raise ValueError(f"{size} bytes is no size")
 
 
@@ -337,7 +337,7 @@ def _without_nul(value: Any) -> Any:
 
 def _check_plain(info: SceneInfo | FrameInfo) -> None:
     """Checks values that are stored as JSON and displayed: finite numbers, limited text lengths and depth. Raises ValueError."""
-    if not is_plain(asdict(info), DEEPEST, LONGEST_TEXT):
+    if not is_plain(asdict(info), MAX_DEPTH, MAX_TEXT_LENGTH):
         raise ValueError("a value that is not finite, too long or too deep")
 
 
@@ -345,7 +345,7 @@ class PrepareFailed(_Prepare):
     """Message: a scene cannot be prepared."""
 
     type: Literal["prepare-failed"]
-    error: Said
+    error: SentSentence
 
 
 class PrepareReturned(_Prepare):
@@ -355,7 +355,7 @@ class PrepareReturned(_Prepare):
     """
 
     type: Literal["prepare-returned"]
-    error: Said
+    error: SentSentence
     unfit: bool = False
     passing: bool = False
 
@@ -398,14 +398,14 @@ class FrameFailed(_Frames):
 
     type: Literal["frame-failed"]
     frame: Number
-    error: Said
+    error: SentSentence
 
 
 class FramesReturned(_Frames):
     """Message: a worker sends back the frames that it has not prepared. unfit, passing: as in PrepareReturned."""
 
     type: Literal["frames-returned"]
-    error: Said
+    error: SentSentence
     unfit: bool = False
     passing: bool = False
 
@@ -424,7 +424,7 @@ Message = (
     | DenoiseDone
     | DenoiseFailed
     | PrepareStarted
-    | PrepareGoesOn
+    | PrepareProgress
     | PrepareDone
     | ThumbnailMade
     | PrepareFailed

@@ -19,17 +19,17 @@ __all__ = ["Entry", "Position", "Results"]
 
 log = logging.getLogger(__name__)
 
-AT_MOST = 256  # entries per read; limits the time until the queue is checked again
-BYTES = 64 << 20  # approximate bytes per read; limits memory
+MAX_ENTRIES = 256  # entries per read; limits the time until the queue is checked again
+READ_BYTES = 64 << 20  # approximate bytes per read; limits memory
 
-LARGEST = 80 << 20  # bytes of an entry: the sums of a tile of 640 x 640 take 64 MiB
+MAX_ENTRY_BYTES = 80 << 20  # bytes of an entry: the sums of a tile of 640 x 640 take 64 MiB
 
-FIRST_READ = 64  # entries of the first reads, while their size is unknown
-CUT_OFF_TWICE = 2  # lost connections during the read of one entry before that entry is taken as the cause
+FIRST_READ_ENTRIES = 64  # entries of the first reads, while their size is unknown
+MAX_LOST_CONNECTIONS = 2  # lost connections during the read of one entry before that entry is taken as the cause
 SMOOTHING = 0.3
 CURSOR, READER = "cursor", "engine"  # a temporary consumer group, which returns an entry's id without its content
 # an id further ahead than a wrong clock was forged; after the largest id, Redis accepts no more entries
-FUTURE_MS = 7 * 86_400_000
+MAX_FUTURE_MS = 7 * 86_400_000
 
 Position = tuple[int, int]  # position in the stream; entries at or before it were appended earlier
 BEGINNING: Position = (0, 0)
@@ -61,7 +61,7 @@ class Results:
         self._redis = connection
         self._guard = guard
         self._read_to = BEGINNING
-        self._at_most = FIRST_READ
+        self._at_most = FIRST_READ_ENTRIES
         self.size = 0.0  # mean size of recent results, in bytes
         self.was_full = False  # whether the latest read was limited, so more entries may wait
         self._cut_off = 0  # consecutive reads of one entry during which the connection ended
@@ -80,7 +80,7 @@ class Results:
                 self._at_most //= 2
                 raise
             self._cut_off += 1
-            if self._cut_off < CUT_OFF_TWICE or (id := self._next_id()) is None:
+            if self._cut_off < MAX_LOST_CONNECTIONS or (id := self._next_id()) is None:
                 raise
             answer = {RESULTS: [(id, {})]}
         self._cut_off = 0
@@ -98,7 +98,7 @@ class Results:
             if sizes:
                 mean = sum(sizes) / len(sizes)
                 self.size += (mean - self.size) * (SMOOTHING if self.size else 1.0)
-                self._at_most = int(max(1, min(AT_MOST, BYTES / max(self.size, mean))))
+                self._at_most = int(max(1, min(MAX_ENTRIES, READ_BYTES / max(self.size, mean))))
         return entries
 
     def end(self) -> Position:
@@ -142,9 +142,9 @@ class Results:
         Deletes a key of another type, and an empty stream whose last id is far in the future.
         """
         if repair(self._redis, RESULTS, "stream"):
-            self.start_over()
+            self.reread()
             return True
-        if self.end()[0] <= time.time() * 1000 + FUTURE_MS:
+        if self.end()[0] <= time.time() * 1000 + MAX_FUTURE_MS:
             return False
         with self._redis.pipeline() as pipe:
             pipe.watch(RESULTS)
@@ -156,11 +156,11 @@ class Results:
                 pipe.execute()
             except redis.WatchError:
                 return False
-        self.start_over()
+        self.reread()
         log.warning("the stream of results is begun anew: its last id lay in the future")
         return True
 
-    def start_over(self) -> None:
+    def reread(self) -> None:
         """Resets the reading position, so that the whole stream is read again."""
         self._read_to = BEGINNING
 
@@ -187,9 +187,9 @@ def _position(id: bytes | str) -> Position:
 
 def _entry(id: bytes, fields: Any) -> Entry:
     size = sum(len(name) + len(value) for name, value in fields.items())
-    if not fields or size > LARGEST:
+    if not fields or size > MAX_ENTRY_BYTES:
         found = f"{size:,} bytes" if fields else "more than Redis sends at once"
-        return Entry(id, None, f"the entry is too large: {found}; at most {LARGEST:,} are taken", {})
+        return Entry(id, None, f"the entry is too large: {found}; at most {MAX_ENTRY_BYTES:,} are taken", {})
     try:
         return Entry(id, Result.from_fields(fields), "", fields)
     except Exception as error:  # invalid content must not block later entries

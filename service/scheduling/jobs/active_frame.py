@@ -14,11 +14,11 @@ from service.scheduling.jobs.plan import FramePlan, Range
 from service.store.coverage import Coverage
 from service.store.films import Film
 
-__all__ = ["FIRST_LOOK", "OF_NOISE", "ActiveFrame", "FrameNumbers", "FrameRow"]
+__all__ = ["FIRST_ESTIMATE_SAMPLES", "NOISE_PLANES", "ActiveFrame", "FrameNumbers", "FrameRow"]
 
-FIRST_LOOK = 8  # samples; noise estimates of fewer are unreliable
-LOOK_AGAIN = 4  # factor of samples between noise estimates
-OF_NOISE = (*range(CHANNELS)[COLOR], *range(CHANNELS)[COLOR_HALF], SAMPLES, SAMPLES_HALF)  # planes that film_math.noise reads
+FIRST_ESTIMATE_SAMPLES = 8  # samples; noise estimates of fewer are unreliable
+ESTIMATE_FACTOR = 4  # factor of samples between noise estimates
+NOISE_PLANES = (*range(CHANNELS)[COLOR], *range(CHANNELS)[COLOR_HALF], SAMPLES, SAMPLES_HALF)  # planes that film_math.noise reads
 
 
 class FrameNumbers(NamedTuple):
@@ -131,12 +131,12 @@ class ActiveFrame:
             self._plan = FramePlan(
                 *(self.film.tiles, self.spp, self.noise_asked, self._coverage, self._noise_for_plan, self.key, self.ceiling)
             )
-            self._plan.focus(self._in_focus())
-            self._changed()
+            self._plan.focus(self._tiles_in_focus())
+            self._notify_change()
         return self._plan
 
     @property
-    def has_all(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether every tile has reached its goal. Raises FilmWaits or FilmLost."""
         return self.is_begun and self.plan.done
 
@@ -146,7 +146,7 @@ class ActiveFrame:
         return self._plan is not None or self.film.has_file
 
     @property
-    def was_recorded(self) -> bool:
+    def has_recorded_samples(self) -> bool:
         """Whether the frame's target number of samples is already stored in its row."""
         return self._recorded[1] > 0
 
@@ -154,9 +154,9 @@ class ActiveFrame:
         """Sets the rectangle of the picture that is rendered first; None: no such rectangle."""
         self._focus = focus
         if self._plan is not None:
-            self._plan.focus(self._in_focus())
+            self._plan.focus(self._tiles_in_focus())
 
-    def _in_focus(self) -> list[int]:
+    def _tiles_in_focus(self) -> list[int]:
         f = self._focus
         if f is None:
             return []
@@ -167,7 +167,7 @@ class ActiveFrame:
         """Sets a new goal: samples per pixel and target noise. Discards the plan, so outstanding batches are planned again."""
         self.spp, self.noise_asked, self.ceiling = spp, noise, spp
         self._plan, self.is_idle = None, False
-        self._changed()
+        self._notify_change()
 
     @property
     def is_over(self) -> bool:
@@ -177,14 +177,14 @@ class ActiveFrame:
     @property
     def samples(self) -> int:
         """Number of rendered samples, summed over all pixels."""
-        return self._counted()[0]
+        return self._sample_counts()[0]
 
     @property
     def target_samples(self) -> int:
         """Expected final number of samples, summed over all pixels."""
-        return self._counted()[1]
+        return self._sample_counts()[1]
 
-    def _counted(self) -> tuple[int, int]:
+    def _sample_counts(self) -> tuple[int, int]:
         if self._sums is None:
             pixels = self.film.width * self.film.height
             if self._plan is None:
@@ -215,7 +215,7 @@ class ActiveFrame:
         """Raises the ceiling, the number of samples per pixel up to which batches may be dispatched."""
         self.ceiling = self.plan.ceiling = ceiling
         self.is_idle = False
-        self._changed()
+        self._notify_change()
 
     def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
         """Returns the next batch below the ceiling; None if all are dispatched. Raises FilmWaits or FilmLost.
@@ -225,11 +225,11 @@ class ActiveFrame:
         """
         return self.plan.next(samples_wanted, of_a_tile)
 
-    def lose(self, batch: Range) -> None:
+    def requeue(self, batch: Range) -> None:
         """Returns a lost batch to the plan, to be dispatched again."""
-        self.plan.lose(batch)
+        self.plan.requeue(batch)
         self.is_idle = False
-        self._changed()
+        self._notify_change()
 
     def settle(self, batch: Range) -> None:
         """Updates the plan and the noise from the film after a batch was merged. Raises FilmWaits or FilmLost."""
@@ -237,16 +237,16 @@ class ActiveFrame:
         self.is_idle = False
         if self.state == "queued":
             self.state = "running"
-        self._changed()
+        self._notify_change()
         if self._is_measured:
             covered = self._coverage(batch.tile)
-            done = self._measured.get(batch.tile, (FIRST_LOOK // LOOK_AGAIN, 0.0))[0]
+            done = self._measured.get(batch.tile, (FIRST_ESTIMATE_SAMPLES // ESTIMATE_FACTOR, 0.0))[0]
             if self._is_told_anew:
-                self.noise, self._is_told_anew = self._whole_noise(), False
-            if covered.prefix == covered.total and covered.total == self.ceiling >= FIRST_LOOK:
-                self._measure(batch.tile, covered.total)
-                self.noise = self._whole_noise()
-            elif covered.total >= LOOK_AGAIN * done:
+                self.noise, self._is_told_anew = self._extrapolated_noise(), False
+            if covered.prefix == covered.total and covered.total == self.ceiling >= FIRST_ESTIMATE_SAMPLES:
+                self._measure_tile(batch.tile, covered.total)
+                self.noise = self._extrapolated_noise()
+            elif covered.total >= ESTIMATE_FACTOR * done:
                 self._due[batch.tile] = None
 
     def estimate_noise(self, looks: NoiseBudget) -> None:
@@ -262,29 +262,29 @@ class ActiveFrame:
             covered = self._coverage(tile)
             if covered.prefix == covered.total > self._measured.get(tile, (0, 0.0))[0]:
                 with looks.charged():
-                    self._measure(tile, covered.total)
+                    self._measure_tile(tile, covered.total)
                 found = True
         if found:
-            self.noise = self._whole_noise()
+            self.noise = self._extrapolated_noise()
 
-    def renew_noise(self) -> None:
+    def update_noise(self) -> None:
         """Updates the frame's noise. For tiles with new samples it is extrapolated from their latest estimate."""
         if self._plan is not None and self._measured:
-            self.noise = self._whole_noise()
+            self.noise = self._extrapolated_noise()
 
     def measured(self) -> float:
         """Estimates the noise of all tiles now, and returns the frame's; infinity if unknown. Raises FilmWaits or FilmLost."""
         for tile, covered in enumerate(self.plan.covered):
             if self._measured.get(tile, (0, 0.0))[0] != covered:
-                self._measure(tile, covered)
-        self.noise = self._whole_noise()
-        self._changed()
+                self._measure_tile(tile, covered)
+        self.noise = self._extrapolated_noise()
+        self._notify_change()
         return math.inf if self.noise is None else self.noise
 
     def fail(self, error: str) -> None:
         """Marks the frame as failed with this error message."""
         self.state, self.error = "failed", error
-        self._changed()
+        self._notify_change()
 
     def finish(self) -> None:
         """Marks the frame as finished and frees its plan."""
@@ -292,9 +292,9 @@ class ActiveFrame:
         if self._plan is not None:  # the film stores the samples; a long shot would hold many plans
             self._recorded = self._plan.samples, self._plan.target_samples
             self._plan, self._measured, self._due = None, {}, {}
-        self._changed()
+        self._notify_change()
 
-    def _changed(self) -> None:
+    def _notify_change(self) -> None:
         self._sums = None
         self._on_change(self.key)
 
@@ -309,15 +309,15 @@ class ActiveFrame:
 
     def _noise_for_plan(self, tile: int) -> float:
         """Estimates the noise of a tile now and returns it, for the plan."""
-        self._measure(tile, self._coverage(tile).total)
+        self._measure_tile(tile, self._coverage(tile).total)
         self._is_told_anew = True
         return self._measured[tile][1]
 
-    def _measure(self, tile: int, samples: int) -> None:
+    def _measure_tile(self, tile: int, samples: int) -> None:
         if self._measured.get(tile, (0, 0.0))[0] != samples:
             self._measured[tile] = samples, self._tile_noise(tile)
 
-    def _whole_noise(self) -> float | None:
+    def _extrapolated_noise(self) -> float | None:
         """Returns the root mean square of the tiles' noise, weighted by area; None if unknown.
 
         The noise of tiles with newer samples than their estimate is extrapolated.
@@ -334,5 +334,5 @@ class ActiveFrame:
         return self.film.coverage(self.key, tile)
 
     def _tile_noise(self, tile: int) -> float:
-        sums = self.film.tile_planes(self.key, tile, OF_NOISE)
+        sums = self.film.tile_planes(self.key, tile, NOISE_PLANES)
         return math.inf if sums is None else film_math.noise(sums, self.film.film_exponent)

@@ -12,7 +12,7 @@ from protocol.contract import render_queue
 from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
-from service.scheduling.jobs.agenda import Agenda
+from service.scheduling.jobs.agenda import FrameOrder
 from service.scheduling.jobs.batch_failures import BatchFailures
 from service.scheduling.jobs.costs import Costs
 from service.scheduling.jobs.frame_progress import FrameProgress
@@ -21,7 +21,7 @@ from service.scheduling.jobs.noise_budget import NoiseBudget
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.shares import share_of
 from service.scheduling.jobs.totals import Totals
-from service.shot import IN_TURN, Shot
+from service.shot import IN_TURN_ORDER, Shot
 from service.store.films import Film
 from service.store.models import Job, blobs_of
 
@@ -29,8 +29,8 @@ __all__ = ["ActiveJob"]
 
 SMALLEST_BATCH_S = 0.04
 SMOOTHING = 0.3
-WORTH_A_SLOT_S = 30.0  # seconds of work that justify another slot
-AT_A_TIME = 2000  # frames per step
+WORK_PER_SLOT_S = 30.0  # seconds of work that justify another slot
+FRAMES_PER_STEP = 2000  # frames per step
 
 
 class ActiveJob:
@@ -80,7 +80,7 @@ class ActiveJob:
         self.served = 0  # sequence number of its latest batch among all batches
         self.frames: dict[int, ActiveFrame] = {}
         self.focus = row.focus
-        self.agenda: Agenda  # created by `begin`
+        self.agenda: FrameOrder  # created by `begin`
         self._is_begun = False
         self._goals: dict[int, int] = {}  # frames with their own number of samples
         self._totals: Totals
@@ -116,26 +116,28 @@ class ActiveJob:
         exhausted.
         """
         self.focus_on(self.focus)
-        order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
+        order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN_ORDER, 1)
         assert self.spp is not None
-        self.agenda = Agenda(self.frames, order, every, self.spp, self._goals)
+        self.agenda = FrameOrder(self.frames, order, every, self.spp, self._goals)
         self.agenda.first = self.shot.first if self.shot else None
         self._totals = Totals(self.frames)
         yield
         self._is_begun = True
         for kind in self.compiled:
             self.agenda.turns.expect(kind)
-        while not self.agenda.turns.look(AT_A_TIME):
+        while not self.agenda.turns.look(FRAMES_PER_STEP):
             yield
-        while not self._totals.count(AT_A_TIME):
+        while not self._totals.count(FRAMES_PER_STEP):
             yield
         self._rated = (self._clock, self.samples)
-        yield from self.tally.begin(AT_A_TIME)
+        yield from self.tally.begin(FRAMES_PER_STEP)
 
     def _frame(self, row: FrameRow) -> ActiveFrame:
         assert self.spp is not None
         if self.shot is None:
-            frame = ActiveFrame(row, self.film, self.settings, self.compiled, self.spp, self.noise, True, on_change=self._note)
+            frame = ActiveFrame(
+                row, self.film, self.settings, self.compiled, self.spp, self.noise, True, on_change=self._note_change
+            )
             frame.state = "queued"  # the job has the state of a still's frame
             if self.film.has_file:  # a plan takes kilobytes, and thousands of jobs may wait
                 frame.plan  # noqa: B018 - a film that cannot be read is found out now
@@ -148,8 +150,8 @@ class ActiveJob:
             row = row._replace(state="queued")  # the film lost its latest samples in a power failure
         if self.shot.order == "noisiest-first":
             most = min(MAX_SPP, max(64 * self.spp, self.spp))
-            return ActiveFrame(row, self.film, settings, own, most, self.noise, True, min(self.spp, most), self._note)
-        return ActiveFrame(row, self.film, settings, own, row.spp or self.spp, self.noise, True, on_change=self._note)
+            return ActiveFrame(row, self.film, settings, own, most, self.noise, True, min(self.spp, most), self._note_change)
+        return ActiveFrame(row, self.film, settings, own, row.spp or self.spp, self.noise, True, on_change=self._note_change)
 
     @property
     def done(self) -> bool:
@@ -158,9 +160,9 @@ class ActiveJob:
             return False
         if self.shot is None:
             (frame,) = self.frames.values()
-            if frame.has_all:
+            if frame.is_complete:
                 return True
-        elif self._totals.renewed().over == len(self.frames):
+        elif self._totals.updated().over == len(self.frames):
             return True
         return self.seconds is not None and self.active_s >= self.seconds and self.has_first_wave
 
@@ -174,17 +176,17 @@ class ActiveJob:
     @property
     def samples(self) -> int:
         """Number of rendered samples, summed over all frames and pixels."""
-        return self._totals.renewed().samples
+        return self._totals.updated().samples
 
     @property
     def target_samples(self) -> int:
         """Expected final number of samples, summed over all frames and pixels."""
-        return self._totals.renewed().target
+        return self._totals.updated().target
 
     @property
     def bad_samples(self) -> int:
         """Number of samples discarded because they were NaN or infinite."""
-        return self._totals.renewed().bad_samples
+        return self._totals.updated().bad_samples
 
     @property
     def progress(self) -> float:
@@ -194,14 +196,14 @@ class ActiveJob:
         return 1.0 if self.done else min(max(by_samples, by_time), 0.9999)
 
     @property
-    def noise_now(self) -> float | None:
+    def current_noise(self) -> float | None:
         """Maximum noise over the frames; None while that of any frame is unknown."""
-        return self._totals.renewed().noise.value
+        return self._totals.updated().noise.value
 
     @property
     def forecast(self) -> float | None:
         """Maximum over the frames of the expected final noise; None if unknown."""
-        return self.agenda.forecast if self.agenda.forecast is not None else self._totals.renewed().ends.value
+        return self.agenda.forecast if self.agenda.forecast is not None else self._totals.updated().ends.value
 
     @property
     def eta_s(self) -> float | None:
@@ -232,13 +234,13 @@ class ActiveJob:
         if self.done or self.state == "paused":
             return 0
         left_s = max(self.target_samples - self.samples, 0) * self._costs.average
-        return max(1, math.ceil(left_s / WORTH_A_SLOT_S))
+        return max(1, math.ceil(left_s / WORK_PER_SLOT_S))
 
     def touch(self, frame: ActiveFrame) -> None:
         """Marks a frame as changed, so that its numbers are updated."""
-        self._note(frame.key)
+        self._note_change(frame.key)
 
-    def _note(self, key: int) -> None:
+    def _note_change(self, key: int) -> None:
         """Marks a frame as changed; before `begin` has counted the frames there is nothing to mark."""
         if not self._is_begun:
             return
@@ -247,7 +249,7 @@ class ActiveJob:
         self.tally.note(key)
         self.unwritten.add(key)
 
-    def aim_s(self, batch_seconds: float, slots: int) -> float:
+    def target_s(self, batch_seconds: float, slots: int) -> float:
         """Returns the target duration, in seconds, of the work that is dispatched to a slot at once.
 
         Near the end of the job it is at most a third of the remaining work per slot, so that all slots end at about the same
@@ -261,7 +263,7 @@ class ActiveJob:
 
         slots: number of slots of this worker kind. of_a_tile: maximum number of consecutive batches of one tile.
         """
-        aim = self.aim_s(batch_seconds, slots)
+        aim = self.target_s(batch_seconds, slots)
 
         def samples_wanted(tile: int) -> int:
             rect = self.film.tiles[tile]
@@ -274,14 +276,14 @@ class ActiveJob:
                 return batch
             if not self.agenda.passed(frame):
                 frame.is_idle = True
-                self._note(frame.key)
-                self._unsettled_frame(frame)  # its film may be complete already, in which case no batch will return
+                self._note_change(frame.key)
+                self._updating_frame(frame)  # its film may be complete already, in which case no batch will return
         return None
 
-    def lose(self, batch: Range) -> None:
+    def requeue(self, batch: Range) -> None:
         """Returns a lost batch to the plan, which dispatches it first."""
         if (frame := self.frames.get(batch.frame)) is not None:
-            frame.lose(batch)
+            frame.requeue(batch)
 
     def wants(self, batch: Range) -> bool:
         """Whether the job still needs the samples of this batch."""
@@ -304,7 +306,7 @@ class ActiveJob:
         seconds: its rendering time.
         """
         self.handed_back = None
-        self._learn(batch, seconds)
+        self._learn_cost(batch, seconds)
         last = self._unsettled[-1] if self._unsettled else None
         if last is not None and (last.frame, last.tile, last.first + last.count) == (batch.frame, batch.tile, batch.first):
             self._unsettled[-1] = last._replace(count=last.count + batch.count)  # one update of the plan for consecutive batches
@@ -319,18 +321,18 @@ class ActiveJob:
             if frame is not None:
                 frame.settle(batch)
                 frame.estimate_noise(self.looks)
-                self._unsettled_frame(frame)
+                self._updating_frame(frame)
             self._unsettled.pop(0)
 
-    def _unsettled_frame(self, frame: ActiveFrame) -> None:
+    def _updating_frame(self, frame: ActiveFrame) -> None:
         if self.shot is not None:
-            self.agenda.settled(frame)
-        self._note(frame.key)
+            self.agenda.finish_if_complete(frame)
+        self._note_change(frame.key)
 
     def fail(self, frame: ActiveFrame, error: str) -> None:
         """Marks a frame as failed; the other frames continue. Raises FilmWaits or FilmLost."""
         frame.fail(error)
-        self._unsettled_frame(frame)
+        self._updating_frame(frame)
 
     def prepared(self, frame: ActiveFrame, kind: str, settings: RenderSettings, own: dict[str, object] | None) -> None:
         """Marks a frame as prepared for a worker kind. own: BlobRef of the scene compiled for this frame only, as JSON."""
@@ -350,10 +352,10 @@ class ActiveJob:
             for kind in [kind for kind in frame.own if all_frames or frame.is_over or kind not in frame.compiled]:
                 gone.update(blobs_of([frame.own.pop(kind)]))
                 frame.compiled.pop(kind, None)
-                self._note(frame.key)
+                self._note_change(frame.key)
         return gone
 
-    def compiled_for(self, kind: str, sha256: str) -> None:
+    def add_compiled_kind(self, kind: str, sha256: str) -> None:
         """Records that the scene was compiled for a worker kind."""
         self.compiled[kind] = sha256
         if self.shot is None:  # a still is rendered from it directly
@@ -395,9 +397,9 @@ class ActiveJob:
             self.samples_per_s += (rate - self.samples_per_s) * (SMOOTHING if self.samples_per_s else 1.0)
             self._rated = (now, self.samples)
 
-    def _learn(self, batch: Range, seconds: float) -> None:
+    def _learn_cost(self, batch: Range, seconds: float) -> None:
         rect = self.film.tiles[batch.tile]
         samples = rect.w * rect.h * batch.count
-        if self._costs.learn(batch.tile, seconds / samples):
+        if self._costs.record(batch.tile, seconds / samples):
             self.rendered += samples
             self.rendered_s += seconds

@@ -14,15 +14,15 @@ import math
 from collections.abc import Iterator, Mapping
 
 from service.scheduling.jobs.active_frame import ActiveFrame
-from service.scheduling.jobs.frame_queue import FrameQueue, Turn
+from service.scheduling.jobs.frame_queue import FrameQueue, SortKey
 
-__all__ = ["Agenda", "shares"]
+__all__ = ["FrameOrder", "goals_of_frames"]
 
-ROUNDS = ("breadth-first", "noisiest-first")  # orders that render a frame in several passes
-PILOT = 16  # samples per pixel before a frame's noise determines its share of the budget
+MULTI_PASS_ORDERS = ("breadth-first", "noisiest-first")  # orders that render a frame in several passes
+PILOT_SAMPLES = 16  # samples per pixel before a frame's noise determines its share of the budget
 
 
-class Agenda:
+class FrameOrder:
     """Order in which a job's frames are rendered. `frames`: by key, in the shot's order."""
 
     def __init__(
@@ -37,7 +37,7 @@ class Agenda:
         self._order = order
         self._spp = spp
         self._rank = dict(zip(frames, _ranks(len(frames), order, every), strict=True))
-        self._pilot = max(1, min(PILOT, spp // 2))
+        self._pilot = max(1, min(PILOT_SAMPLES, spp // 2))
         self._pending: set[int] = set()
         self._first: int | None = None
         self.forecast: float | None = None  # expected final noise of the shot
@@ -65,17 +65,17 @@ class Agenda:
         """Returns the next frame for workers of this kind; None if no prepared frame has work."""
         return self.turns.ready(kind)
 
-    def overtakes(self, frame: ActiveFrame, kind: str) -> bool:
+    def is_out_of_order(self, frame: ActiveFrame, kind: str) -> bool:
         """Whether a frame precedes only because a frame before it in the order is not prepared yet.
 
         Only for orders with rounds.
         """
-        if self._order not in ROUNDS:
+        if self._order not in MULTI_PASS_ORDERS:
             return False
-        first = self.turns.first_lacking(kind)
+        first = self.turns.first_unprepared(kind)
         return first is not None and first < self.turn(frame)
 
-    def turn(self, frame: ActiveFrame) -> Turn:
+    def turn(self, frame: ActiveFrame) -> SortKey:
         """Returns the sort key of a frame. The frame with the smallest key is rendered first."""
         rank = self._rank[frame.key]
         before = 0.0 if frame.key == self.first else 1.0
@@ -97,7 +97,7 @@ class Agenda:
         frame.raise_ceiling(min(2 * frame.ceiling, top))
         return True
 
-    def settled(self, frame: ActiveFrame) -> None:
+    def finish_if_complete(self, frame: ActiveFrame) -> None:
         """Finishes a frame if it is complete. If it was the last frame of the round, starts the next round.
 
         Call it after a batch of the frame returned, after all its batches were dispatched, or after it failed. Raises FilmWaits
@@ -110,15 +110,15 @@ class Agenda:
         if frame.is_over or (frame.ceiling >= self._pilot and frame.plan.has(frame.ceiling)):
             self._pending.discard(frame.key)
             if not self._pending:
-                self._lay_out()
+                self._plan_round()
 
-    def _lay_out(self) -> None:
+    def _plan_round(self) -> None:
         """Computes the sample goals of the next round. Finishes all frames if no budget remains."""
         open = [f for f in self._frames.values() if not f.is_over]
         noises = [f.measured() for f in open]
         spent = sum(f.ceiling for f in self._frames.values() if f.state == "finished")
         budget = self._spp * sum(f.state != "failed" for f in self._frames.values()) - spent
-        goals, self.forecast = shares([f.ceiling for f in open], noises, budget, max((f.spp for f in open), default=1))
+        goals, self.forecast = goals_of_frames([f.ceiling for f in open], noises, budget, max((f.spp for f in open), default=1))
         rising = [(f, goal) for f, goal in zip(open, goals, strict=True) if goal > f.ceiling]
         for frame, goal in rising:
             self.new_goals[frame.key] = goal
@@ -134,7 +134,7 @@ class Agenda:
         self.new_goals = {}
 
 
-def shares(has: list[int], noise: list[float], budget: int, most: int) -> tuple[list[int], float | None]:
+def goals_of_frames(has: list[int], noise: list[float], budget: int, most: int) -> tuple[list[int], float | None]:
     """Returns the next goal of each frame in samples per pixel, and the expected maximum noise after `budget` samples (or None).
 
     has, noise: samples per pixel and relative noise of each frame. budget: samples per pixel summed over all frames, including

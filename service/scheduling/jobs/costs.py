@@ -10,7 +10,7 @@ __all__ = ["Costs"]
 
 SMOOTHING = 0.3
 LEAST_COST = 32.0  # the cost is at least 1/32 of the average, which limits the effect of a wrong measurement
-OUTLIER = 4.0  # larger ratios of measured to expected time are ignored as outliers, such as a first kernel compilation
+OUTLIER_RATIO = 4.0  # larger ratios of measured to expected time are ignored as outliers, such as a first kernel compilation
 MOST_FASTER, MOST_SLOWER = 1.5, 4.0  # limits of corrections by the pace
 
 
@@ -29,12 +29,12 @@ class Costs:
         cost, pace = self._tiles[tile]
         return cost * min(max(self._pace / pace, 1 / MOST_FASTER), MOST_SLOWER)
 
-    def learn(self, tile: int, cost: float) -> bool:
+    def record(self, tile: int, cost: float) -> bool:
         """Records the measured cost of a batch. Returns False if it is 0 and no other is known."""
         cost = max(cost, self.average / LEAST_COST)
         if cost <= 0.0:
             return False
-        if tile in self._tiles and 1 / OUTLIER < (ratio := cost / self.of(tile)) < OUTLIER:
+        if tile in self._tiles and 1 / OUTLIER_RATIO < (ratio := cost / self.of(tile)) < OUTLIER_RATIO:
             self._pace *= ratio**SMOOTHING
         self._tiles[tile] = cost, self._pace
         self.average += (cost - self.average) * (SMOOTHING if self.average else 1.0)

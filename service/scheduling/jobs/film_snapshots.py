@@ -17,9 +17,9 @@ from pathlib import Path
 from weakref import WeakKeyDictionary
 
 from service.errors import FarmError
-from service.scheduling.jobs.active_frame import FIRST_LOOK, ActiveFrame
+from service.scheduling.jobs.active_frame import FIRST_ESTIMATE_SAMPLES, ActiveFrame
 from service.scheduling.jobs.active_job import ActiveJob
-from service.store.film_moment import FilmMoment
+from service.store.film_moment import FilmSnapshotView
 from service.store.film_snapshots import FilmSnapshot, FilmSnapshots
 from service.store.films import Film
 from service.watching.film_packet import film_packet
@@ -41,7 +41,7 @@ class _Progress:
     def is_reached(self, frame: ActiveFrame) -> bool:
         """Whether every tile has the required samples. A tile that has them is not checked again."""
         tiles = len(frame.plan.tiles)
-        while self._reached < tiles and not frame.plan.lacks(self._reached, self.due):
+        while self._reached < tiles and not frame.plan.tile_lacks(self._reached, self.due):
             self._reached += 1
         return self._reached == tiles
 
@@ -67,7 +67,7 @@ class SnapshotKeeper:
 
     def look(self, job: ActiveJob) -> None:
         """Creates a snapshot if one is due after new samples. Shots and finished pictures get none."""
-        if job.shot is not None or self._kept.is_off:
+        if job.shot is not None or self._kept.is_disabled:
             return
         (frame,) = job.frames.values()
         if not frame.is_begun:
@@ -88,7 +88,7 @@ class SnapshotKeeper:
             self._room.release()
             log.info("job %s: no snapshot at %d samples: %s", job.id, spp, error)
             return
-        noise = job.noise_now if spp >= FIRST_LOOK else None  # before that, some tiles have no noise estimate
+        noise = job.current_noise if spp >= FIRST_ESTIMATE_SAMPLES else None  # before that, some tiles have no noise estimate
         facts = FilmSnapshot(spp, 0, 0, 0, round(job.active_s, 3), noise, round(time.time(), 2))
         self._writer.submit(self._write, job.id, frame.key, facts, moment, job.film)
 
@@ -96,7 +96,7 @@ class SnapshotKeeper:
         """Stops the thread after the snapshot that it is writing. Pending ones are discarded."""
         self._writer.shutdown(cancel_futures=True)
 
-    def _write(self, job: str, frame: int, facts: FilmSnapshot, moment: FilmMoment, film: Film) -> None:
+    def _write(self, job: str, frame: int, facts: FilmSnapshot, moment: FilmSnapshotView, film: Film) -> None:
         try:
             with moment:
                 tiles = [(moment.coverage(frame, i).total, tile.w * tile.h) for i, tile in enumerate(moment.tiles)]

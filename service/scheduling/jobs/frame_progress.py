@@ -27,7 +27,7 @@ class FrameProgress:
         """Counts all frames for the first time; yields after each step. some: number of frames per step."""
         keys, numbers = list(self._frames), dict[int, FrameNumbers]()
         for at in range(0, len(keys), some):
-            numbers |= self._counted(keys[at : at + some])
+            numbers |= self._numbers_of(keys[at : at + some])
             yield
         self._numbers = numbers
 
@@ -38,7 +38,7 @@ class FrameProgress:
     def numbers(self) -> Mapping[int, FrameNumbers]:
         """Returns the progress of each frame by key. The mapping is never modified; a change creates a new one."""
         if self._changed:
-            self._numbers = {**self._numbers, **self._counted(self._changed)}
+            self._numbers = {**self._numbers, **self._numbers_of(self._changed)}
             self._changed = set()
         return self._numbers
 
@@ -46,7 +46,7 @@ class FrameProgress:
         """Returns the number of frames in each state, and the sorted keys of those that failed."""
         return +self._states, tuple(sorted(self._failed))
 
-    def _counted(self, keys: Iterable[int]) -> dict[int, FrameNumbers]:
+    def _numbers_of(self, keys: Iterable[int]) -> dict[int, FrameNumbers]:
         now = {key: self._frames[key].numbers() for key in keys}
         for key, numbers in now.items():
             if (before := self._numbers.get(key)) is not None:

@@ -12,23 +12,23 @@ from itertools import islice
 from service.scheduling.jobs.active_frame import ActiveFrame
 from service.scheduling.jobs.lazy_heap import LazyHeap
 
-__all__ = ["FrameQueue", "Turn"]
+__all__ = ["FrameQueue", "SortKey"]
 
-Turn = tuple[float, ...]  # sort key; the smallest comes first
-TurnOf = Callable[[ActiveFrame], Turn]
-Line = LazyHeap[Turn]
+SortKey = tuple[float, ...]  # sort key; the smallest comes first
+SortKeyOf = Callable[[ActiveFrame], SortKey]
+FrameHeap = LazyHeap[SortKey]
 
 
 class FrameQueue:
     """Queues of a job's frames, by worker kind. Call `note` for each change. Used only by the engine's thread."""
 
-    def __init__(self, frames: Mapping[int, ActiveFrame], turn: TurnOf) -> None:
+    def __init__(self, frames: Mapping[int, ActiveFrame], turn: SortKeyOf) -> None:
         """Creates the queues. turn: returns the current sort key of a frame."""
         self._frames = frames
         self._turn = turn
         self._changed: dict[int, None] = {}
-        self._ready: dict[str, Line] = {}  # by kind: frames that can be rendered
-        self._lacking: dict[str, Line] = {}  # by kind: frames that are not prepared and not being prepared
+        self._ready: dict[str, FrameHeap] = {}  # by kind: frames that can be rendered
+        self._lacking: dict[str, FrameHeap] = {}  # by kind: frames that are not prepared and not being prepared
         self._preparing: dict[int, None] = {}  # frames being prepared
         self._owning: dict[int, None] = {}  # frames with their own compiled scene
         self.note(*frames)
@@ -39,22 +39,22 @@ class FrameQueue:
 
     def ready(self, kind: str) -> ActiveFrame | None:
         """Returns the next frame to render by workers of this kind; None if no prepared frame has work."""
-        first = self._line(self._ready, kind).first()
+        first = self._heap_of(self._ready, kind).first()
         return None if first is None else self._frames[first[1]]
 
-    def ready_before(self, kind: str, turn: Turn, most: int) -> int:
+    def count_ready_before(self, kind: str, turn: SortKey, most: int) -> int:
         """Returns the number of prepared frames whose sort key is below `turn`; at most `most`."""
-        return self._line(self._ready, kind).before(turn, most)
+        return self._heap_of(self._ready, kind).before(turn, most)
 
     def lacking(self, kind: str, most: int) -> list[ActiveFrame]:
         """Returns the first frames that must be prepared for workers of this kind; at most `most`."""
-        return [self._frames[key] for key in self._line(self._lacking, kind).first_keys(most)]
+        return [self._frames[key] for key in self._heap_of(self._lacking, kind).first_keys(most)]
 
-    def first_lacking(self, kind: str) -> Turn | None:
+    def first_unprepared(self, kind: str) -> SortKey | None:
         """Returns the smallest sort key of the frames not prepared for this kind, including those in preparation; None if there
         are none.
         """
-        first = self._line(self._lacking, kind).first()
+        first = self._heap_of(self._lacking, kind).first()
         at_it = (self._turn(f) for f in self.preparing() if kind not in f.compiled and not f.is_over and not f.is_idle)
         return min(at_it if first is None else (first[0], *at_it), default=None)
 
@@ -74,7 +74,7 @@ class FrameQueue:
             self._ready[kind], self._lacking[kind] = LazyHeap(), LazyHeap()
             self.note(*self._frames)
 
-    def _line(self, lines: dict[str, Line], kind: str) -> Line:
+    def _heap_of(self, lines: dict[str, FrameHeap], kind: str) -> FrameHeap:
         self.expect(kind)
         self.look()
         return lines[kind]
@@ -87,11 +87,11 @@ class FrameQueue:
         for key in list(islice(self._changed, most)):
             del self._changed[key]
             frame = self._frames[key]
-            _keep(self._preparing, key, frame.is_preparing)
-            _keep(self._owning, key, bool(frame.own))
+            _set_membership(self._preparing, key, frame.is_preparing)
+            _set_membership(self._owning, key, bool(frame.own))
             is_open = not frame.is_over and not frame.is_idle
             turn = self._turn(frame) if is_open else ()
-            for kind, ready, lacking in self._lines():
+            for kind, ready, lacking in self._heaps():
                 is_ready = kind in frame.compiled
                 for line, is_in in ((ready, is_ready), (lacking, not is_ready and not frame.is_preparing)):
                     if is_open and is_in:
@@ -100,12 +100,12 @@ class FrameQueue:
                         line.drop(key)
         return not self._changed
 
-    def _lines(self) -> Iterator[tuple[str, Line, Line]]:
+    def _heaps(self) -> Iterator[tuple[str, FrameHeap, FrameHeap]]:
         for kind, ready in self._ready.items():
             yield kind, ready, self._lacking[kind]
 
 
-def _keep(among: dict[int, None], key: int, is_in: bool) -> None:
+def _set_membership(among: dict[int, None], key: int, is_in: bool) -> None:
     if is_in:
         among[key] = None
     else:

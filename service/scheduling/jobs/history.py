@@ -12,7 +12,7 @@ __all__ = ["History"]
 
 MOST_POINTS = 128
 MOST_EVENTS = 100  # the latest are kept, and the first
-STEP = 1.04  # factor of samples between points
+POINT_SPACING = 1.04  # factor of samples between points
 SENTENCES = {
     "begun": "rendering begins on workers of {}",
     "taken": "begins with what job {} has rendered",
@@ -60,13 +60,13 @@ class History:
         return {"points": self.points, "events": self.events}
 
     def add_point(self, seconds: float, samples: int, noise: float | None, is_end: bool = False) -> None:
-        """Adds a point if the samples have grown by the factor `STEP` since the last one.
+        """Adds a point if the samples have grown by the factor `POINT_SPACING` since the last one.
 
         is_end: also if they have grown less.
         """
         last = self.points[-1] if self.points else None
         has = (last[1] or 0) if last is not None else 0
-        if samples <= has or (samples < STEP * has and not is_end):
+        if samples <= has or (samples < POINT_SPACING * has and not is_end):
             return
         if len(self.points) >= MOST_POINTS:
             del self.points[1::2]  # the axes are logarithmic, so early points stay dense enough

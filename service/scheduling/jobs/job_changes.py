@@ -13,7 +13,7 @@ from renderer.settings import MAX_SPP, RenderSettings
 from service.errors import Conflict, FilmLost, Invalid
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
-from service.store.models import ACTIVE, FINAL, Job, Wait
+from service.store.models import ACTIVE_STATES, FINAL_STATES, Job, Wait
 
 __all__ = ["begins_anew", "drop_failed_dependencies", "set_focus", "set_samples", "set_state"]
 
@@ -73,7 +73,7 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
         if job.state != "cancelled":
             job.state, job.finished = "cancelled", time.time()
     elif state == "paused":
-        if job.state not in ACTIVE:
+        if job.state not in ACTIVE_STATES:
             raise Conflict(
                 Sentence(
                     "job-not-pausable",
@@ -82,7 +82,7 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
                 )
             )
         job.state = "paused"
-    elif job.state == "paused" or job.state in FINAL:
+    elif job.state == "paused" or job.state in FINAL_STATES:
         job.state, job.finished, job.error, job.reproduce = "queued", None, None, None
         if is_anew:
             job.kind, job.active_s = None, 0.0
@@ -90,7 +90,7 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
 
 def drop_failed_dependencies(jobs: list[str], session: Session) -> None:
     """Removes dependencies of these jobs on jobs that failed, were cancelled or were deleted."""
-    active = select(Job.id).where(Job.state.in_(ACTIVE))
+    active = select(Job.id).where(Job.state.in_(ACTIVE_STATES))
     session.execute(delete(Wait).where(Wait.job.in_(jobs), Wait.other.not_in(active)))
 
 
@@ -99,7 +99,7 @@ def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
 
     Raises Invalid and Conflict.
     """
-    if focus is not None and job.state in FINAL:
+    if focus is not None and job.state in FINAL_STATES:
         raise Conflict(
             Sentence(
                 "job-focus-not-rendering",
@@ -128,18 +128,18 @@ def begins_anew(job: Job, films: FilmStore) -> bool:
     Reads the whole film of a still image, which may have undetected damage; a shot's film only if it is known to be damaged,
     since reading may take minutes. Raises FilmWaits and FilmLost.
     """
-    if job.state not in FINAL or job.settings is None or job.tile_size is None:
+    if job.state not in FINAL_STATES or job.settings is None or job.tile_size is None:
         return False
     try:
         settings = RenderSettings.from_json(job.settings)
     except SettingsError:
         return False  # the engine reports it when it loads the job
     if job.shot is None or FILM in (job.error or ""):
-        films.heal(job.id, settings, job.tile_size)
+        films.delete_damaged(job.id, settings, job.tile_size)
     try:
         return films.open(job.id, settings, job.tile_size).is_empty
     except FilmLost:
-        films.heal(job.id, settings, job.tile_size)
+        films.delete_damaged(job.id, settings, job.tile_size)
         return films.open(job.id, settings, job.tile_size).is_empty
 
 

@@ -14,14 +14,14 @@ from pathlib import Path
 
 from renderer.printable import one_line
 from service.scheduling.jobs.tile_log import TileLogs
-from service.store.atomic_files import PRIVATE, PRIVATE_FOLDER, write_whole
+from service.store.atomic_files import PRIVATE, PRIVATE_FOLDER, write_atomically
 from telemetry.log_lines import ids
 
-__all__ = ["KEPT", "JobLog", "JobLogs"]
+__all__ = ["KEPT_BYTES", "JobLog", "JobLogs"]
 
-KEPT = 1 << 18  # bytes that `text` returns
-LARGEST = 2 * KEPT  # bytes of a file; then only the last `KEPT` bytes are kept
-LONGEST = 1000  # characters per line
+KEPT_BYTES = 1 << 18  # bytes that `text` returns
+MAX_FILE_BYTES = 2 * KEPT_BYTES  # bytes of a file; then only the last `KEPT_BYTES` bytes are kept
+MAX_LINE_LENGTH = 1000  # characters per line
 MOST_LINES = 2000  # pending lines while the disk accepts none; the oldest are dropped
 FLUSH_EVERY_S = 1.0
 COUNTS_EVERY_S = 60.0  # between two counts of a job's batches in the service's log
@@ -40,7 +40,7 @@ class JobLog:
 
     def add_line(self, text: str, more: str = "") -> None:
         """Adds a line. more: further lines, indented below it."""
-        self._tell_counts()
+        self._add_counts()
         self._add(text)
         for line in more.splitlines():
             self._add(f"    {line}")
@@ -58,11 +58,11 @@ class JobLog:
 
     def drain(self) -> str:
         """Returns the pending lines and removes them."""
-        self._tell_counts()
+        self._add_counts()
         lines, self._lines = self._lines, []
         return "".join(f"{line}\n" for line in lines)
 
-    def _tell_counts(self) -> None:
+    def _add_counts(self) -> None:
         if self._given:
             self.counts.add(self._add(f"handed out: {_batches(self._given)}"))
             self._given = 0
@@ -73,7 +73,7 @@ class JobLog:
 
     def _add(self, text: str) -> str:
         now = datetime.fromtimestamp(time.time(), UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        self._lines.append(f"{now} {one_line(text[:LONGEST])}")
+        self._lines.append(f"{now} {one_line(text[:MAX_LINE_LENGTH])}")
         if len(self._lines) > MOST_LINES:
             del self._lines[: -MOST_LINES // 2]
         return self._lines[-1]
@@ -101,12 +101,12 @@ class JobLogs:
         for job, log in list(self._logs.items()):
             text = log.drain()
             if text:
-                self._tell(job, text.splitlines(), log.counts)
+                self._log_to_service(job, text.splitlines(), log.counts)
                 log.counts.clear()
                 with contextlib.suppress(OSError):
                     self._append(self._path(job), text.encode(errors="replace"))
 
-    def _tell(self, job: str, lines: list[str], counts: set[str]) -> None:
+    def _log_to_service(self, job: str, lines: list[str], counts: set[str]) -> None:
         """Writes a job's lines to the service's log. Lines that count batches have level info once a minute, otherwise debug."""
         is_due = time.monotonic() - self._counted.get(job, -COUNTS_EVERY_S) >= COUNTS_EVERY_S
         if is_due and not counts.isdisjoint(lines):
@@ -122,7 +122,7 @@ class JobLogs:
         self._counted.pop(job, None)
 
     def text(self, job: str) -> bytes:
-        """Returns the last `KEPT` bytes of a job's log as whole lines; empty if there is no log. Thread-safe."""
+        """Returns the last `KEPT_BYTES` bytes of a job's log as whole lines; empty if there is no log. Thread-safe."""
         with contextlib.suppress(OSError), self._path(job).open("rb") as file:
             return _end(file.fileno())
         return b""
@@ -149,9 +149,9 @@ class JobLogs:
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, PRIVATE), "ab") as file:
             file.write(text)
             size = file.tell()
-        if size > LARGEST:
+        if size > MAX_FILE_BYTES:
             kept = self.text(path.stem)
-            write_whole(path, kept)
+            write_atomically(path, kept)
 
 
 def _batches(count: int) -> str:
@@ -160,5 +160,5 @@ def _batches(count: int) -> str:
 
 def _end(fd: int) -> bytes:
     size = os.fstat(fd).st_size
-    data = os.pread(fd, KEPT, max(0, size - KEPT))
-    return data if size <= KEPT else data.partition(b"\n")[2]
+    data = os.pread(fd, KEPT_BYTES, max(0, size - KEPT_BYTES))
+    return data if size <= KEPT_BYTES else data.partition(b"\n")[2]

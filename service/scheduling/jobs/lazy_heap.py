@@ -8,36 +8,36 @@ from __future__ import annotations
 import heapq
 from typing import Any, Generic, Protocol, TypeVar
 
-__all__ = ["SLACK", "LazyHeap"]
+__all__ = ["MAX_OUTDATED", "LazyHeap"]
 
-SLACK = 64  # outdated entries before the heap is rebuilt
+MAX_OUTDATED = 64  # outdated entries before the heap is rebuilt
 
 
-class Ordered(Protocol):
+class Comparable(Protocol):
     """Interface of values that can be compared with `<`."""
 
     def __lt__(self, other: Any, /) -> bool: ...
 
 
-Place = TypeVar("Place", bound=Ordered)
+Priority = TypeVar("Priority", bound=Comparable)
 
 
-class LazyHeap(Generic[Place]):
+class LazyHeap(Generic[Priority]):
     """Integer keys sorted by priority (`place`, any comparable value), then by key."""
 
     def __init__(self) -> None:
-        self._heap: list[tuple[Place, int]] = []
-        self._places: dict[int, Place] = {}
+        self._heap: list[tuple[Priority, int]] = []
+        self._places: dict[int, Priority] = {}
 
     def __len__(self) -> int:
         return len(self._places)
 
-    def put(self, key: int, place: Place) -> None:
+    def put(self, key: int, place: Priority) -> None:
         """Adds a key with this priority, or changes its priority."""
         if self._places.get(key) != place:
             self._places[key] = place
             heapq.heappush(self._heap, (place, key))
-            if len(self._heap) > 2 * len(self._places) + SLACK:
+            if len(self._heap) > 2 * len(self._places) + MAX_OUTDATED:
                 self._heap = [(place, key) for key, place in self._places.items()]
                 heapq.heapify(self._heap)
 
@@ -45,32 +45,32 @@ class LazyHeap(Generic[Place]):
         """Removes a key if it is present."""
         self._places.pop(key, None)
 
-    def first(self) -> tuple[Place, int] | None:
+    def first(self) -> tuple[Priority, int] | None:
         """Returns the smallest priority with its key; None if the heap is empty."""
-        while self._heap and not self._is_true(self._heap[0]):
+        while self._heap and not self._is_current(self._heap[0]):
             heapq.heappop(self._heap)
         return self._heap[0] if self._heap else None
 
     def first_keys(self, most: int) -> list[int]:
         """Returns the first keys in order, at most `most`."""
-        taken: dict[int, tuple[Place, int]] = {}
+        taken: dict[int, tuple[Priority, int]] = {}
         while len(taken) < most and (first := self.first()) is not None:
             taken[first[1]] = heapq.heappop(self._heap)
         for entry in taken.values():
             heapq.heappush(self._heap, entry)
         return list(taken)
 
-    def before(self, place: Place, most: int) -> int:
+    def before(self, place: Priority, most: int) -> int:
         """Returns the number of keys with a smaller priority than `place`, at most `most`."""
         found: set[int] = set()
         look = [0]
         while look and len(found) < most:
             at = look.pop()
             if at < len(self._heap) and self._heap[at][0] < place:
-                if self._is_true(self._heap[at]):
+                if self._is_current(self._heap[at]):
                     found.add(self._heap[at][1])
                 look += (2 * at + 1, 2 * at + 2)
         return len(found)
 
-    def _is_true(self, entry: tuple[Place, int]) -> bool:
+    def _is_current(self, entry: tuple[Priority, int]) -> bool:
         return self._places.get(entry[1]) == entry[0]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from renderer import film as film_math
-from service.errors import FilmLost, FilmWaits
-from service.scheduling.jobs.active_frame import FIRST_LOOK, OF_NOISE
+from service.errors import FilmLost, FilmUnavailable
+from service.scheduling.jobs.active_frame import FIRST_ESTIMATE_SAMPLES, NOISE_PLANES
 from service.scheduling.jobs.active_job import ActiveJob
 
 __all__ = ["measured"]
@@ -35,10 +35,10 @@ def _noise(job: ActiveJob) -> float | None:
     for tile in range(0, len(film.tiles), math.ceil(len(film.tiles) / TILES)):
         try:
             spp = film.coverage(frame.key, tile).total
-            sums = film.tile_planes(frame.key, tile, OF_NOISE)
-        except (FilmLost, FilmWaits):  # reported when the film is needed next
+            sums = film.tile_planes(frame.key, tile, NOISE_PLANES)
+        except (FilmLost, FilmUnavailable):  # reported when the film is needed next
             return None
-        if sums is None or spp < FIRST_LOOK:
+        if sums is None or spp < FIRST_ESTIMATE_SAMPLES:
             continue
         noise = film_math.noise(sums, film.film_exponent)
         if math.isfinite(noise):

@@ -19,14 +19,14 @@ from service.store.coverage import Coverage
 
 __all__ = ["FramePlan", "Range", "checkpoints", "first_check"]
 
-FIRST_CHECK = 32  # samples; noise estimates of fewer are unreliable
-FIRST_GUESS = 128  # samples that a tile is expected to need before its first noise estimate
-GROWTH = 7  # maximum ratio of a batch's samples to those that its tile has
+FIRST_CHECK_SAMPLES = 32  # samples; noise estimates of fewer are unreliable
+ASSUMED_SAMPLES = 128  # samples that a tile is expected to need before its first noise estimate
+MAX_BATCH_RATIO = 7  # maximum ratio of a batch's samples to those that its tile has
 
-ALONE_UNTIL = 32  # samples below which no consecutive batches of one tile are made
+MIN_SAMPLES_FOR_RUNS = 32  # samples below which no consecutive batches of one tile are made
 
-_Turn = tuple[int, int, int, int]  # samples at the start of the turn, rank from the centre, tile index, planned samples
-_NOBODY: tuple[tuple[int, int], int] = ((-1, -1), 0)
+_HeapEntry = tuple[int, int, int, int]  # samples at the start of the turn, rank from the centre, tile index, planned samples
+_NO_WORST_TILE: tuple[tuple[int, int], int] = ((-1, -1), 0)
 
 
 class Range(NamedTuple):
@@ -40,13 +40,13 @@ class Range(NamedTuple):
 
 def first_check(tile: Tile) -> int:
     """Returns the sample count at which a tile's noise is first estimated: a power of two, larger for tiles of few pixels."""
-    check = FIRST_CHECK
+    check = FIRST_CHECK_SAMPLES
     while check < least_samples(tile.w * tile.h):
         check *= 2
     return check
 
 
-def checkpoints(covered: int, spp: int, noise: float | None, first: int = FIRST_CHECK) -> int:
+def checkpoints(covered: int, spp: int, noise: float | None, first: int = FIRST_CHECK_SAMPLES) -> int:
     """Returns the sample count up to which a tile is rendered before its next noise estimate; `spp` without a target noise.
 
     covered: number of samples it has. first: its first checkpoint (`first_check`).
@@ -83,16 +83,16 @@ class FramePlan:
         self.noise = noise
         self._coverage = coverage
         self._tile_noise = tile_noise
-        self._order = _from_the_middle(tiles)
+        self._order = _ranks_from_centre(tiles)
         self._lost: deque[Range] = deque()
         self._open: set[int] = set()
         self._planned = [0] * len(tiles)
         self._limit = [0] * len(tiles)
-        self._guess = [spp if noise is None else min(spp, FIRST_GUESS)] * len(tiles)  # expected final samples of each tile
-        self._heap: list[_Turn] = []
+        self._guess = [spp if noise is None else min(spp, ASSUMED_SAMPLES)] * len(tiles)  # expected final samples of each tile
+        self._heap: list[_HeapEntry] = []
         self._focus: frozenset[int] = frozenset()
-        self._focused: list[_Turn] = []  # heap of the tiles in focus
-        self._following = _NOBODY  # tile and turn of a run of consecutive batches, and its length
+        self._focused: list[_HeapEntry] = []  # heap of the tiles in focus
+        self._following = _NO_WORST_TILE  # tile and turn of a run of consecutive batches, and its length
         self.covered = [0] * len(tiles)
         for tile in range(len(tiles)):
             covered = coverage(tile)
@@ -101,7 +101,7 @@ class FramePlan:
             self._limit[tile] = checkpoints(covered.prefix, spp, noise, first_check(tiles[tile]))
             if not self._is_complete(tile, covered):
                 self._open.add(tile)
-                self._go_on(tile, covered.prefix)
+                self._requeue_tile(tile, covered.prefix)
 
     @property
     def done(self) -> bool:
@@ -117,7 +117,7 @@ class FramePlan:
         """Whether every tile has this many samples or is complete with fewer."""
         return all(self.covered[tile] >= samples for tile in self._open)
 
-    def lacks(self, tile: int, samples: int) -> bool:
+    def tile_lacks(self, tile: int, samples: int) -> bool:
         """Whether a tile is incomplete and has fewer than `samples`."""
         return tile in self._open and self.covered[tile] < samples
 
@@ -155,14 +155,14 @@ class FramePlan:
             self._lost.popleft()
             if not covered.overlaps(lost.first, lost.count):
                 return lost
-            self._lose_gaps(lost, covered)
+            self._requeue_gaps(lost, covered)
         is_first_wave = bool(self._heap) and self._heap[0][0] == 0
         for heap in (self._heap, self._focused) if is_first_wave else (self._focused, self._heap):
-            if (batch := self._next_of(heap, samples_wanted, of_a_tile)) is not None:
+            if (batch := self._next_from(heap, samples_wanted, of_a_tile)) is not None:
                 return batch
         return None
 
-    def _next_of(self, heap: list[_Turn], samples_wanted: Callable[[int], int], of_a_tile: int) -> Range | None:
+    def _next_from(self, heap: list[_HeapEntry], samples_wanted: Callable[[int], int], of_a_tile: int) -> Range | None:
         while heap:
             turn, _, tile, planned = heap[0]
             if turn >= self.ceiling:
@@ -180,7 +180,7 @@ class FramePlan:
                 self._planned[tile] = self._limit[tile]
                 continue
             start, end = gap
-            most = 1 if start == 0 else min(max(1, samples_wanted(tile)), GROWTH * start)
+            most = 1 if start == 0 else min(max(1, samples_wanted(tile)), MAX_BATCH_RATIO * start)
             left = min(end, self.ceiling) - start
             if left <= 0:  # all samples below the ceiling are present; checked again when it rises
                 self._planned[tile] = start
@@ -190,8 +190,8 @@ class FramePlan:
             self._planned[tile] = start + count
             if self._planned[tile] < self._limit[tile]:
                 following = self._following[1] + 1 if self._following[0] == (tile, turn) else 1
-                goes_on = start >= ALONE_UNTIL and following < of_a_tile
-                self._following = ((tile, turn), following) if goes_on else _NOBODY
+                goes_on = start >= MIN_SAMPLES_FOR_RUNS and following < of_a_tile
+                self._following = ((tile, turn), following) if goes_on else _NO_WORST_TILE
                 self._push(tile, turn if goes_on else None)
             return Range(tile, start, count, self._frame)
         return None
@@ -205,7 +205,7 @@ class FramePlan:
             and batch.first + batch.count <= self._limit[batch.tile]
         )
 
-    def lose(self, lost: Range) -> None:
+    def requeue(self, lost: Range) -> None:
         """Queues a lost batch, to be dispatched first."""
         if lost.tile in self._open:
             self._lost.append(lost)
@@ -221,21 +221,21 @@ class FramePlan:
         is_complete = is_at_limit and self._is_complete(back.tile, covered)
         self.covered[back.tile] = covered.total
         if is_open:
-            self._lose_gaps(back, covered)
+            self._requeue_gaps(back, covered)
         if not is_at_limit:
             return
         if is_complete:
             self._open.discard(back.tile)
             return
-        self._go_on(back.tile, covered.prefix)
+        self._requeue_tile(back.tile, covered.prefix)
 
-    def _go_on(self, tile: int, prefix: int) -> None:
+    def _requeue_tile(self, tile: int, prefix: int) -> None:
         if prefix >= self._limit[tile]:
             self._limit[tile] = checkpoints(prefix + 1, self.spp, self.noise, first_check(self.tiles[tile]))
         self._planned[tile] = max(self._planned[tile], prefix)
         self._push(tile)
 
-    def _lose_gaps(self, of: Range, covered: Coverage) -> None:
+    def _requeue_gaps(self, of: Range, covered: Coverage) -> None:
         for start, end in covered.gaps(of.first, of.first + of.count):
             self._lost.append(Range(of.tile, start, end - start, self._frame))
 
@@ -256,7 +256,7 @@ class FramePlan:
         heapq.heappush(heap, (planned if turn is None else turn, self._order[tile], tile, planned))
 
 
-def _from_the_middle(tiles: list[Tile]) -> list[int]:
+def _ranks_from_centre(tiles: list[Tile]) -> list[int]:
     """Returns the rank of each tile by its distance from the frame's centre."""
     middle_x = max(t.x + t.w for t in tiles) / 2
     middle_y = max(t.y + t.h for t in tiles) / 2

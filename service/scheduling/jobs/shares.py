@@ -22,7 +22,7 @@ from heapq import heapify, heappop, heappush
 from itertools import count
 from typing import Generic, Protocol, TypeVar
 
-__all__ = ["EVERYBODY", "Line", "ShareableJob", "Shares", "Terms", "share_of"]
+__all__ = ["EVERYBODY", "ShareQueue", "ShareableJob", "Shares", "Terms", "share_of"]
 
 EVERYBODY = "everybody"  # the share of jobs without a user, such as all jobs of a farm without authentication
 NO_LIMIT = 1 << 30
@@ -75,7 +75,7 @@ class Terms:
 
 
 @dataclass
-class _Clock:
+class _VirtualClock:
     """Virtual time for workers of one kind."""
 
     now: float = 0.0
@@ -88,57 +88,57 @@ class Shares:
 
     def __init__(self) -> None:
         self.terms: Mapping[str, Terms] = {}
-        self._clocks: dict[str, _Clock] = {}
+        self._clocks: dict[str, _VirtualClock] = {}
         self._turn = count(1)
 
     def terms_of(self, share: str) -> Terms:
         """Returns a share's terms."""
-        return self.terms.get(share, _USUAL)
+        return self.terms.get(share, _DEFAULT_TERMS)
 
     def name_of(self, user: str | None, project: str) -> str:
         """Returns the name of a job's share under the current terms."""
         return share_of(user, project, self.terms)
 
-    def line(self, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]) -> Line[Job]:
+    def line(self, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]) -> ShareQueue[Job]:
         """Returns the queue of jobs of one priority for workers of this kind.
 
         held: number of outstanding messages of each job. shares_held: the same of each share, over all priorities and kinds;
         updated when work is dispatched.
         """
-        return Line(self, kind, jobs, held, shares_held)
+        return ShareQueue(self, kind, jobs, held, shares_held)
 
     def start(self, kind: str, share: str) -> tuple[float, int]:
         """Returns the sort key of a share: the virtual start time of its next batch, and the sequence number of its latest batch.
 
         The share with the smallest key is served.
         """
-        clock = self._clocks.setdefault(kind, _Clock())
+        clock = self._clocks.setdefault(kind, _VirtualClock())
         return clock.ends.get(share, clock.now), clock.served.get(share, 0)
 
     def reset_share(self, kind: str, share: str) -> None:
         """Advances the virtual time of an idle or full share to now, so that it accumulates no credit."""
-        clock = self._clocks.setdefault(kind, _Clock())
+        clock = self._clocks.setdefault(kind, _VirtualClock())
         clock.ends[share] = max(clock.ends.get(share, 0.0), clock.now)
 
     def serve(self, kind: str, share: str, seconds: float) -> None:
         """Charges a share for a dispatched batch with this expected duration."""
-        clock = self._clocks.setdefault(kind, _Clock())
+        clock = self._clocks.setdefault(kind, _VirtualClock())
         begins, _ = self.start(kind, share)
         clock.now = max(clock.now, begins)
         clock.ends[share] = begins + seconds / self.terms_of(share).weight
         clock.served[share] = next(self._turn)
 
-    def correct(self, kind: str, share: str, seconds: float) -> None:
+    def correct_charge(self, kind: str, share: str, seconds: float) -> None:
         """Corrects a share's charge after a batch returned. seconds: actual minus expected duration."""
-        clock = self._clocks.setdefault(kind, _Clock())
+        clock = self._clocks.setdefault(kind, _VirtualClock())
         clock.ends[share] = clock.ends.get(share, 0.0) + seconds / self.terms_of(share).weight
 
 
-_USUAL = Terms()
-_Place = tuple[float, int, int, float, str]
+_DEFAULT_TERMS = Terms()
+_QueueEntry = tuple[float, int, int, float, str]
 
 
-class Line(Generic[Job]):
+class ShareQueue(Generic[Job]):
     """Queue of jobs ordered by share, then by job.
 
     Call `record_served` after work was dispatched; otherwise the job is skipped.
@@ -150,7 +150,7 @@ class Line(Generic[Job]):
         self._shares = shares
         self._kind = kind
         self._held = shares_held
-        self._queues: dict[str, list[tuple[_Place, Job]]] = {}
+        self._queues: dict[str, list[tuple[_QueueEntry, Job]]] = {}
         for job in jobs:
             place = (job.urgency, held.get(job.id, 0), job.served, job.created, job.id)
             self._queues.setdefault(job.share, []).append((place, job))
@@ -160,7 +160,7 @@ class Line(Generic[Job]):
         self._turns = [(shares.start(kind, share), share) for share in self._queues]
         heapify(self._turns)
         self._is_heap: set[str] = set()
-        self._place: _Place | None = None  # sort key of the current job
+        self._place: _QueueEntry | None = None  # sort key of the current job
         self.left = 0  # maximum number of further slots for the current job
         self.held = 0  # slots that the current job occupies
 
@@ -169,7 +169,7 @@ class Line(Generic[Job]):
         while self._turns:
             share = self._turns[0][1]
             queue = self._queues[share]
-            room = self._room(self._shares.terms_of(share).max_slots, self._held[share])
+            room = self._slots_left(self._shares.terms_of(share).max_slots, self._held[share])
             if room <= 0 or not queue:
                 self._shares.reset_share(self._kind, share)
                 heappop(self._turns)
@@ -179,7 +179,7 @@ class Line(Generic[Job]):
                 heapify(queue)
             self._place, job = heappop(queue)
             self.held = self._place[1]
-            self.left = min(room, self._room(job.max_slots, self._place[1]))
+            self.left = min(room, self._slots_left(job.max_slots, self._place[1]))
             if self.left > 0:
                 return job
         return None
@@ -196,5 +196,5 @@ class Line(Generic[Job]):
         heappush(self._turns, (self._shares.start(self._kind, share), share))
 
     @staticmethod
-    def _room(limit: int | None, held: int) -> int:
+    def _slots_left(limit: int | None, held: int) -> int:
         return NO_LIMIT if limit is None else limit - held

@@ -12,12 +12,12 @@ from renderer.settings import MAX_SPP
 from service.errors import Conflict, Invalid
 from service.shot import Shot
 from service.store.frame_changes import Step
-from service.store.models import FINAL, Job
+from service.store.models import FINAL_STATES, Job
 
-__all__ = ["NONE_FIRST", "FrameNow", "ShotRequest", "added_samples", "change_shot", "samples_of"]
+__all__ = ["NO_SAMPLES_FIRST", "CurrentFrame", "ShotRequest", "added_samples", "change_shot", "samples_of"]
 
-NONE_FIRST = -1.0
-NOISIEST = "noisiest-first"
+NO_SAMPLES_FIRST = -1.0
+NOISIEST_FIRST = "noisiest-first"
 
 
 @dataclass(frozen=True)
@@ -44,31 +44,33 @@ class ShotRequest:
         return replace(self, state=None) == ShotRequest()
 
 
-class FrameNow(NamedTuple):
+class CurrentFrame(NamedTuple):
     """The relevant columns of a frame's row. spp: samples per pixel; None: the job's."""
 
     spp: int | None
     state: str
 
 
-def change_shot(job: Job, shot: Shot, frames: Mapping[int, FrameNow], request: ShotRequest) -> list[Step]:
+def change_shot(job: Job, shot: Shot, frames: Mapping[int, CurrentFrame], request: ShotRequest) -> list[Step]:
     """Applies a request to a job's row and returns the steps for its frames. frames: all by key, if it `is_about_frames`.
 
     Raises Invalid and Conflict; then discard the changed row.
     """
     now, steps = shot, list[Step]()
     if request.first is not None:
-        now = replace(now, first=None if request.first == NONE_FIRST else _known(frames, [request.first], "first")[0])
+        now = replace(
+            now, first=None if request.first == NO_SAMPLES_FIRST else _existing_keys(frames, [request.first], "first")[0]
+        )
     if request.order is not None and request.order != now.order:
         now = now.changed(order=request.order)
-        if NOISIEST in (request.order, shot.order):
+        if NOISIEST_FIRST in (request.order, shot.order):
             steps.append(Step.of("unplan", list(frames)))
     added = _added(frames, request)
     if added:
         steps.append(Step.of("add", added, target=samples_of(job)))
-    anew = _known(frames, parse_frames(request.again), "again") if request.again is not None else []
+    anew = _existing_keys(frames, parse_frames(request.again), "again") if request.again is not None else []
     if anew:
-        steps.append(Step.of("again", anew, unplan=now.order == NOISIEST))
+        steps.append(Step.of("again", anew, unplan=now.order == NOISIEST_FIRST))
     failed = {key for key, frame in frames.items() if frame.state == "failed"}.difference(anew)
     aims, is_more = _ask_for_samples(job, now, frames, added, failed, request)
     healed = sorted(failed) if request.state == "running" else []
@@ -78,7 +80,7 @@ def change_shot(job: Job, shot: Shot, frames: Mapping[int, FrameNow], request: S
         named = dict.fromkeys((*now.anew_keys, *anew))
         known = now.frames if not added or now.frames is None else frames_text(map(frame_number, (*frames, *added)))
         now = now.changed(anew=frames_text(map(frame_number, named)), frames=known)
-        if job.state in FINAL and job.state != "cancelled":
+        if job.state in FINAL_STATES and job.state != "cancelled":
             job.state, job.finished, job.error, job.reproduce = "queued", None, None, None
     if now != shot:
         job.shot = now.to_json()
@@ -94,7 +96,7 @@ def samples_of(job: Job) -> int:
     return int(size.get("width") or 0) * int(size.get("height") or 0) * (job.spp or 0)
 
 
-def added_samples(job: Job, frames: Mapping[int, FrameNow], spp_before: int | None, steps: Iterable[Step]) -> int:
+def added_samples(job: Job, frames: Mapping[int, CurrentFrame], spp_before: int | None, steps: Iterable[Step]) -> int:
     """Returns the number of samples that the steps add to a job. job: the row after the steps."""
     per_frame, now = samples_of(job), job.spp or 0
     pixels = per_frame // now if now else 0
@@ -112,7 +114,7 @@ def added_samples(job: Job, frames: Mapping[int, FrameNow], spp_before: int | No
     return samples
 
 
-def _added(frames: Mapping[int, FrameNow], request: ShotRequest) -> list[int]:
+def _added(frames: Mapping[int, CurrentFrame], request: ShotRequest) -> list[int]:
     if request.extend is None:
         return []
     keys = [key for key in map(frame_key, parse_frames(request.extend)) if key not in frames]
@@ -128,7 +130,7 @@ def _added(frames: Mapping[int, FrameNow], request: ShotRequest) -> list[int]:
 
 
 def _ask_for_samples(
-    job: Job, shot: Shot, frames: Mapping[int, FrameNow], added: Sequence[int], failed: Set[int], request: ShotRequest
+    job: Job, shot: Shot, frames: Mapping[int, CurrentFrame], added: Sequence[int], failed: Set[int], request: ShotRequest
 ) -> tuple[list[Step], bool]:
     """Returns the steps that set the frames' samples, and whether any frame will be rendered. failed: frames that stay failed."""
     if request.spp is None and request.more is None:
@@ -142,7 +144,7 @@ def _ask_for_samples(
         return [], False
     if request.spp is not None and request.more is not None:
         raise Invalid(Sentence("spp-and-more-given", "spp: give either spp (the total per pixel) or more (additional samples)."))
-    if request.frames is not None and shot.order == NOISIEST:
+    if request.frames is not None and shot.order == NOISIEST_FIRST:
         raise Conflict(
             Sentence(
                 "shot-spp-with-noisiest",
@@ -150,14 +152,14 @@ def _ask_for_samples(
             )
         )
     if request.frames is None:
-        job.spp = _more(
+        job.spp = _raised_goal(
             job.spp if job.noise is None and job.seconds is None else None, request, Sentence("label-shot", "the shot")
         )
         job.noise = job.seconds = None
-        return [Step.of("aim", [*frames, *added], keep=shot.order == NOISIEST)], len(failed) < len(frames)
-    chosen = _known(frames, parse_frames(request.frames), "frames")
+        return [Step.of("aim", [*frames, *added], keep=shot.order == NOISIEST_FIRST)], len(failed) < len(frames)
+    chosen = _existing_keys(frames, parse_frames(request.frames), "frames")
     for key in chosen:
-        _more(
+        _raised_goal(
             frames[key].spp or job.spp,
             request,
             Sentence("label-frame", "frame {frame}", frame=frame_text(frame_number(key))),
@@ -165,7 +167,7 @@ def _ask_for_samples(
     return [Step.of("more", chosen, spp=request.spp, more=request.more)], not failed >= set(chosen)
 
 
-def _more(now: int | None, request: ShotRequest, what: str) -> int:
+def _raised_goal(now: int | None, request: ShotRequest, what: str) -> int:
     if now is None and request.spp is None:
         raise Conflict(
             Sentence(
@@ -196,7 +198,7 @@ def _more(now: int | None, request: ShotRequest, what: str) -> int:
     return wanted
 
 
-def _known(frames: Mapping[int, FrameNow], numbers: Iterable[float], field: str) -> list[int]:
+def _existing_keys(frames: Mapping[int, CurrentFrame], numbers: Iterable[float], field: str) -> list[int]:
     keys = [frame_key(number) for number in numbers if float(2 * number).is_integer() and number >= 0]
     missing = [frame_number(key) for key in keys if key not in frames]
     if missing or not keys:

@@ -14,7 +14,7 @@ __all__ = ["TileLogs", "tile_log_line"]
 JOBS = 32
 TILES = 4096  # tiles per job; the oldest are dropped
 BATCHES = 16  # batches per tile
-NOTEWORTHY_S = 0.05  # minimum duration of a step to be shown
+MIN_SHOWN_S = 0.05  # minimum duration of a step to be shown
 
 Tile = tuple[int, int]  # frame key and tile index
 
@@ -54,7 +54,7 @@ def tile_log_line(worker: str, first: int, count: int, seconds: float, step_seco
     seconds: duration of the batch. step_seconds: seconds by step; short steps are omitted. lines: warnings.
     """
     steps = ", ".join(
-        f"{name} {spent:.2f} s" for name, spent in step_seconds.items() if spent >= NOTEWORTHY_S and name != "trace paths"
+        f"{name} {spent:.2f} s" for name, spent in step_seconds.items() if spent >= MIN_SHOWN_S and name != "trace paths"
     )
     warned = "".join(f"; {line}" for line in lines)
     samples = f"samples {first} to {first + count - 1}" if count > 1 else f"sample {first}"

@@ -40,7 +40,7 @@ class RunningMaximum:
         return None if first is None else -first[0]
 
 
-class _Counted(NamedTuple):
+class _CountedFrame(NamedTuple):
     samples: int = 0
     target: int = 0
     is_over: bool = False
@@ -48,7 +48,7 @@ class _Counted(NamedTuple):
 
 
 class Totals:
-    """Totals over a job's frames, as of the latest call of `renewed`.
+    """Totals over a job's frames, as of the latest call of `updated`.
 
     Failed frames are excluded from the target samples and from both noise values.
     """
@@ -56,7 +56,7 @@ class Totals:
     def __init__(self, frames: Mapping[int, ActiveFrame]) -> None:
         self._frames = frames
         self._changed = dict.fromkeys(frames)
-        self._counted: dict[int, _Counted] = {}
+        self._counted: dict[int, _CountedFrame] = {}
         self.samples = self.target = self.over = self.bad_samples = 0
         self.noise = RunningMaximum()  # current noise of the frames
         self.ends = RunningMaximum()  # expected final noise of the frames
@@ -65,7 +65,7 @@ class Totals:
         """Marks a frame as changed."""
         self._changed[key] = None
 
-    def renewed(self) -> Totals:
+    def updated(self) -> Totals:
         """Updates the totals and returns this object."""
         self.count()
         return self
@@ -75,9 +75,9 @@ class Totals:
         for key in list(islice(self._changed, most)):
             del self._changed[key]
             frame = self._frames[key]
-            before = self._counted.get(key, _Counted())
+            before = self._counted.get(key, _CountedFrame())
             has_failed = frame.state == "failed"
-            now = _Counted(frame.samples, 0 if has_failed else frame.target_samples, frame.is_over, frame.bad_samples)
+            now = _CountedFrame(frame.samples, 0 if has_failed else frame.target_samples, frame.is_over, frame.bad_samples)
             self._counted[key] = now
             self.samples += now.samples - before.samples
             self.target += now.target - before.target

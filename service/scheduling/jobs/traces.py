@@ -11,28 +11,28 @@ from telemetry import tracing
 if TYPE_CHECKING:
     from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["headers_of", "job_over", "merged"]
+__all__ = ["record_job_span", "record_merge_span", "trace_headers"]
 
 
-def headers_of(what: str, id: str) -> dict[str, str] | None:
+def trace_headers(what: str, id: str) -> dict[str, str] | None:
     """Returns message headers that make the worker's spans part of a job's or scene's trace; None if tracing is disabled.
 
     what: "job" or "scene".
     """
-    return {tracing.HEADER: str(tracing.root_of(what, id))} if tracing.is_on() else None
+    return {tracing.HEADER: str(tracing.root_span(what, id))} if tracing.is_on() else None
 
 
-def job_over(job: ActiveJob, state: str, error: str | None = None) -> None:
+def record_job_span(job: ActiveJob, state: str, error: str | None = None) -> None:
     """Records the span of an ended job, which starts at its creation, with a link to the upload of its scene."""
     if not tracing.is_on():
         return
-    tracing.record(
+    tracing.record_span(
         "job",
         job.created,
         time.time(),
         None,
-        own=tracing.root_of("job", job.id),
-        links=[tracing.root_of("scene", job.scene)],
+        own=tracing.root_span("job", job.id),
+        links=[tracing.root_span("scene", job.scene)],
         error=error,
         job=job.id,
         scene=job.scene,
@@ -43,8 +43,10 @@ def job_over(job: ActiveJob, state: str, error: str | None = None) -> None:
     )
 
 
-def merged(job: ActiveJob, begun: float, batches: int, of: Iterable[str]) -> None:
+def record_merge_span(job: ActiveJob, begun: float, batches: int, of: Iterable[str]) -> None:
     """Records the span of a merge into a job's film. begun: its start. of: spans in which the batches were rendered."""
     if tracing.is_on():
-        links = [tracing.where(each) for each in of]
-        tracing.record("merge", begun, time.time(), tracing.root_of("job", job.id), links=links, job=job.id, batches=batches)
+        links = [tracing.parse_traceparent(each) for each in of]
+        tracing.record_span(
+            "merge", begun, time.time(), tracing.root_span("job", job.id), links=links, job=job.id, batches=batches
+        )

@@ -21,12 +21,12 @@ import redis
 
 from renderer.sentences import Sentence
 from service.errors import QueueError
-from service.events import Events, WorkerSetAside
-from service.scheduling.dispatching.batch_groups import work_of
+from service.events import Events, WorkerQuarantined
+from service.scheduling.dispatching.batch_groups import batch_message
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.leases import Lease
 from service.scheduling.dispatching.scheduler import Scheduler
-from service.scheduling.fleet.workers import BY_A_PERSON, Workers
+from service.scheduling.fleet.workers import PAUSED_BY_USER, Workers
 from service.scheduling.incoming.merging import batch_of
 from service.scheduling.incoming.messages import BatchDone
 from service.scheduling.jobs.active_job import ActiveJob
@@ -35,9 +35,9 @@ from service.scheduling.trust.votes import Votes
 
 __all__ = ["Trust"]
 
-MOST_OPEN = 64  # batches verified at once; their results are held in memory
-MOST_ASKED = 24  # equal results of one worker alone after which a verification is dropped
-OLDER_REASON = "Set aside: it rendered something else than other workers"  # of releases without codes
+MAX_OPEN = 64  # batches verified at once; their results are held in memory
+MAX_EQUAL_RESULTS = 24  # equal results of one worker alone after which a verification is dropped
+REASON_OF_OLD_RELEASES = "Set aside: it rendered something else than other workers"  # of releases without codes
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +45,7 @@ Answer = tuple[BatchDone, bytes]
 
 
 @dataclass
-class _Check:
+class _Verification:
     """A batch under verification, with the results received so far."""
 
     job: str
@@ -65,7 +65,7 @@ class Trust:
         self._workers = workers
         self._dispatcher = dispatcher
         self._deadline_s = deadline_s
-        self._open: list[_Check] = []
+        self._open: list[_Verification] = []
         self._wrong: dict[str, tuple[str, str]] = {}  # workers found wrong and not handled yet: job, reason
         self._chance = random.Random()
         self._events = events
@@ -73,9 +73,9 @@ class Trust:
 
     def begin(self) -> None:
         """Restores the list of distrusted workers from a previous run. Raises redis.RedisError."""
-        self._scheduler.distrusted |= {name for name, why in self._workers.all_orders().items() if _is_distrust(why)}
+        self._scheduler.distrusted |= {name for name, why in self._workers.pause_reasons().items() if _is_distrust(why)}
         for worker in sorted(self._scheduler.distrusted):
-            self._events.publish(WorkerSetAside(worker, None))
+            self._events.publish(WorkerQuarantined(worker, None))
 
     def mergeable_answers(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
         """Returns the results that may be merged into the job's film.
@@ -91,7 +91,7 @@ class Trust:
                 for piece in message.pieces:
                     self._scheduler.came_back(job, piece.batch, None, 0.0, piece.worker or message.worker)
             elif check is not None:
-                self._answered(job, check, message, sums)
+                self._handle_answer(job, check, message, sums)
             else:
                 kept.append((message, sums))
         return kept
@@ -102,41 +102,41 @@ class Trust:
             not job.verify
             or len(message.senders) != 1
             or self._chance.random() >= job.verify
-            or len(self._open) >= MOST_OPEN
+            or len(self._open) >= MAX_OPEN
             or job.kind is None
         ):
             return
         (sender,) = message.senders
-        if not self._ready(job.kind) - {sender} or not sender:
+        if not self._trusted_ready_workers(job.kind) - {sender} or not sender:
             return
         patience = max(self._deadline_s, 10 * job.expected_s(batch))
-        check = _Check(job.id, job.kind, batch, Votes(job.film.tiles[batch.tile]), patience)
+        check = _Verification(job.id, job.kind, batch, Votes(job.film.tiles[batch.tile]), patience)
         check.votes.add(sender, sums)
         self._open.append(check)
-        self._count()
+        self._update_counts()
         with suppress(QueueError):  # sent at the next review
-            self._ask(job, check)
+            self._send_repetition(job, check)
 
     def review(self) -> None:
         """Sends due repetitions, and drops verifications that cannot be completed. Raises QueueError."""
         for check in list(self._open):
             job = self._scheduler.jobs.get(check.job)
-            ready = self._ready(check.kind)
+            ready = self._trusted_ready_workers(check.kind)
             if job is None:
-                self._close(check)
+                self._end_verification(check)
                 continue
             if check.waits_since is not None and time.monotonic() - check.waits_since > check.patience_s:
                 check.waits_since, check.patience_s = None, 2 * check.patience_s
             if check.waits_since is not None:
                 continue
-            if not check.votes.differ and (
-                not check.votes.workers or not ready - check.votes.workers or len(check.votes.cast) >= MOST_ASKED
+            if not check.votes.has_differences and (
+                not check.votes.workers or not ready - check.votes.workers or len(check.votes.cast) >= MAX_EQUAL_RESULTS
             ):
-                self._close(check)
-            elif check.votes.may_help(ready):
-                self._ask(job, check)
+                self._end_verification(check)
+            elif check.votes.could_decide(ready):
+                self._send_repetition(job, check)
             else:
-                self._decide_by_hand(check)
+                self._apply_user_decision(check)
 
     def carry_out(self, again: Callable[[ActiveJob], None]) -> None:
         """Marks workers whose results were wrong as distrusted, and pauses them. again: reloads a job without their samples."""
@@ -153,11 +153,11 @@ class Trust:
                     again(job)
             self.counts["distrusted"] += 1
             log.warning("%s is set aside: %s; jobs that are rendered again in part: %s", worker, why, partly)
-            self._pause(worker, why)
+            self._quarantine(worker, why)
             details = {"worker": worker, "job": found_in, "why": f"{why}.", "rendered_again": partly}
-            self._events.publish(WorkerSetAside(worker, details))
+            self._events.publish(WorkerQuarantined(worker, details))
             del self._wrong[worker]
-        self._count()
+        self._update_counts()
 
     def sentences(self) -> Mapping[str, str]:
         """Returns the action required of a user for each job that waits for a decision, as sentences by job id."""
@@ -171,27 +171,30 @@ class Trust:
                 )
             )
             for check in self._open
-            if check.votes.differ and check.waits_since is None
+            if check.votes.has_differences and check.waits_since is None
         }
 
-    def _answered(self, job: ActiveJob, check: _Check, message: BatchDone, sums: bytes) -> None:
+    def _handle_answer(self, job: ActiveJob, check: _Verification, message: BatchDone, sums: bytes) -> None:
         batch = batch_of(message, job)
         check.asked.discard(message.batch)
         check.waits_since = None
         if batch != check.batch or check not in self._open:
             return
-        did_differ = check.votes.differ
+        did_differ = check.votes.has_differences
         with suppress(ValueError):  # invalid sums: another repetition is sent
             check.votes.add(message.worker, sums)
-        if check.votes.differ and not did_differ:
+        if check.votes.has_differences and not did_differ:
             self.counts["differed"] += 1
             where = f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}"
             log.warning("job %s: %s rendered %s differently", job.id, " and ".join(sorted(check.votes.workers)), where)
             job.history.log.add_line(f"{' and '.join(sorted(check.votes.workers))} rendered {where} differently")
         if check.votes.right is None:
             with suppress(QueueError):  # sent at the next review
-                if check.votes.may_help(self._ready(check.kind)) and len(check.votes.cast) < MOST_ASKED:
-                    self._ask(job, check)
+                if (
+                    check.votes.could_decide(self._trusted_ready_workers(check.kind))
+                    and len(check.votes.cast) < MAX_EQUAL_RESULTS
+                ):
+                    self._send_repetition(job, check)
             return
         self.counts["verified"] += 1
         right = sorted(check.votes.workers - check.votes.wrong)
@@ -199,18 +202,18 @@ class Trust:
             self._mark_wrong(
                 worker, check, Sentence("worker-outvoted", "since {workers} agree on another result", workers=" and ".join(right))
             )
-        self._close(check)
+        self._end_verification(check)
 
-    def _decide_by_hand(self, check: _Check) -> None:
+    def _apply_user_decision(self, check: _Verification) -> None:
         """If a user has paused some of the workers whose results differ, treats the results of those workers as wrong."""
         orders = self._workers.roster.orders
-        paused = {worker for worker in check.votes.workers if orders.get(worker) == BY_A_PERSON}
+        paused = {worker for worker in check.votes.workers if orders.get(worker) == PAUSED_BY_USER}
         if paused and paused != check.votes.workers:
             for worker in paused:
                 self._mark_wrong(worker, check, Sentence("worker-distrusted-by-user", "since it was paused by a user"))
-            self._close(check)
+            self._end_verification(check)
 
-    def _mark_wrong(self, worker: str, check: _Check, how: str) -> None:
+    def _mark_wrong(self, worker: str, check: _Verification, how: str) -> None:
         batch = check.batch
         where = Sentence(
             "samples-of-tile",
@@ -228,7 +231,7 @@ class Trust:
         )
         self._wrong[worker] = check.job, why
 
-    def _pause(self, worker: str, why: str) -> None:
+    def _quarantine(self, worker: str, why: str) -> None:
         sentence = Sentence(
             "worker-quarantined",
             "{reason}. All its results of unfinished jobs are rendered again. Test its memory, then resume it.",
@@ -238,28 +241,28 @@ class Trust:
             self._workers.pause(worker, sentence)
             self._workers.look(now=True)
 
-    def _ask(self, job: ActiveJob, check: _Check) -> None:
+    def _send_repetition(self, job: ActiveJob, check: _Verification) -> None:
         """Sends a repetition of a batch for verification. Raises QueueError."""
         frame = job.frames.get(check.batch.frame)
         if frame is None or check.kind not in frame.compiled:  # the compiled frame of the shot was released
-            self._close(check)
+            self._end_verification(check)
             return
         # a separate lease, since the plan has this batch already
         lease = Lease(job.id, check.kind, check.batch, check.patience_s)
         lease.queue = job.queue(check.kind)
         check.asked.add(lease.id)
         check.waits_since = time.monotonic()
-        self._dispatcher.send_batch(work_of(job, lease, check.batch), lease.queue)
+        self._dispatcher.send_batch(batch_message(job, lease, check.batch), lease.queue)
 
-    def _ready(self, kind: str) -> set[str]:
+    def _trusted_ready_workers(self, kind: str) -> set[str]:
         ready = {report.name for report in self._workers.roster.ready() if report.kind == kind}
         return ready - self._scheduler.distrusted
 
-    def _close(self, check: _Check) -> None:
+    def _end_verification(self, check: _Verification) -> None:
         self._open = [each for each in self._open if each is not check]
-        self._count()
+        self._update_counts()
 
-    def _count(self) -> None:
+    def _update_counts(self) -> None:
         """Updates the jobs that cannot finish: those with a pending decision; all of them while a wrong worker is unhandled."""
         self._scheduler.checks.clear()
         self._scheduler.checks.update(check.job for check in self._open)
@@ -269,4 +272,4 @@ class Trust:
 
 def _is_distrust(why: str) -> bool:
     """Whether a worker was paused because its results differed from those of others. why: the reason of the pause."""
-    return why.startswith(OLDER_REASON) or (isinstance(why, Sentence) and why.code == "worker-quarantined")
+    return why.startswith(REASON_OF_OLD_RELEASES) or (isinstance(why, Sentence) and why.code == "worker-quarantined")

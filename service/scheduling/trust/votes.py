@@ -12,7 +12,7 @@ from renderer.settings import Tile
 
 __all__ = ["Votes"]
 
-ASKED_AT_MOST = 2  # results per worker, if others are available
+MAX_RESULTS_PER_WORKER = 2  # results per worker, if others are available
 
 
 @dataclass
@@ -42,7 +42,7 @@ class Votes:
         return {worker for worker, _ in self.cast}
 
     @property
-    def differ(self) -> bool:
+    def has_differences(self) -> bool:
         """Whether there is more than one distinct value."""
         return len({value for _, value in self.cast}) > 1
 
@@ -61,10 +61,10 @@ class Votes:
         right = self.right
         return set() if right is None else {worker for worker, value in self.cast if value != right}
 
-    def may_help(self, ready: set[str]) -> bool:
+    def could_decide(self, ready: set[str]) -> bool:
         """Whether a further result of any of these workers could decide which value is correct."""
         answers = Counter(worker for worker, _ in self.cast)
-        return any(answers[worker] < ASKED_AT_MOST for worker in ready) and len(ready | self.workers) > 1
+        return any(answers[worker] < MAX_RESULTS_PER_WORKER for worker in ready) and len(ready | self.workers) > 1
 
     def _is_equal(self, value: bytes, sums: bytes) -> bool:
         """Whether two results are equal. Decodes them if needed, since LZ4 releases may compress the same sums differently."""

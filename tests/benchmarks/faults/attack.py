@@ -1,4 +1,4 @@
-"""One fault: what it is, and what it is done to."""
+"""A kind of fault, and one injection of it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["KINDS", "Attack", "Kind", "kind"]
 
 @dataclass
 class Attack:
-    """A fault that is being done. `since`: from when on the farm could recover; the fault's end where it lasts."""
+    """A fault being injected. `since`: time from which the farm can recover, which is the end of a lasting fault."""
 
     ground: Ground
     stream: Stream
@@ -24,17 +24,17 @@ class Attack:
     since: float = 0.0
 
     def pause(self, least_s: float, most_s: float) -> None:
-        """Let the fault last."""
+        """Waits for a random time while the fault lasts."""
         time.sleep(self.draw.uniform(least_s, most_s))
 
     def over(self) -> None:
-        """From now on nothing is in the farm's way."""
+        """Marks the end of the fault: from now on the farm can recover."""
         self.since = time.monotonic()
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of fault. grounds: the names of those where it can be done. weight: how often it is drawn."""
+    """A kind of fault. grounds: names of the test farms that support it. weight: relative frequency."""
 
     name: str
     act: Callable[[Attack], None]
@@ -50,7 +50,7 @@ EVERYWHERE = ("one machine", "another clock", "three hosts")
 def kind(
     name: str, grounds: tuple[str, ...] = EVERYWHERE, weight: int = 2, harms_films: bool = False
 ) -> Callable[[Callable[[Attack], None]], Callable[[Attack], None]]:
-    """Add a kind of fault to KINDS. It returns when all that it did is undone, but what it killed."""
+    """Decorator that registers a kind of fault. The function returns when everything except kills is undone."""
 
     def add(act: Callable[[Attack], None]) -> Callable[[Attack], None]:
         KINDS[name] = Kind(name, act, grounds, weight, harms_films)

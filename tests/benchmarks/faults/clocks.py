@@ -1,4 +1,4 @@
-"""A farm whose clock jumps: what `time.time` says in all of its processes but Redis, which keeps its own time."""
+"""A farm whose clock jumps: `time.time` is changed in all of its processes except Redis."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ time.time_ns = lambda: _real_ns() + int(_ahead() * 1e9)
 
 
 class ClockGround(Ground):
-    """As `Ground`; its clock is what a file says."""
+    """A `Ground` whose clock is controlled by a file."""
 
     name = "another clock"
 

@@ -1,4 +1,4 @@
-"""The disk is full for a while; films and the database are held, damaged, emptied, lost, or cannot be written."""
+"""Faults of disks: full for a while; films and the database locked, damaged, emptied, lost, or read-only."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def database_held(attack: Attack) -> None:
 
 
 def damage(attack: Attack, path: Path) -> None:
-    """Other bytes, anywhere in a file."""
+    """Overwrites random bytes of a file."""
     size = path.stat().st_size
     with path.open("r+b") as file:
         for _ in range(attack.draw.randint(1, 6)):
@@ -80,7 +80,7 @@ def film_damaged(attack: Attack) -> None:
 
 @contextlib.contextmanager
 def at_rest(attack: Attack) -> Iterator[None]:
-    """The service is dead for as long as the block lasts, and none begins: who would start it stands still."""
+    """Context manager that kills the service and suspends the supervisor that would restart it."""
     ground = attack.ground
     with stopped([psutil.Process(ground.farm.process.pid)]):
         processes = [*ground.spares(), ground.part("service")]
@@ -128,7 +128,7 @@ def film_gone(attack: Attack) -> None:
 
 @kind("the films cannot be written for a while", weight=1, harms_films=True)
 def films_read_only(attack: Attack) -> None:
-    """The folder of films is mounted read-only; the service, which had the film open, is killed for it."""
+    """Mounts the folder of films read-only, and kills the service, which had the film open."""
     if not attack.ground.has_disk:
         raise UnrecoveredError("this user may not mount: nothing was done")
     folder = str(attack.ground.data / "films")

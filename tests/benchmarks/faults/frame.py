@@ -1,4 +1,4 @@
-"""The frame that is rendered while things break, and its digest where nothing does."""
+"""The frame that is rendered during faults, and its digest without any."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ WIDTH, HEIGHT, DEPTH = 96, 80, 5
 
 
 def request(spp: int, seed: int) -> dict[str, Any]:
-    """What a job asks for."""
+    """Returns the fields of the job's request."""
     view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
     return {"view": view, "width": WIDTH, "height": HEIGHT, "max_depth": DEPTH, "spp": spp, "seed": seed}
 
 
 @cache
 def digest_alone(spp: int, seed: int) -> str:
-    """The digest of the same frame, rendered in this process without a farm."""
+    """Returns the digest of the same frame rendered in this process without a farm."""
     scene = compile_scene(read(SCENE.parent, SCENE.name))
     return digest(render_frame(scene, RenderSettings(WIDTH, HEIGHT, VIEW, max_depth=DEPTH, seed=seed), spp, threads=2))

@@ -1,4 +1,4 @@
-"""A farm that is attacked: what its processes are, how far its job is, and what an attack needs of it."""
+"""A test farm for faults: its processes, the progress of its job, and helpers for faults."""
 
 from __future__ import annotations
 
@@ -31,12 +31,14 @@ SETTINGS = {"RAYFARM_BATCH_SECONDS": "0.25", "RAYFARM_BATCH_DEADLINE": "5", "RAY
 
 
 class UnrecoveredError(Exception):
-    """Something was waited for that did not come."""
+    """Raised if an awaited condition does not occur."""
 
 
 class Ground:
-    """One farm of two slots with a joined worker of one slot; a new one has an empty data folder, which is a disk of its own
-    where this user may mount one."""
+    """A farm of two slots and a joined worker of one slot.
+
+    Each has an empty data folder, on a separate disk if this user may mount one.
+    """
 
     name = "one machine"
 
@@ -53,7 +55,7 @@ class Ground:
 
     @classmethod
     def is_possible(cls) -> bool:
-        """Returns True if this machine and this user can have one."""
+        """Returns True if this machine and user support this test farm."""
         return True
 
     # --- what an attack may want to know
@@ -67,7 +69,7 @@ class Ground:
 
     @property
     def redis_url(self) -> str:
-        """The address of the farm's Redis, as it is now."""
+        """Current address of the farm's Redis."""
         return str(json.loads((self.data / "farm.json").read_text())["redis_url"])
 
     def store(self) -> redis.Redis:
@@ -75,11 +77,11 @@ class Ground:
         return redis.Redis.from_url(self.redis_url, socket_timeout=5, socket_connect_timeout=5)
 
     def part(self, name: str) -> psutil.Process:
-        """A part's process as it is now. Raises psutil.NoSuchProcess where it has just ended."""
+        """Returns the current process of a part. Raises psutil.NoSuchProcess if it has just ended."""
         return psutil.Process(self.farm.pids()[name])
 
     def spares(self) -> list[psutil.Process]:
-        """Services that are loaded and wait."""
+        """Returns the processes of loaded spare services."""
         known = self.farm.pids()["service"]
         return [p for p in psutil.Process(self.farm.process.pid).children() if p.pid != known and "service.standby" in line(p)]
 
@@ -100,7 +102,7 @@ class Ground:
     # --- what an attack may want to be done
 
     def look_after(self) -> None:
-        """Start again what nobody else would: the joined worker, and `rayfarm up` itself."""
+        """Restarts processes without a supervisor: the joined worker, and `rayfarm up` itself."""
         if self.farm.process.poll() is not None:
             self.farm.log.replace(self.farm.log.with_suffix(".old.log"))  # it is read for what the new one says
             self.farm = self.start()
@@ -108,11 +110,11 @@ class Ground:
         self.join()
 
     def start(self) -> Farm:
-        """Start the farm."""
+        """Starts the farm."""
         return start_farm(self.data, 2, **self.environment)
 
     def join(self) -> None:
-        """Let those join who are not there."""
+        """Starts the joined workers that do not run."""
         if self._guest is None or self._guest.poll() is not None:
             self._guest = self._start_guest()
 
@@ -130,7 +132,7 @@ class Ground:
         return psutil.Process(self._guest.pid)
 
     def leave(self) -> None:
-        """End those who joined."""
+        """Ends the joined workers."""
         if self._guest is not None:
             self._guest.kill()
             self._guest.wait()
@@ -150,7 +152,7 @@ class Ground:
             return False
 
     def samples(self, job: str) -> int:
-        """The job's samples; more than any where it is over; -1 where nobody says."""
+        """Returns the job's number of samples; a very large number if the job has ended; -1 if the service does not answer."""
         if self._asks is None or self._asks[0] != self.url:
             self._asks = self.url, self.client()  # to make one takes longer than to ask
         try:
@@ -160,9 +162,11 @@ class Ground:
             return -1
 
     def wait(self, true: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> float:
-        """Look after the farm until something is true; returns when. patience_s: in which the farm had nothing to do.
+        """Waits until a condition is true, restarting processes meanwhile; returns the time. patience_s: timeout, counting idle
+        time only.
 
-        Raises UnrecoveredError."""
+        Raises UnrecoveredError.
+        """
         patience = Patience(patience_s, children)
         while not true():
             if patience.is_over:
@@ -176,7 +180,7 @@ class Ground:
 
 
 def line(process: psutil.Process) -> str:
-    """A process' command; '' where it has ended."""
+    """Returns a process' command line; '' if it has ended."""
     try:
         return " ".join(process.cmdline())
     except psutil.Error:
@@ -184,7 +188,7 @@ def line(process: psutil.Process) -> str:
 
 
 def disk_of(folder: Path, mib: int) -> bool:
-    """Make the folder a small disk of its own; False where this user may not."""
+    """Mounts a small disk on a folder; returns False if this user may not."""
     if os.geteuid() != 0:
         return False
     return subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={mib}m", "rayfarm", str(folder)], check=False).returncode == 0
@@ -192,7 +196,7 @@ def disk_of(folder: Path, mib: int) -> bool:
 
 @contextlib.contextmanager
 def stopped(processes: list[psutil.Process]) -> Iterator[None]:
-    """Processes that stand still for as long as the block lasts."""
+    """Context manager that suspends processes."""
     for process in processes:
         with contextlib.suppress(psutil.NoSuchProcess):
             process.suspend()

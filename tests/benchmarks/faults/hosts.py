@@ -1,4 +1,4 @@
-"""A farm of three hosts, each with a network of its own: the service with Redis, and two workers that share no folder with it."""
+"""A farm of three hosts with separate networks: the service with Redis, and two workers that share no folder with it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NETWORK = ("three hosts",)
 
 
 class HostsGround(Ground):
-    """As `Ground`, over cables. Its worker is that of host a, its guest that of host b."""
+    """A `Ground` over simulated networks. Its worker runs on host a, its guest on host b."""
 
     name = "three hosts"
 
@@ -81,7 +81,7 @@ class HostsGround(Ground):
         self._hosts.clear()
 
     def _start_worker(self, host: str) -> subprocess.Popen[bytes]:
-        """A worker for whom the farm's data folder is empty: else it would read there what it is to fetch."""
+        """Starts a worker that sees an empty data folder, so that it fetches files over the network."""
         cache = self.folder / f"cache-{host}"
         worker = f"exec {sys.executable} -m worker --service http://{self.network.addresses['s']}:{PORT} --slots 1"
         script = f"mount -t tmpfs hidden {self.data} && {worker} --name {host} --cache {cache}"
@@ -105,7 +105,7 @@ class HostsGround(Ground):
 
 @contextlib.contextmanager
 def bad(attack: Attack, hosts: list[str], **how: float | bool) -> Iterator[None]:
-    """Cables that are bad for as long as the block lasts."""
+    """Context manager that degrades the hosts' cables."""
     assert isinstance(attack.ground, HostsGround)
     cables = [attack.ground.network.cables[host] for host in hosts]
     before = [dict(vars(cable)) for cable in cables]

@@ -1,7 +1,7 @@
-"""A network of this process' making: hosts with names, each a namespace with one Ethernet device, and cables that can be bad.
+"""A simulated network: named hosts, each a namespace with one Ethernet device, connected by cables with faults.
 
-Linux has netem for that, which not every kernel carries. A switch in one thread passes frames between tap devices; each host's
-cable may be cut, late, uneven, slow, or lose some.
+Replaces Linux's netem, which not every kernel includes. A thread switches frames between tap devices; each host's cable may be
+cut, delayed, jittery, slow, or lose frames.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ QUEUE_S = 2.0  # what waits longer for a slow cable is lost
 
 @dataclass
 class Cable:
-    """How good a host's cable is, both ways. rate: bytes a second; None: any."""
+    """Quality of a host's cable in both directions. rate: bytes per second; None: unlimited."""
 
     is_cut: bool = False
     delay_s: float = 0.0
@@ -42,10 +42,10 @@ class Cable:
 
 
 class Network:
-    """Hosts that reach each other, this machine among them, for as long as the block lasts. Needs root."""
+    """Context manager: hosts that reach each other and this machine. Needs root."""
 
     def __init__(self, prefix: str, hosts: list[str]) -> None:
-        """prefix: of the namespaces' names, six letters at most."""
+        """prefix: of the namespaces' names, at most six letters."""
         self.prefix = prefix
         part = random.SystemRandom().randrange(1, 250)
         self.here = f"10.197.{part}.254"
@@ -60,11 +60,11 @@ class Network:
         self._thread = threading.Thread(target=self._run, name="switch", daemon=True)
 
     def namespace(self, host: str) -> str:
-        """The name of a host's namespace."""
+        """Returns the name of a host's namespace."""
         return f"{self.prefix}-{host}"
 
     def inside(self, host: str) -> list[str]:
-        """What a command begins with that is to run on a host."""
+        """Returns the beginning of a command line that runs on a host."""
         return ["ip", "netns", "exec", self.namespace(host)]
 
     def __enter__(self) -> Network:
@@ -140,7 +140,7 @@ def _write(fd: int, frame: bytes) -> None:
 
 
 def _tap(name: str, namespace: str | None) -> int:
-    """A new device's file, which does not wait. A thread of its own enters the namespace, as that is a thread's."""
+    """Returns the non-blocking file of a new tap device. Runs in a separate thread, since a namespace belongs to a thread."""
     made: list[int] = []
 
     def make() -> None:

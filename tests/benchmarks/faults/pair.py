@@ -1,4 +1,4 @@
-"""A farm of two services on one folder: one works as the farm, the other stands by. They are killed, and stand still."""
+"""A farm of two services on one folder: the owner and a standby, which are killed and suspended."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ASK_S = 2.0
 
 
 class PairGround(Ground):
-    """As `Ground`, with a second service, which is started again as the first one is."""
+    """A `Ground` with a second service, which is restarted like the first."""
 
     name = "two services"
 
@@ -41,7 +41,7 @@ class PairGround(Ground):
 
     @property
     def url(self) -> str:
-        """Of the service that works as the farm; of one that may come to, where neither does now."""
+        """URL of the service that owns the farm, or of one that may take it over if there is no owner now."""
         urls = sorted(self._urls, key=lambda url: url != self._latest)
         for url in urls:
             if not self._stands_still(url) and said(url) == "ready":
@@ -51,7 +51,7 @@ class PairGround(Ground):
         return urls[0]
 
     def _stands_still(self, url: str) -> bool:
-        """Returns True if to ask it would be to wait in vain, which is no time that the farm takes."""
+        """Returns True if a service is suspended and would not answer; such waiting does not count as recovery time."""
         with contextlib.suppress(psutil.NoSuchProcess):
             process = self.part("service") if url == self.farm.url else psutil.Process(self._second.pid if self._second else -1)
             return process.status() == psutil.STATUS_STOPPED
@@ -70,14 +70,14 @@ class PairGround(Ground):
             return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=log, stderr=log, preexec_fn=spawn_guard())
 
     def services(self) -> tuple[psutil.Process, psutil.Process]:
-        """The one that works, and the one that stands by. Raises UnrecoveredError."""
+        """Returns the owner and the standby. Raises UnrecoveredError."""
         self.wait(lambda: sorted(map(said, self._urls)) in (["ready", "stands by"],), "one works and one stands by", STANDBY_S)
         assert self._second is not None
         own, second = self.part("service"), psutil.Process(self._second.pid)
         return (own, second) if said(self.farm.url) == "ready" else (second, own)
 
     def later(self, seconds: float, process: psutil.Process) -> None:
-        """Let a process go on."""
+        """Resumes a process after some seconds."""
 
         def resume() -> None:
             with contextlib.suppress(psutil.NoSuchProcess):
@@ -100,7 +100,7 @@ class PairGround(Ground):
 
 
 class PostgresPairGround(PairGround):
-    """The same on PostgreSQL, which the farm has for itself."""
+    """A `PairGround` with its own PostgreSQL server."""
 
     name = "two services on PostgreSQL"
 
@@ -123,7 +123,7 @@ PAIRS = (PairGround.name, PostgresPairGround.name)
 
 
 def said(url: str) -> str:
-    """What a service says of itself: ready, stands by, or why it is neither."""
+    """Returns a service's state from /readyz: ready, standing by, or an error."""
     try:
         answer = httpx.get(f"{url}/readyz", timeout=ASK_S).json()
     except (httpx.HTTPError, ValueError) as error:
@@ -151,7 +151,7 @@ def owner_killed(attack: Attack) -> None:
 
 @kind("two services, and the owner stands still for longer than its lease", grounds=PAIRS, weight=5)
 def owner_hangs(attack: Attack) -> None:
-    """It goes on while the other works, or has just begun to."""
+    """Suspends the owner, and resumes it while or shortly after the other takes over."""
     owner, _ = services(attack)
     attack.over()
     owner.suspend()

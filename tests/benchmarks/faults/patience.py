@@ -1,6 +1,4 @@
-"""How long to wait for a farm that may be short of processors: only time in which none of its processes had anything to do is
-counted, or was kept waiting for a processor by others.
-"""
+"""Timeouts for a farm on a busy machine: only time counts in which none of its processes ran or waited for a processor."""
 
 from __future__ import annotations
 
@@ -18,10 +16,10 @@ LOOKS_EVERY_S = 1.0
 
 
 class Patience:
-    """From its making on. Where the system does not tell of threads what they waited for (no /proc), all time counts."""
+    """Idle time since its creation. If the system does not report the waiting times of threads (no /proc), all time counts."""
 
     def __init__(self, seconds: float, processes: Callable[[], list[int]], now: Callable[[], float] = time.monotonic) -> None:
-        """seconds: without anything to do, that are waited. processes: ids of those that are waited for, as they are then."""
+        """seconds: idle time until the timeout. processes: returns the current process ids."""
         self._seconds = seconds
         self._processes = processes
         self._now = now
@@ -31,7 +29,7 @@ class Patience:
 
     @property
     def is_over(self) -> bool:
-        """True if it was waited for long enough."""
+        """True if the timeout has passed."""
         now = self._now()
         if now - self._looked >= LOOKS_EVERY_S:
             busy = self._busy()
@@ -41,7 +39,7 @@ class Patience:
         return self._idle > self._seconds or now - self._begun > MOST * self._seconds
 
     def _busy(self) -> dict[int, float]:
-        """Of each thread: seconds on a processor, or ready and waiting for one."""
+        """Returns, for each thread, the seconds that it ran or was ready to run."""
         found = {}
         for process in self._processes():
             for thread in Path(f"/proc/{process}/task").glob("*"):
@@ -52,5 +50,5 @@ class Patience:
 
 
 def children() -> list[int]:
-    """All processes that this one has started, and those that they have."""
+    """Returns all descendants of this process."""
     return [process.pid for process in psutil.Process().children(recursive=True)]

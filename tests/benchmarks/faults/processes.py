@@ -1,4 +1,4 @@
-"""Processes that are killed, in every way, and processes that stand still for a while."""
+"""Faults of processes: killed by several signals, or suspended for a while."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def broker_stands(attack: Attack) -> None:
 
 @kind("a second service on the folder, and the owner is killed", grounds=("one machine", "another clock"))
 def two_services(attack: Attack) -> None:
-    """Whichever comes to work as the farm, one does; the guest is ended after a while, and the farm's own goes on."""
+    """Starts a second service for a while; whichever owns the farm, the farm continues."""
     ground = attack.ground
     command = [sys.executable, "-m", "service", "--no-access-log", "--port", "0"]
     owner = ground.part("service")

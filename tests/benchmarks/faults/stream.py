@@ -1,4 +1,4 @@
-"""What workers send, read beside the service: which batches came more than once, and answers to be sent again."""
+"""Reads the workers' answers in parallel to the service: finds batches that arrive twice, and answers to send again."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Fields = dict[bytes, bytes]
 
 
 class Stream:
-    """A thread that reads the stream of results for as long as the block lasts."""
+    """Context manager: a thread that reads the stream of results."""
 
     def __init__(self, connect: Callable[[], redis.Redis]) -> None:
         self._connect = connect
@@ -42,7 +42,7 @@ class Stream:
         self._thread.join(15)
 
     def forge(self, store: redis.Redis, fields: Fields) -> None:
-        """Append an answer that no worker gave, which is not counted."""
+        """Appends a forged answer, which is not counted."""
         self._forged.append(fields)
         store.xadd(RESULTS, fields)  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""What was found, as the rows of a table."""
+"""The results of a campaign as table rows."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ BEGIN, END = "<!-- faults: made by `farm.py bench faults` -->", "<!-- end of fau
 
 @dataclass
 class Fault:
-    """One fault and what came of it. recovered_s: None where no sample came after it. digest_is_right: None where its job did
-    not end. asked: its job had ended with a sentence, and was set to running as that asks."""
+    """One fault and its outcome. recovered_s: None if no sample arrived after it. digest_is_right: None if its job did not end.
+    asked: the job had failed with an error message, and was resumed as the message requests.
+    """
 
     kind: str
     ground: str
@@ -28,18 +29,18 @@ class Fault:
 
 
 def write(path: Path, faults: list[Fault]) -> None:
-    """Append faults to a file, a line each."""
+    """Appends faults to a file, one per line."""
     with path.open("a") as file:
         file.writelines(json.dumps(asdict(fault)) + "\n" for fault in faults)
 
 
 def read(paths: list[Path]) -> list[Fault]:
-    """The faults of files that `write` made."""
+    """Returns the faults of files written by `write`."""
     return [Fault(**json.loads(line)) for path in paths for line in path.read_text().splitlines()]
 
 
 def table(faults: list[Fault]) -> str:
-    """A table in Markdown, a row for each kind, and one of all."""
+    """Returns a Markdown table with a row for each kind, and one for all."""
     rows = defaultdict(list)
     for fault in faults:
         if not fault.undone:
@@ -70,7 +71,7 @@ def _row(kind: str, faults: list[Fault]) -> str:
 
 
 def into_page(page: Path, text: str) -> None:
-    """Replace what stands between the marks of a page."""
+    """Replaces the text between two marks of a page."""
     before, _, rest = page.read_text().partition(BEGIN)
     if not rest:
         raise SystemExit(f"{page} has no place for the table: a line {BEGIN}, and one {END}")

@@ -1,4 +1,4 @@
-"""glTF files with many of one thing."""
+"""glTF files with many elements of one kind."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def missing_textures(n: int) -> bytes:
 
 
 def shining_textures(n: int) -> bytes:
-    """Materials that shine by one picture."""
+    """Materials with the same emissive texture."""
     g = _base()
     at = g.root["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
     pixels = np.random.default_rng(1).integers(0, 255, (256, 256, 3), np.uint8)
@@ -144,7 +144,7 @@ def joints(n: int) -> bytes:
 
 
 def skinned_nodes(n: int) -> bytes:
-    """Nodes of one skin, whose joints are as many as its nodes' root."""
+    """Nodes with one skin of equally many joints."""
     g = _base()
     attributes = g.root["meshes"][0]["primitives"][0]["attributes"]
     attributes["JOINTS_0"] = g.array(np.zeros((3, 4), np.uint16))

@@ -1,4 +1,4 @@
-"""Files of formats in text with many of one thing."""
+"""Files of text formats with many elements of one kind."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def obj_missing_textures(n: int) -> Files:
 
 
 def obj_switches(n: int) -> Files:
-    """Two materials in turn."""
+    """Faces that alternate between two materials."""
     return {"a.obj": (_TRIANGLE + "".join(f"g g{i}\nusemtl m{i % 2}\nf 1 2 3\n" for i in range(n))).encode()}
 
 
@@ -44,7 +44,7 @@ def obj_corners(n: int) -> Files:
 
 
 def obj_one_point(n: int) -> Files:
-    """All faces meet in one point."""
+    """Faces that all share one vertex."""
     return {"a.obj": ("v 0 0 0\n" + "".join(f"v 1 {i} {i * i % 97}\n" for i in range(n + 1))
             + "".join(f"f 1 {i} {i + 1}\n" for i in range(2, n + 2))).encode()}  # fmt: skip
 
@@ -149,7 +149,7 @@ def pbrt_textures(n: int) -> Files:
 
 
 def pbrt_scaled_textures(n: int) -> Files:
-    """Each made of the one before."""
+    """Scale textures, each of which refers to the previous one."""
     inside = 'Texture "t0" "spectrum" "constant" "rgb value" [1 1 1]\n'
     inside += "".join(f'Texture "t{i + 1}" "spectrum" "scale" "texture tex" "t{i}" "float scale" 0.999\n' for i in range(n))
     return {"a.pbrt": world(f'{inside}Material "diffuse" "texture reflectance" "t{n}" {SQUARE}').encode()}

@@ -1,4 +1,4 @@
-"""USD files with many of one thing."""
+"""USD files with many elements of one kind."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PICTURE = 'def Shader "T" {{ uniform token info:id = "UsdUVTexture"\nasset inpu
 
 
 def _stage(inside: str, head: str = "") -> Files:
-    """A layer: braces close on a line of their own."""
+    """Returns a layer with these statements."""
     return {"a.usda": f"#usda 1.0\n({head})\n{inside}".replace(" }", "\n}").encode()}
 
 
@@ -63,7 +63,7 @@ def instances(n: int) -> Files:
 
 
 def prototypes(n: int) -> Files:
-    """A PointInstancer of as many prototypes as it has points."""
+    """A PointInstancer with as many prototypes as points."""
     places = ", ".join(f"({i}, 0, 0)" for i in range(n))
     targets = ", ".join(f"</p/m{i}>" for i in range(n))
     return _stage(

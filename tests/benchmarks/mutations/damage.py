@@ -1,4 +1,4 @@
-"""Ways to damage a file, each drawn by a seed."""
+"""Random ways to damage a file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _cut(data: bytes, dice: random.Random) -> bytes:
 
 
 def _swapped(data: bytes, dice: random.Random) -> bytes:
-    """Two tokens, or of a binary file two parts of it, in each other's place."""
+    """Swaps two tokens, or two parts of a binary file."""
     tokens = [m.span() for m in _TOKEN.finditer(data, 0, 200_000)]
     if len(tokens) > 8:
         (a, b), (c, d) = sorted(dice.sample(tokens, 2))
@@ -50,7 +50,7 @@ def _dropped(data: bytes, dice: random.Random) -> bytes:
 
 
 def _huge(data: bytes, dice: random.Random) -> bytes:
-    """A number that is far too large, or none; of a binary file four of its bytes."""
+    """Replaces a number by an invalid or far too large one; four bytes of a binary file."""
     numbers = [m.span() for m in _NUMBER.finditer(data, 0, 200_000)]
     if numbers and dice.random() < 0.8:
         a, b = dice.choice(numbers)
@@ -71,7 +71,7 @@ WAYS: dict[str, Callable[[bytes, random.Random], bytes]] = {
 
 
 def damaged(data: bytes, dice: random.Random) -> tuple[bytes, str]:
-    """The bytes damaged once or twice, and how."""
+    """Returns the bytes damaged once or twice, and a description of the damage."""
     ways = dice.sample(sorted(WAYS), dice.choice([1, 1, 1, 2]))
     for way in ways:
         data = WAYS[way](data, dice) if data else data

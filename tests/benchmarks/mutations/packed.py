@@ -1,4 +1,4 @@
-"""Sound files whose bytes are packed by a codec of its own: glTF's buffers and pictures, textures, zips, .blend files."""
+"""Valid files with compressed content: glTF's buffers and images, textures, zips, .blend files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _pixels() -> np.ndarray:
 
 
 def pictures() -> dict[str, bytes]:
-    """A small picture in every format of textures that something here can write."""
+    """Returns a small picture in every texture format that can be written here."""
     made: dict[str, bytes] = {}
     for suffix, form in (
         ("png", "PNG"),
@@ -86,7 +86,7 @@ def pictures() -> dict[str, bytes]:
 
 
 def textures() -> list[Seed]:
-    """A square under each of the pictures."""
+    """Returns a square with each of the pictures as its texture."""
     scene = "shapes: [{{type: quad, material: m}}]\ntextures: {{t: {{image: {0}}}}}\nmaterials: {{m: {{texture: t}}}}\n"
     lit = "shapes: [{{type: sphere}}]\nenvironment: {{image: {0}}}\n"
     found: list[Seed] = []
@@ -97,7 +97,7 @@ def textures() -> list[Seed]:
 
 
 def packed_gltf() -> list[Seed]:
-    """What is packed lies in a file beside the JSON, so that damage meets the codec."""
+    """Returns glTF files whose compressed content is in separate files, so that damage affects the codec."""
     made = packed()
     found = [_apart(made)]
     points = np.random.default_rng(5).random((30, 3)).astype(np.float32)
@@ -139,7 +139,7 @@ def _apart(made: Gltf) -> Seed:
 
 
 def serialized_mesh() -> bytes:
-    """A triangle with normals and texture coordinates in Mitsuba's own format."""
+    """Returns a triangle with normals and texture coordinates in Mitsuba's serialized format."""
     places = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
     normals, uvs = np.tile(np.array([0, 0, 1], "<f4"), (3, 1)), np.ascontiguousarray(places[:, :2])
     body = (
@@ -150,7 +150,7 @@ def serialized_mesh() -> bytes:
 
 
 def zips(scene: dict[str, bytes]) -> list[Seed]:
-    """A scene's files in a zip, packed in each way that there is."""
+    """Returns a scene's files in a zip, compressed by each supported method."""
     found: list[Seed] = []
     for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
         out = io.BytesIO()
@@ -162,7 +162,7 @@ def zips(scene: dict[str, bytes]) -> list[Seed]:
 
 
 def blends() -> list[Seed]:
-    """What Blender saves, as it is and compressed; none where there is no Blender."""
+    """Returns .blend files, uncompressed and compressed; none without Blender."""
     python = python_with_bpy()
     if python is None:
         return []

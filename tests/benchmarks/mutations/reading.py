@@ -1,6 +1,6 @@
-"""Damaged files read in bounded children, each of them many files behind each other: forking costs as much as reading.
+"""Reads damaged files in bounded child processes, each of which reads many files, since forking costs as much as reading.
 
-What is not read or refused plainly is read again by a child of its own, as the worker does it: that is what counts.
+A file that is neither read nor refused is read again by a separate child, as a worker does; that outcome counts.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _NUMBER = 8
 
 @dataclass(frozen=True)
 class Came:
-    """What came of the number-th file; None where the child was lost."""
+    """The outcome of the number-th file; None if the child was lost."""
 
     number: int
     seconds: float
@@ -34,7 +34,7 @@ class Came:
 
 @dataclass
 class _Child:
-    """One that reads files: it is told a number, and answers with a line."""
+    """A child process that reads files: it receives a number, and answers with a line."""
 
     slot: int
     child: int
@@ -53,9 +53,9 @@ class _Child:
 
 
 def read_all(numbers: Iterable[int], read: Callable[[int, int], dict[str, Any]], bounds: Bounds, jobs: int) -> Iterator[Came]:
-    """read(number, slot) of each, in `jobs` children at a time; slot: 0 <= it < jobs, for what two must not share.
+    """Yields read(number, slot) of each number, in `jobs` parallel children; 0 <= slot < jobs, for exclusive resources.
 
-    A child that is lost, or takes longer than its bounds, loses the file that it was at, and no other.
+    A child that is lost or exceeds its limits loses only the current file.
     """
     waiting = iter(numbers)
     children: dict[int, _Child] = {}
@@ -115,13 +115,13 @@ def _end(child: _Child) -> None:
 
 
 def reset_peak_memory() -> None:
-    """Counts this process' greatest resident memory anew, where the kernel can."""
+    """Resets this process' peak resident memory, if the kernel supports it."""
     with contextlib.suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 
 
 def peak_memory() -> int:
-    """Bytes of this process' greatest resident memory, since it was reset."""
+    """Returns this process' peak resident memory in bytes since the reset."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("VmHWM:"):
             return int(line.split()[1]) * 1024

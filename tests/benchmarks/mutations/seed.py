@@ -1,4 +1,4 @@
-"""What is damaged: a sound scene."""
+"""A valid scene that is to be damaged."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SHARES = {".blend": 0.2}
 class Seed(NamedTuple):
     """The main file's name, and all files.
 
-    victims: those that are mostly damaged, in place of the main one. is_package: the files are what the main one is packed of,
+    victims: the files that are damaged most often instead of the main one. is_package: the files are packed into the main file
     after one was damaged.
     """
 
@@ -30,12 +30,12 @@ class Seed(NamedTuple):
 
 
 def kind_of(number: int, seed: int, seeds: dict[str, list[Seed]]) -> str:
-    """The format of the number-th file of a campaign."""
+    """Returns the format of the number-th file of a campaign."""
     return _kind(random.Random(f"{seed}:{number}"), seeds)
 
 
 def draw(number: int, seed: int, seeds: dict[str, list[Seed]]) -> tuple[str, str, dict[str, bytes], str]:
-    """The format, the main file, all files and how one of them is damaged, of the number-th of a campaign."""
+    """Returns format, main file, all files and description of the damage, of the number-th file of a campaign."""
     dice = random.Random(f"{seed}:{number}")
     kind = _kind(dice, seeds)
     chosen = dice.choice(seeds[kind])
@@ -47,7 +47,7 @@ def draw(number: int, seed: int, seeds: dict[str, list[Seed]]) -> tuple[str, str
 
 
 def packed(main: str, parts: dict[str, bytes]) -> dict[str, bytes]:
-    """The zip that a main file is."""
+    """Returns the parts packed into a zip as the main file."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in parts.items():

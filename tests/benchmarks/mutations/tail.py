@@ -1,4 +1,4 @@
-"""Sound files of the formats that only assimp opens: a triangle or two of each, as its own description has it."""
+"""Valid files of the formats read by assimp only: one or two triangles each, by the formats' specifications."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _form(kind: bytes, data: bytes, order: str = ">") -> bytes:
 
 
 def _lwo() -> bytes:
-    """LightWave's, version 2."""
+    """Returns a LightWave file, version 2."""
     points = struct.pack(">9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
     face = b"FACE" + struct.pack(">4H", 3, 0, 1, 2)
     surface = b"red\0\0\0" + b"COLR" + struct.pack(">H3fH", 14, 0.8, 0.1, 0.1, 0)
@@ -99,7 +99,7 @@ def _lwo() -> bytes:
 
 
 def _b3d() -> bytes:
-    """Blitz3D's."""
+    """Returns a Blitz3D file."""
     points = struct.pack("<3i", 0, 1, 2) + struct.pack("<15f", 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1)
     mesh = struct.pack("<i", -1) + _form(b"VRTS", points, "<") + _form(b"TRIS", struct.pack("<4i", -1, 0, 1, 2), "<")
     node = b"tri\0" + struct.pack("<10f", 0, 0, 0, 1, 1, 1, 1, 0, 0, 0) + _form(b"MESH", mesh, "<")
@@ -107,7 +107,7 @@ def _b3d() -> bytes:
 
 
 def long_tail() -> list[Seed]:
-    """One of each."""
+    """Returns one file of each format."""
     made = {f"a{suffix}": text.encode() for suffix, text in _TEXTS.items()}
     made |= {"a.3ds": _three_ds(), "a.lwo": _lwo(), "a.b3d": _b3d()}
     zae = io.BytesIO()

@@ -1,4 +1,4 @@
-"""What came of damaged files, as the rows of a table."""
+"""The outcomes of damaged files as table rows."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ OUTCOMES = ("read", "refused", "refused by the net", "too large", "too slow", "c
 
 @dataclass
 class Tally:
-    """The files of one format."""
+    """The outcomes of one format's files."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     slowest_s: float = 0.0
     most_bytes: int = 0
 
     def add(self, outcome: str, seconds: float, memory: int) -> None:
-        """One more."""
+        """Adds an outcome."""
         self.outcomes[outcome] += 1
         self.slowest_s, self.most_bytes = max(self.slowest_s, seconds), max(self.most_bytes, memory)
 
@@ -32,7 +32,7 @@ class Tally:
 
 
 def table(found: dict[str, Tally]) -> str:
-    """A table in Markdown, a row for each format, and one of all."""
+    """Returns a Markdown table with a row for each format, and one for all."""
     head = ["format", "files", *OUTCOMES, "slowest", "most memory of a child"]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     whole = Tally()
@@ -48,7 +48,7 @@ def _row(name: str, tally: Tally) -> str:
 
 
 def into_page(page: Path, text: str) -> None:
-    """Replace what stands between the marks of a page."""
+    """Replaces the text between two marks of a page."""
     before, _, rest = page.read_text().partition(BEGIN)
     if not rest:
         raise SystemExit(f"{page} has no place for the table: a line {BEGIN}, and one {END}")

@@ -1,4 +1,4 @@
-"""Row `samples` against another commit of ours: in turn, by processor time, over many short rounds."""
+"""Row `samples` compared with another commit: alternating, by processor time, over many short rounds."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _working_tree(commit: str, folder: Path) -> Iterator[Path]:
 
 
 def against_lines(sizes: Sizes, folder: Path, commit: str, quick: bool, rounds: int, spp: int) -> Iterator[Line]:
-    """One line a scene: how many times faster this tree is than the commit, the median of the rounds' ratios."""
+    """Yields one line per scene: the speed relative to the commit's, the median of the rounds' ratios."""
     size = "quick" if quick else "full"
     with _working_tree(commit, folder) as tree:
         for name in CASES:

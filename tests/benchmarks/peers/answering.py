@@ -1,6 +1,6 @@
-"""The other end of `asking.Peer`: a program that answers questions line by line. Nothing but the standard library is used.
+"""The peer's side of `asking.Peer`: a program that answers requests line by line. Uses the standard library only.
 
-Whatever the peer prints goes to stderr, so that stdout holds answers alone.
+The peer's own output goes to stderr, so that stdout holds answers only.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ __all__ = ["answer"]
 
 
 def answer(commands: dict[str, Callable[..., dict[str, Any]]]) -> None:
-    """Answer until stdin ends. A question is {"do": a command's name, ...its arguments}, an answer what the command gives."""
+    """Answers until stdin ends. A request is {"do": command, ...arguments}; the answer is the command's result."""
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     for line in sys.stdin:

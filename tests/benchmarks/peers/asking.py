@@ -1,4 +1,4 @@
-"""A peer that runs in a Python of its own, asked line by line."""
+"""A peer renderer in a separate Python, controlled line by line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Peer"]
 
 
 class Peer:
-    """A program of this folder under another Python, for the length of a `with` block."""
+    """Context manager: a program of this folder, run by another Python."""
 
     def __init__(self, python: Path, program: str) -> None:
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed with the block
@@ -30,7 +30,7 @@ class Peer:
         )
 
     def ask(self, do: str, **arguments: Any) -> dict[str, Any]:
-        """What it answers. Raises RuntimeError with its last words where it cannot."""
+        """Returns the answer to a request. Raises RuntimeError with the end of the peer's error output if it fails."""
         assert self._process.stdin and self._process.stdout
         try:
             self._process.stdin.write(json.dumps({"do": do, **arguments}) + "\n")

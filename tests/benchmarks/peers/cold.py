@@ -1,7 +1,7 @@
-"""Row `cold`: how long one waits where no kernel is compiled yet: alone, and as a worker of a farm that has compiled. No peer.
+"""Row `cold`: waiting times with an empty kernel cache, alone and for a worker that joins a farm with kernels. No peer.
 
-The first is from the start of a farm to the first tile of a job. The second is from the start of `rayfarm worker --join` until
-the farm has it as ready; it has an empty cache, and fetches the kernels.
+The first is measured from the start of a farm to the first tile of a job, the second from the start of `rayfarm worker --join`
+with an empty cache, which fetches the kernels, until the farm reports the worker as ready.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _FIRST, _JOINS = "empty cache to the first tile", "a worker joins a farm that ha
 
 
 def cold_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Two lines; compiling takes too long for many rounds of the first."""
+    """Yields two lines; compiling takes too long for many rounds of the first."""
     cache = folder / "cache"
     if sizes.wants(_FIRST):
         first = []
@@ -53,7 +53,7 @@ def _line(name: str, seconds: list[float]) -> Line:
 
 
 def _until_handed_in(farm: Farm, cache: Path) -> None:
-    """The farm's first worker gives its kernels to the service beside its work, and compiles the next."""
+    """Waits until the farm's first worker has uploaded its kernels, which it does in the background."""
 
     def is_at_rest() -> bool:
         handed_in = any(is_name(path.name) for path in (farm.data / "kernels").glob("*"))
@@ -67,7 +67,7 @@ def _until_handed_in(farm: Farm, cache: Path) -> None:
 
 
 def _join(farm: Farm, cache: Path) -> float:
-    """Seconds until a worker with an empty cache is ready; then it leaves."""
+    """Returns the seconds until a worker with an empty cache is ready, and ends the worker."""
     command = [sys.executable, "-m", "rayfarm", "worker", "--join", farm.url, "--slots", "1", "--name", _NAME]
     environment = {**os.environ, "RAYFARM_TOKEN": farm.token, "RAYFARM_CACHE": str(cache)}
     begun = time.perf_counter()

@@ -1,4 +1,4 @@
-"""We and Mitsuba, each with a scene made ready: both give a picture for a number of samples and a seed."""
+"""Rayfarm and Mitsuba with a prepared scene: both render a picture for a number of samples and a seed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _AT_ONCE = 256  # samples a pixel of a part of a reference
 
 
 class Rayfarm:
-    """Ours, with its own sampler: scrambled Sobol' points."""
+    """Rayfarm with its scrambled Sobol' sampler."""
 
     def __init__(self, case: Case, pixels: int, **more: Any) -> None:
         self.scene = compile_scene(case.description)
@@ -30,13 +30,13 @@ class Rayfarm:
         self.stats = RenderStats()
 
     def picture(self, spp: int, seed: int, threads: int | None = None) -> np.ndarray:
-        """(h, w, 3)."""
+        """Returns the picture, (h, w, 3)."""
         settings = replace(self.settings, seed=seed)
         return mean(render_frame(self.scene, settings, spp, threads, stats=self.stats), settings.film_exponent)
 
 
 class Mitsuba:
-    """Mitsuba at its best: vectorised by LLVM, on all cores, its own Russian roulette, one-sided surfaces, shared materials."""
+    """Mitsuba at its fastest: vectorised by LLVM, on all cores, with Russian roulette, one-sided surfaces, shared materials."""
 
     def __init__(self, case: Case, pixels: int, sampler: str, folder: Path) -> None:
         self.mi = mitsuba_with_llvm()
@@ -49,18 +49,18 @@ class Mitsuba:
         self.scene = self.mi.load_dict(made)
 
     def picture(self, spp: int, seed: int) -> np.ndarray:
-        """(h, w, 3)."""
+        """Returns the picture, (h, w, 3)."""
         return np.array(self.mi.render(self.scene, spp=spp, seed=seed))
 
 
 def converged(picture: Callable[[int, int], np.ndarray], spp: int) -> np.ndarray:
-    """The mean of pictures of seeds that nothing else uses, of so many samples together."""
+    """Returns the mean of pictures with separate seeds, of that many samples in total."""
     parts = max(1, spp // _AT_ONCE)
     return np.mean([picture(min(spp, _AT_ONCE), 1000 + part) for part in range(parts)], axis=0)
 
 
 def _shared(made: dict[str, Any]) -> dict[str, Any]:
-    """The same scene with each material once, and without the backs of surfaces, which no view of ours sees."""
+    """Returns the scene with each material once, and without back faces, which no view shows."""
     names: dict[int, str] = {}
     scene: dict[str, Any] = {}
     for key, part in made.items():

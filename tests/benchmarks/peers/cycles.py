@@ -1,6 +1,6 @@
-"""Row `cycles`: a GLB file of textured objects in a white world, as Blender's Cycles and as we render it.
+"""Row `cycles`: a GLB file of textured objects in a white world, rendered by Cycles and by Rayfarm.
 
-What Cycles needs to get ready is not counted: its scene is kept from picture to picture, and the time of one sample is taken off.
+Cycles' preparation is not counted: its scene is kept between pictures, and the time of one sample is subtracted.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _ONES = 5  # pictures of one sample, of which the quickest counts
 
 
 def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterator[Line]:
-    """Samples a second, and the error in the same time. kept: as of `error_lines`."""
+    """Yields samples per second, and the error at equal time. kept: as in `error_lines`."""
     if not (sizes.wants(_SAMPLES) or sizes.wants(_ERROR)):
         return
     glb = textured_objects(folder / "objects.glb", sizes.small_mesh // 8, sizes.texture)
@@ -49,7 +49,7 @@ def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterat
             return read_image(path.read_bytes(), path.name)[..., :3]
 
         def they(seed: int) -> Taken:
-            """For spp samples, by what spp more take than one."""
+            """Returns Cycles' time for spp samples, as the difference between 1 + spp samples and one."""
             took = cycles.ask("render", samples=1 + spp, seed=seed)
             return Taken(took["wall"] - one["wall"], took["cpu"] - one["cpu"])
 

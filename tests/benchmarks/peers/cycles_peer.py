@@ -1,4 +1,4 @@
-"""Cycles, answering in a Python that has bpy."""
+"""Cycles as a peer, in a Python with bpy."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from tests.peers.cycles_render import prepare
 
 
 def load(glb: str, size: int, max_depth: int, sky: list[float]) -> dict[str, Any]:
-    """A file, with its camera."""
+    """Loads a file with its camera."""
     prepare(glb, size, max_depth, sky)
     bpy.context.scene.render.use_persistent_data = True  # a scene once built is kept: pictures take their samples' time alone
     return {"version": bpy.app.version_string}
 
 
 def render(samples: int, seed: int, exr: str = "") -> dict[str, Any]:
-    """A picture of what was loaded."""
+    """Renders the loaded scene."""
     scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = samples, seed
     scene.render.filepath = exr

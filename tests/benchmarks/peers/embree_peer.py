@@ -1,4 +1,4 @@
-"""Embree, answering in a Python that has embreex, whose loop calls rtcIntersect1 or rtcOccluded1 ray by ray."""
+"""Embree as a peer, in a Python with embreex, which calls rtcIntersect1 or rtcOccluded1 for each ray."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _kept: dict[str, Any] = {}
 
 
 def build(mesh: str) -> dict[str, Any]:
-    """Build over the mesh of an .npz file, with all cores; the time is that of rtcCommitScene alone."""
+    """Builds over the mesh of an .npz file with all cores; measures rtcCommitScene only."""
     if _kept.get("mesh") != mesh:
         with np.load(mesh) as file:
             _kept.update(mesh=mesh, position=file["position"], triangle=file["triangle"])
@@ -29,7 +29,7 @@ def build(mesh: str) -> dict[str, Any]:
 
 
 def trace(rays: str, query: str, reach: float) -> dict[str, Any]:
-    """The rays of an .npz file through what was built last, up to `reach` times their direction."""
+    """Traces the rays of an .npz file through the latest tree, up to `reach` times their direction."""
     if _kept.get("rays") != rays:
         with np.load(rays) as file:
             _kept.update(rays=rays, origin=file["origin"], direction=file["direction"])
@@ -45,7 +45,7 @@ def trace(rays: str, query: str, reach: float) -> dict[str, Any]:
 
 
 def about() -> dict[str, Any]:
-    """Which Embree this is: embreex's versions are Embree's."""
+    """Returns Embree's version, which equals embreex's."""
     return {"version": version("embreex")}
 
 

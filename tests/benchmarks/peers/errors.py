@@ -1,7 +1,7 @@
-"""Rows `error-time` and `error-samples`: the noise of pictures against Mitsuba's best sampler, multijitter.
+"""Rows `error-time` and `error-samples`: the noise of pictures compared with Mitsuba's best sampler, multijitter.
 
-Each side is held against a converged picture of its own, so that what the two mean differently by a material plays no part. For
-the same time, ours takes as many samples as it renders in the time that Mitsuba takes for its number, which is a square.
+Each side is compared with its own converged picture, so that different material models do not matter. At equal time, Rayfarm
+takes as many samples as it renders in Mitsuba's time for its number of samples, which is a square.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _NOT_ASKED = ("large mesh, rough plastic",)  # its noise is the diffuse one's
 
 
 def error_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterator[Line]:
-    """Two lines a scene. kept: the folder that keeps converged pictures from run to run."""
+    """Yields two lines per scene. kept: the folder of converged pictures, reused between runs."""
     for name, make in CASES.items():
         if name not in _NOT_ASKED and sizes.wants(name):
             yield from _lines(name, make(sizes), References(sizes, kept), folder)
@@ -44,7 +44,7 @@ def _lines(name: str, case: Case, references: References, folder: Path) -> Itera
 
 
 def _times_faster(case: Case, sizes: Sizes, folder: Path) -> float:
-    """By the clock, on a picture as large as row `samples` has: what Mitsuba takes to begin one weighs little there."""
+    """Returns the ratio of wall times, on a picture as large as in row `samples`, where Mitsuba's start-up matters little."""
     ours, theirs = Rayfarm(case, sizes.picture), Mitsuba(case, sizes.picture, "multijitter", folder)
     spp = sizes.error_spp
     ours.picture(1, 0)

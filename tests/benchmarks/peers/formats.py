@@ -1,6 +1,6 @@
-"""Row `formats`: one mesh in each format that may hold it, from the file to a scene that can be rendered. No peer.
+"""Row `formats`: one mesh in each format that can store it, from the file to a renderable scene. No peer.
 
-As `ready` has it; with the processor's time of all processes, as Blender is one of its own.
+Measured as in `ready`, but by the processor time of all processes, since Blender is a separate one.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _usdc(path: Path, mesh: Mesh) -> None:
 
 
 def _fbx(path: Path, mesh: Mesh) -> None:
-    """Version 7.4, its arrays deflated, normals and UVs at corners: as exporters write it."""
+    """Writes FBX 7.4 as exporters do: arrays deflated, normals and UVs per corner."""
     points, normals, uvs, triangles = _arrays(mesh)
 
     def array(code: bytes, values: np.ndarray) -> bytes:
@@ -193,7 +193,7 @@ WRITERS: dict[str, Callable[[Path, Mesh], object]] = {
 
 
 def format_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Two lines a format: seconds of the processor, and bytes a triangle."""
+    """Yields two lines per format: processor seconds, and bytes per triangle."""
     triangles = sizes.ready[0]
     mesh = displaced_sphere(triangles)
     environment = dict(os.environ)

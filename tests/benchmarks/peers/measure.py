@@ -1,4 +1,4 @@
-"""Clocks, rounds in turn, and how far a picture is from the converged one."""
+"""Clocks, alternating rounds, and errors relative to a converged picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FLOOR = 0.01  # of the reference's mean square: what black pixels are measured 
 
 @dataclass(frozen=True)
 class Taken:
-    """Seconds by the clock, and of the processor in all threads; the latter not a number where it is not known."""
+    """Wall seconds, and processor seconds of all threads; the latter NaN if unknown."""
 
     wall: float
     cpu: float = math.nan
@@ -27,9 +27,9 @@ class Taken:
 
 @dataclass
 class Line:
-    """A line of the table: `value` is what is held to the goal, `spread` the least and the most of the rounds.
+    """A line of the table: `value` is compared with the target, `spread` is the minimum and maximum over the rounds.
 
-    ours, peers: what was measured, round by round, in `unit`. notes: further figures, by what they are.
+    ours, peers: the measurements by round, in `unit`. notes: further figures by name.
     """
 
     row: str
@@ -43,7 +43,7 @@ class Line:
 
 
 def taken(work: Callable[[], Any]) -> Taken:
-    """How long this process takes for it."""
+    """Returns the time that this process takes for a function."""
     wall, cpu = time.perf_counter(), time.process_time()
     work()
     return Taken(time.perf_counter() - wall, time.process_time() - cpu)
@@ -51,7 +51,7 @@ def taken(work: Callable[[], Any]) -> Taken:
 
 @dataclass(frozen=True)
 class Race:
-    """What both took, round by round, and by which clock they are compared."""
+    """The times of both sides by round, and the clock by which they are compared."""
 
     ours: list[Taken]
     theirs: list[Taken]
@@ -59,24 +59,24 @@ class Race:
 
     @property
     def seconds(self) -> tuple[list[float], list[float]]:
-        """Ours, theirs."""
+        """Seconds of both sides: (ours, theirs)."""
         return [getattr(t, self.clock) for t in self.ours], [getattr(t, self.clock) for t in self.theirs]
 
     @property
     def ratios(self) -> list[float]:
-        """How many times faster ours was."""
+        """Ratio of their time to ours, by round."""
         return [b / a for a, b in zip(*self.seconds, strict=True)]
 
     @property
     def cpu_ratio(self) -> float:
-        """The same of processor time, which other work on the machine changes less: of the best rounds."""
+        """The ratio of processor times in the fastest rounds, which depends less on other work of the machine."""
         return min(t.cpu for t in self.theirs) / min(t.cpu for t in self.ours)
 
 
 def race(
     ours: Callable[[int], Taken], theirs: Callable[[int], Taken], rounds: int, clock: Literal["wall", "cpu"] = "wall"
 ) -> Race:
-    """One after the other, round by round; who was last in a round begins the next. They are told the round's number."""
+    """Runs both sides in alternating order; each receives the round's number."""
     results = Race([], [], clock)
     for number in range(rounds):
         sides = [(ours, results.ours), (theirs, results.theirs)]
@@ -88,22 +88,22 @@ def race(
 def ratio_line(
     row: str, name: str, ratios: Sequence[float], unit: str, ours: Sequence[float], peers: Sequence[float], **notes: Any
 ) -> Line:
-    """A line whose value is the median of the rounds' ratios."""
+    """Returns a line whose value is the median of the rounds' ratios."""
     return Line(row, name, statistics.median(ratios), (min(ratios), max(ratios)), unit, tuple(ours), tuple(peers), notes)
 
 
 def error_line(row: str, name: str, ours: Sequence[float], peers: Sequence[float], **notes: Any) -> Line:
-    """How many times less our error is. Seeds of two sides have nothing to do with each other: no pairs, the peer's mean."""
+    """Returns a line with the ratio of the peer's mean error to ours; rounds are not paired, since their seeds are unrelated."""
     return ratio_line(row, name, [statistics.fmean(peers) / error for error in ours], "relMSE", ours, peers, **notes)
 
 
 def geometric_mean(values: Sequence[float]) -> float:
-    """Of ratios."""
+    """Returns the geometric mean of ratios."""
     return math.exp(statistics.fmean(math.log(v) for v in values))
 
 
 def relative_error(picture: np.ndarray, reference: np.ndarray) -> float:
-    """The mean squared error of the pixels relative to the reference's square, without the worst thousandth of them."""
+    """Returns the mean squared error relative to the reference's square, without the largest 0.1 % of the pixels."""
     truth = reference.astype(np.float64)
     square = np.square(truth).mean(-1)
     each = np.square(picture.astype(np.float64) - truth).mean(-1) / (square + _FLOOR * square.mean())

@@ -1,4 +1,4 @@
-"""Meshes by formula, of any number of triangles: nothing has to lie beside the clone."""
+"""Generated meshes with any number of triangles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["checks", "displaced_sphere", "torus"]
 
 
 def displaced_sphere(triangles: int, material: int = 0) -> Mesh:
-    """A bumpy sphere of radius about 1, of about so many triangles, with smooth normals and UVs."""
+    """Returns a bumpy sphere of radius about 1 with about that many triangles, smooth normals and UVs."""
     rows = max(4, round(math.sqrt(triangles / 4)))
     columns = 2 * rows
     theta, phi = np.meshgrid(np.linspace(0, math.pi, rows + 1), np.linspace(0, 2 * math.pi, columns + 1), indexing="ij")
@@ -23,7 +23,7 @@ def displaced_sphere(triangles: int, material: int = 0) -> Mesh:
 
 
 def torus(triangles: int, material: int = 0, winding: float = 3.0) -> Mesh:
-    """A ring whose tube swells and shrinks, of about so many triangles, with smooth normals and UVs."""
+    """Returns a ring whose tube varies in radius, with about that many triangles, smooth normals and UVs."""
     rows = max(4, round(math.sqrt(triangles / 4)))
     u, v = np.meshgrid(np.linspace(0, 2 * math.pi, 2 * rows + 1), np.linspace(0, 2 * math.pi, rows + 1), indexing="ij")
     tube = 0.32 + 0.08 * np.sin(winding * u)
@@ -32,7 +32,7 @@ def torus(triangles: int, material: int = 0, winding: float = 3.0) -> Mesh:
 
 
 def checks(size: int, seed: int = 0) -> Image:
-    """A picture (size, size) of coloured squares under fine grain, to be a texture."""
+    """Returns a texture (size, size) of coloured squares with fine grain."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[0:size, 0:size]
     colors = rng.integers(40, 220, (8, 8, 3))
@@ -42,7 +42,9 @@ def checks(size: int, seed: int = 0) -> Image:
 
 
 def _grid(name: str, points: np.ndarray, material: int, poles: bool = False) -> Mesh:
-    """A mesh over a grid of points (rows + 1, columns + 1, 3) that faces along rows x columns; at poles ends meet in a point."""
+    """Returns a mesh over a grid of points (rows + 1, columns + 1, 3), facing along rows x columns; poles: its ends are single
+    points.
+    """
     rows, columns = points.shape[0] - 1, points.shape[1] - 1
     corner = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
     below = corner + columns + 1
@@ -67,7 +69,7 @@ def _grid(name: str, points: np.ndarray, material: int, poles: bool = False) -> 
 
 
 def _vertex_normals(positions: np.ndarray, triangles: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """Of the faces around each point of the grid; its first and last column are one and the same line."""
+    """Returns the mean normals of the faces around each grid point; the first and last columns coincide."""
     corner = positions[triangles]
     face = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     total = np.stack([np.bincount(triangles.ravel(), np.repeat(face[:, k], 3), len(positions)) for k in range(3)], -1).reshape(

@@ -1,7 +1,7 @@
-"""One side of a comparison of two commits: renders a scene of row `samples` on demand, in a process of its own.
+"""One side of a comparison of two commits: renders a scene of row `samples` on demand, in a separate process.
 
-Run in the root of a working tree, whose renderer it measures: reads a scene's name and a size from the command line, then renders
-once for each line of standard input, and writes the processor seconds of each.
+Run it in the root of the working tree to be measured. It reads a scene's name and a size from the command line, then renders once
+for each line of standard input, and writes the processor seconds of each.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Row `samples`: samples a second against Mitsuba. Mitsuba draws independent samples, its quickest; ours are Sobol' points."""
+"""Row `samples`: samples per second compared with Mitsuba's, which uses its fastest sampler, independent; ours is Sobol'."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ __all__ = ["sample_lines"]
 
 
 def sample_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """One line a scene."""
+    """Yields one line per scene."""
     for name, make in CASES.items():
         if sizes.wants(name):
             yield _line(name, make(sizes), sizes, folder)
 
 
 def _line(name: str, case: Case, sizes: Sizes, folder: Path) -> Line:
-    """Both have rendered the same picture before the clock starts, and do the same work: one sample of each kind a vertex."""
+    """Measures one scene after a warm-up of both sides, which do equal work: one sample of each kind per vertex."""
     ours, theirs = Rayfarm(case, sizes.picture, splitting=1), Mitsuba(case, sizes.picture, "independent", folder)
     spp = sizes.spp
     ours.picture(1, 0)

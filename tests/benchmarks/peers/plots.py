@@ -1,4 +1,4 @@
-"""A row as bars beside what is asked of them, and the curves of cost."""
+"""Plots of the rows: bars with targets, and curves of cost."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _OURS, _ASKED = "#3b6ea5", "#c0392b"
 
 
 def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
-    """A bar a line with the rounds' spread; a mark where its goal is, a dotted line where the geometric mean's is."""
+    """Plots one bar per line with the rounds' spread; a mark at its target, a dotted line at that of the geometric mean."""
     target = TABLE[row]
     figure, axes = pyplot.subplots(figsize=(8, 1.2 + 0.42 * len(lines)), layout="constrained")
     for y, line in enumerate(lines):
@@ -43,7 +43,7 @@ def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
 
 
 def plot_curves(row: str, lines: Sequence[Line], path: Path) -> None:
-    """Processor seconds against each count, beside the growth that is allowed."""
+    """Plots processor seconds over each count, with the allowed growth."""
     figure, axes = pyplot.subplots(1, len(lines), figsize=(3.4 * len(lines), 3.4), layout="constrained", squeeze=False)
     for plot, line in zip(axes[0], lines, strict=True):
         notes = line.notes or {}

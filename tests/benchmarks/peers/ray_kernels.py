@@ -1,4 +1,4 @@
-"""Many rays through a BVH on one thread, as Embree's loop goes: read a ray, trace it, note what it met."""
+"""Traces many rays through a BVH on one thread, in a loop like Embree's: read a ray, trace it, store the hit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["trace_any", "trace_closest"]
 
 @entry
 def trace_closest(bvh, stack, origin, direction, reach, distance, primitive):
-    """Fills in how far each ray goes, in lengths of its direction, and which primitive it meets (-1: none)."""
+    """Fills in each ray's hit distance, in lengths of its direction, and the primitive that it hits (-1: none)."""
     for i in range(len(origin)):
         o = (origin[i, 0], origin[i, 1], origin[i, 2])
         d = (direction[i, 0], direction[i, 1], direction[i, 2])
@@ -21,7 +21,7 @@ def trace_closest(bvh, stack, origin, direction, reach, distance, primitive):
 
 @entry
 def trace_any(bvh, stack, origin, direction, reach, met):
-    """Fills in 0 for each ray that meets anything, -1 for the others."""
+    """Fills in 0 for each ray that hits anything, -1 for the others."""
     for i in range(len(origin)):
         o = (origin[i, 0], origin[i, 1], origin[i, 2])
         d = (direction[i, 0], direction[i, 1], direction[i, 2])

@@ -1,8 +1,7 @@
-"""Row `rays`: closest and any hit on one thread against Embree; row `build`: the BVH on all cores.
+"""Row `rays`: closest and any hit on one thread compared with Embree; row `build`: the BVH on all cores.
 
-embreex offers no packets and no streams: its loop, in C, calls rtcIntersect1 or rtcOccluded1 once a ray, as ours calls its own
-traversal; each side reads the rays from an array and writes what it met to another. Time is the processor's: on one thread it
-is the clock's where nothing else runs.
+embreex offers neither packets nor streams: its C loop calls rtcIntersect1 or rtcOccluded1 once per ray, as ours calls its own
+traversal. Each side reads the rays from an array and writes the hits to another. Time is processor time.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ Rays = tuple[np.ndarray, np.ndarray]
 
 
 def ray_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Ten lines: two meshes; camera, random and bounced rays for the closest hit, random and bounced ones for any."""
+    """Yields ten lines: two meshes; camera, random and bounced rays for the closest hit, random and bounced ones for any hit."""
     with Peer(python_with_embree(), "embree_peer") as embree:
         for name, triangles in (("small mesh", sizes.small_mesh), ("large mesh", sizes.large_mesh)):
             if not sizes.wants(name):
@@ -83,7 +82,7 @@ def _line(name: str, rounds: int, bvh: Bvh, embree: Peer, query: str, rays: Rays
 
 
 def build_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Ours builds its 8-wide tree, Embree its own; copying the mesh into Embree is not counted."""
+    """Yields the build times of our 8-wide tree and of Embree's; copying the mesh into Embree is not counted."""
     if not sizes.wants(_BUILT):
         return
     mesh, path = _mesh(sizes.large_mesh, folder)
@@ -106,8 +105,9 @@ def _mesh(triangles: int, folder: Path) -> tuple[Any, Path]:
 
 
 def _rays(bvh: Bvh, position: np.ndarray, triangle: np.ndarray, count: int) -> dict[str, Rays]:
-    """camera: from one eye, row by row. random: from one point of the bounding sphere to another. bounce: from what the camera's
-    rays meet, spread by the cosine about the face's normal."""
+    """Returns rays by kind. camera: from one eye, in raster order. random: between two points of the bounding sphere. bounce:
+    from the camera rays' hits, cosine distributed about the face's normal.
+    """
     rng = np.random.default_rng(0)
     radius = float(np.linalg.norm(position, axis=1).max())
     side = int(count**0.5)

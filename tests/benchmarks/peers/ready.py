@@ -1,6 +1,6 @@
-"""Row `ready`: from a GLB file to a scene that can be rendered. No peer: what is asked for is seconds and bytes.
+"""Row `ready`: from a GLB file to a renderable scene, in seconds and bytes. No peer.
 
-Python's start, the imports and the kernels are not counted; the file lies in the system's cache.
+Python's start, the imports and the kernels are not counted; the file is in the system's cache.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["ready_lines"]
 
 
 def ready_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Two lines a file."""
+    """Yields two lines per file."""
     for triangles in sizes.ready:
         name = f"{triangles / 1e6:g} M triangles"
         if not sizes.wants(name):

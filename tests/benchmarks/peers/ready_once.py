@@ -1,4 +1,4 @@
-"""Makes one scene file ready to be rendered, in a process that does nothing else, and says as JSON what that took.
+"""Reads and compiles one scene file in a separate process, and prints its cost as JSON.
 
 python -m tests.benchmarks.peers.ready_once FILE
 """
@@ -21,7 +21,7 @@ from renderer.scene.load import read
 
 
 def _used() -> tuple[float, float, int]:
-    """Seconds of the processor for programs and for the system, and the most KiB of one: of this process and those it started."""
+    """Returns user and system seconds, and the peak memory of the largest process in KiB: of this process and its children."""
     both = [resource.getrusage(whose) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(r.ru_utime for r in both), sum(r.ru_stime for r in both), max(r.ru_maxrss for r in both)
 

@@ -1,4 +1,4 @@
-"""Converged pictures, kept from run to run: they take longer than all that is held against them."""
+"""Converged pictures, cached between runs, since they take longer than everything that is compared with them."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _MADE_BY = ("contestants.py", "cycles.py", "files.py", "meshes.py", "scenes.py")
 
 @dataclass(frozen=True)
 class References:
-    """Those of a run. folder: where they are kept; None: nowhere."""
+    """The converged pictures of a run. folder: the cache; None: no cache."""
 
     sizes: Sizes
     folder: Path | None
 
     def of(self, case: str, side: str, picture: Callable[[int, int], np.ndarray]) -> np.ndarray:
-        """The converged picture of a case, (h, w, 3). side: who renders it, in which version."""
+        """Returns the converged picture of a case, (h, w, 3). side: the renderer and its version."""
         if self.folder is None:
             return converged(picture, self.sizes.reference_spp)
         path = self.folder / f"{case.replace(' ', '-').replace(',', '')}-{side.split()[0]}-{self._name(case, side)}.npy"
@@ -39,6 +39,6 @@ class References:
         return np.asarray(np.load(path))
 
     def _name(self, case: str, side: str) -> str:
-        """Of all that the picture follows from."""
+        """Returns the cache key, a hash of everything that the picture depends on."""
         sources = [(Path(__file__).parent / name).read_text() for name in _MADE_BY]
         return hashlib.sha256("\0".join([case, side, repr(self.sizes), *sources]).encode()).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""What was measured: as text, as JSON, and as a plot a row."""
+"""The measurements as text, as JSON, and as one plot per row."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Report", "Verdict"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """A value beside what is asked of it."""
+    """A value and its target."""
 
     row: str
     name: str
@@ -25,7 +25,7 @@ class Verdict:
 
     @property
     def met(self) -> bool:
-        """True if it is reached."""
+        """True if the target is met."""
         return self.goal.met(self.value)
 
     def __str__(self) -> str:
@@ -34,8 +34,11 @@ class Verdict:
 
 @dataclass
 class Report:
-    """machine: what it was measured on. missing: rows that could not be measured, and why. only: names of lines, where not all
-    were asked for: then there are no means."""
+    """All measurements of a run.
+
+    machine: where it was measured. missing: rows that could not be measured, with the reasons. only: names of the requested
+    lines, if not all; then there are no means.
+    """
 
     machine: dict[str, Any]
     quick: bool
@@ -48,7 +51,7 @@ class Report:
         return {row: lines for row in TABLE if (lines := [line for line in self.lines if line.row == row])}
 
     def verdicts(self) -> Iterable[Verdict]:
-        """Of every line that something is asked of, and of the rows' geometric means."""
+        """Yields the verdicts of all lines with a target, and of the rows' geometric means."""
         for row, lines in self.rows().items():
             target = TABLE[row]
             for line in lines:
@@ -59,7 +62,7 @@ class Report:
                 yield Verdict(row, "geometric mean", geometric_mean(together), target.mean)
 
     def text(self) -> str:
-        """All of it as a table, and at the end what falls short."""
+        """Returns the whole table, followed by the missed targets."""
         said = {(v.row, v.name): v for v in self.verdicts()}
         parts = [", ".join(f"{key} {value}" for key, value in self.machine.items())]
         for row, lines in self.rows().items():
@@ -78,7 +81,7 @@ class Report:
         return "\n".join(parts)
 
     def write(self, folder: Path) -> None:
-        """peers.json, peers.txt and a plot a row into this folder."""
+        """Writes peers.json, peers.txt and one plot per row into this folder."""
         folder.mkdir(parents=True, exist_ok=True)
         verdicts = [{**asdict(v), "met": v.met} for v in self.verdicts()]
         data = {

@@ -1,7 +1,7 @@
-"""Row `scaling`: the cost of a picture against triangles, lights, pixels, samples and depth. No peer.
+"""Row `scaling`: the cost of a picture as a function of triangles, lights, pixels, samples and depth. No peer.
 
-The value is how much the cost may grow from the first size to the last, over how much it grows. Cost is the processor's time in
-all threads.
+The value is the allowed growth of the cost from the first size to the last, divided by the measured growth. Cost is the processor
+time of all threads.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _MOST_ROUNDS = 3
 
 
 def scaling_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Five lines: a curve each, kept in the notes."""
+    """Yields five lines, each with its curve in the notes."""
     box = cornell_box(sizes)
     spp, many = sizes.scaling_spp, min(sizes.rounds, _MOST_ROUNDS)
 
@@ -46,7 +46,7 @@ def _logarithm(n: int) -> float:
 
 
 def _seconds(case: Case, rounds: int, size: int, spp: int, depth: int) -> list[float]:
-    """Of the processor, in each round; building the scene is not counted."""
+    """Returns the processor seconds of each round; building the scene is not counted."""
     scene, settings = compile_scene(case.description), replace(case.settings(size), max_depth=depth)
     render_frame(scene, settings, 1)
     return [taken(lambda: render_frame(scene, settings, spp)).cpu for _ in range(rounds)]

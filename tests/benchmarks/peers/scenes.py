@@ -1,4 +1,4 @@
-"""The scenes that we and Mitsuba render: each a description of ours, and what Mitsuba's own terms for it are."""
+"""The scenes rendered by Rayfarm and Mitsuba, with the differences of Mitsuba's description."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _GOLD = {"eta": (0.143, 0.375, 1.442), "k": (3.983, 2.386, 1.603)}
 class Case:
     """A scene and its view.
 
-    twin: what Mitsuba is given in the description's place, where it has no material as ours. theirs: changes the dictionary that
-    Mitsuba is given, where its terms are others than ours.
+    twin: the description converted for Mitsuba instead, if it has no equal material. theirs: modifies Mitsuba's scene dictionary
+    where its parameters differ.
     """
 
     name: str
@@ -39,12 +39,12 @@ class Case:
     twin: SceneDescription | None = None
 
     def settings(self, pixels: int, **more: Any) -> RenderSettings:
-        """Of a square picture."""
+        """Returns the settings of a square picture."""
         return RenderSettings(pixels, pixels, self.view, max_depth=DEPTH, filter="box", **more)
 
 
 def cornell_box(sizes: Sizes) -> Case:
-    """Mitsuba's is the one that its authors ship."""
+    """Returns the Cornell box; Mitsuba renders the one shipped with it."""
 
     def shipped(mi: Any, made: dict[str, Any]) -> None:
         scene = mi.cornell_box()
@@ -57,7 +57,7 @@ def cornell_box(sizes: Sizes) -> Case:
 
 
 def displaced(triangles: int, material: Material | None = None) -> Case:
-    """A bumpy sphere under a sky."""
+    """Returns a bumpy sphere under a sky."""
     material = material or Material(base_color=(0.7, 0.6, 0.5))
     description = _under_a_sky([material], [displaced_sphere(triangles)])
     return Case("large mesh, diffuse", description, View((0.0, 0.8, 3.2), (0.0, 0.0, 0.0), fov=42))
@@ -68,7 +68,7 @@ def large_mesh_diffuse(sizes: Sizes) -> Case:
 
 
 def large_mesh_plastic(sizes: Sizes) -> Case:
-    """Two models of one look: each is judged by its own converged picture."""
+    """Returns a mesh of plastic; the renderers' models differ, so each is compared with its own converged picture."""
     color = (0.7, 0.3, 0.2)
     case = displaced(sizes.large_mesh, Material(kind="metallic_roughness", base_color=color, roughness=ROUGHNESS))
 
@@ -98,7 +98,7 @@ def glass_and_metal(sizes: Sizes) -> Case:
 
 
 def textured_mesh(sizes: Sizes) -> Case:
-    """Six thousand triangles under one picture."""
+    """Returns six thousand triangles with one texture."""
     description = _under_a_sky([Material(base_color=gray(0.9), base_color_texture=0)], [torus(6_000)])
     description.images.append(checks(sizes.texture))
     description.textures.append(Texture(len(description.images) - 1))
@@ -110,7 +110,7 @@ def many_lights_case(sizes: Sizes) -> Case:
 
 
 def many_lights(count: int) -> Case:
-    """A room of 40 x 10 x 40 with 60 balls and `count` small balls that shine, some stronger than others."""
+    """Returns a room of 40 x 10 x 40 with 60 balls and `count` small emitting balls of different power."""
     rng = np.random.default_rng(0)
     half = np.array([20.0, 5.0, 20.0])
     materials = [Material(base_color=gray(0.7)), Material(kind="conductor", roughness=0.4, **_GOLD)]  # type: ignore[arg-type]
@@ -154,7 +154,10 @@ def _under_a_sky(materials: list[Material], meshes: list[Mesh], **more: Any) -> 
 
 
 def _sky(height: int = 256) -> np.ndarray:
-    """A sky with clouds and a bright haze around the sun, (height, 2 height, 3). A sharp sun's caustics would never converge."""
+    """Returns a sky with clouds and a bright haze around the sun, (height, 2 height, 3).
+
+    Caustics of a sharp sun would not converge.
+    """
     v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(2 * height) + 0.5) / (2 * height), indexing="ij")
     clouds = 0.15 * np.sin(14 * math.pi * u) * np.sin(9 * math.pi * v) * np.sin(math.pi * v)
     blue = np.stack([0.3 + 0.2 * v, 0.4 + 0.15 * v, 0.7 - 0.1 * v], -1) + clouds[..., None]

@@ -1,4 +1,4 @@
-"""How large everything is: as in the table, or small, to see that every row works; and which lines are measured."""
+"""Sizes of the benchmark: full, or small for a check that every row works; and the selection of lines."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ __all__ = ["FULL", "QUICK", "Sizes", "begins"]
 
 
 def begins(name: str, line: str) -> bool:
-    """Returns True if a line has this name, or begins with it up to a comma."""
+    """Returns True if a line has this name, or this part of its name up to a comma."""
     return f"{line}, ".startswith(f"{name}, ")
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """picture: pixels across, and down. reference_spp: of the pictures that errors are measured against.
+    """picture: width and height in pixels. reference_spp: samples per pixel of the reference pictures.
 
-    only: names of lines, or what they begin with up to a comma; none for all. Converged pictures are kept whatever it says.
+    only: names of lines, or their beginnings up to a comma; empty for all. It does not affect cached reference pictures.
     """
 
     rounds: int
@@ -40,7 +40,7 @@ class Sizes:
     only: tuple[str, ...] = field(default=(), repr=False)
 
     def wants(self, name: str) -> bool:
-        """Returns True if to measure what has this name: a line, or what several lines begin with."""
+        """Returns True if a line, or a group of lines by the common beginning of their names, is to be measured."""
         return not self.only or any(begins(name, wanted) or begins(wanted, name) for wanted in self.only)
 
 

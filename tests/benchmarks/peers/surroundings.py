@@ -1,4 +1,4 @@
-"""Where the peers are: Mitsuba here, with an LLVM of the system; Embree and Blender in environments of their own."""
+"""Locations of the peers: Mitsuba in this environment with the system's LLVM; Embree and Blender in separate environments."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ LEAST_LLVM = 16
 
 
 class MissingPeerError(Exception):
-    """A peer cannot be had here: why, and what to do."""
+    """Raised if a peer is not available; the message says why, and what to do."""
 
 
 def find_llvm() -> Path | None:
-    """The system's newest LLVM library, where Mitsuba takes it."""
+    """Returns the system's newest LLVM library that Mitsuba supports."""
     found = {
         int(number.group(1)): path
         for folder in ("usr/lib", "usr/lib/*", "opt/homebrew/opt/llvm/lib")
@@ -32,7 +32,7 @@ def find_llvm() -> Path | None:
 
 @cache
 def mitsuba_with_llvm() -> Any:
-    """The module, its LLVM variant chosen."""
+    """Returns the module `mitsuba` with its LLVM variant selected."""
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
         library = find_llvm()
         if library is None and farm.may_install() and farm.apt_install("libllvm19"):
@@ -49,12 +49,12 @@ def mitsuba_with_llvm() -> Any:
 
 
 def python_with_bpy() -> Path:
-    """A Python with Blender: $RAYFARM_BPY_PYTHON, else one in .venv-cycles, made where it is missing."""
+    """Returns a Python with Blender: $RAYFARM_BPY_PYTHON, or that of .venv-cycles, which is created if missing."""
     return _made("RAYFARM_BPY_PYTHON", farm.install_blender)
 
 
 def python_with_embree() -> Path:
-    """A Python with Embree: $RAYFARM_EMBREE_PYTHON, else one in .venv-embree, made where it is missing."""
+    """Returns a Python with Embree: $RAYFARM_EMBREE_PYTHON, or that of .venv-embree, which is created if missing."""
     return _made("RAYFARM_EMBREE_PYTHON", farm.install_embree)
 
 

@@ -1,4 +1,4 @@
-"""The table: what each row of the comparison is to reach. Every figure that is asked for stands here and nowhere else."""
+"""The targets of each row of the comparison. All target figures are defined here."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ __all__ = ["TABLE", "Goal", "Target", "at_least", "at_most"]
 
 @dataclass(frozen=True)
 class Goal:
-    """A bound, and on which side of it one has to be."""
+    """A lower or an upper bound."""
 
     bound: float
     side: Literal["at least", "at most"]
 
     def met(self, value: float) -> bool:
-        """Returns True if this value is on the right side."""
+        """Returns True if a value satisfies the bound."""
         return value >= self.bound if self.side == "at least" else value <= self.bound
 
     def __str__(self) -> str:
@@ -24,21 +24,20 @@ class Goal:
 
 
 def at_least(bound: float) -> Goal:
-    """More is better."""
+    """Returns a lower bound."""
     return Goal(bound, "at least")
 
 
 def at_most(bound: float) -> Goal:
-    """Less is better."""
+    """Returns an upper bound."""
     return Goal(bound, "at most")
 
 
 @dataclass(frozen=True)
 class Target:
-    """What a row's lines are held to.
+    """The targets of a row's lines.
 
-    mean: for the geometric mean of the lines that have no goal of their own. each: for each of these. lines: goals of their own,
-    by name.
+    mean: for the geometric mean of the lines without a separate target. each: for each of these. lines: separate targets by name.
     """
 
     title: str
@@ -48,7 +47,7 @@ class Target:
     lines: dict[str, Goal] = field(default_factory=dict)
 
     def goal_of(self, line: str) -> Goal | None:
-        """What this line alone has to reach."""
+        """Returns the separate target of a line; None if it has none."""
         return self.lines.get(line, self.each)
 
 

@@ -1,4 +1,4 @@
-"""Row `threads`: what a second thread adds. No peer."""
+"""Row `threads`: speedup by a second thread. No peer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ASKED = ("Cornell box", "large mesh, diffuse", "textured mesh")
 
 
 def thread_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """One line a scene."""
+    """Yields one line per scene."""
     if len(os.sched_getaffinity(0)) < 2:
         raise MissingPeerError("this machine lets the benchmark use one core alone")
     for name in _ASKED:

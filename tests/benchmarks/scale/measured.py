@@ -1,4 +1,4 @@
-"""A service under simulated slots: started, watched and stopped, with what it took and whether its film is right."""
+"""A service under the load of simulated slots: starts and stops it, and measures its cost and the exactness of its film."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ MANY = 1 << 20  # samples: more than anybody renders here
 
 @dataclass(frozen=True)
 class Load:
-    """What is asked of a service."""
+    """The load of a service."""
 
     slots: int
     tile: int = 128
@@ -94,7 +94,7 @@ class Taken:
 
 
 class Served:
-    """A Redis and a service of their own, in a folder."""
+    """A separate Redis and service in a folder."""
 
     def __init__(self, folder: Path, **environment: str) -> None:
         self.folder = folder
@@ -131,7 +131,7 @@ class Served:
         self.redis.stop()
 
     def stop(self) -> None:
-        """End the service."""
+        """Ends the service."""
         if self.process.poll() is None:
             self.process.terminate()
             try:
@@ -146,39 +146,39 @@ class Served:
         return False
 
     def scene(self) -> str:
-        """A scene; it is prepared as soon as there are slots."""
+        """Uploads a scene and returns its id; it is prepared as soon as there are slots."""
         return str(self.http.post("/api/scenes", files={"files": ("scene.obj", OBJ)}).raise_for_status().json()["id"])
 
     def job(self, scene: str, load: Load, spp: int = MANY) -> str:
-        """A job of that scene."""
+        """Submits a job of that scene and returns its id."""
         request = {"scene": scene, "width": load.width, "height": load.height, "spp": spp, "tile_size": load.tile}
         return str(self.http.post("/api/jobs", json=request).raise_for_status().json()["id"])
 
     def counts(self) -> dict[str, int]:
-        """The service's own counts of batches."""
+        """Returns the service's counts of batches."""
         text = self.http.get("/metrics").raise_for_status().text
         found = re.findall(r"^rayfarm_(?:batches_)?(\w+?)(?:_total)? ([\d.e+]+)$", text, re.M)
         return {name: int(float(value)) for name, value in found}
 
     def samples(self, job: str) -> int:
-        """Samples of pixels that a job has."""
+        """Returns the number of a job's samples, over all pixels."""
         return int(self.http.get(f"/api/jobs/{job}").raise_for_status().json()["samples"])
 
     def processor_s(self) -> tuple[float, float]:
-        """Of the service, and of Redis."""
+        """Returns the processor seconds of the service, and of Redis."""
         assert self.redis.process is not None
         service, store = self.service.cpu_times(), psutil.Process(self.redis.process.pid).cpu_times()
         return service.user + service.system, store.user + store.system
 
     def film(self, job: str, load: Load) -> Film:
-        """A job's film, after the service has ended."""
+        """Opens a job's film, after the service has ended."""
         path = self.folder / "data" / "films" / f"{job}.sqlite"
         return Film(path, load.width, load.height, load.tile, EXPONENT, TileCache(1 << 20))
 
 
 @contextlib.contextmanager
 def slots_of(served: Served, load: Load, sums: Path) -> Iterator[list[subprocess.Popen[str]]]:
-    """Processes of simulated slots."""
+    """Context manager that runs the processes of simulated slots."""
     sample_s = load.sample_s * (load.tile / 128) ** 2
     machines = -(-load.slots // load.per_worker)
     ends = [min(load.slots, machines * i // load.simulators * load.per_worker) for i in range(load.simulators + 1)]
@@ -202,7 +202,7 @@ def _ended(process: subprocess.Popen[str]) -> None:
 
 @contextlib.contextmanager
 def reducer_of(served: Served, load: Load) -> Iterator[None]:
-    """The reducer of the machines' site, where they have one."""
+    """Context manager that runs the reducer of the machines' site, if they have one."""
     if not load.site:
         yield
         return
@@ -214,7 +214,7 @@ def reducer_of(served: Served, load: Load) -> Iterator[None]:
 
 
 def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
-    """One row: a job that does not end, rendered by that many slots for a while, and its film held against what was sent."""
+    """Measures one row: an endless job, rendered by that many slots for a while, whose film is compared with the sent sums."""
     kept = folder / "sums.npy"
     np.save(kept, sums[:, : load.tile, : load.tile])
     taken = Taken()
@@ -289,7 +289,7 @@ def _watching(served: Served, job: str, load: Load) -> subprocess.Popen[str] | N
 
 @contextlib.contextmanager
 def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Iterator[None]:
-    """Readers who ask for a picture of the job, in a process of their own: what they take of a processor is not the asker's."""
+    """Context manager: clients that request pictures of the job, in a process whose processor time does not count."""
     if not many:
         yield
         return
@@ -305,14 +305,16 @@ def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Ite
 
 
 def _between(spent: list[list[float]], column: int, begin: float, end: float) -> float:
-    """How much a sum grew from one time to another."""
+    """Returns the growth of a sum between two times."""
     times = [row[0] for row in spent]
     return float(np.interp(end, times, values := [row[column] for row in spent]) - np.interp(begin, times, values))
 
 
 def _settled(served: Served, slots: list[subprocess.Popen[str]], taken: Taken, measured: tuple[float, float]) -> dict[str, int]:
-    """Wait until all that is out has come back and is merged; what the slots have counted. What they have in hand they finish.
-    measured: from when to when the slots' time is looked at."""
+    """Waits until all sent batches are merged, and returns the slots' counts.
+
+    measured: interval in which the slots' time counts.
+    """
     deadline = time.monotonic() + SETTLES_S
     while time.monotonic() < deadline and (_in_hand(served) or served.store.xlen(RESULTS)):
         time.sleep(0.5)
@@ -331,7 +333,7 @@ def _settled(served: Served, slots: list[subprocess.Popen[str]], taken: Taken, m
 
 
 def _in_hand(served: Served) -> int:
-    """How many batches and messages somebody says to have, as of the last second or two."""
+    """Returns the number of batches and messages that workers reported to hold, as of the last second or two."""
     keys = [*served.store.scan_iter(WORKER_KEYS), *served.store.scan_iter(site_key("*"))]
     found = 0
     for value in served.store.mget(keys) if keys else ():  # type: ignore[union-attr]

@@ -1,4 +1,4 @@
-"""What a service takes, against slots, tile size or frame size."""
+"""Plots of a service's cost against slots, tile size or frame size."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _TILES = "pixels along a tile's side"
 
 
 def plot(rows: Sequence[tuple[Load, Taken]], path: Path) -> None:
-    """Three planes over what the loads differ in: share of the slots in use, the service's processor, its time for a batch.
+    """Draws three plots over the varied quantity: share of the slots in use, the service's processor time, its time per batch.
 
-    Where both tiles and frames differ, a curve a size of the frame.
+    If both tile and frame sizes vary, there is a curve for each frame size.
     """
     name, label = _axis([load for load, _ in rows])
     curves: dict[str, list[tuple[Load, Taken]]] = {}
@@ -53,7 +53,7 @@ def plot(rows: Sequence[tuple[Load, Taken]], path: Path) -> None:
 
 
 def _possible(load: Load) -> float:
-    """Samples of tiles that the slots could render in a second."""
+    """Returns the number of tile samples that the slots can render per second."""
     return load.slots / (load.sample_s * (load.tile / 128) ** 2)
 
 
@@ -62,7 +62,7 @@ def _frame(load: Load) -> str:
 
 
 def _axis(loads: Sequence[Load]) -> tuple[str, Callable[[Load], str]]:
-    """What the loads differ in, and a load's place along it."""
+    """Returns the name of the quantity in which the loads differ, and a function that returns its value as text."""
     if len({load.tile for load in loads}) > 1:
         return _TILES, lambda load: f"{load.tile}"
     if len({_frame(load) for load in loads}) > 1:

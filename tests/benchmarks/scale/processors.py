@@ -1,7 +1,6 @@
-"""What held something back: how much of a processor each process used, and how long it waited for one (Linux, /proc).
+"""Finds the bottleneck: how much processor time each process used, and how long it waited for a processor (Linux, /proc).
 
-A thread that used and waited for a processor all the time was the limit, or the machine was; one that did neither had time to
-spare.
+A thread that used or waited for a processor all the time was the bottleneck, or the machine was.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ _Times = dict[int, tuple[float, float]]  # of a thread: seconds on a processor, 
 
 
 class Share(NamedTuple):
-    """Of processors, over a time: used and waited for, by a process and by its busiest thread."""
+    """Processor time per wall time, used and waited for, of a process and of its busiest thread."""
 
     used: float
     waited: float
@@ -32,16 +31,16 @@ class Share(NamedTuple):
 
 
 class Processors:
-    """From its making on."""
+    """Measures from its creation on."""
 
     def __init__(self, processes: Mapping[str, int]) -> None:
-        """Ids of processes by name."""
+        """processes: process ids by name."""
         self._processes = processes
         self._begun = time.monotonic()
         self._before = {name: _times(pid) for name, pid in processes.items()}
 
     def shares(self) -> dict[str, Share]:
-        """Of each, since then; threads that have ended are left out."""
+        """Returns the share of each process since then; ended threads are left out."""
         seconds = time.monotonic() - self._begun
         found = {}
         for name, pid in self._processes.items():

@@ -1,6 +1,6 @@
-"""Readers of pictures of a job, as a process of their own: each asks for another exposure, and again when it is there.
+"""Clients that request pictures of a job, in a separate process: each with another exposure, again and again.
 
-Their answers by status are the last line.
+The last line of output has the number of answers by status.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["main"]
 
 
 async def read_all(url: str, job: str, many: int) -> Counter[int]:
-    """Until the process is told to end."""
+    """Requests pictures until the process receives a signal."""
     answers: Counter[int] = Counter()
     is_over = asyncio.Event()
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, is_over.set)
@@ -41,7 +41,7 @@ async def read_all(url: str, job: str, many: int) -> Counter[int]:
 
 
 def main() -> None:
-    """Read."""
+    """Parses the command line and runs the clients."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--url", required=True)
     parser.add_argument("--job", required=True)

@@ -1,9 +1,7 @@
-"""Simulated slots: they speak the real contract over the real Redis, and answer with a real renderer's sums after the time that
-rendering them would take.
+"""Simulated slots: they use the real protocol and Redis, and answer with real sums after the time that rendering would take.
 
-Of a tile of a real picture the sums are kept and said to be one sample's; the sums of n samples are n times those. So the packed
-bytes are as many as a renderer's, cost the machine next to nothing to make, and what a film must hold at the end is known to the
-bit.
+The sums of one tile of a rendered picture stand for one sample; those of n samples are n times these. So the packed bytes have a
+realistic size, cost almost no processor time, and the final content of a film is known exactly.
 """
 
 from __future__ import annotations
@@ -54,7 +52,7 @@ PACKED_KEPT = 64
 
 
 def of_one_sample(sums: Sums) -> Sums:
-    """The sums with their counts brought down to one sample: a service refuses more samples of a pixel than it asked for."""
+    """Returns the sums with their counts reduced to one sample, since a service rejects more samples per pixel than requested."""
     one = sums.copy()
     counts = [film.SAMPLES, film.SAMPLES_HALF]
     one[counts] = np.minimum(one[counts], 1)
@@ -63,7 +61,7 @@ def of_one_sample(sums: Sums) -> Sums:
 
 @dataclass
 class _Joint:
-    """Batches of a tile that the slots of one machine render, and what is there of their sums."""
+    """Batches of a tile that the slots of one machine render, and their sums so far."""
 
     message: str
     hold_s: float
@@ -75,7 +73,7 @@ class _Joint:
 
 @dataclass
 class _Machine:
-    """A worker: its free slots, and batches that wait for them."""
+    """A worker: its free slots, and the batches that wait for them."""
 
     name: str
     free: list[int]
@@ -85,7 +83,7 @@ class _Machine:
 
 @dataclass
 class _Batches:
-    """What a slot has in hand: the batches of one message, in turn."""
+    """The batches of one message that a slot renders, in order."""
 
     message: str
     machine: _Machine
@@ -96,7 +94,7 @@ class _Batches:
 
 
 class Slots(PeerWorker):
-    """Many slots in one thread. A sample of a pixel takes each of them the same time."""
+    """Many slots in one thread, all equally fast."""
 
     def __init__(
         self,
@@ -111,8 +109,9 @@ class Slots(PeerWorker):
         per_worker: int = PER_WORKER,
         name: str = "peer",
     ) -> None:
-        """sums: (CHANNELS, side, side) of one sample of a tile. tile_sample_s: how long a slot takes for that. adds: whether the
-        slots of a machine add up what they render of a tile. site: where the machines are."""
+        """sums: (CHANNELS, side, side) of one sample of a tile. tile_sample_s: a slot's time for it. adds: whether the slots of a
+        machine add up their sums of a tile. site: the machines' site.
+        """
         super().__init__(redis_url, service, token, name, slots=slots)
         self.site = site
         self.direct_bytes = 0  # of sums that went to the service without a site's reducer
@@ -146,7 +145,7 @@ class Slots(PeerWorker):
         self.spent: list[tuple[float, float, float]] = []  # the last two, by a clock that all processes share
 
     def run(self, seconds: float) -> None:
-        """Work for so long, or until the process is told to end."""
+        """Runs for some seconds, or until the process receives a signal."""
         end = time.monotonic() + seconds
         beat = 0.0
         while (now := time.monotonic()) < end and not self._stop.is_set():
@@ -160,11 +159,11 @@ class Slots(PeerWorker):
                 time.sleep(LOOK_EVERY_S)
 
     def stop_running(self) -> None:
-        """Let `run` return."""
+        """Makes `run` return."""
         self._stop.set()
 
     def stop(self) -> None:
-        """Vanish, once `run` has returned."""
+        """Deletes the workers' reports, after `run` has returned."""
         self.redis.delete(*(worker_key(machine.name) for machine in self._machines))
         for life in self._lives:
             life.close()
@@ -172,7 +171,7 @@ class Slots(PeerWorker):
         self.http.close()
 
     def report(self) -> None:
-        """Every worker's report."""
+        """Writes every worker's report."""
         self.spent.append((time.monotonic(), self._unfed_s, self._held_up_s))
         self._serve_site()
         with self.redis.pipeline(transaction=False) as all_at_once:
@@ -192,7 +191,7 @@ class Slots(PeerWorker):
             all_at_once.execute()
 
     def _serve_site(self) -> None:
-        """Take from the queues that the service asks for."""
+        """Consumes the queues that the service requests."""
         if self.site:
             names = [machine.name for machine in self._machines]
             said: Any = self.redis.mget([terms_key(name) for name in names])
@@ -201,7 +200,7 @@ class Slots(PeerWorker):
             self._queues = [*sorted(asked), render_queue(self.kind)]
 
     def _take(self) -> bool:
-        """Let free slots take what waits: on their machine first."""
+        """Assigns waiting batches to free slots, first those waiting on the same machine."""
         now = time.monotonic()
         many = 0
         for machine in self._machines:
@@ -254,7 +253,7 @@ class Slots(PeerWorker):
         heapq.heappush(self._hands, (now + seconds, self._turn, hand))
 
     def _answer(self, now: float) -> bool:
-        """Send what is rendered by now, as workers do: while the stream is full, they wait."""
+        """Sends finished results as workers do, which wait while the stream is full."""
         due = []
         while self._hands and self._hands[0][0] <= now and len(due) < AT_ONCE:
             due.append(heapq.heappop(self._hands))
@@ -281,7 +280,7 @@ class Slots(PeerWorker):
         return True
 
     def _add(self, now: float, machine: _Machine, joint: _Joint, work: RenderBatch, seconds: float) -> None:
-        """Keep sums until those of all batches are there, or they have waited long enough."""
+        """Holds sums until those of all batches have arrived, or the hold time has passed."""
         joint.since = joint.since if joint.done else now
         joint.done.append((work, seconds))
         joint.left -= 1
@@ -299,7 +298,7 @@ class Slots(PeerWorker):
             machine.joints.pop(joint.message, None)
 
     def _send_sums(self, machine: _Machine, run: list[tuple[RenderBatch, float]], of: Run | None = None) -> None:
-        """of: of a site's run."""
+        """Sends the sums of a machine. of: the site's run."""
         work, seconds = run[0]
         event = {"type": "batch", **self._words(work), "worker": machine.name, "seconds": seconds, "bad": [], "bad_count": 0}
         if len(run) > 1:
@@ -337,7 +336,7 @@ class Slots(PeerWorker):
 
 
 def _with_pieces(message: bytes, pieces: tuple[Piece, ...]) -> bytes:
-    """The message of a joint batch, with these pieces alone."""
+    """Returns the message of a joint batch with these pieces only."""
     whole = json.loads(message)
     positional, arguments, more = json.loads(base64.b64decode(whole["body"]))
     arguments["joint"]["pieces"] = [list(piece) for piece in pieces]
@@ -351,7 +350,7 @@ def _arguments(message: bytes) -> dict[str, Any]:
 
 
 def main() -> None:
-    """A process of simulated slots; its counts are its last line."""
+    """Runs simulated slots; the last line of output has their counts."""
     parser = argparse.ArgumentParser()
     for name in ("redis", "service", "token", "sums"):
         parser.add_argument(f"--{name}", required=True)

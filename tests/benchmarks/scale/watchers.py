@@ -1,4 +1,4 @@
-"""Many who watch one job and acknowledge every packet. How long they wait between two rounds is written down."""
+"""Many viewers of one job that acknowledge every packet; measures the intervals between their rounds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SEQUENCE = struct.Struct("<4xI")
 
 
 async def watch(url: str, warm_s: float, seconds: float, rounds: list[float], received: list[int]) -> None:
-    """One watcher, without the snapshot that begins it."""
+    """Watches as one viewer, without the initial snapshot."""
     begun = time.monotonic()
     last_packet = last_round = None
     async with connect(url, max_size=None, compression=None) as socket:
@@ -41,7 +41,7 @@ async def watch(url: str, warm_s: float, seconds: float, rounds: list[float], re
 
 
 async def watch_all(url: str, many: int, warm_s: float, seconds: float) -> tuple[list[float], list[int]]:
-    """All of them."""
+    """Runs all viewers; returns their intervals and received packets."""
     rounds: list[float] = []
     received: list[int] = []
     await asyncio.gather(*(watch(url, warm_s, seconds, rounds, received) for _ in range(many)))
@@ -49,7 +49,7 @@ async def watch_all(url: str, many: int, warm_s: float, seconds: float) -> tuple
 
 
 def main() -> None:
-    """A process of watchers; what they waited is its last line."""
+    """Runs the viewers; the last line of output has the intervals."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--url", required=True)
     parser.add_argument("--watchers", type=int, required=True)

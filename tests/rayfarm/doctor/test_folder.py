@@ -12,14 +12,14 @@ import pytest
 
 from rayfarm.doctor import folder as looked_at
 from rayfarm.doctor.finding import Finding
-from rayfarm.doctor.folder import look_at_folder
+from rayfarm.doctor.folder import check_folder
 from service.settings import Settings
 from tests.service.conftest import Service
 from tests.service.store.test_lost_films import damaged, one_bit
 
 
 def look(data: Path, deep: bool = False, **settings: int) -> list[Finding]:
-    return list(look_at_folder(Settings(data=data, **settings), deep, lambda done, total: None))  # type: ignore[arg-type]
+    return list(check_folder(Settings(data=data, **settings), deep, lambda done, total: None))  # type: ignore[arg-type]
 
 
 def faults(data: Path, deep: bool = False) -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 import redis
 
 from rayfarm.doctor.finding import Finding
-from rayfarm.doctor.running import look_at_redis, look_at_running
+from rayfarm.doctor.running import check_redis, check_running_farm
 from renderer import __version__
 from service.settings import Settings
 from tests.helpers import running_redis
@@ -24,7 +24,7 @@ def said(found: list[Finding], level: str) -> str:
 
 def test_a_redis_that_forgets_or_is_full_and_its_workers(service: Service, redis_server: running_redis) -> None:
     with redis.Redis.from_url(redis_server.url) as store, service.worker(name="old"):
-        found = list(look_at_redis(redis_server.url))
+        found = list(check_redis(redis_server.url))
         assert said(found, "fault") == ""
         assert f"Of another release than {__version__}: old" in said(found, "note"), "its kind says so"
         before = store.config_get("maxmemory*")
@@ -32,7 +32,7 @@ def test_a_redis_that_forgets_or_is_full_and_its_workers(service: Service, redis
             store.config_set("maxmemory-policy", "allkeys-lru")
             store.set("much", bytes(16_000_000))  # beside which it does not matter how much its clients' buffers take
             store.config_set("maxmemory", int(1.1 * store.info()["used_memory"]))
-            found = list(look_at_redis(redis_server.url))
+            found = list(check_redis(redis_server.url))
             assert "it forgets work (maxmemory-policy allkeys-lru)" in said(found, "fault")
             assert "results wait to be merged" in said(found, "note")
         finally:
@@ -43,8 +43,8 @@ def test_a_redis_that_forgets_or_is_full_and_its_workers(service: Service, redis
 
 def test_a_wrong_password_and_a_redis_that_is_away(redis_server: running_redis) -> None:
     wrong = redis_server.url.replace(redis_server.password, "wrong")
-    assert "refuses the password" in said(list(look_at_redis(wrong)), "fault")
-    found = list(look_at_redis("redis://:secret@127.0.0.1:1/0"))
+    assert "refuses the password" in said(list(check_redis(wrong)), "fault")
+    found = list(check_redis("redis://:secret@127.0.0.1:1/0"))
     assert "127.0.0.1:1/0 does not answer" in said(found, "fault")
     assert "secret" not in str(found)
 
@@ -54,7 +54,7 @@ def test_where_no_farm_runs_it_is_told_whether_one_could(tmp_path: Path, monkeyp
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
-        found = list(look_at_running(Settings(data=tmp_path), other.getsockname()[1]))
+        found = list(check_running_farm(Settings(data=tmp_path), other.getsockname()[1]))
     assert "No farm runs on" in said(found, "note")
     assert "in use by another program" in said(found, "fault")
     assert any(each.about == "Redis" and each.level == "fine" for each in found)

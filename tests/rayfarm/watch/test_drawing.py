@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rayfarm.watch.blocks import Blocks, nearest_256
-from rayfarm.watch.fit import fitted, fitted_picture
+from rayfarm.watch.fit import fitted_picture, fitted_size
 from rayfarm.watch.pixels import Kitty, Sixel
-from rayfarm.watch.terminal import CELL, understood
+from rayfarm.watch.terminal import CELL, parse_answers
 from renderer.image import tonemap
 from tests.rayfarm.watch.seen import Seen, colour_256
 
@@ -73,9 +73,9 @@ def test_sixels_show_few_colours_exactly_and_many_nearly() -> None:
 
 
 def test_a_picture_fits_and_its_pixels_are_the_mean_light() -> None:
-    assert fitted((1920, 1080), (80, 60)) == (80, 45)
-    assert fitted((64, 48), (200, 100)) == (128, 96)
-    assert fitted((4000, 10), (80, 60)) == (80, 1)
+    assert fitted_size((1920, 1080), (80, 60)) == (80, 45)
+    assert fitted_size((64, 48), (200, 100)) == (128, 96)
+    assert fitted_size((4000, 10), (80, 60)) == (80, 1)
     film = RANDOM.uniform(0, 2, (40, 60, 3)).astype(np.float32)
     np.testing.assert_array_equal(fitted_picture(film, (60, 40), 0.5, "agx"), tonemap.apply(film, 0.5, "agx"))
     halves = film.reshape(20, 2, 30, 2, 3).mean(axis=(1, 3))
@@ -94,5 +94,5 @@ def test_a_picture_fits_and_its_pixels_are_the_mean_light() -> None:
     ],
 )
 def test_what_terminals_answer(answers: bytes, kitty: bool, sixel: bool, true_colour: bool, cell: tuple[int, int]) -> None:
-    can = understood(answers)
+    can = parse_answers(answers)
     assert (can.kitty, can.sixel, can.true_colour, can.cell) == (kitty, sixel, true_colour, cell)

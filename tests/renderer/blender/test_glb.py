@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from renderer.blender.inside.glb import Glb
-from renderer.blender.inside.large import put_back
+from renderer.blender.inside.large import restore_large_meshes
 from renderer.scene.load import read
 from tests.renderer.scene.builders import Gltf, world
 
@@ -34,7 +34,7 @@ def test_a_stand_in_becomes_what_it_stands_for(tmp_path: Path) -> None:
     glb.document["meshes"][0]["name"] = "large"
     glb.write(path)
     np.testing.assert_array_equal(world(read(tmp_path, "a.glb")), before)
-    put_back(path, {"other": Meant, "large": Meant})
+    restore_large_meshes(path, {"other": Meant, "large": Meant})
     found = read(tmp_path, "a.glb")
     corners = world(found)
     assert corners.shape == (2, 3, 3)

@@ -109,7 +109,7 @@ def test_what_a_machine_lacks_makes_no_file_damaged(tmp_path: Path, monkeypatch:
 
 
 def test_what_confines_readers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    has, lacks = rules.available()
+    has, lacks = rules.available_features()
     sentence, is_whole = running.confinement()
     assert sorted(name.split()[0] for name in [*has, *lacks]) == ["Landlock", "seccomp"]
     assert is_whole == (lacks == [])
@@ -126,7 +126,7 @@ def test_what_confines_readers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux")
 def test_what_is_available_is_what_a_process_gets() -> None:
     """A process that restricts itself, since there is no way back."""
-    has, _ = rules.available()
+    has, _ = rules.available_features()
     program = "from renderer.confine import rules; print(rules.restrict_files([('/', rules.READ)]), rules.filter_calls())"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     names = [name.split()[0] for name in has]

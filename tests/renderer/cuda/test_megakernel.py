@@ -12,7 +12,7 @@ from renderer.kernel.backends.cuda.megakernel import BAD, RAYS, Job
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.options import kernel_options
 from renderer.render import RenderStats, _prepared, render_frame, variant_for
-from renderer.scene.origin import fixed_place, seen_from
+from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
 from tests.grids import grid
 from tests.renderer.cuda.on_host import launcher
 from tests.renderer.kernel.backends.features import FEATURES, made
@@ -24,8 +24,8 @@ ORDINARY = ("diffuse", "glass", "metal and plastic", "no triangles", "a sky's pi
 def job_of(name: str, pieces: int, first: int = 0, count: int = SPP) -> Job:
     scene, settings = made(name)
     prepared = _prepared(scene, settings)
-    camera, options = camera_frame(seen_from(settings, prepared.origin)), kernel_options(settings, prepared)
-    batch = Batch(0, 0, first, count, fixed_place(prepared.origin, settings.film_exponent))
+    camera, options = camera_frame(settings_relative_to_origin(settings, prepared.origin)), kernel_options(settings, prepared)
+    batch = Batch(0, 0, first, count, fixed_point_origin(prepared.origin, settings.film_exponent))
     return job_for(prepared, camera, options, batch, settings.width, settings.height, pieces)
 
 

@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from renderer.confine.limits import at_most
+from renderer.confine.limits import limited_memory
 from renderer.errors import SceneError
 from renderer.formats import LONG_TAIL
 from renderer.scene.animation import Moment
@@ -337,7 +337,7 @@ def test_an_empty_file_is_said_to_be_empty_whatever_was_read_before(scene):
 
 def test_an_importer_may_not_allocate_without_bound():
     before = resource.getrlimit(resource.RLIMIT_AS)
-    with at_most(256 << 20):
+    with limited_memory(256 << 20):
         with pytest.raises(MemoryError):
             bytearray(512 << 20)
         bytearray(16 << 20)

@@ -8,7 +8,7 @@ from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.description import Instance, Material, SceneDescription
 from renderer.scene.geometry import flatten
-from renderer.scene.instances import share
+from renderer.scene.instances import plan_instancing
 from renderer.scene.readers import shapes
 from tests.renderer.builders import icosphere
 
@@ -31,24 +31,24 @@ def many(meshes, copies, materials=None, **more):
 
 def test_few_copies_of_small_meshes_are_copied_and_many_are_kept_once():
     ball = icosphere(3)  # 1280 triangles
-    assert share(many([ball], 20)).groups == []
-    sharing = share(many([ball], 30))
+    assert plan_instancing(many([ball], 20)).groups == []
+    sharing = plan_instancing(many([ball], 30))
     assert sharing.copied == []
     assert [g.instances for g in sharing.groups] == [list(range(30))]
-    assert share(many([ball], 1)).groups == []
-    assert share(many([shapes.quad("q")], 5000)).groups == []
+    assert plan_instancing(many([ball], 1)).groups == []
+    assert plan_instancing(many([shapes.quad("q")], 5000)).groups == []
 
 
 def test_in_large_scenes_everything_repeated_is_kept_once(monkeypatch):
     monkeypatch.setattr("renderer.scene.instances._LARGE", 1000)
-    assert len(share(many([icosphere(2)], 4)).groups) == 1
-    assert share(many([icosphere(2)], 3)).groups == []
+    assert len(plan_instancing(many([icosphere(2)], 4)).groups) == 1
+    assert plan_instancing(many([icosphere(2)], 3)).groups == []
 
 
 def test_meshes_that_always_stand_together_are_one_tree():
     description = many([icosphere(3), icosphere(3, material=1), icosphere(3)], 30, [Material(), Material()])
     description.instances.append(Instance(2, moved(-50.0)))  # the third stands alone once
-    groups = share(description).groups
+    groups = plan_instancing(description).groups
     assert [g.meshes for g in groups] == [[0, 1], [2]]
     compiled = compile_scene(description)
     assert len(compiled.to_world) == 61
@@ -61,7 +61,7 @@ def test_what_shines_is_copied_into_the_world():
     description = many([icosphere(3)], 40, [Material(), Material(emission=(1.0, 0.0, 0.0))])
     for i in (3, 7):
         description.instances[i].material = 1
-    sharing = share(description)
+    sharing = plan_instancing(description)
     assert sharing.copied == [3, 7]
     compiled = compile_scene(description)
     assert len(compiled.light_primitive) == 2 * 1280
@@ -79,7 +79,7 @@ def test_flat_and_extreme_transforms_are_copied():
     description = many([icosphere(3)], 40)
     description.instances[0].transform = np.diag([1.0, 1.0, 0.0, 1.0])
     description.instances[1].transform = np.diag([1.0, 1.0, 1e-8, 1.0])
-    assert share(description).copied == [0, 1]
+    assert plan_instancing(description).copied == [0, 1]
 
 
 def test_instances_keep_their_names_and_materials_and_the_scene_its_bounds():

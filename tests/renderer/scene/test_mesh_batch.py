@@ -52,15 +52,15 @@ def test_small_instances_are_placed_together_as_one_by_one(monkeypatch, odd):
     if odd == "a place beyond all numbers":
         description.instances[7].transform[0, 3] = 1e30
         for many in (True, False):
-            monkeypatch.setattr(geometry, "CROWD", 8 if many else 10**9)
+            monkeypatch.setattr(geometry, "MIN_BATCH_INSTANCES", 8 if many else 10**9)
             with pytest.raises(
                 geometry.SceneError, match="Mesh m7: its position is too large for 32-bit numbers; correct its transform"
             ):
-                geometry.make_still(description, *sharing(description))
+                geometry.build_static(description, *sharing(description))
         return
-    together = geometry.make_still(description, *sharing(description))
-    monkeypatch.setattr(geometry, "CROWD", 10**9)
-    alone = geometry.make_still(description, *sharing(description))
+    together = geometry.build_static(description, *sharing(description))
+    monkeypatch.setattr(geometry, "MIN_BATCH_INSTANCES", 10**9)
+    alone = geometry.build_static(description, *sharing(description))
     assert len(together.geometry.first) == 3 * SHAPES + 1
     for name, array in together.geometry._asdict().items():
         np.testing.assert_array_equal(array, getattr(alone.geometry, name), name)

@@ -7,7 +7,7 @@ import pytest
 
 from renderer.image.encode import encode
 from renderer.scene.compile import compile_scene
-from renderer.scene.studio import STUDIO_ALONE, STUDIO_TOO
+from renderer.scene.studio import NO_LIGHTS_WARNING, WEAK_LIGHTS_WARNING
 from tests.renderer.scene.builders import Gltf
 
 TILE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
@@ -74,7 +74,7 @@ def test_the_image_that_lights_a_scene_is_not_its_texture(scene, png, tmp_path):
 
 
 def test_a_scene_that_is_given_an_environment_is_in_no_studio(scene):
-    assert scene("a.obj", TILE).warnings == [STUDIO_ALONE]
+    assert scene("a.obj", TILE).warnings == [NO_LIGHTS_WARNING]
     for environment in ("sky.exr", "sky:30,120"):
         assert scene("a.obj", TILE, SKY, environment=environment).warnings == []
 
@@ -89,7 +89,7 @@ def accents():
 def test_nor_is_a_model_whose_lamps_are_accents(scene):
     weak = scene("a.glb", accents())
     compile_scene(weak)
-    assert weak.warnings == [STUDIO_TOO]
+    assert weak.warnings == [WEAK_LIGHTS_WARNING]
     lit = scene("a.glb", accents(), SKY, environment="sky.exr")
     compile_scene(lit)
     assert lit.warnings == []

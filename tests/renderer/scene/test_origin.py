@@ -13,7 +13,7 @@ from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.description import Instance, Light, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.load import read
-from renderer.scene.origin import exact, origin_of
+from renderer.scene.origin import in_exact_type, origin_of
 from renderer.scene.readers.shapes import cube
 from renderer.settings import RenderSettings, View
 
@@ -127,15 +127,17 @@ def test_a_scene_near_the_origin_keeps_its_coordinates_to_the_bit():
     compiled = compile_scene(description)
     assert compiled.sphere[0].tolist() == [13.5, 3.125, -20.0, 0.75]
     points = np.array([(0.1, 0.2, 0.3), (1.0, 20.0, 7.0)])
-    assert exact(points).dtype == np.float32
-    assert exact(points + 1e6).dtype == np.float64
+    assert in_exact_type(points).dtype == np.float32
+    assert in_exact_type(points + 1e6).dtype == np.float64
 
 
 def test_a_stray_vertex_at_the_origin_does_not_cost_the_rest_its_digits():
     points = np.concatenate([np.zeros((3, 3)), STEPS + FARS[0]])
     triangles = np.array([(0, 1, 2), *_triangles()] + [(i + 3, i + 4, i + 6) for i in range(20)], np.int32)
     triangles[1 : len(_triangles()) + 1] += 3
-    description = SceneDescription(meshes=[Mesh("a", exact(points), triangles)], instances=[Instance(0)], materials=[Material()])
+    description = SceneDescription(
+        meshes=[Mesh("a", in_exact_type(points), triangles)], instances=[Instance(0)], materials=[Material()]
+    )
     assert np.abs(origin_of(description) - FARS[0]).max() < 2
 
 

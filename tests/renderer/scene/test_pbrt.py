@@ -11,7 +11,7 @@ import pytest
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.load import Shot, read
-from renderer.scene.studio import STUDIO_ALONE
+from renderer.scene.studio import NO_LIGHTS_WARNING
 from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world
 
 
@@ -27,7 +27,7 @@ def places(description):
 
 def test_the_film_the_sampler_and_the_camera(pbrt):
     found = pbrt(BALL)
-    assert found.warnings == [STUDIO_ALONE]
+    assert found.warnings == [NO_LIGHTS_WARNING]
     assert found.defaults == {"width": 48, "height": 32, "spp": 16, "max_depth": 5, "transmission_depth": 0, "filter": "box"}
     view = found.cameras[0].view
     # pbrt's world is left-handed: the scene is mirrored, and its fov is across the shorter side.

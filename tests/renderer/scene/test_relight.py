@@ -5,7 +5,7 @@ from renderer.scene.compiled import load
 from renderer.scene.compiled_parts import Saver, parts_of, save_changed
 from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.load import read
-from renderer.scene.relight import CHANGED, replace_environment
+from renderer.scene.relight import CHANGED_ARRAYS, replace_environment
 from tests.grids import grid
 
 SCENE = """
@@ -34,7 +34,7 @@ def test_a_scene_under_other_light_is_the_one_that_is_compiled_so(tmp_path, text
         light = read(tmp_path, "scene.yaml", name)
         out = tmp_path / f"swapped-{name}"
         out.mkdir()
-        swapped = save_changed(manifest.read_bytes(), replace_environment(base, light, power), CHANGED, out)
+        swapped = save_changed(manifest.read_bytes(), replace_environment(base, light, power), CHANGED_ARRAYS, out)
         assert swapped.read_bytes() == whole.read_bytes()
         made = {part.sha256 for part in parts_of(swapped)} - before
         assert made == {path.name for path in out.iterdir()} - {swapped.name}

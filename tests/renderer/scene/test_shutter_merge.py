@@ -7,7 +7,7 @@ from renderer.arrays.scene import flat
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.description import Environment, Instance, Material, SceneDescription, Sphere
-from renderer.scene.instances import share
+from renderer.scene.instances import plan_instancing
 from renderer.scene.load import Shot
 from renderer.scene.readers import shapes
 from tests.renderer.builders import icosphere
@@ -112,12 +112,12 @@ def zoo(angle=20.0, marked=True):
 
 
 def test_what_moves_is_kept_apart():
-    sharing = share(zoo())
+    sharing = plan_instancing(zoo())
     assert sharing.copied == [0]
     assert [group.meshes for group in sharing.groups] == [[1]]
     assert [(group.meshes, group.instances) for group in sharing.bodies] == [([2, 3], [31, 33])]
     assert sharing.loose == [35, 36]
-    assert share(zoo(marked=False)).bodies == share(zoo(marked=False)).loose == []
+    assert plan_instancing(zoo(marked=False)).bodies == plan_instancing(zoo(marked=False)).loose == []
 
 
 @pytest.mark.parametrize("angle", [0.0, 33.0])

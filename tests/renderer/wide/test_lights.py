@@ -13,7 +13,7 @@ from renderer.kernel.light.lights import choose_light, environment_seen, primiti
 from renderer.scene.compile import compile_scene
 from renderer.scene.cutpoints import cutpoints
 from renderer.scene.description import Environment, Image, Instance, Light, Material, SceneDescription, Sky, Sphere, Texture
-from renderer.scene.lights import chosen_by, cumulative
+from renderer.scene.lights import cumulative, with_light_choice
 from renderer.wide.rows import load_ints
 from renderer.wide.values import to_int, u32
 from tests.renderer.builders import emitter, gray, icosphere, scene, square
@@ -162,11 +162,13 @@ def textured():
 
 
 LIGHTS = {
-    "parallelograms": lambda: chosen_by(scene(SHINING, TRIANGLES), "power"),
-    "triangles": lambda: chosen_by(scene(SHINING, (icosphere(0, 1, 0.7, (-0.5, 1.0, 0.3)),)), "power"),
-    "spheres": lambda: chosen_by(scene(SHINING, spheres=(LAMP, BALL)), "power"),
-    "parallelograms, spheres and a sky": lambda: chosen_by(scene(SHINING, TRIANGLES, (LAMP, BALL), environment=sky()), "power"),
-    "without a body": lambda: chosen_by(scene(SHINING, TRIANGLES, (BALL,), lights=BULBS), "power"),
+    "parallelograms": lambda: with_light_choice(scene(SHINING, TRIANGLES), "power"),
+    "triangles": lambda: with_light_choice(scene(SHINING, (icosphere(0, 1, 0.7, (-0.5, 1.0, 0.3)),)), "power"),
+    "spheres": lambda: with_light_choice(scene(SHINING, spheres=(LAMP, BALL)), "power"),
+    "parallelograms, spheres and a sky": lambda: with_light_choice(
+        scene(SHINING, TRIANGLES, (LAMP, BALL), environment=sky()), "power"
+    ),
+    "without a body": lambda: with_light_choice(scene(SHINING, TRIANGLES, (BALL,), lights=BULBS), "power"),
     "a tree": lambda: scene(SHINING, TRIANGLES, (LAMP, BALL), 0.3, BULBS),  # as light is chosen unless told otherwise
     "textures": textured,
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from service.access.redis_release import release_of, release_printed
+from service.access.redis_release import parse_version_output, release_of
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ from service.access.redis_release import release_of, release_printed
     ],
 )
 def test_releases_below_the_fixed_ones_are_named(told: str, flawed: bool) -> None:
-    found = release_printed(told)
+    found = parse_version_output(told)
     assert (found.flaw is not None) == flawed
     if told and flawed:
         assert str(found) in str(found.flaw)
@@ -38,5 +38,5 @@ def test_the_release_that_valkey_reports_for_old_clients_is_not_taken_for_its_ow
 
 
 def test_what_a_farm_does_not_work_with() -> None:
-    assert release_printed("Redis server v=6.0.16").is_too_old
-    assert not release_printed("Valkey server v=7.2.4").is_too_old
+    assert parse_version_output("Redis server v=6.0.16").is_too_old
+    assert not parse_version_output("Valkey server v=7.2.4").is_too_old

@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 
 from service.access import attempts
 from service.access.roles import Role
-from service.errors import CannotStart
+from service.errors import StartupError
 from service.farm import Farm
 from service.http import gate
 from service.http.access_requirements import NEEDS, WORKER, Need
@@ -191,7 +191,10 @@ def test_a_page_elsewhere_changes_nothing_with_the_cookie_of_who_reads_it(
 def test_passwords_are_asked_for_few_times(service: Service, owner: httpx.Client) -> None:
     user(owner, "anna", "submit")
     with caller(service) as guesser:
-        answers = [guesser.post("/api/login", json={"name": "anna", "password": f"guess {n}"}) for n in range(attempts.OF_ONE)]
+        answers = [
+            guesser.post("/api/login", json={"name": "anna", "password": f"guess {n}"})
+            for n in range(attempts.MAX_PER_ADDRESS_AND_NAME)
+        ]
         unknown = guesser.post("/api/login", json={"name": "nobody-of-this-name", "password": "guess"})
         assert {answer.json()["detail"] for answer in (*answers, unknown)} == {
             "The name or the password is wrong. Check both and try again."
@@ -298,7 +301,7 @@ def test_another_password_ends_what_was_open_elsewhere(service: Service, owner: 
 
 
 def test_what_is_open_ends_with_the_session(service: Service, owner: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gate, "AGAIN_S", 0.2)
+    monkeypatch.setattr(gate, "REAUTHORIZE_EVERY_S", 0.2)
     with logged_in(service, user(owner, "anna", "submit")) as anna, service.worker():
         job = scene_and_job(anna)
         cookie = "; ".join(f"{name}={value}" for name, value in anna.cookies.items())
@@ -395,7 +398,7 @@ def test_where_a_login_is_needed(tmp_path: Path, host: str, published: str, logi
 
 
 def test_a_token_that_everybody_knows_is_none_where_others_reach_it(tmp_path: Path) -> None:
-    with pytest.raises(CannotStart, match="RAYFARM_TOKEN"):
+    with pytest.raises(StartupError, match="RAYFARM_TOKEN"):
         Farm(Settings(data=tmp_path, host="0.0.0.0", token="this-machine-only"))
     place_database(tmp_path)
     Farm(Settings(data=tmp_path, host="0.0.0.0", published="127.0.0.1", token="this-machine-only")).stop()

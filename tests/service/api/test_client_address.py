@@ -12,7 +12,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from service.access import attempts
-from service.errors import CannotStart
+from service.errors import StartupError
 from service.http.client_address import PASSED_ON
 from service.settings import Settings
 from tests.grids import grid
@@ -60,7 +60,10 @@ def last_address(service: Service, headers: list[tuple[str, str]]) -> str:
 def test_from_loopback_without_the_setting_nothing_is_believed(untrusting: Service) -> None:
     for field in FIELDS:
         assert last_address(untrusting, [(field, "203.0.113.9")]) == "127.0.0.1", field
-    answers = [failed_login(untrusting, "anna", [("X-Forwarded-For", f"203.0.113.{n}")]) for n in range(attempts.OF_ONE + 1)]
+    answers = [
+        failed_login(untrusting, "anna", [("X-Forwarded-For", f"203.0.113.{n}")])
+        for n in range(attempts.MAX_PER_ADDRESS_AND_NAME + 1)
+    ]
     assert [answer.status_code for answer in answers][-2:] == [401, 429]
     cookie = httpx.get(f"{untrusting.url}/", headers={"X-Forwarded-Proto": "https", "Host": "127.0.0.1"})
     assert "strict-transport-security" not in cookie.headers
@@ -93,7 +96,7 @@ def test_of_a_trusted_proxy_the_rightmost_untrusted_address_counts(
 def test_limits_count_by_the_address_behind_a_trusted_proxy(trusting: Service) -> None:
     answers = [
         failed_login(trusting, "berta", [("X-Forwarded-For", f"198.51.100.{n}, 203.0.113.20")])
-        for n in range(attempts.OF_ONE + 1)
+        for n in range(attempts.MAX_PER_ADDRESS_AND_NAME + 1)
     ]
     assert [answer.status_code for answer in answers][-2:] == [401, 429]
     assert failed_login(trusting, "berta", [("X-Forwarded-For", "203.0.113.21")]).status_code == 401
@@ -141,5 +144,5 @@ def test_a_name_that_is_not_ours_reaches_no_path(unasking: Service, host: str) -
 
 @pytest.mark.parametrize("proxies", ["*", "farm.example", "10.0.0.0/40", "0.0.0.0/0", "::/0", "10.0.0.1/8"])
 def test_proxies_that_cannot_be_meant_are_refused(proxies: str) -> None:
-    with pytest.raises(CannotStart, match="RAYFARM_TRUSTED_PROXIES"):
+    with pytest.raises(StartupError, match="RAYFARM_TRUSTED_PROXIES"):
         Settings.read(trusted_proxies=proxies)

@@ -106,7 +106,7 @@ def test_what_cannot_be_is_said_in_a_sentence(
         worker.on_explain = lambda work, answers=answers: answers
         said(status, words)
     worker.on_explain = lambda work: []
-    monkeypatch.setattr(explaining, "BEGIN_S", 0.1)
+    monkeypatch.setattr(explaining, "START_TIMEOUT_S", 0.1)
     said(504, "No worker was free; all slots are busy")
     monkeypatch.undo()
     worker.stop()

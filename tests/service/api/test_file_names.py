@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.http.file_names import named, picture_name, title_of
+from service.http.file_names import content_disposition, picture_name, title_of
 from service.store.models import Job
 
 # Any but surrogates, which no JSON brings. Said as numbers: `st.text` first makes a table of all characters, which takes seconds.
@@ -44,7 +44,7 @@ def test_a_pictures_name_says_what_it_is() -> None:
 @given(TEXTS)
 def test_every_name_goes_through_a_header_and_comes_out_again(name: str) -> None:
     found = picture_name(job(name), 0, 50, "", "png")
-    header = named(found)
+    header = content_disposition(found)
     header.encode("ascii")
     assert not set(found) & set('/\\"\r\n\0:*?<>|')
     assert len(found.encode()) <= 255 * 2

@@ -39,8 +39,8 @@ def test_more_pictures_than_wait_in_line_are_told_to_come_again(
     service.wait_for(job, "finished")
     service.farm.pictures = Pool(1 << 20, threads=1, in_line=1, most_in_line=1)
     hold = threading.Event()
-    make = frames.picture
-    monkeypatch.setattr(frames, "picture", lambda *wish: hold.wait(20) and make(*wish))
+    make = frames.picture_file
+    monkeypatch.setattr(frames, "picture_file", lambda *wish: hold.wait(20) and make(*wish))
     url = f"/api/jobs/{job}/frames/0/image.png"
     with ThreadPoolExecutor(2) as many:
         waiting = [many.submit(service.http.get, url, params={"exposure": i}) for i in range(2)]

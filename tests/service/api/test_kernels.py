@@ -9,7 +9,7 @@ import pytest
 
 from renderer.kernel_file import pack
 from service.access.roles import OWNER, Role
-from service.store.kernels import KEPT
+from service.store.kernels import MAX_KERNELS
 from tests.service.conftest import TOKEN, Service
 
 KERNEL = "render_pool-plain"
@@ -71,8 +71,8 @@ def test_strangers_neither_fetch_nor_hand_in(service: Service, tmp_path: Path) -
 
 
 def test_kernels_of_releases_that_are_gone_are_forgotten(service: Service, tmp_path: Path) -> None:
-    for number in range(KEPT + 4):
+    for number in range(MAX_KERNELS + 4):
         url = f"/api/farm/kernels/{number:016x}-cpython311-{KERNEL}"
         assert service.http.put(url, content=artefact(tmp_path), headers=SHOWN).status_code == 204
-    assert len(list((Path(service.options["data"]) / "kernels").iterdir())) == KEPT
+    assert len(list((Path(service.options["data"]) / "kernels").iterdir())) == MAX_KERNELS
     assert service.http.get(url, headers=SHOWN).status_code == 200

@@ -10,7 +10,7 @@ import pytest
 from starlette.routing import Mount
 
 from service.access.roles import OPEN, Caller, Role
-from service.http.access_requirements import ADMIN, ANYONE, KEEPER, NEEDS, SUBMIT, UNKNOWN, VIEW, WORKER, need_of
+from service.http.access_requirements import ADMIN, ANYONE, IDENTIFIED_ADMIN, NEEDS, SUBMIT, UNKNOWN, VIEW, WORKER, need_of
 from service.main import create_app
 from service.settings import Settings
 
@@ -61,7 +61,7 @@ def test_what_changes_something_needs_more_than_to_look() -> None:
         ("HEAD", "/api/jobs/7f3a", VIEW),
         ("DELETE", "/api/jobs/7f3a", SUBMIT),
         ("PATCH", "/api/workers/a b", ADMIN),
-        ("POST", "/api/users", KEEPER),
+        ("POST", "/api/users", IDENTIFIED_ADMIN),
         ("WS", "/api/scenes/x/viewport", VIEW),
         ("PUT", "/api/farm/blobs/x", WORKER),
         ("GET", "/api/nowhere", UNKNOWN),
@@ -85,7 +85,7 @@ def test_who_meets_what() -> None:
             ("any", ANYONE),
             ("view", VIEW),
             ("submit", SUBMIT),
-            ("keep", KEEPER),
+            ("keep", IDENTIFIED_ADMIN),
             ("work", WORKER),
             ("?", UNKNOWN),
         ]

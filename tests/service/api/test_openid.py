@@ -17,9 +17,9 @@ from urllib.parse import parse_qs, urlsplit
 import httpx
 import pytest
 
-from service.access.oidc import WAIT_S, oidc_of
+from service.access.oidc import LOGIN_TIMEOUT_S, oidc_of
 from service.access.roles import Role
-from service.errors import CannotStart
+from service.errors import StartupError
 from service.routes.openid import MOST_PENDING
 from service.settings import Settings
 from tests.helpers import running_redis
@@ -216,7 +216,7 @@ def test_a_cookie_that_is_changed_or_expired_is_refused(service: Service, monkey
             assert why(answer) == "late", forged[:60]
         back = sent_back(client, "1")
         with monkeypatch.context() as later:
-            later.setattr("service.access.oidc.time.time", lambda now=time.time: now() + WAIT_S + 1)
+            later.setattr("service.access.oidc.time.time", lambda now=time.time: now() + LOGIN_TIMEOUT_S + 1)
             assert why(client.get(back)) == "late"
 
 
@@ -270,9 +270,9 @@ def test_a_token_for_another_login_is_not_believed(service: Service) -> None:
     with browser(service) as client:
         back = sent_back(client, "1")
         ((name, sealed),) = client.cookies.items()
-        pending = oidc._unsealed(sealed)
+        pending = oidc._decrypted(sealed)
         assert pending is not None
-        client.cookies.update({name: oidc._sealed(dataclasses.replace(pending, nonce="another"))})
+        client.cookies.update({name: oidc._encrypted(dataclasses.replace(pending, nonce="another"))})
         assert why(client.get(back)) == "provider"
     oidc._client = ("another client", oidc._client[1])
     try:
@@ -302,6 +302,6 @@ def test_what_is_set_wrongly_is_said_at_the_start(tmp_path: Path, service: Servi
         ({"oidc_discovery": "http://login.example/", "oidc_client": "x"}, "https://"),
         ({"oidc_discovery": url, "oidc_client": "x", "oidc_roles": {"a": "king"}}, "king"),
     ):
-        with pytest.raises(CannotStart, match=said):
+        with pytest.raises(StartupError, match=said):
             oidc_of(Settings(data=tmp_path, **wrong), service.farm.sessions)  # type: ignore[arg-type]
     assert oidc_of(Settings(data=tmp_path), service.farm.sessions) is None

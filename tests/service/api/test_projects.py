@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from service.http import gate
-from service.http.access_requirements import NEEDS, THINGS, thing_of
+from service.http.access_requirements import NEEDS, PROJECT_RESOURCES, resource_of
 from service.store.models import Job
 from tests.helpers import running_redis
 from tests.service.api.test_access import caller
@@ -102,18 +102,18 @@ def path_of(pattern: str, id: str) -> str:
 
 def test_every_path_that_names_something_names_a_thing_or_what_projects_do_not_have() -> None:
     for method, pattern in NEEDS:
-        named = thing_of(pattern, pattern)
+        named = resource_of(pattern, pattern)
         if "{" in pattern and named is None:
             assert OTHERS.match(pattern), f"{method} {pattern}: whose is it? Say so in service/http/access_requirements.py"
         collection = pattern.split("/")[2] if pattern.startswith("/api/") else ""
-        assert collection not in THINGS or "{" not in pattern or named is not None, pattern
+        assert collection not in PROJECT_RESOURCES or "{" not in pattern or named is not None, pattern
 
 
 def test_to_others_nothing_of_it_is_there(people: People) -> None:
     asked = {"POST": {}, "PATCH": {"priority": 1}}
     walked = 0
     for method, pattern in NEEDS:
-        found = thing_of(pattern, pattern)
+        found = resource_of(pattern, pattern)
         if found is None or method == "WS" or method == "DELETE":
             continue
         kind = found[0]
@@ -208,7 +208,7 @@ def test_sockets_of_others_are_closed_as_those_of_what_is_not_there(people: Peop
 
 
 def test_who_is_put_out_is_so_at_once_and_what_is_open_ends(people: People, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gate, "AGAIN_S", 0.1)
+    monkeypatch.setattr(gate, "REAUTHORIZE_EVERY_S", 0.1)
     made(people.chief.put("/api/projects/film/members/ben"), 200)
     job = f"/api/jobs/{people.ids['job']}"
     assert people.ben.get(job).status_code == 200
@@ -231,7 +231,7 @@ def test_who_may_only_look_in_a_project_changes_nothing_there(people: People) ->
         ids, into = people.ids, {"project": "film"}
         walked = 0
         for method, pattern in NEEDS:
-            thing = thing_of(pattern, pattern)
+            thing = resource_of(pattern, pattern)
             if thing is None or method in ("GET", "WS"):
                 continue
             answer = people.ben.request(method, path_of(pattern, ids[thing[0]]))

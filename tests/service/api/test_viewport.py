@@ -289,7 +289,10 @@ def test_where_memory_is_full_a_view_waits_for_another_to_leave(
             one.show(1, spp=2)
             one.wait(1, 2)
             other.show(1, spp=2)
-            until(lambda: (other.read(), memory_limit.FULL in [each["message"] for each in other.states])[1], "it is told")
+            until(
+                lambda: (other.read(), memory_limit.MEMORY_LIMIT_REACHED in [each["message"] for each in other.states])[1],
+                "it is told",
+            )
             one.say(paused=True)
             other.wait(1, 2)
             other.say(paused=True)

@@ -26,8 +26,8 @@ def test_a_picture_without_samples_is_a_conflict_with_a_sentence(service: Servic
     else:
         job = service.submit(scene)
         service.wait_for(job, "finished")
-        service.farm.scrubber.suspect = lambda job: None  # type: ignore[method-assign]  # else it is rendered again at once
-        service.farm.films.set_aside(job)
+        service.farm.scrubber.check_first = lambda job: None  # type: ignore[method-assign]  # else it is rendered again at once
+        service.farm.films.quarantine(job)
         if state == "gone and noted":
             with service.farm.sessions.begin() as session:
                 frame, row = session.get(Frame, (job, 0)), session.get(Job, job)

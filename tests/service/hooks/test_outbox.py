@@ -69,7 +69,7 @@ def receiver() -> Iterator[Receiver]:
 def told(service: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) -> Service:
     """A service that sends to the receiver, with short retry delays."""
     monkeypatch.setattr(outbox, "RETRIES_S", (0.1,) * 7)
-    monkeypatch.setattr(outbox, "LOOK_EVERY_S", 0.1)
+    monkeypatch.setattr(outbox, "POLL_EVERY_S", 0.1)
     service.options |= {"webhooks": [receiver.url], "webhook_secret": SECRET, "public_url": "http://farm.example/"}
     service.restart()
     until(lambda: service.farm.outbox._since != {}, "the outbox has begun")
@@ -107,7 +107,7 @@ def test_a_hook_that_is_dead_is_not_tried_by_each_message_that_waits_for_it(
 ) -> None:
     receiver.statuses = [500]
     monkeypatch.setattr(outbox, "RETRIES_S", (600.0,) * 7)
-    monkeypatch.setattr(outbox, "LONGEST_REST_S", 3.0)
+    monkeypatch.setattr(outbox, "MAX_HOOK_PAUSE_S", 3.0)
     for _ in range(20):
         told.patch(told.submit(told.upload()), state="cancelled")
     until(lambda: len(receiver.got) > 0, "the hook is tried")
@@ -206,7 +206,7 @@ def test_a_program_is_run_at_a_job_s_end(service: Service, tmp_path: Path, monke
 
 
 def test_an_answer_that_trickles_in_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(deliver, "ANSWER_WITHIN_S", 0.5)
+    monkeypatch.setattr(deliver, "ANSWER_TIMEOUT_S", 0.5)
     over = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as server:
 
@@ -229,24 +229,24 @@ def test_an_answer_that_trickles_in_is_not_waited_for(monkeypatch: pytest.Monkey
 
 
 def test_a_program_may_leave_another_running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(deliver, "RUN_WITHIN_S", 20.0)
+    monkeypatch.setattr(deliver, "RUN_TIMEOUT_S", 20.0)
     program = tmp_path / "hook"
     program.write_text(f"#!/bin/sh\nsleep 40 &\necho $! > {tmp_path}/left\n")
     program.chmod(0o700)
     try:
-        deliver.run(str(program), "msg_1", {"type": "test", "data": {}})
+        deliver.run_program(str(program), "msg_1", {"type": "test", "data": {}})
     finally:
         os.kill(int((tmp_path / "left").read_text()), signal.SIGKILL)
 
 
 def test_a_program_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The hook is a script that waits for another program; with retries, eight of these would remain for each job."""
-    monkeypatch.setattr(deliver, "RUN_WITHIN_S", 1.0)
+    monkeypatch.setattr(deliver, "RUN_TIMEOUT_S", 1.0)
     program = tmp_path / "hook"
     program.write_text(f"#!/bin/sh\nsleep 300 &\necho $! > {tmp_path}/waited-for\nwait\n")
     program.chmod(0o700)
     with pytest.raises(deliver.UndeliveredError, match="longer than 1 s"):
-        deliver.run(str(program), "msg_1", {"type": "test", "data": {}})
+        deliver.run_program(str(program), "msg_1", {"type": "test", "data": {}})
     pid = int((tmp_path / "waited-for").read_text())
     until(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE, "it is ended")
 
@@ -270,7 +270,7 @@ def test_a_hook_that_hangs_holds_up_no_other(service: Service, receiver: Receive
             service.patch(jobs[1], state="cancelled")
             until(lambda: len(receiver.got) == 2, "the other is told")
             until(lambda: arrived(service) == [0, 2], "a message that was received is written down as arrived")
-            assert time.monotonic() - began < deliver.ANSWER_WITHIN_S
+            assert time.monotonic() - began < deliver.ANSWER_TIMEOUT_S
 
 
 @pytest.mark.long
@@ -305,7 +305,7 @@ def test_a_fault_in_one_message_is_no_reason_to_send_it_for_ever(
 def test_a_job_that_is_expected_after_its_deadline_is_told_while_it_is_rendered(
     told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(deadlines, "SURE_AFTER_S", 0.5)
+    monkeypatch.setattr(deadlines, "RELIABLE_AFTER_S", 0.5)
     soon = datetime.now(UTC) + timedelta(hours=1)
     with told.worker() as worker:
         worker.on_batch = lambda batch: time.sleep(0.05)

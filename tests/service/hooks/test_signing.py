@@ -6,7 +6,7 @@ import base64
 
 import pytest
 
-from service.hooks.signing import headers, key_of, new_secret
+from service.hooks.signing import headers, new_secret, secret_bytes
 
 # The test vector of the specification's libraries.
 SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
@@ -25,11 +25,11 @@ def test_everything_is_signed(changed: tuple[str, int, bytes]) -> None:
 
 
 def test_new_secrets_are_secrets() -> None:
-    assert len(key_of(new_secret())) == 32
+    assert len(secret_bytes(new_secret())) == 32
     assert new_secret() != new_secret()
 
 
 @pytest.mark.parametrize("secret", ["", "abc", "whsec_", "whsec_!!", "whsec_" + base64.b64encode(b"short").decode(), SECRET[6:]])
 def test_what_is_no_secret(secret: str) -> None:
     with pytest.raises(ValueError, match="whsec_"):
-        key_of(secret)
+        secret_bytes(secret)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from service.errors import FarmError, Invalid, TooLarge
-from service.intake.archives import expand
+from service.intake.archives import extract_archive
 from service.store.blobs import BlobFolder
 from tests.grids import grid
 
@@ -34,7 +34,9 @@ def zipped(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes
 def unpack(store: BlobFolder, content: bytes, max_files: int = 10, max_bytes: int = 50 << 20) -> dict[str, bytes]:
     """Returns the extracted files, and discards their blobs."""
     found: dict[str, bytes] = {}
-    for name, writer in expand(io.BytesIO(content), "pack.zip", store, max_files, max_bytes, 100.0, lambda size: None, []):
+    for name, writer in extract_archive(
+        io.BytesIO(content), "pack.zip", store, max_files, max_bytes, 100.0, lambda size: None, []
+    ):
         found[name] = writer.rewind().read()
         writer.discard()
     return found
@@ -137,7 +139,7 @@ def test_names_by_backslashes_in_other_encodings_are_unpacked_and_said(store: Bl
     data = zipped({"x\\m.mtl": b"map_Kd t.png", "t___.png": b"png"}).replace(b"t___.png", name)
     notes: list[str] = []
     found = {}
-    for path, writer in expand(io.BytesIO(data), "a.zip", store, 9, 999, 9.0, lambda size: None, notes):
+    for path, writer in extract_archive(io.BytesIO(data), "a.zip", store, 9, 999, 9.0, lambda size: None, notes):
         found[path] = writer.rewind().read()
         writer.discard()
     assert found == {"x/m.mtl": b"map_Kd t.png", "木纹.png": b"png"}

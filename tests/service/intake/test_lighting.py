@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from service.intake.lighting import KEPT
+from service.intake.lighting import MAX_UNUSED
 from service.store.models import Scene
 from tests.helpers import running_redis
 from tests.service.conftest import OBJ, TOKEN, Service, until
@@ -106,12 +106,12 @@ def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) 
 def test_only_so_many_stay_that_nobody_needs_and_they_go_with_their_scene(service: Service) -> None:
     scene = scene_of(service, b"# many\n")
     before = {each.name for each in (service.options["data"] / "blobs").rglob("*") if each.is_file()}
-    for elevation in range(KEPT + 3):
+    for elevation in range(MAX_UNUSED + 3):
         service.farm.lighting.row(scene, {"environment": {"sky": {"elevation": elevation}}})
     service.farm.lighting.clear()
     with service.farm.sessions() as session:
         rows = session.query(Scene).filter(Scene.of.is_not(None)).count()
-    assert rows == KEPT
+    assert rows == MAX_UNUSED
     _, lit = rendered(service, scene, sky={"elevation": 77})
     waiting = service.submit(scene, environment={"sky": {"elevation": 77}}, spp=4000)
     assert service.http.delete(f"/api/scenes/{scene}").status_code == 409, "a job needs it"

@@ -18,7 +18,7 @@ import pytest
 
 from service.intake import uploads
 from service.intake.multipart import Form
-from service.intake.uploads import receive
+from service.intake.uploads import receive_upload
 from service.settings import Settings
 from service.store.blobs import BlobFolder
 from service.store.staging import BlobWriter
@@ -188,7 +188,7 @@ def test_the_files_of_an_upload_are_not_all_open_at_once(tmp_path: Path, service
 
     before, store = psutil.Process().num_fds(), Folder(tmp_path / "blobs", tmp_path)
     form = "multipart/form-data; boundary=x"
-    upload = asyncio.run(receive(form, chunks(), store, service.farm.garbage, settings, lambda kept: kept))
+    upload = asyncio.run(receive_upload(form, chunks(), store, service.farm.garbage, settings, lambda kept: kept))
     assert len(upload.files) == len(are_open) == 201
     assert max(are_open) - before < 50
 
@@ -298,7 +298,7 @@ def test_an_upload_that_is_cancelled_before_its_turn_leaves_no_file(
     async def upload() -> None:
         kind = f"multipart/form-data; boundary={boundary}"
         with pytest.raises(asyncio.CancelledError):
-            await receive(kind, chunks(), store, service.farm.garbage, service.farm.settings, lambda stored: None)
+            await receive_upload(kind, chunks(), store, service.farm.garbage, service.farm.settings, lambda stored: None)
 
     monkeypatch.setattr(uploads, "run_in_threadpool", cancelled)
     with ThreadPoolExecutor(1) as thread:  # with browser tests in the same process, its main thread already has a loop

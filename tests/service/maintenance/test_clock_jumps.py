@@ -53,7 +53,7 @@ def test_retention_waits_after_a_jump_and_after_the_start(monkeypatch: pytest.Mo
     monkeypatch.setattr(Retention, "plan", lambda *_: [])
     monkeypatch.setattr(Retention, "carry_out", lambda *_: looked.append(len(pauses)))
     kept._run()
-    assert pauses[:3] == [retention.FIRST_S, retention.EVERY_S, retention.EVERY_S]
+    assert pauses[:3] == [retention.FIRST_RUN_AFTER_S, retention.EVERY_S, retention.EVERY_S]
     assert looked == [1, 3]
 
 

@@ -127,7 +127,7 @@ def test_compiled_scenes_and_uploads_that_nobody_used_go(service: Service, jobs:
 
 @pytest.mark.long
 def test_a_farm_goes_by_its_own_rules_by_itself(service: Service, jobs: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(retention, "FIRST_S", 0.0)
+    monkeypatch.setattr(retention, "FIRST_RUN_AFTER_S", 0.0)
     service.options["keep_films_days"] = 15
     service.restart()
     until(lambda: not film_of(service, jobs[2]).exists(), "what is too old is let go")

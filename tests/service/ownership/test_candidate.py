@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from service.errors import CannotStart, NotOwner, Unavailable
+from service.errors import NotOwner, StartupError, Unavailable
 from service.ownership import rows
 from service.ownership.candidate import Candidate, take_farm
-from service.ownership.owner_timeout import LEAST_LOOKS
+from service.ownership.owner_timeout import MIN_CHECKS
 from service.ownership.ownership import Ownership
 from service.settings import Settings
 from service.store.models import Scene
@@ -196,7 +196,7 @@ def test_one_that_does_not_move_answers_nobody(candidates: Callable[..., Candida
     first = owned(candidates())
     first._moves = lambda: False
     second = candidates()
-    for _ in range(LEAST_LOOKS + int(2 * LEASE_S) + 2):
+    for _ in range(MIN_CHECKS + int(2 * LEASE_S) + 2):
         if second.attempt() is not None:
             return
         first.confirm()
@@ -210,7 +210,7 @@ def test_another_folder_on_the_same_database_is_refused(candidates: Callable[...
     assert second.attempt() is None
     first.confirm()
     clock.now += 0.5
-    with pytest.raises(CannotStart, match="its films lie in another folder"):
+    with pytest.raises(StartupError, match="its films lie in another folder"):
         second.attempt()
 
 
@@ -224,7 +224,7 @@ def test_of_two_that_find_it_free_one_gets_it(candidates: Callable[..., Candidat
 
 def test_without_standing_by_it_is_refused_with_a_sentence(tmp_path: Path) -> None:
     first = take_farm(Settings(data=tmp_path), 0.0)
-    with pytest.raises(CannotStart, match="Another service works on"):
+    with pytest.raises(StartupError, match="Another service works on"):
         take_farm(Settings(data=tmp_path), 0.0)
     first.stop()
     take_farm(Settings(data=tmp_path), 0.0).stop()
@@ -232,7 +232,7 @@ def test_without_standing_by_it_is_refused_with_a_sentence(tmp_path: Path) -> No
 
 def test_a_damaged_database_is_told_in_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "rayfarm.sqlite").write_bytes(b"no database" * 1000)
-    with pytest.raises(CannotStart, match=r"The database is damaged \(file is not a database\). `rayfarm doctor"):
+    with pytest.raises(StartupError, match=r"The database is damaged \(file is not a database\). `rayfarm doctor"):
         take_farm(Settings(data=tmp_path), 0.0)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.ownership.owner_timeout import LEAST_LOOKS, OwnerTimeout
+from service.ownership.owner_timeout import MIN_CHECKS, OwnerTimeout
 from service.store.models import Owner
 
 LEASE_S = 6.0
@@ -15,38 +15,38 @@ def row(epoch: int = 5, answered: int = 0) -> Owner:
 def silent_for(seconds: float, looks: int) -> tuple[OwnerTimeout, list[float]]:
     clock = [100.0]
     silence = OwnerTimeout(LEASE_S, lambda: clock[0])
-    assert silence.is_broken(row()), "it was not asked yet"
+    assert silence.is_request_due(row()), "it was not asked yet"
     silence.asked(5, 1)
     for _ in range(looks):
         clock[0] += seconds / looks
-        assert not silence.is_broken(row())
+        assert not silence.is_request_due(row())
     return silence, clock
 
 
 def test_it_lasts_for_the_lease_and_no_shorter() -> None:
-    assert not silent_for(LEASE_S - 0.01, 12)[0].is_too_long
-    assert silent_for(LEASE_S + 0.01, 12)[0].is_too_long
+    assert not silent_for(LEASE_S - 0.01, 12)[0].has_expired
+    assert silent_for(LEASE_S + 0.01, 12)[0].has_expired
 
 
 def test_whoever_stood_still_itself_looks_some_times_more() -> None:
-    silence, _ = silent_for(1000.0, LEAST_LOOKS - 1)
-    assert not silence.is_too_long
-    silence.is_broken(row())
-    assert silence.is_too_long
+    silence, _ = silent_for(1000.0, MIN_CHECKS - 1)
+    assert not silence.has_expired
+    silence.is_request_due(row())
+    assert silence.has_expired
 
 
 def test_an_answer_ends_it_and_it_begins_anew() -> None:
     silence, clock = silent_for(LEASE_S - 1.0, 8)
-    assert silence.is_broken(row(answered=1))
+    assert silence.is_request_due(row(answered=1))
     assert silence.has_answered(row(answered=1))
     silence.asked(5, 2)
     clock[0] += LEASE_S - 1.0
-    for _ in range(LEAST_LOOKS):
-        assert not silence.is_broken(row(answered=1))
-    assert not silence.is_too_long
+    for _ in range(MIN_CHECKS):
+        assert not silence.is_request_due(row(answered=1))
+    assert not silence.has_expired
 
 
 def test_a_new_owner_was_not_asked_yet() -> None:
     silence, _ = silent_for(LEASE_S + 1.0, 8)
-    assert silence.is_broken(row(epoch=6, answered=1))
+    assert silence.is_request_due(row(epoch=6, answered=1))
     assert not silence.has_answered(row(epoch=6, answered=1)), "that was another's answer"

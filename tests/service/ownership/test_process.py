@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from service.ownership.process import end, is_gone, is_stopped, this_process
+from service.ownership.process import is_gone, is_stopped, kill_process, this_process
 from tests.helpers import wait_until
 
 pytestmark = pytest.mark.skipif(this_process() is None, reason="this system does not tell of processes")
@@ -35,18 +35,18 @@ def test_one_that_lives_stands_still_and_is_ended(other: tuple[subprocess.Popen[
     assert not is_stopped(known)
     process.send_signal(signal.SIGSTOP)
     wait_until(lambda: is_stopped(known), 20, "it stands still")
-    assert end(known)
+    assert kill_process(known)
     assert process.wait(20) == -signal.SIGKILL
     assert is_gone(known)
     assert not is_stopped(known)
-    assert not end(known)
+    assert not kill_process(known)
 
 
 def test_another_of_the_same_number_is_another(other: tuple[subprocess.Popen[bytes], dict[str, Any]]) -> None:
     process, known = other
     earlier = {**known, "started": str(int(known["started"]) - 1)}
     assert is_gone(earlier)
-    assert not end(earlier)
+    assert not kill_process(earlier)
     assert process.poll() is None
 
 
@@ -55,5 +55,5 @@ def test_nothing_is_known_of_another_machine(where: str) -> None:
     elsewhere = {**(this_process() or {}), "pid": 2**22 - 1, where: "another"}
     assert not is_gone(elsewhere)
     assert not is_stopped(elsewhere)
-    assert not end(elsewhere)
+    assert not kill_process(elsewhere)
     assert not is_gone(None)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from protocol.blends import WAITS, blender_queue, is_blend, written_of
+from protocol.blends import WAITS_FOR_BLENDER, blender_queue, converted_files, is_blend
 from service.scheduling.incoming.messages import PrepareDone
 from tests.service.conftest import TOKEN, Service, until
 from tests.service.peer_worker import PeerWorker
@@ -42,7 +42,7 @@ def manifest(service: Service, scene: str) -> dict[str, Any]:
 def test_a_blend_waits_for_a_worker_with_blender_and_then_is_what_that_wrote(service: Service) -> None:
     with service.worker(name="plain", tags=()) as plain:
         scene = service.upload(BLEND, "shot.blend")
-        until(lambda: service.scene(scene)["step"] == WAITS, "it is said", say=lambda: service.scene(scene))
+        until(lambda: service.scene(scene)["step"] == WAITS_FOR_BLENDER, "it is said", say=lambda: service.scene(scene))
         job = service.submit(scene)
         with with_blender(service):
             until(lambda: service.scene(scene)["status"] == "ready", "it is opened", say=lambda: service.scene(scene))
@@ -65,12 +65,12 @@ def test_a_blend_waits_for_a_worker_with_blender_and_then_is_what_that_wrote(ser
 
 def test_what_blender_wrote_is_said_in_a_form_that_can_be_kept() -> None:
     file = {"path": "a.yaml", "sha256": SHA256, "size": 3}
-    assert written_of(None) is written_of({"blend": None}) is None
-    found = written_of({"blend": {"main": "a.yaml", "files": [file]}})
+    assert converted_files(None) is converted_files({"blend": None}) is None
+    found = converted_files({"blend": {"main": "a.yaml", "files": [file]}})
     assert found is not None and found[1][0].sha256 == SHA256
     for wrong in ({"main": 3, "files": []}, {"main": "a", "files": 3}, {"main": "a", "files": [3]}, [1]):
         with pytest.raises(ValueError, match=r"cannot be made out|BlobRef"):
-            written_of({"blend": wrong})
+            converted_files({"blend": wrong})
     info = {
         "kind": "k",
         "compiled": {**file, "parts": []},

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from protocol.contract import RenderBatch
-from service.errors import FilmWaits
+from service.errors import FilmUnavailable
 from service.scheduling.faults import bulkhead
 from service.scheduling.records import PendingJob, Records
 from service.store.database import connect
@@ -248,7 +248,7 @@ def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
     meant = ""
     scene = service.ready_scene()
     for name in FILM:
-        wait = lambda: FilmWaits("The film of this job cannot be written: the disk is full.")  # noqa: E731
+        wait = lambda: FilmUnavailable("The film of this job cannot be written: the disk is full.")  # noqa: E731
         monkeypatch.setattr(Film, name, failing_at_first(getattr(Film, name), wait, is_meant, failed))
     service.patch(job := service.submit(scene, spp=256, noise=0.09, seed=1), state="paused")
     meant = job

@@ -147,9 +147,9 @@ def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, m
 def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
     service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("service.scheduling.loading.ROUND_CPU_S", -1.0)  # one step a round
+    monkeypatch.setattr("service.scheduling.loading.ROUND_PROCESSOR_S", -1.0)  # one step a round
     monkeypatch.setattr("service.scheduling.records.AT_A_TIME", 10)
-    monkeypatch.setattr("service.scheduling.jobs.active_job.AT_A_TIME", 10)
+    monkeypatch.setattr("service.scheduling.jobs.active_job.FRAMES_PER_STEP", 10)
     rounds: list[bool] = []
     go_on = Loading.go_on
 
@@ -160,7 +160,7 @@ def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
         return rounds[-1]
 
     other_done, may_go_on = threading.Event(), threading.Event()
-    monkeypatch.setattr(Loading, "go_on", slowly)
+    monkeypatch.setattr(Loading, "continue_loading", slowly)
     shot = shoot(service, scene).raise_for_status().json()["id"]
     until(lambda: len(rounds) > 2, "it is begun to be taken up")
     assert shot not in service.farm.engine.snapshot.jobs

@@ -16,7 +16,7 @@ from protocol.site import site_key
 from protocol.terms import offer_key
 from protocol.view_parts import VIEW_ANSWERS
 from protocol.vitals import vitals_key
-from service.scheduling.fleet.dead_letters import FILE, KEPT
+from service.scheduling.fleet.dead_letters import FILE, MAX_KEPT
 from service.scheduling.incoming import messages
 from service.store.models import Scene
 from tests.service.conftest import Service, until
@@ -112,7 +112,7 @@ def test_whatever_workers_say_is_put_aside_and_the_picture_is_the_same(service: 
     assert f"rayfarm_messages_put_aside_total {float(count)}" in service.http.get("/metrics").text
     until((service.options["data"] / FILE).exists, "the list is written")
     listed = [json.loads(line) for line in (service.options["data"] / FILE).read_text().splitlines()]
-    assert 0 < len(listed) <= KEPT
+    assert 0 < len(listed) <= MAX_KEPT
     assert all(each["why"] and each["where"].startswith("results") for each in listed)
 
 

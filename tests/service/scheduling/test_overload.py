@@ -11,7 +11,7 @@ import pytest
 
 from renderer.film import digest
 from renderer.settings import Tile
-from service.scheduling.dispatching.leases import UNSEEN_ALLOWED
+from service.scheduling.dispatching.leases import MAX_UNSEEN_POLLS
 from service.scheduling.dispatching.lost_batches import LossVerdict, LostLeaseFinder
 from service.scheduling.dispatching.scheduler import Scheduler
 from service.store.film_file import FilmFile
@@ -74,7 +74,7 @@ def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, mo
         job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=TILE, spp=samples)
         wait_until(lambda: service.farm.engine.snapshot.counts.get("merged", 0) > 12, 60, "they are at work")
         starved.set()
-        wait_until(lambda: any(lease.unseen > UNSEEN_ALLOWED for lease in leases), 60, "theirs are looked for again and again")
+        wait_until(lambda: any(lease.unseen > MAX_UNSEEN_POLLS for lease in leases), 60, "theirs are looked for again and again")
         assert not service.farm.engine.snapshot.roster.reports
         goes_on.set()
         service.wait_for(job, "finished", 60)
@@ -92,7 +92,7 @@ def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, mo
 @pytest.mark.long
 def test_no_straggler_is_tried_by_another_while_there_is_other_work(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Scheduler, "_has_idle_slots", lambda self, kind: True)
-    monkeypatch.setattr(LostLeaseFinder, "_fate", lambda self, lease, *_: None if lease.doubled else LossVerdict.LATE)
+    monkeypatch.setattr(LostLeaseFinder, "_verdict", lambda self, lease, *_: None if lease.doubled else LossVerdict.LATE)
     slots = Slots(
         service.options["redis_url"], service.url, TOKEN, 4, of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)), 0.5
     )

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from sqlalchemy import event
 
-from service.errors import NoRoom, Unavailable
+from service.errors import OutOfSpace, Unavailable
 from service.scheduling.records import Records
 from service.store.database import connect
 from service.store.models import Frame, FrameChange, Job, Scene, Wait
@@ -107,7 +107,7 @@ def test_writers_wait_for_each_other(records: Records) -> None:
 def test_a_database_that_another_program_holds_is_said_to_be_away(
     records: Records, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("service.store.database.LOCK_PATIENCE_S", 0.1)
+    monkeypatch.setattr("service.store.database.LOCK_TIMEOUT_S", 0.1)
     engine, sessions = connect(new_sqlite(tmp_path))
     other = sqlite3.connect(tmp_path / "rayfarm.sqlite", isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
@@ -125,7 +125,7 @@ def test_a_database_that_another_program_holds_is_said_to_be_away(
 def test_a_database_on_a_full_disk_says_so(records: Records) -> None:
     with records._sessions() as session:
         session.connection().exec_driver_sql("PRAGMA max_page_count=1")
-    with pytest.raises(NoRoom, match="disk is full"), records._sessions.begin() as session:
+    with pytest.raises(OutOfSpace, match="disk is full"), records._sessions.begin() as session:
         for i in range(2000):
             session.add(Job(id=f"job{i}", scene="scene", name="x" * 200, state="queued", created=0.0, request={}))
     with records._sessions() as session:

@@ -12,7 +12,7 @@ import pytest
 
 from protocol.contract import RenderBatch
 from renderer.frames import parse_frames
-from service.scheduling.jobs.agenda import PILOT, Agenda
+from service.scheduling.jobs.agenda import PILOT_SAMPLES, FrameOrder
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 
@@ -239,9 +239,9 @@ def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
     whole = shoot(service, service.ready_scene(), "0-3", **request)
     service.wait_for(whole, "finished", 40)
     with monkeypatch.context() as ended:
-        ended.setattr(Agenda, "_lay_out", lambda agenda: None)
+        ended.setattr(FrameOrder, "_plan_round", lambda agenda: None)
         job = shoot(service, service.ready_scene(), "0-3", **request)
-        until(lambda: service.job(job)["samples"] == 4 * PILOT * 32 * 24, "all frames have the first round's samples")
+        until(lambda: service.job(job)["samples"] == 4 * PILOT_SAMPLES * 32 * 24, "all frames have the first round's samples")
         service.restart()
         time.sleep(0.5)
         ended.undo()

@@ -11,7 +11,7 @@ import pytest
 
 from service.events import Events, ItemChanged
 from service.scheduling import snapshot
-from service.scheduling.snapshot import JobNumbers, Snapshot, SnapshotBoard
+from service.scheduling.snapshot import JobNumbers, Snapshot, SnapshotHolder
 
 
 def job(samples: int, state: str = "running") -> Any:
@@ -25,7 +25,7 @@ def job(samples: int, state: str = "running") -> Any:
         "active_s": 1.0,
         "eta_s": None,
         "samples_per_s": 0.0,
-        "noise_now": None,
+        "current_noise": None,
     }
     about |= {"handed_back": None, "slots_wanted": 0, "expected": None, "unforeseen": None}
     return SimpleNamespace(**about)
@@ -38,7 +38,7 @@ def look(numbers: Any) -> Snapshot:
 def test_a_change_is_told_once_the_snapshot_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[tuple[str, str, int]] = []
     events = Events()
-    board = SnapshotBoard(events)
+    board = SnapshotHolder(events)
     events.subscribe(ItemChanged, lambda event: told.append((event.kind, event.id, board.latest.jobs[event.id].samples)))
     board.change("job", "a")
     board.publish({"a": job(1)}, look)
@@ -54,7 +54,7 @@ def test_a_change_is_told_once_the_snapshot_shows_it(monkeypatch: pytest.MonkeyP
 def test_another_state_is_told_at_once() -> None:
     told: list[str] = []
     events = Events()
-    board = SnapshotBoard(events)
+    board = SnapshotHolder(events)
     events.subscribe(ItemChanged, lambda event: told.append(board.latest.jobs[event.id].state))
     for state in ("running", "paused"):
         board.change("job", "a")
@@ -83,11 +83,11 @@ def numbers(state: str) -> JobNumbers:
 )
 def test_ready_is_what_can_work(view: Snapshot, why: str | None) -> None:
     view = replace(view, made=time.monotonic())
-    assert (view.not_ready is None) == (why is None)
-    assert why is None or why in (view.not_ready or "")
+    assert (view.unready_reason is None) == (why is None)
+    assert why is None or why in (view.unready_reason or "")
 
 
 def test_an_engine_that_is_busy_with_one_thing_is_not_ready() -> None:
     assert "The scheduler has been busy with one step for 6" in (
-        Snapshot(fault=None, made=time.monotonic() - 60.0).not_ready or ""
+        Snapshot(fault=None, made=time.monotonic() - 60.0).unready_reason or ""
     )

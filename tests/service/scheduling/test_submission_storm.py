@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import httpx
 import pytest
 
-from service.store.writer_queue import Turns
+from service.store.writer_queue import WriterQueue
 from tests.service.conftest import Service
 from tests.service.peer_worker import PeerWorker
 
@@ -23,10 +23,10 @@ def test_a_running_job_goes_on_while_many_are_submitted(
 ) -> None:
     begun: list[bool] = []  # of each transaction: whether it was the engine's
     passed: list[int] = []  # of each of the engine's: how many of others began while it waited
-    taken = Turns.turn
+    taken = WriterQueue.turn
 
     @contextmanager
-    def counted(self: Turns, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
+    def counted(self: WriterQueue, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
         before = len(begun)
         with taken(self, patience_s, is_urgent):
             if is_urgent:
@@ -34,7 +34,7 @@ def test_a_running_job_goes_on_while_many_are_submitted(
             begun.append(is_urgent)
             yield
 
-    monkeypatch.setattr(Turns, "turn", counted)
+    monkeypatch.setattr(WriterQueue, "turn", counted)
     worker.on_batch = lambda _: (time.sleep(0.02), True)[1]
     scene = service.ready_scene()
     running = service.submit(scene, spp=100_000, priority=10, **SIZE)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from service.settings import Settings
-from service.store.atomic_files import move_whole, write_once, write_whole
+from service.store.atomic_files import rename_synced, write_atomically, write_if_missing
 
 
 def test_bytes_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -24,21 +24,21 @@ def test_bytes_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatch: 
         fsync(handle)
 
     monkeypatch.setattr(os, "fsync", see)
-    move_whole(temporary, target)
+    rename_synced(temporary, target)
     assert synced in ([(temporary, False), (tmp_path, True)], [(None, False), (None, True)])
     assert target.read_bytes() == b"content"
 
 
 def test_a_write_that_fails_leaves_the_old_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "file"
-    write_whole(path, b"old")
+    write_atomically(path, b"old")
 
     def full(handle: int) -> None:
         raise OSError("no room")
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="no room"):
-        write_whole(path, b"new")
+        write_atomically(path, b"new")
     assert path.read_bytes() == b"old"
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
     assert path.stat().st_mode & 0o777 == 0o600
@@ -47,7 +47,7 @@ def test_a_write_that_fails_leaves_the_old_content(tmp_path: Path, monkeypatch: 
 def test_what_is_there_is_not_written_again(tmp_path: Path) -> None:
     path = tmp_path / "file"
     for content in (b"first", b"second"):
-        write_once(path, content)
+        write_if_missing(path, content)
     assert path.read_bytes() == b"first"
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
     assert path.stat().st_mode & 0o777 == 0o600

@@ -11,7 +11,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from service.errors import CannotStart, NotFound, Unavailable
+from service.errors import NotFound, StartupError, Unavailable
 from service.farm import open_blobs
 from service.settings import Settings
 from service.store.blobs import CHUNK, BlobFolder, BlobStore
@@ -66,7 +66,7 @@ def test_credentials_may_lie_in_files(s3: str, monkeypatch: pytest.MonkeyPatch, 
         monkeypatch.setenv(f"{name}_FILE", str(tmp_path / name))
     assert put(S3Blobs(s3, tmp_path / "tmp"), b"abc") == hashlib.sha256(b"abc").hexdigest()
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY_FILE", str(tmp_path / "none"))
-    with pytest.raises(CannotStart, match="AWS_SECRET_ACCESS_KEY_FILE"):
+    with pytest.raises(StartupError, match="AWS_SECRET_ACCESS_KEY_FILE"):
         open_blobs(Settings(data=tmp_path, blobs=s3))
 
 

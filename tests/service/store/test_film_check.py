@@ -17,7 +17,7 @@ from service.errors import FilmDamaged
 from service.store.film_check import film_samples
 from service.store.film_store import FilmFolder
 from service.store.films import Film, Part
-from service.store.row_folding import FOLD_AT
+from service.store.row_folding import MAX_ROWS_UNFOLDED
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part
 
@@ -32,7 +32,7 @@ def filled(folder: Path) -> FilmFolder:
     for tile in range(len(film.tiles)):
         for first in range(SPP):
             film.merge([part(film, tile, first, 1, bad=[BadSample(film.tiles[tile].x, 0, first)])])
-    film.merge([part(film, 1, first, 1) for first in range(SPP, FOLD_AT)])
+    film.merge([part(film, 1, first, 1) for first in range(SPP, MAX_ROWS_UNFOLDED)])
     films.close()
     return FilmFolder(folder, 1 << 20)
 
@@ -51,7 +51,7 @@ def flip(path: Path, tile: int, first: int) -> None:
 def holds(film: Film, missing: set[tuple[int, int]]) -> None:
     """Checks that a film has the original samples of all tiles except those in `missing`, as (tile, sample)."""
     for tile, area in enumerate(film.tiles):
-        samples = [s for s in range(FOLD_AT if tile == 1 else SPP) if (tile, s) not in missing]
+        samples = [s for s in range(MAX_ROWS_UNFOLDED if tile == 1 else SPP) if (tile, s) not in missing]
         assert film.coverage(0, tile).total == len(samples)
         expected = sum(expected_sums(area, s, 1, 0) for s in samples)
         np.testing.assert_array_equal(film.tile_sums(0, tile), expected)
@@ -68,7 +68,7 @@ def test_one_bit_is_noticed_and_costs_one_row(tmp_path: Path) -> None:
         films.verify("job", SETTINGS, TILE)
     with pytest.raises(FilmDamaged, match="not what was written"):
         film.tile_planes(0, 2, [0])
-    films.heal("job", SETTINGS, TILE)
+    films.delete_damaged("job", SETTINGS, TILE)
     film = films.open("job", SETTINGS, TILE)
     holds(film, {(2, 1)})
     assert BadSample(film.tiles[2].x, 0, 1) not in film.bad_samples(0)[1]
@@ -93,7 +93,7 @@ def test_of_a_film_with_pages_of_nonsense_the_rest_is_kept(tmp_path: Path) -> No
     films = FilmFolder(tmp_path, 1 << 20)
     with pytest.raises(FilmDamaged):
         films.verify("job", settings, 32)
-    films.heal("job", settings, 32)
+    films.delete_damaged("job", settings, 32)
     film = films.open("job", settings, 32)
     kept = sum(film.coverage(0, tile).total for tile in range(4))
     assert 4 * SPP - 2 <= kept < 4 * SPP, "one page is of one row, or of two"
@@ -107,7 +107,7 @@ def test_a_film_with_nothing_left_is_empty(tmp_path: Path, content: bytes) -> No
     (tmp_path / "job.sqlite").write_bytes(content)
     films = FilmFolder(tmp_path, 1 << 20)
     assert films.size("job") == len(content)
-    films.heal("job", SETTINGS, TILE)
+    films.delete_damaged("job", SETTINGS, TILE)
     assert films.open("job", SETTINGS, TILE).is_empty
 
 
@@ -117,6 +117,6 @@ def test_a_film_without_checksums_is_believed(tmp_path: Path) -> None:
         database.execute("UPDATE part SET checksum = NULL")
     database.close()
     film = films.open("job", SETTINGS, TILE)
-    assert film.heal() == 0
+    assert film.delete_damaged() == 0
     holds(film, set())
     assert films.verify("job", SETTINGS, TILE)[0] == film.samples(0)

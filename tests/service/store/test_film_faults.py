@@ -13,13 +13,13 @@ import pytest
 
 from protocol.sums import pack_sums
 from renderer.film import CHANNELS
-from service.errors import FilmLost, FilmWaits
+from service.errors import FilmLost, FilmUnavailable
 from service.store import film_file
 from service.store.bands import digest
 from service.store.film_faults import film_faults
 from service.store.film_version import VERSION
 from service.store.films import Film, Part
-from service.store.row_folding import FOLD_AT
+from service.store.row_folding import MAX_ROWS_UNFOLDED
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import make, part, rows_of
 
@@ -40,7 +40,7 @@ def test_a_full_disk_waits_and_heals(film: Film) -> None:
         sums = noise.integers(0, 1 << 62, (CHANNELS, rect.h, rect.w), np.int64)
         group.append(Part(0, tile, 2, 1, pack_sums(sums)))
     before = film.version(0)
-    with pytest.raises(FilmWaits, match="disk is full"):
+    with pytest.raises(FilmUnavailable, match="disk is full"):
         film.merge(group)
     assert film.version(0) == before, "of a group that does not fit as a whole, nothing is in"
     np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2, 0))
@@ -52,7 +52,7 @@ def test_a_lock_waits_a_moment_only_and_nothing_is_half_counted(film: Film, tmp_
     other = sqlite3.connect(tmp_path / "job.sqlite", isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
     began = time.monotonic()
-    with pytest.raises(FilmWaits, match="locked by another program"):
+    with pytest.raises(FilmUnavailable, match="locked by another program"):
         film.merge([part(film, 0, 2, 2), part(film, 1, 0, 2)])
     assert time.monotonic() - began < 5.0, "not the 30 s of an ordinary connection"
     assert film.samples(0) == 2 * film.tiles[0].w * film.tiles[0].h
@@ -69,7 +69,7 @@ def test_a_film_that_is_locked_when_it_is_opened_waits(film: Film, tmp_path: Pat
     other.execute("PRAGMA locking_mode=EXCLUSIVE")
     other.execute("BEGIN EXCLUSIVE")
     again = make(tmp_path / "job.sqlite")
-    with pytest.raises(FilmWaits):
+    with pytest.raises(FilmUnavailable):
         again.load()
     other.execute("ROLLBACK")
     other.close()
@@ -150,7 +150,7 @@ def test_what_stays_is_lost_with_a_sentence(film: Film, tmp_path: Path, break_it
 
 def test_a_film_that_became_read_only_waits(film: Film) -> None:
     rows_of(film).execute("PRAGMA query_only=ON")
-    with pytest.raises(FilmWaits, match=r"is read-only\. Make it writable\. The job continues"):
+    with pytest.raises(FilmUnavailable, match=r"is read-only\. Make it writable\. The job continues"):
         film.merge([part(film, 1, 0, 1)])
     assert film.coverage(0, 1).total == 0
     rows_of(film).execute("PRAGMA query_only=OFF")
@@ -166,7 +166,7 @@ def test_a_lock_is_waited_for_once_and_not_at_each_try(film: Film, tmp_path: Pat
     other.execute("BEGIN IMMEDIATE")
     assert known > 0
     for _ in range(2):
-        with pytest.raises(FilmWaits):
+        with pytest.raises(FilmUnavailable):
             film.merge([part(film, 1, 0, 1)])
         assert patience_ms() == 0, "the engine, which all jobs need, waits no second time"
     other.close()
@@ -176,13 +176,13 @@ def test_a_lock_is_waited_for_once_and_not_at_each_try(film: Film, tmp_path: Pat
 
 def test_what_was_merged_is_reported_though_folding_fails(film: Film) -> None:
     rows_of(film).execute("CREATE TRIGGER stuck BEFORE DELETE ON part BEGIN SELECT raise(ABORT, 'stuck'); END")
-    for first in range(2, 2 + FOLD_AT):
+    for first in range(2, 2 + MAX_ROWS_UNFOLDED):
         assert film.merge([part(film, 0, first, 1)]) == [True]
-    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 + FOLD_AT, 0))
+    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 + MAX_ROWS_UNFOLDED, 0))
     rows_of(film).execute("DROP TRIGGER stuck")
-    film.merge([part(film, 0, 2 + FOLD_AT, 1)])
+    film.merge([part(film, 0, 2 + MAX_ROWS_UNFOLDED, 1)])
     assert rows_of(film).execute("SELECT count(*) FROM part").fetchone() == (1,)
-    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 3 + FOLD_AT, 0))
+    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 3 + MAX_ROWS_UNFOLDED, 0))
 
 
 def test_a_commit_of_which_nobody_knows_is_looked_up(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -191,10 +191,10 @@ def test_a_commit_of_which_nobody_knows_is_looked_up(film: Film, monkeypatch: py
 
     def add_and_fail(self: film_file.FilmFile, *rows: object) -> None:
         add(self, *rows)  # type: ignore[arg-type]
-        raise FilmWaits("the disk hung")
+        raise FilmUnavailable("the disk hung")
 
     monkeypatch.setattr(film_file.FilmFile, "add", add_and_fail)
-    with pytest.raises(FilmWaits):
+    with pytest.raises(FilmUnavailable):
         film.merge([part(film, 0, 2, 2)])
     monkeypatch.undo()
     assert film.merge([part(film, 0, 2, 2), part(film, 0, 4, 1)]) == [False, True]
@@ -203,26 +203,26 @@ def test_a_commit_of_which_nobody_knows_is_looked_up(film: Film, monkeypatch: py
 
 def test_rows_that_somebody_else_wrote_are_not_folded_away(film: Film, tmp_path: Path) -> None:
     """Folding writes cached sums. If the file has other rows, they stay."""
-    sneaked = part(film, 0, 2 + FOLD_AT, 1)
+    sneaked = part(film, 0, 2 + MAX_ROWS_UNFOLDED, 1)
     sql_rows = sqlite3.connect(tmp_path / "job.sqlite")
     sql_rows.execute("INSERT INTO part VALUES (0, 0, ?, 1, 0, ?, NULL, NULL, NULL)", (sneaked.first, sneaked.sums))
     sql_rows.commit()
     sql_rows.close()
-    for first in range(2, 2 + FOLD_AT):
+    for first in range(2, 2 + MAX_ROWS_UNFOLDED):
         film.merge([part(film, 0, first, 1)])
     film.merge([part(film, 1, 0, 1)])
-    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 3 + FOLD_AT, 0))
+    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 3 + MAX_ROWS_UNFOLDED, 0))
 
 
 @pytest.mark.parametrize(
     ("number", "kind"),
     [
-        (errno.ENOSPC, FilmWaits),
-        (errno.EDQUOT, FilmWaits),
-        (errno.EIO, FilmWaits),
-        (errno.EMFILE, FilmWaits),
+        (errno.ENOSPC, FilmUnavailable),
+        (errno.EDQUOT, FilmUnavailable),
+        (errno.EIO, FilmUnavailable),
+        (errno.EMFILE, FilmUnavailable),
         (errno.EACCES, FilmLost),
-        (errno.EROFS, FilmWaits),
+        (errno.EROFS, FilmUnavailable),
     ],
 )
 def test_the_systems_errors_are_told_apart_too(number: int, kind: type[Exception]) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from service.errors import FilmWaits
+from service.errors import FilmUnavailable
 from service.store.films import Film
 from service.store.tile_cache import TileCache
 from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part
@@ -24,10 +24,10 @@ def test_what_an_earlier_owner_still_merges_is_refused_and_nothing_is_in_twice(t
     new.load(make=True)
     assert new.merge([part(new, 0, 0, 2), part(new, 0, 2, 2)]) == [False, True]
     for batch in ((0, 2, 2), (1, 0, 1)):
-        with pytest.raises(FilmWaits, match="belongs to another service"):
+        with pytest.raises(FilmUnavailable, match="belongs to another service"):
             old.merge([part(old, *batch)])
     assert old.merge([part(old, 0, 3, 2)]) == [False], "by now it knows of what the other has merged"
-    with pytest.raises(FilmWaits):
+    with pytest.raises(FilmUnavailable):
         old.forget(0)
     assert new.merge([part(new, 1, 0, 1)]) == [True]
     old.close()

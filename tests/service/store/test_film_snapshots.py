@@ -14,12 +14,12 @@ def facts(spp: int) -> FilmSnapshot:
 
 def test_what_is_kept_is_read_as_it_was_written(tmp_path: Path) -> None:
     kept = FilmSnapshots(tmp_path / "snapshots", 1 << 20, 0)
-    assert kept.begin("job") == [] == kept.facts("job")
+    assert kept.begin("job") == [] == kept.all_facts("job")
     for spp in (8, 1, 128):
         assert kept.keep("job", facts(spp), [b"some", b"\nlight"])
     (tmp_path / "snapshots" / "job" / "4.film").write_bytes(b"not to be understood\n")
     again = FilmSnapshots(tmp_path / "snapshots", 1 << 20, 0)
-    assert again.begin("job") == [1, 4, 8, 128] and again.facts("job") == [facts(1), facts(8), facts(128)]
+    assert again.begin("job") == [1, 4, 8, 128] and again.all_facts("job") == [facts(1), facts(8), facts(128)]
     size, pieces = again.packed("job", 8)
     assert size == 10 and b"".join(pieces) == b"some\nlight"
     assert again.find("job", 2) is None and again.find("other", 1) is None

@@ -16,7 +16,7 @@ from service.store.film_faults import FilmClosed
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import MAX_OPEN, FilmFolder
 from service.store.films import Film
-from service.store.row_folding import FOLD_AT
+from service.store.row_folding import MAX_ROWS_UNFOLDED
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part, rows_of
 
@@ -72,16 +72,16 @@ def test_few_of_many_films_that_are_rendered_have_open_files(
 def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFolder) -> None:
     """Other films evict it from the store meanwhile. With two objects for one job, each would fold from an outdated index."""
     watched = pinned(films)
-    watched.merge([part(watched, 0, first, 1) for first in range(FOLD_AT - 1)])
+    watched.merge([part(watched, 0, first, 1) for first in range(MAX_ROWS_UNFOLDED - 1)])
     films.unpin("job")
     for other in range(MAX_OPEN + 1):
         films.open(f"other{other}", SETTINGS, TILE)
     rendered = pinned(films)
-    rendered.merge([part(rendered, 0, FOLD_AT - 1, 1)])
-    rendered.merge([part(rendered, 0, FOLD_AT, 1)])
-    assert watched.merge([part(watched, 0, FOLD_AT - 1, 1)]) == [False], "whoever holds it knows what is in"
+    rendered.merge([part(rendered, 0, MAX_ROWS_UNFOLDED - 1, 1)])
+    rendered.merge([part(rendered, 0, MAX_ROWS_UNFOLDED, 1)])
+    assert watched.merge([part(watched, 0, MAX_ROWS_UNFOLDED - 1, 1)]) == [False], "whoever holds it knows what is in"
     for film in (watched, rendered):
-        np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, FOLD_AT + 1, 0))
+        np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, MAX_ROWS_UNFOLDED + 1, 0))
     assert watched is rendered
 
 
@@ -136,14 +136,14 @@ def test_a_damaged_film_is_set_aside_and_the_job_begins_anew(films: FilmFolder, 
     (tmp_path / "films" / "job.sqlite").write_bytes(b"nonsense" * 100)
     with pytest.raises(FilmLost):
         pinned(films)
-    films.set_aside("job")
+    films.quarantine("job")
     film = pinned(films)
     assert film.merge([part(film, 0, 0, 1)]) == [True]
     assert (tmp_path / "films" / "job.sqlite.lost").read_bytes() == b"nonsense" * 100
-    films.set_aside("job")
+    films.quarantine("job")
     with pytest.raises(FilmClosed):
         film.tile_sums(0, 0)
-    films.set_aside("job")  # nothing is there: nothing to do
+    films.quarantine("job")  # nothing is there: nothing to do
     films.delete("job")
     assert list((tmp_path / "films").iterdir()) == []
 
@@ -169,7 +169,7 @@ def test_a_film_may_be_deleted_while_its_size_is_asked_for(
 def test_the_films_of_deleted_jobs_are_swept(films: FilmFolder, tmp_path: Path) -> None:
     for job in ("kept", "gone", "lost"):
         pinned(films, job)
-    films.set_aside("lost")
+    films.quarantine("lost")
     films.close()
     FilmFolder(tmp_path / "films", 0, snapshots(tmp_path)).sweep({"kept"})
     assert {path.name.partition(".")[0] for path in (tmp_path / "films").iterdir()} == {"kept"}

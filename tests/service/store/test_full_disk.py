@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy.orm import Session
 
-from service.errors import NoRoom
+from service.errors import OutOfSpace
 from service.store.database import Sessions
 from service.store.disk_space import disk_full_error
 from service.store.reserve import SIZE, Reserve
@@ -122,12 +122,12 @@ def test_the_reserve_is_given_once_and_kept_again(tmp_path: Path) -> None:
             raise disk_full_error()
         return "deleted"
 
-    assert reserve.spend_on(delete) == "deleted"
+    assert reserve.run_deletion(delete) == "deleted"
     assert tries == [True, False]
     assert (tmp_path / "reserve").stat().st_size == SIZE
     assert (tmp_path / "reserve").stat().st_mode & 0o777 == 0o600
-    with pytest.raises(NoRoom):
-        reserve.spend_on(always_full)
+    with pytest.raises(OutOfSpace):
+        reserve.run_deletion(always_full)
 
 
 def always_full() -> None:
@@ -144,7 +144,7 @@ def no_byte_free(*_: object) -> None:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-@pytest.mark.parametrize("writer", ["service.store.staging.BlobWriter.write", "service.store.kernels.write_whole"])
+@pytest.mark.parametrize("writer", ["service.store.staging.BlobWriter.write", "service.store.kernels.write_atomically"])
 def test_a_worker_that_finds_the_disk_full_is_told(
     service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writer: str
 ) -> None:

@@ -248,7 +248,7 @@ def test_a_life_inherits_what_the_last_one_was_about_to_delete(service: Service)
     stray, on_its_way = put(blobs, b"stray"), put(blobs, b"on its way")
     service.options["prepare_deadline"] = 0.5
     service.start()
-    service.farm.garbage.keep_promise(on_its_way)
+    service.farm.garbage.remove_pins(on_its_way)
     service.farm.garbage.collect(scene_of(on_its_way))
     until(lambda: not blobs.exists(stray), "nobody came for it")
     assert blobs.exists(on_its_way)

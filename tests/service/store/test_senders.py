@@ -12,12 +12,12 @@ import pytest
 
 from protocol.sums import pack_sums
 from service.store.contributions import Part
-from service.store.film_check import film_samples, rows_left
+from service.store.film_check import film_samples, readable_rows
 from service.store.film_copy import FilmCopy
 from service.store.film_version import VERSION, FilmShape
 from service.store.films import Film
-from service.store.row_folding import FOLD_AT, MOST_APART
-from service.store.senders import MOST, senders_of, senders_text
+from service.store.row_folding import MAX_ROWS_APART, MAX_ROWS_UNFOLDED
+from service.store.senders import MAX_NAMES, senders_of, senders_text
 from service.store.tile_cache import TileCache
 from tests.service.peer_worker import expected_sums
 
@@ -47,58 +47,58 @@ def rows(film: Film) -> list[tuple[str, int]]:
 
 
 def test_what_workers_sent_in_turn_is_folded_apart_and_taken_back_alone(film: Film, tmp_path: Path) -> None:
-    for first in range(2 * FOLD_AT):
+    for first in range(2 * MAX_ROWS_UNFOLDED):
         sent(film, "ab"[first % 2], first)
-    assert rows(film) == [('["a"]', FOLD_AT), ('["b"]', FOLD_AT)]
+    assert rows(film) == [('["a"]', MAX_ROWS_UNFOLDED), ('["b"]', MAX_ROWS_UNFOLDED)]
     again = make(tmp_path / "job.sqlite")  # as the service begins anew
     for each in (film, again):
-        np.testing.assert_array_equal(each.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 * FOLD_AT, 0))
-        assert each.coverage(0, 0).ranges == [(0, 2 * FOLD_AT)]
+        np.testing.assert_array_equal(each.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 * MAX_ROWS_UNFOLDED, 0))
+        assert each.coverage(0, 0).ranges == [(0, 2 * MAX_ROWS_UNFOLDED)]
     with film.moment() as moment:
-        assert moment.coverage(0, 0).ranges == [(0, 2 * FOLD_AT)]
-    assert film_samples(tmp_path / "job.sqlite", SHAPE) == {0: 64 * 2 * FOLD_AT}
+        assert moment.coverage(0, 0).ranges == [(0, 2 * MAX_ROWS_UNFOLDED)]
+    assert film_samples(tmp_path / "job.sqlite", SHAPE) == {0: 64 * 2 * MAX_ROWS_UNFOLDED}
     again.close()
-    assert film.take_back("b") == 64 * FOLD_AT
-    assert film.coverage(0, 0).ranges == [(first, first + 1) for first in range(0, 2 * FOLD_AT, 2)]
-    odd = [expected_sums(film.tiles[0], first, 1, 0) for first in range(0, 2 * FOLD_AT, 2)]
+    assert film.take_back("b") == 64 * MAX_ROWS_UNFOLDED
+    assert film.coverage(0, 0).ranges == [(first, first + 1) for first in range(0, 2 * MAX_ROWS_UNFOLDED, 2)]
+    odd = [expected_sums(film.tiles[0], first, 1, 0) for first in range(0, 2 * MAX_ROWS_UNFOLDED, 2)]
     np.testing.assert_array_equal(film.tile_sums(0, 0), sum(odd))
-    for first in range(1, 2 * FOLD_AT, 2):
+    for first in range(1, 2 * MAX_ROWS_UNFOLDED, 2):
         sent(film, "c", first)
-    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 * FOLD_AT, 0))
+    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 * MAX_ROWS_UNFOLDED, 0))
 
 
 def test_a_folded_row_goes_over_into_copies_and_out_of_damaged_films(film: Film, tmp_path: Path) -> None:
-    for first in range(2 * FOLD_AT):
+    for first in range(2 * MAX_ROWS_UNFOLDED):
         sent(film, "ab"[first % 2], first)
     film.settle()
     with FilmCopy(tmp_path / "copy.sqlite", SHAPE) as made:
-        assert made.take(tmp_path / "job.sqlite", [0], 2 * FOLD_AT) == {0: 64 * 2 * FOLD_AT}
+        assert made.take(tmp_path / "job.sqlite", [0], 2 * MAX_ROWS_UNFOLDED) == {0: 64 * 2 * MAX_ROWS_UNFOLDED}
     saved = make(tmp_path / "saved.sqlite")
-    saved.take_over(rows_left(tmp_path / "copy.sqlite", SHAPE))
-    assert saved.coverage(0, 0).ranges == [(0, 2 * FOLD_AT)]
-    assert saved.take_back("a") == 64 * FOLD_AT
+    saved.take_over(readable_rows(tmp_path / "copy.sqlite", SHAPE))
+    assert saved.coverage(0, 0).ranges == [(0, 2 * MAX_ROWS_UNFOLDED)]
+    assert saved.take_back("a") == 64 * MAX_ROWS_UNFOLDED
     saved.close()
 
 
 def test_where_they_are_not_kept_apart_the_row_names_all_who_are_in_it(film: Film) -> None:
     film.keeps_apart = False
-    for first in range(FOLD_AT):
+    for first in range(MAX_ROWS_UNFOLDED):
         sent(film, f"w{first % 3}", first)
-    assert rows(film) == [('["w0", "w1", "w2"]', FOLD_AT)]
+    assert rows(film) == [('["w0", "w1", "w2"]', MAX_ROWS_UNFOLDED)]
     assert film.take_back("w3") == 0
-    assert film.take_back("w1") == 64 * FOLD_AT
+    assert film.take_back("w1") == 64 * MAX_ROWS_UNFOLDED
     assert film.is_empty
 
 
 def test_the_rows_of_a_tile_are_bounded_however_many_workers_there_are(film: Film) -> None:
-    for first in range(MOST_APART + FOLD_AT):
+    for first in range(MAX_ROWS_APART + MAX_ROWS_UNFOLDED):
         sent(film, f"w{first}", first)
-    assert len(rows(film)) <= MOST_APART
-    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, MOST_APART + FOLD_AT, 0))
+    assert len(rows(film)) <= MAX_ROWS_APART
+    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, MAX_ROWS_APART + MAX_ROWS_UNFOLDED, 0))
 
 
 def test_of_more_workers_than_a_row_names_it_may_be_anybody() -> None:
-    few, many = senders_text([f"w{n}" for n in range(MOST)]), senders_text([f"w{n}" for n in range(MOST + 1)])
+    few, many = senders_text([f"w{n}" for n in range(MAX_NAMES)]), senders_text([f"w{n}" for n in range(MAX_NAMES + 1)])
     assert ("w1" in senders_of(few), "x" in senders_of(few)) == (True, False)
     assert "x" in senders_of(many)
     assert "x" in senders_of(senders_text([*senders_of(many), "y"])), "what is added to it stays anybody's"

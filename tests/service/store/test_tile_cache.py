@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderer.film import Sums
-from service.store.tile_cache import MOST_PENDING, TileCache
+from service.store.tile_cache import MAX_PENDING, TileCache
 
 KEY = ("film", 0, 3)
 
@@ -41,7 +41,7 @@ def test_what_is_added_is_added_up_when_somebody_asks() -> None:
 def test_what_nobody_asks_for_is_forgotten_with_all_that_it_holds() -> None:
     cache, done = TileCache(1 << 20), list[int]()
     cache.put(KEY, sums(5))
-    for value in range(MOST_PENDING + 1):
+    for value in range(MAX_PENDING + 1):
         cache.grow(KEY, adding(value, done), 10)  # type: ignore[arg-type]
     assert cache.get(KEY) is None
     assert cache._bytes == 0

@@ -16,7 +16,7 @@ from alembic.operations import Operations
 from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, create_engine, inspect, text
 
-from service.errors import CannotStart
+from service.errors import StartupError
 from service.farm import Farm
 from service.settings import Settings
 from service.store.database import connect
@@ -92,7 +92,7 @@ def test_one_of_a_newer_release_is_refused_and_left_alone(old: Path) -> None:
     with closing(sqlite3.connect(old / "rayfarm.sqlite")) as database, database:
         database.execute("UPDATE alembic_version SET version_num = '9999'")
     database.close()
-    with pytest.raises(CannotStart, match=r"newer release of Rayfarm \(revision 9999; this release knows up to"):
+    with pytest.raises(StartupError, match=r"newer release of Rayfarm \(revision 9999; this release knows up to"):
         Farm(Settings(data=old))
     with closing(sqlite3.connect(old / "rayfarm.sqlite")) as database, database:
         assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("9999",)]

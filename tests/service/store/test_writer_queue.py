@@ -8,11 +8,11 @@ import time
 import pytest
 
 from service.errors import Unavailable
-from service.store.writer_queue import Turns
+from service.store.writer_queue import WriterQueue
 
 
 def test_writers_go_in_line_and_urgent_ones_before_them() -> None:
-    turns, order = Turns(), list[str]()
+    turns, order = WriterQueue(), list[str]()
 
     def write(name: str, is_urgent: bool) -> None:
         with turns.turn(10.0, is_urgent):
@@ -33,7 +33,7 @@ def test_writers_go_in_line_and_urgent_ones_before_them() -> None:
 
 
 def test_a_turn_ends_with_an_exception() -> None:
-    turns = Turns()
+    turns = WriterQueue()
     with pytest.raises(KeyError), turns.turn(1.0):
         raise KeyError
     with turns.turn(1.0):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from service.viewing.passes import FIRST_S, Passes, Piece, levels_of
+from service.viewing.passes import FIRST_PICTURE_S, Passes, Piece, levels_of
 
 
 def all_of(passes: Passes) -> list[list[Piece]]:
@@ -37,7 +37,7 @@ def test_every_sample_of_every_tile_is_in_one_piece(cost: float, slots: int) -> 
 def test_the_first_picture_takes_its_time_and_no_more() -> None:
     for slots, cost in ((2, 1e-6), (16, 1e-5)):
         first = levels_of(1920, 1080, 256, cost, slots)[0]
-        assert first.width * first.height * cost / slots == pytest.approx(FIRST_S, rel=0.05)
+        assert first.width * first.height * cost / slots == pytest.approx(FIRST_PICTURE_S, rel=0.05)
         assert len(first.tiles) >= slots, "work for all of them"
     assert len(levels_of(320, 180, 4, 1e-7, 2)) == 1, "what is quick is whole at once"
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from service.watching.picture_response import PIECE, SMALL, PictureBody
+from service.watching.picture_response import MAX_IN_MEMORY, PIECE, PictureBody
 
 OPEN_FILES = Path("/proc/self/fd")
-LARGE = os.urandom(SMALL + 2 * PIECE + 7)
+LARGE = os.urandom(MAX_IN_MEMORY + 2 * PIECE + 7)
 
 
 @pytest.mark.parametrize("data", [b"", b"few", LARGE])
@@ -19,7 +19,7 @@ def test_every_reader_gets_all_of_it(data: bytes, tmp_path: Path) -> None:
     assert made.size == len(data)
     one, other = made.pieces(), made.pieces()
     first = next(one)
-    assert len(first) <= max(PIECE, SMALL)
+    assert len(first) <= max(PIECE, MAX_IN_MEMORY)
     assert b"".join(other) == data
     assert first + b"".join(one) == data
 

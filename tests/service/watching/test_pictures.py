@@ -19,19 +19,19 @@ from renderer.image import rgbe9995, tonemap
 from renderer.image.encode import encode
 from service.store.films import Film, Part
 from service.store.tile_cache import TileCache
-from service.watching.pictures import PictureWish, memory, picture
+from service.watching.pictures import PictureRequest, picture_file, picture_memory
 from tests.grids import grid
 from tests.service.peer_worker import expected_sums
 
 WIDTH, HEIGHT, TILE = 1100, 900, 128
 EXR = b"\x76\x2f\x31\x01"
-ALL = PictureWish("exr", tuple(aovs.AOVS), in_layers=True)
+ALL = PictureRequest("exr", tuple(aovs.AOVS), in_layers=True)
 WISHES = [
-    *(PictureWish(extension) for extension in ("png", "jpg", "exr", "hdr", "rgb9e5")),
-    *(PictureWish(extension, width=300) for extension in ("png", "exr", "rgb9e5")),
-    *(PictureWish("png", (name,)) for name in aovs.AOVS),
-    *(PictureWish("exr", (name,)) for name in ("normal", "depth")),
-    PictureWish("png", ("error",), width=300),
+    *(PictureRequest(extension) for extension in ("png", "jpg", "exr", "hdr", "rgb9e5")),
+    *(PictureRequest(extension, width=300) for extension in ("png", "exr", "rgb9e5")),
+    *(PictureRequest("png", (name,)) for name in aovs.AOVS),
+    *(PictureRequest("exr", (name,)) for name in ("normal", "depth")),
+    PictureRequest("png", ("error",), width=300),
     ALL,
 ]
 
@@ -65,8 +65,8 @@ def sums(small: Film) -> np.ndarray:
     return whole
 
 
-def made(film: Film, wish: PictureWish, folder: Path) -> bytes:
-    return b"".join(picture(film, 0, wish, folder).pieces())
+def made(film: Film, wish: PictureRequest, folder: Path) -> bytes:
+    return b"".join(picture_file(film, 0, wish, folder).pieces())
 
 
 def same(data: bytes, other: bytes, folder: Path) -> bool:
@@ -89,21 +89,21 @@ def shown(data: bytes) -> np.ndarray:
 def test_pictures_are_those_of_the_whole_frame(small: Film, sums: np.ndarray, tmp_path: Path) -> None:
     color = film_math.mean(sums, 24)
     for extension in ("exr", "hdr"):
-        assert same(made(small, PictureWish(extension), tmp_path), encode(color, extension), tmp_path)
-    np.testing.assert_array_equal(shown(made(small, PictureWish("png", exposure=1), tmp_path)), tonemap.apply(color, 1))
-    assert made(small, PictureWish("rgb9e5"), tmp_path) == rgbe9995.pack(color).astype("<u4").tobytes()
+        assert same(made(small, PictureRequest(extension), tmp_path), encode(color, extension), tmp_path)
+    np.testing.assert_array_equal(shown(made(small, PictureRequest("png", exposure=1), tmp_path)), tonemap.apply(color, 1))
+    assert made(small, PictureRequest("rgb9e5"), tmp_path) == rgbe9995.pack(color).astype("<u4").tobytes()
     planes = {name: aovs.values(sums, 24, name) for name in aovs.AOVS}
     assert same(made(small, ALL, tmp_path), encode(color, "exr", channels=aovs.layers(planes)), tmp_path)
     for name, plane in planes.items():
-        np.testing.assert_array_equal(shown(made(small, PictureWish("png", (name,)), tmp_path)), aovs.visible(name, plane))
+        np.testing.assert_array_equal(shown(made(small, PictureRequest("png", (name,)), tmp_path)), aovs.visible(name, plane))
         grey = plane if plane.ndim == 3 else np.repeat(plane[..., None], 3, axis=2)
-        assert same(made(small, PictureWish("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
+        assert same(made(small, PictureRequest("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
 
 
 @pytest.mark.long
 def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: Path) -> None:
-    assert shown(made(film, PictureWish("png", width=300), tmp_path)).shape == (300, 366, 3)
-    (tmp_path / "small.exr").write_bytes(made(film, PictureWish("exr", width=300), tmp_path))
+    assert shown(made(film, PictureRequest("png", width=300), tmp_path)).shape == (300, 366, 3)
+    (tmp_path / "small.exr").write_bytes(made(film, PictureRequest("exr", width=300), tmp_path))
     small = oiio.ImageInput.open(str(tmp_path / "small.exr"))
     assert (small.spec().width, small.spec().height) == (366, 300)
     small.close()
@@ -111,23 +111,23 @@ def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: P
 
 def test_a_denoised_picture_is_read_in_bands(small: Film, tmp_path: Path) -> None:
     color = np.random.default_rng(5).random((small.height, small.width, 3), np.float32)
-    wish = PictureWish("exr", denoised=lambda: io.BytesIO(color.astype("<f4").tobytes()))
+    wish = PictureRequest("exr", denoised=lambda: io.BytesIO(color.astype("<f4").tobytes()))
     assert same(made(small, wish, tmp_path), encode(color, "exr"), tmp_path)
 
 
 @grid("wish", WISHES, ids=lambda wish: f"{wish.extension}-{'+'.join(wish.planes)}-{wish.width}")
-def test_no_picture_takes_more_memory_than_it_says(film: Film, small: Film, wish: PictureWish, tmp_path: Path) -> None:
-    picture(small, 0, wish, tmp_path)  # warms up imports and caches
+def test_no_picture_takes_more_memory_than_it_says(film: Film, small: Film, wish: PictureRequest, tmp_path: Path) -> None:
+    picture_file(small, 0, wish, tmp_path)  # warms up imports and caches
     tracemalloc.start()
     try:
-        picture(film, 0, wish, tmp_path)
+        picture_file(film, 0, wish, tmp_path)
         _, most = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert most < memory(film, wish)
+    assert most < picture_memory(film, wish)
 
 
 def test_a_file_of_radiance_takes_a_few_rows_of_tiles_however_high_the_frame_is(film: Film) -> None:
     higher = Film(Path("none"), WIDTH, 10 * HEIGHT, TILE, 24, TileCache(1))
-    for wish in (PictureWish("exr"), PictureWish("hdr"), ALL):
-        assert memory(higher, wish) == memory(film, wish)
+    for wish in (PictureRequest("exr"), PictureRequest("hdr"), ALL):
+        assert picture_memory(higher, wish) == picture_memory(film, wish)

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from protocol.sums import pack_sums
-from service.errors import FilmWaits
+from service.errors import FilmUnavailable
 from service.events import Events
 from service.store.films import Film, Part
 from service.store.tile_cache import TileCache
@@ -45,7 +45,7 @@ class Packing:
             self.begun.set()
             self.go.wait(20)
             if self.fails:
-                raise FilmWaits("The film is locked.")
+                raise FilmUnavailable("The film is locked.")
             return found
 
         monkeypatch.setattr(shared_results, "tile_body", body)
@@ -83,7 +83,7 @@ def test_a_tile_is_packed_once_for_all_until_it_changes(tmp_path: Path, packing:
             assert [(body.tile, body.spp) for body in second + third] == [(1, 1), (0, 1), (1, 1)], "an empty tile is left out"
             assert sorted(packing.tiles) == [0, 1, 2], "also for the one that left"
             render(film, 1, 1)
-            broadcast.tell_tiles("job", 0, {1})
+            broadcast.report_tiles("job", 0, {1})
             await asyncio.sleep(0)
             (after,) = await shared.tiles("job", film, 0, [1])
             assert after.spp == 2 and after.words != second[0].words
@@ -104,7 +104,7 @@ def test_what_was_packed_while_a_tile_changed_is_packed_again(tmp_path: Path, pa
             early = asyncio.create_task(shared.tiles("job", film, 0, [0]))
             await asyncio.to_thread(packing.begun.wait, 20)
             render(film, 0, 1)
-            broadcast.tell_tiles("job", 0, {0})
+            broadcast.report_tiles("job", 0, {0})
             await asyncio.sleep(0)
             packing.go.set()
             assert [body.spp for body in await shared.tiles("job", film, 0, [0])] == [2]
@@ -126,7 +126,7 @@ def test_a_film_that_cannot_be_read_is_asked_again(tmp_path: Path, packing: Pack
         packing.fails = True
         with broadcast.listen("job"):
             for _ in range(2):
-                with pytest.raises(FilmWaits):
+                with pytest.raises(FilmUnavailable):
                     await shared.tiles("job", film, 0, [0])
             packing.fails = False
             assert len(await shared.tiles("job", film, 0, [0])) == 1

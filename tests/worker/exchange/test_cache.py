@@ -100,7 +100,7 @@ def test_what_was_made_here_is_not_fetched_back(tmp_path: Path) -> None:
     made.write_bytes(b"made here")
     link = CountingLink({})
     cache = BlobCache(link, ELSEWHERE, tmp_path / "cache")
-    cache.adopt(made, sha(b"made here"))
+    cache.add_copy(made, sha(b"made here"))
     assert cache.path(sha(b"made here")).read_bytes() == b"made here"
     assert link.fetched == []
 

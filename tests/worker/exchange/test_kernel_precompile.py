@@ -11,7 +11,7 @@ import pytest
 
 from protocol.terms import Terms
 from renderer import jit
-from renderer.child_processes import begun_later
+from renderer.child_processes import delayed_command
 from renderer.render import FULL, kernel_name
 from worker.exchange import kernel_precompile
 from worker.exchange.errors import LinkError
@@ -49,11 +49,11 @@ def test_it_begins_behind_everything_else(
     kernel_precompile.precompile_full_kernel(LINK)
     ((command, process),) = started
     assert command[1:] == [
-        *begun_later("worker.exchange.kernel_precompile", kernel_precompile.LATER_S)[1:],
+        *delayed_command("worker.exchange.kernel_precompile", kernel_precompile.START_DELAY_S)[1:],
         "--service=http://127.0.0.1:9",
     ]
     assert process.stdout is not None
-    assert int(process.stdout.read()) == min(os.getpriority(os.PRIO_PROCESS, 0) + kernel_precompile.STANDS_BACK, 19)
+    assert int(process.stdout.read()) == min(os.getpriority(os.PRIO_PROCESS, 0) + kernel_precompile.NICE_INCREMENT, 19)
     process.stdout.close()
 
 
@@ -71,7 +71,7 @@ def test_what_was_compiled_is_handed_in(monkeypatch: pytest.MonkeyPatch, fetched
     handed_in: list[str] = []
     monkeypatch.setattr(sys, "argv", ["ahead", "--service=http://127.0.0.1:9"])
     monkeypatch.setattr(kernel_precompile.logs, "set_up", lambda: None)
-    monkeypatch.setattr(kernel_precompile, "fetched_or_compiled", lambda link, variant: fetched)
+    monkeypatch.setattr(kernel_precompile, "fetch_or_compile", lambda link, variant: fetched)
     monkeypatch.setattr(kernel_precompile, "upload_kernel", lambda link, folder, kernel: handed_in.append(kernel))
     assert kernel_precompile.main() == 0
     assert handed_in == ([] if fetched else [kernel_name(variant=FULL)])
@@ -83,13 +83,13 @@ def test_a_farm_that_is_away_is_no_harm(monkeypatch: pytest.MonkeyPatch, caplog:
 
     monkeypatch.setattr(sys, "argv", ["ahead", "--service=http://127.0.0.1:9"])
     monkeypatch.setattr(kernel_precompile.logs, "set_up", lambda: None)
-    monkeypatch.setattr(kernel_precompile, "fetched_or_compiled", lambda link, variant: False)
+    monkeypatch.setattr(kernel_precompile, "fetch_or_compile", lambda link, variant: False)
     monkeypatch.setattr(kernel_precompile, "upload_kernel", away)
     assert kernel_precompile.main() == 1
     assert "nobody answers" in caplog.text
 
 
 def test_a_worker_that_shall_spare_its_machine_does_nothing_ahead() -> None:
-    assert TermsKeeper(1).may_work_ahead()
+    assert TermsKeeper(1).may_precompile()
     for own in (Terms(hours="Mon"), Terms(idle_minutes=5.0), Terms(nice=5), Terms(memory=1 << 30)):
-        assert not TermsKeeper(1, own=own).may_work_ahead(), own
+        assert not TermsKeeper(1, own=own).may_precompile(), own

@@ -41,12 +41,12 @@ def test_a_full_stream_is_waited_for_and_at_last_given_up(redis_url: str) -> Non
 
 def test_a_result_takes_as_long_as_a_slow_line_needs(redis_url: str, store: redis.Redis, monkeypatch: pytest.MonkeyPatch) -> None:
     """Otherwise no result would arrive over a line that needs longer than a connection's timeout."""
-    monkeypatch.setattr(results, "LIMIT_S", 0.3)
+    monkeypatch.setattr(results, "PIECE_TIMEOUT_S", 0.3)
     store.delete(RESULTS)
     with held_up(redis_url, rate=400e3) as url:
         sums, begun = np.random.default_rng(1).bytes(400_000), time.monotonic()
         assert ResultStream(url, patience_s=0.1).send(Result({"type": "a"}, sums))
-        assert time.monotonic() - begun > 3 * results.LIMIT_S
+        assert time.monotonic() - begun > 3 * results.PIECE_TIMEOUT_S
     [(_, fields)] = store.xrange(RESULTS)  # type: ignore[misc]
     assert Result.from_fields(fields).sums == sums  # type: ignore[arg-type]
     store.delete(RESULTS)

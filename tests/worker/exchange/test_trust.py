@@ -19,7 +19,7 @@ from cryptography.x509.oid import NameOID
 from rayfarm.client import Client, ClientError
 from worker.exchange.errors import LinkError, RefusedError
 from worker.exchange.link import Link
-from worker.exchange.trust import TRUST_VARIABLE, trust
+from worker.exchange.trust import TRUST_VARIABLE, verify_option
 
 
 def certificate(folder: Path, name: str) -> Path:
@@ -55,18 +55,18 @@ def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
 
 def test_only_the_certificate_that_is_told_is_believed(secure: tuple[str, Path], tmp_path: Path) -> None:
     url, own = secure
-    with httpx.Client(verify=trust(str(own))) as client:
+    with httpx.Client(verify=verify_option(str(own))) as client:
         assert client.get(url).status_code == 501  # somebody answers
     other = certificate(tmp_path, "other.example")
     both = tmp_path / "both.pem"
     both.write_bytes(other.read_bytes() + own.read_bytes())  # the first of a file counts, not all that signed it
     for path in (other, both):
         with (
-            httpx.Client(verify=trust(str(path))) as client,
+            httpx.Client(verify=verify_option(str(path))) as client,
             pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"),
         ):
             client.get(url)
-    with httpx.Client(verify=trust("")) as client, pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):
+    with httpx.Client(verify=verify_option("")) as client, pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):
         client.get(url)
 
 

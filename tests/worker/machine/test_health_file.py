@@ -12,53 +12,55 @@ import pytest
 from tests.helpers import ROOT
 from worker import healthy
 from worker.machine import health_file
-from worker.machine.health_file import State
+from worker.machine.health_file import WorkerState
 
 
 @pytest.fixture
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv(health_file.ALIVE, str(tmp_path / "alive"))
+    monkeypatch.setenv(health_file.HEALTH_FILE_VARIABLE, str(tmp_path / "alive"))
     return tmp_path / "alive"
 
 
-@pytest.mark.parametrize("state", State)
-def test_a_worker_that_waits_is_healthy_and_not_ready(state: State, file: Path) -> None:
+@pytest.mark.parametrize("state", WorkerState)
+def test_a_worker_that_waits_is_healthy_and_not_ready(state: WorkerState, file: Path) -> None:
     health_file.write_state(state)
-    assert healthy.fault(str(file)) == ""
-    assert bool(healthy.fault(str(file), ready=True)) is (state is not State.WORKING)
+    assert healthy.unhealthy_reason(str(file)) == ""
+    assert bool(healthy.unhealthy_reason(str(file), ready=True)) is (state is not WorkerState.WORKING)
 
 
-@pytest.mark.parametrize(("state", "why"), [(State.WORKING, "last seen"), (State.AWAY, ""), (State.STARTING, "")])
-def test_only_an_event_loop_can_hang(state: State, why: str, file: Path) -> None:
+@pytest.mark.parametrize(
+    ("state", "why"), [(WorkerState.WORKING, "last seen"), (WorkerState.AWAY, ""), (WorkerState.STARTING, "")]
+)
+def test_only_an_event_loop_can_hang(state: WorkerState, why: str, file: Path) -> None:
     """A worker may wait for the service or Redis for any time."""
     health_file.write_state(state)
     os.utime(file, (1.0, 1.0))
-    assert (why in healthy.fault(str(file)), bool(healthy.fault(str(file)))) == (True, bool(why))
+    assert (why in healthy.unhealthy_reason(str(file)), bool(healthy.unhealthy_reason(str(file)))) == (True, bool(why))
     health_file.write_state(state)
-    assert healthy.fault(str(file)) == "", "what is said again is fresh"
+    assert healthy.unhealthy_reason(str(file)) == "", "what is said again is fresh"
 
 
 def test_a_worker_that_has_ended_is_not_healthy(file: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", ""]) as ended:
         ended.wait()
-    health_file.write_state(State.WORKING, ended.pid)
-    assert "has ended" in healthy.fault(str(file))
+    health_file.write_state(WorkerState.WORKING, ended.pid)
+    assert "has ended" in healthy.unhealthy_reason(str(file))
     file.write_text("nonsense")
-    assert "does not say" in healthy.fault(str(file))
+    assert "does not say" in healthy.unhealthy_reason(str(file))
     file.unlink()
-    assert "does not say" in healthy.fault(str(file))
+    assert "does not say" in healthy.unhealthy_reason(str(file))
 
 
 def test_the_check_is_a_program(file: Path) -> None:
     command = [sys.executable, "-IS", str(ROOT / "worker" / "healthy.py")]
-    health_file.write_state(State.STARTING)
+    health_file.write_state(WorkerState.STARTING)
     assert subprocess.run(command, check=False).returncode == 0
     done = subprocess.run([*command, "--ready"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (1, "the worker is starting\n")
 
 
 def test_nothing_is_written_unless_a_file_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(health_file.ALIVE, raising=False)
-    health_file.write_state(State.WORKING)
-    monkeypatch.setenv(health_file.ALIVE, "/nowhere/alive")
-    health_file.write_state(State.WORKING)
+    monkeypatch.delenv(health_file.HEALTH_FILE_VARIABLE, raising=False)
+    health_file.write_state(WorkerState.WORKING)
+    monkeypatch.setenv(health_file.HEALTH_FILE_VARIABLE, "/nowhere/alive")
+    health_file.write_state(WorkerState.WORKING)

@@ -12,7 +12,7 @@ import pytest
 
 from protocol.contract import Result
 from worker.machine import joint_pieces as module
-from worker.machine.joint_pieces import Pieces, Taken
+from worker.machine.joint_pieces import ClaimedPiece, Pieces
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def result(number: int) -> Result:
     return Result({"type": "batch", "first": number}, bytes([number]) * 9)
 
 
-def one(pieces: Pieces) -> Taken:
+def one(pieces: Pieces) -> ClaimedPiece:
     taken = pieces.take()
     assert taken is not None
     return taken
@@ -39,7 +39,7 @@ def in_a_process_that_is_killed(pieces: Pieces, action: str) -> None:
         if action == "put" and taken is not None:
             pieces.put(taken, result(taken.number))
         if action == "send":
-            next(iter(pieces.ripe()))
+            next(iter(pieces.due_results()))
         os._exit(9)
 
     process = multiprocessing.get_context("fork").Process(target=act)
@@ -48,7 +48,7 @@ def in_a_process_that_is_killed(pieces: Pieces, action: str) -> None:
 
 
 def sent(pieces: Pieces, at_once: bool = False) -> list[list[int]]:
-    return [[each.event["first"] for each in results] for results in pieces.ripe(at_once)]
+    return [[each.event["first"] for each in results] for results in pieces.due_results(at_once)]
 
 
 def test_each_piece_is_taken_once_and_sums_go_together_when_the_last_is_there(pieces: Pieces) -> None:
@@ -61,7 +61,7 @@ def test_each_piece_is_taken_once_and_sums_go_together_when_the_last_is_there(pi
         assert sent(pieces) == []
         assert pieces.messages() == ["m"]
     pieces.put(mine[1], result(1))
-    (results,) = pieces.ripe()
+    (results,) = pieces.due_results()
     assert [(each.event["first"], each.sums) for each in results] == [(n, bytes([n]) * 9) for n in range(3)]
     assert pieces.messages() == []
     assert sent(pieces) == []

@@ -18,7 +18,7 @@ from protocol.contract import WorkerReport, pause_key
 from protocol.terms import Offer, Terms, offer_key, terms_key
 from tests.helpers import wait_until
 from worker.heartbeat import Heartbeat
-from worker.machine.process_tree import family
+from worker.machine.process_tree import process_times
 from worker.process import apply_terms, context
 from worker.process.apply_terms import TermsKeeper, memory_limit
 from worker.work.files import memory_budget
@@ -69,8 +69,8 @@ def beat(heartbeat: Heartbeat) -> Any:
     heard = heartbeat.telling.receive(5.0)
     assert heard is not None
     heartbeat.heard = heard
-    heartbeat._keep()
-    heartbeat._obey()
+    heartbeat._apply_terms()
+    heartbeat._apply_pause()
     return heartbeat.consumer
 
 
@@ -139,7 +139,7 @@ def test_whether_somebody_is_there_is_known_when_its_hours_begin() -> None:
 
 def test_over_its_memory_it_rests_until_it_has_let_go_of_some(monkeypatch: pytest.MonkeyPatch) -> None:
     used = {"bytes": 900}
-    monkeypatch.setattr(apply_terms, "_memory_of_family", lambda: used["bytes"])
+    monkeypatch.setattr(apply_terms, "_memory_of_processes", lambda: used["bytes"])
     kept = TermsKeeper(1)
     kept.request(Terms(memory=1000).to_bytes())
     kept.refresh()
@@ -154,22 +154,22 @@ def test_over_its_memory_it_rests_until_it_has_let_go_of_some(monkeypatch: pytes
     used["bytes"] = 899
     kept.refresh()
     assert kept.why is None
-    assert apply_terms._memory_of_family() == 899
+    assert apply_terms._memory_of_processes() == 899
 
 
 def test_a_worker_knows_its_processes_and_stands_back_with_all_of_them() -> None:
     program = "import subprocess, sys, time; subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)']).wait()"
     code = (
         "import os, subprocess, sys, time\n"
-        "from worker.machine.process_tree import family\n"
+        "from worker.machine.process_tree import process_times\n"
         "from worker.process.apply_terms import TermsKeeper\nfrom protocol.terms import Terms\n"
         f"child = subprocess.Popen([sys.executable, '-c', {program!r}])\n"
-        "while len(family()) < 3: time.sleep(0.05)\n"
+        "while len(process_times()) < 3: time.sleep(0.05)\n"
         "kept = TermsKeeper(1)\nfirst = os.getpriority(os.PRIO_PROCESS, 0)\n"
         "kept.request(Terms(nice=first + 3).to_bytes())\nkept.refresh()\n"
-        "levels = {os.getpriority(os.PRIO_PROCESS, pid) - first for pid in family()}\n"
+        "levels = {os.getpriority(os.PRIO_PROCESS, pid) - first for pid in process_times()}\n"
         "print(sorted(levels), kept.offer().nice - first, kept.trouble)\n"
-        "for pid in family().keys() - {os.getpid()}: os.kill(pid, 9)\n"
+        "for pid in process_times().keys() - {os.getpid()}: os.kill(pid, 9)\n"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert ran.stdout == "[3] 3 None\n", ran.stderr
@@ -178,11 +178,11 @@ def test_a_worker_knows_its_processes_and_stands_back_with_all_of_them() -> None
 def test_the_family_is_what_descends_from_this_process() -> None:
     child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     try:
-        wait_until(lambda: child.pid in family(), 20, "the child is seen")
-        assert os.getpid() in family()
-        assert os.getppid() not in family()
+        wait_until(lambda: child.pid in process_times(), 20, "the child is seen")
+        assert os.getpid() in process_times()
+        assert os.getppid() not in process_times()
     finally:
         child.kill()
         child.wait()
     time.sleep(0)
-    assert child.pid not in family()
+    assert child.pid not in process_times()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from protocol.contract import prepare_queue, render_queue
 from protocol.view_parts import view_queue
-from worker.process.queue_order import ViewsFirst
+from worker.process.queue_order import ViewsFirstOrder
 
 
 def test_views_come_first_and_the_others_take_turns() -> None:
     view, render, prepare = view_queue("k"), render_queue("k"), prepare_queue("k")
-    turns = ViewsFirst()
+    turns = ViewsFirstOrder()
     turns.update([render, view, prepare])
     assert turns.consume(3) == [view, render, prepare]
     turns.rotate(render)

@@ -27,7 +27,7 @@ from tests.worker.bench import FakeService
 from tests.worker.site.test_sums import SUMS, TILE, sums
 from worker.site import reducer as reducer_module
 from worker.site.link import SiteLink
-from worker.site.reducer import LARGEST, MOST_COMING
+from worker.site.reducer import MAX_INCOMING_BYTES, MAX_RESULT_BYTES
 
 
 @pytest.fixture
@@ -113,7 +113,7 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
 
             def hold() -> None:
                 wire = held.enter_context(socket.create_connection(("127.0.0.1", report.port), timeout=20))
-                wire.sendall(f"POST {SUMS_PATH} HTTP/1.1\r\nContent-Length: {LARGEST}\r\n\r\n".encode())
+                wire.sendall(f"POST {SUMS_PATH} HTTP/1.1\r\nContent-Length: {MAX_RESULT_BYTES}\r\n\r\n".encode())
 
             def is_full() -> bool:
                 if post(body, signature(secret, body)) == 503:
@@ -121,7 +121,7 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
                 hold()  # who came while this was received found no room, and is gone
                 return False
 
-            for _ in range(MOST_COMING // LARGEST):
+            for _ in range(MAX_INCOMING_BYTES // MAX_RESULT_BYTES):
                 hold()
             wait_until(is_full, 20, "there is room for no more")
             assert SiteLink(redis_url).send(sums(4, 4)), "but for who says that it belongs here"

@@ -28,13 +28,13 @@ def test_what_comes_in_time_is_read_and_what_trickles_is_not_waited_for() -> Non
         assert reader.read(8) == b"and more"
         thread = threading.Thread(target=trickle)
         thread.start()
-        timed.allow(0.3)
+        timed.set_deadline(0.3)
         begun = time.monotonic()
         with pytest.raises(TimeoutError):
             reader.read(1 << 20)
         assert 0.2 < time.monotonic() - begun < 15.0
         stop.set()
         thread.join()
-        timed.allow(20.0)
+        timed.set_deadline(20.0)
         there.shutdown(socket.SHUT_WR)
         assert reader.read() is not None

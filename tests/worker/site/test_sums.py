@@ -16,7 +16,7 @@ from protocol.joint import Run
 from protocol.sums import pack_sums, unpack_sums
 from renderer.film import CHANNELS, SAMPLES
 from renderer.settings import Tile
-from worker.site.sums import Full, SiteSums
+from worker.site.sums import SiteSums, SumsFullError
 
 TILE = Tile(8, 0, 4, 4)
 SUMS = np.arange(CHANNELS * 16, dtype="<i8").reshape(CHANNELS, 4, 4)
@@ -55,7 +55,7 @@ def kept(tmp_path: Path, clock: Clock) -> SiteSums:
 
 
 def sent(kept: SiteSums, at_once: bool = False) -> list[Result]:
-    return [result for results in kept.ripe(at_once) for result in results]
+    return [result for results in kept.due_results(at_once) for result in results]
 
 
 def test_a_run_is_sent_as_one_and_says_who_rendered_what(kept: SiteSums) -> None:
@@ -134,7 +134,7 @@ def test_what_makes_no_sense_is_left_to_the_service(kept: SiteSums, wrong: dict[
 def test_a_folder_that_somebody_cleared_holds_up_no_other(kept: SiteSums, tmp_path: Path) -> None:
     kept.take(sums(0, 12))
     kept.take(sums(12, 12, of=(12, 12)))
-    sending = kept.ripe()
+    sending = kept.due_results()
     next(sending)
     for folder in tmp_path.iterdir():
         shutil.rmtree(folder)
@@ -153,7 +153,7 @@ def test_sums_of_more_samples_than_they_say_are_not_added_to_others(kept: SiteSu
 def test_no_more_is_taken_than_there_is_room_for(tmp_path: Path) -> None:
     kept = SiteSums(tmp_path, 1500, Clock())
     kept.take(sums(0, 2))
-    with pytest.raises(Full):
+    with pytest.raises(SumsFullError):
         kept.take(sums(2, 2))
     assert len(sent(kept, at_once=True)) == 1
     kept.take(sums(2, 2))
@@ -164,7 +164,7 @@ def test_what_a_killed_reducer_had_is_sent_by_the_next_and_what_it_was_sending_i
 ) -> None:
     kept.take(sums(0, 12))
     kept.take(sums(12, 2, of=(12, 12)))
-    sending = next(kept.ripe())  # and killed before it was done with that
+    sending = next(kept.due_results())  # and killed before it was done with that
     kept.take(sums(14, 2, of=(12, 12)))
     (tmp_path / "no name of ours").mkdir()
     after = SiteSums(tmp_path, 1 << 20)

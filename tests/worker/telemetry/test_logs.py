@@ -7,7 +7,7 @@ import logging
 import pytest
 import redis
 
-from worker.telemetry.logs import _in_a_line
+from worker.telemetry.logs import _without_traceback
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ def test_what_redis_does_is_a_line(error: Exception) -> None:
     record = logging.LogRecord(
         "celery", logging.CRITICAL, "", 1, "Connection to %s lost\n", ("broker",), (type(error), error, None)
     )
-    assert _in_a_line(record)
+    assert _without_traceback(record)
     assert logging.Formatter().format(record) == f"Connection to broker lost ({error})"
 
 
@@ -28,5 +28,5 @@ def test_a_fault_of_the_program_keeps_its_traceback() -> None:
         record = logging.LogRecord(
             "worker", logging.ERROR, "", 1, "preparing failed", (), (type(error), error, error.__traceback__)
         )
-    assert _in_a_line(record)
+    assert _without_traceback(record)
     assert "Traceback" in logging.Formatter().format(record)

@@ -18,13 +18,13 @@ __all__ = ["crash_at_frame_1", "full", "link_out", "say"]
 
 def crash_at_frame_1(*given: Any) -> dict[str, Any]:
     """Serves frames, and reads address 0 at frame 1, which crashes it."""
-    at = frames.Stage.at
+    at = frames.OpenScene.at
 
-    def crashing(stage: frames.Stage, moment: Moment) -> dict[str, Any]:
+    def crashing(stage: frames.OpenScene, moment: Moment) -> dict[str, Any]:
         return {"read": ctypes.string_at(0)} if moment.frame == 1 else at(stage, moment)
 
-    frames.Stage.at = crashing  # type: ignore[method-assign]
-    return frames.serve(*given)
+    frames.OpenScene.at = crashing  # type: ignore[method-assign]
+    return frames.serve_requests(*given)
 
 
 def say(answer: dict[str, Any], link: Link) -> dict[str, Any]:

@@ -65,6 +65,6 @@ def test_a_message_of_another_release_is_answered(worker: Any) -> None:
 
 
 def test_what_kills_its_process_is_given_up(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(derived_artifacts, "deaths_of", lambda *_: derived_artifacts.DEATHS_ALLOWED)
+    monkeypatch.setattr(derived_artifacts, "count_deaths", lambda *_: derived_artifacts.DEATHS_ALLOWED)
     event = aside(lambda *_: {}).event(TASK, worker, asdict(WORK))
     assert event["error"] == "the worker process died 3 times while it tried to denoise the picture"

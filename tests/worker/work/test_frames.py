@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from protocol.contract import BlobRef, Manifest, PrepareFrames
-from rayfarm.frame import Order
+from rayfarm.frame import PictureOrder
 from rayfarm.picture import Picture
-from rayfarm.stage import Stage
+from rayfarm.stage import OpenScene
 from renderer.scene import compiled as compiled_file
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
@@ -74,7 +74,7 @@ class Bench:
     def said(self, order: list[float]) -> dict[float, tuple[str | None, list[dict[str, Any]]]]:
         """Returns for each frame the hash of its own compiled scene, and its views while the shutter is open."""
         out = Path(tempfile.mkdtemp(dir=self.out))
-        stage = reading.Stage(self.shot(), self.asked, self.base, out)
+        stage = reading.OpenScene(self.shot(), self.asked, self.base, out)
         found = {}
         for frame in order:
             said = stage.at(Moment(frame, self.asked.fps, self.asked.clip))
@@ -90,9 +90,9 @@ class Bench:
         """Returns the same for `rayfarm render --frame`."""
         moment = Moment(frame, self.asked.fps, self.asked.clip)
         camera = None if self.asked.camera is None else str(self.asked.camera)
-        compiled, summary = Stage(self.shot(), camera, shutter=self.asked.shutter).at(moment)
+        compiled, summary = OpenScene(self.shot(), camera, shutter=self.asked.shutter).at(moment)
         picture = Picture(({} if camera is None else {"camera": camera}) | self.asked.shutter)
-        order = Order(picture, [], False, 0.0, "neutral", None, 0, self.asked.turntable, None)
+        order = PictureOrder(picture, [], False, 0.0, "neutral", None, 0, self.asked.turntable, None)
         sha256 = self.hash_of(compiled)
         settings = order.settings(summary, moment).to_json()
         return None if sha256 == self.hash_of(self.base) else sha256, [settings["view"], *settings["views"]]
@@ -148,7 +148,7 @@ def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_pat
     auto = summarise(Shot(tmp_path, "scene.yaml").at(), base)["cameras"][-1]["view"]
     work = PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
     said: list[dict[str, Any]] = []
-    reading.answering(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path)(work.frames, said.append)
+    reading.frame_answerer(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path)(work.frames, said.append)
     assert [message["frame"] for message in said] == [0, 2, 4, 6]
     assert ["failed" in message for message in said] == [False, False, True, False]
     assert "smoke" in said[2]["failed"]
@@ -214,7 +214,7 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     monkeypatch.undo()
     frames.forget_frames()
 
-    monkeypatch.setattr(frames, "serve", crash_at_frame_1)
+    monkeypatch.setattr(frames, "serve_requests", crash_at_frame_1)
     said.clear()
     frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", 0), ("frame-failed", 2), ("frames-returned", None)]

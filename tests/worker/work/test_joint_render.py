@@ -17,7 +17,7 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import wait_until
 from tests.worker.bench import Bench, a_worker, busiest, slots_of
 from tests.worker.test_worker import SCENE
-from worker.site.merging import joined
+from worker.site.merging import merged_results
 
 TILE = Tile(0, 0, 64, 64)
 
@@ -142,7 +142,7 @@ def test_only_what_follows_is_added_up() -> None:
     def one(first: int, count: int) -> Result:
         return Result({**about, "batch": f"b{first}", "first": first, "count": count, "bad": [[0, 0, first]]}, pack_sums(sums))
 
-    run, alone = joined([one(0, 2), one(2, 3), one(9, 1)])
+    run, alone = merged_results([one(0, 2), one(2, 3), one(9, 1)])
     assert json.loads(json.dumps(run.event)) == {
         **{key: about[key] for key in ("job", "frame", "tile", "worker")},
         "type": "batches",

@@ -22,7 +22,7 @@ from worker.exchange.link import FarmAnswer, Link
 from worker.process import context
 from worker.reading.thumbnail import thumbnail_settings
 from worker.work import prepare
-from worker.work.reader import Room
+from worker.work.reader import ReaderFolder
 
 SCENE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 SHA256 = hashlib.sha256(SCENE).hexdigest()
@@ -61,15 +61,15 @@ def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     service = Service()
     reads: list[bytes] = []
 
-    def read(room: Room, *_: Any, **__: Any) -> dict[str, Any]:
+    def read(room: ReaderFolder, *_: Any, **__: Any) -> dict[str, Any]:
         reads.append((room.scene / "scene.obj").read_bytes())
         if reads[-1] != SCENE:
             raise WorkError("scene.obj is damaged; export it anew")
         (room.out / "compiled.safetensors").write_bytes(b"compiled")
         return dict(SUMMARY)
 
-    monkeypatch.setattr(Room, "run", read)
-    monkeypatch.setattr(BlobCache, "adopt", lambda *_: None)
+    monkeypatch.setattr(ReaderFolder, "run", read)
+    monkeypatch.setattr(BlobCache, "add_copy", lambda *_: None)
     monkeypatch.setattr("worker.exchange.retry.time.sleep", lambda seconds: None)
     cache = BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache")
     sent: list[Result] = []
@@ -97,7 +97,7 @@ def test_a_file_that_was_uploaded_so_is_read_once(worker: Any, monkeypatch: pyte
         worker.reads.append(b"")
         raise WorkError("scene.obj is damaged; export it anew")
 
-    monkeypatch.setattr(Room, "run", damaged)
+    monkeypatch.setattr(ReaderFolder, "run", damaged)
     with pytest.raises(WorkError, match="export it anew"):
         prepared(worker)
     assert worker.reads == [b""]
@@ -198,7 +198,7 @@ def test_what_is_the_workers_own_is_handed_back(
         raise error
 
     monkeypatch.setattr(tasks, "prepare_scene", fail)
-    monkeypatch.setattr(tasks, "LINK_PATIENCE_S", 0.0)
+    monkeypatch.setattr(tasks, "LINK_TIMEOUT_S", 0.0)
     tasks._prepare(SimpleNamespace(request=SimpleNamespace(delivery_info={})), "scene")
     assert [result.event["type"] for result in worker.sent] == ["prepare-started", event]
     assert str(error) in worker.sent[-1].event["error"]

@@ -18,14 +18,14 @@ from worker.exchange.cache import BlobCache
 from worker.exchange.errors import UnfitError, WorkError
 from worker.exchange.link import FarmAnswer, Link
 from worker.work.files import place_files
-from worker.work.reader import Room
+from worker.work.reader import ReaderFolder
 
 SECONDS = 60.0
 
 
 def test_a_reader_has_and_reaches_nothing_of_its_slot(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAYFARM_TOKEN", "secret")
-    with Room("test") as room:
+    with ReaderFolder("test") as room:
         found = room.run(jobs.probe, "truck.glb", SECONDS)
     assert "secret" not in str(found["environment"])
     assert all(each.startswith(("/dev/null", "pipe:")) for each in found["descriptors"])
@@ -43,7 +43,7 @@ def test_a_reader_has_and_reaches_nothing_of_its_slot(monkeypatch: pytest.Monkey
     ],
 )
 def test_how_a_reader_ends_is_the_scenes_or_the_machines(job: Any, kind: type[Exception], sentence: str) -> None:
-    with Room("test") as room, pytest.raises(kind, match=sentence):
+    with ReaderFolder("test") as room, pytest.raises(kind, match=sentence):
         room.run(job, "truck.glb", SECONDS, memory=512 << 20)
 
 
@@ -51,7 +51,7 @@ def test_how_a_reader_ends_is_the_scenes_or_the_machines(job: Any, kind: type[Ex
     "name", ["../scene/a", "..", "", "/etc/passwd", "missing", "folder", "a/", ".part", None, 7, "link", "in/a"]
 )
 def test_names_that_a_reader_returns_are_checked(name: Any) -> None:
-    with Room("test") as room:
+    with ReaderFolder("test") as room:
         (room.scene / "a").write_text("of the slot")
         (room.out / "folder").mkdir()
         (room.out / "link").symlink_to(room.scene / "a")
@@ -62,7 +62,7 @@ def test_names_that_a_reader_returns_are_checked(name: Any) -> None:
 
 
 def test_a_reader_makes_no_links_out_of_its_room() -> None:
-    with Room("test") as room:
+    with ReaderFolder("test") as room:
         (room.scene / "a").write_text("of the slot")
         assert room.run(partial(link_out, os.fsencode(room.scene), os.fsencode(room.out)), "truck.glb", SECONDS) == {"made": []}
 
@@ -73,7 +73,7 @@ def test_a_part_under_another_files_name_does_not_get_into_the_cache(tmp_path: P
     sha256 = hashlib.sha256(b"another scene's part").hexdigest()
     (tmp_path / sha256).write_bytes(b"forged")
     with pytest.raises(WorkError, match="does not match its hash"):
-        cache.adopt(tmp_path / sha256, sha256)
+        cache.add_copy(tmp_path / sha256, sha256)
     assert not [path for path in (tmp_path / "cache").rglob(f"*{sha256}*") if path.is_file()]
 
 
@@ -94,4 +94,4 @@ def test_a_room_without_a_folder_for_temporary_files_is_the_machines(monkeypatch
 
     monkeypatch.setattr("renderer.confine.job_folder.tempfile.mkdtemp", refuse)
     with pytest.raises(UnfitError, match="no writable folder for temporary files"):
-        Room("test")
+        ReaderFolder("test")

@@ -40,7 +40,7 @@ def test_a_slot_says_when_it_gets_a_kernel_ready(worker: Any, monkeypatch: pytes
     batch = RenderBatch("b", "job", 0, "sha", TILE, 0, 2, SETTINGS)
     told: list[Any] = []
     monkeypatch.setattr(slot, "is_warm", lambda settings, variant: False)
-    monkeypatch.setattr(slot, "get_ready", lambda *arguments: told.append(arguments))
+    monkeypatch.setattr(slot, "make_kernel_ready", lambda *arguments: told.append(arguments))
     result = slot.render(worker, batch, told.append)
     assert told == [True, (worker.link, SETTINGS, variant_of(worker.made)), False]
     assert result.sums is not None
@@ -125,7 +125,7 @@ def test_a_compiled_scene_that_has_suffered_on_this_disk_is_fetched_anew(tmp_pat
 
 
 def test_a_batch_in_words_of_another_release_is_a_sentence(worker: Any) -> None:
-    event = slot.not_understood(worker, {"batch": "b", "job": "j"}, ValueError("RenderBatch lacks 'tile'")).event
+    event = slot.not_understood_event(worker, {"batch": "b", "job": "j"}, ValueError("RenderBatch lacks 'tile'")).event
     assert event["type"] == "batch-failed"
     assert "lacks 'tile'" in event["error"]
     assert "same release" in event["error"]

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from protocol.contract import FrameVectors, Manifest
-from rayfarm.frame import Order, motion_of
+from rayfarm.frame import PictureOrder, motion_of
 from rayfarm.picture import Picture
 from rayfarm.rendering import Clock
-from rayfarm.stage import Stage
+from rayfarm.stage import OpenScene
 from renderer.frames import frame_key
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
@@ -43,8 +43,8 @@ def test_they_are_those_of_the_command(tmp_path: Path, name: str) -> None:
     auto = cameras[-1]["view"]
     picture = Picture({"size": "24x16", **given})
     moment = Moment(6.5, asked.get("fps"), asked.get("clip"))
-    order = Order(picture, ["motion"], False, 0.0, "neutral", None, 0, asked.get("turntable"), None)
-    stage = Stage(Shot(tmp_path, "shot.glb"), picture.camera, threads=1)
+    order = PictureOrder(picture, ["motion"], False, 0.0, "neutral", None, 0, asked.get("turntable"), None)
+    stage = OpenScene(Shot(tmp_path, "shot.glb"), picture.camera, threads=1)
     expected = motion_of(stage, order, moment, Clock())
     own = {**asdict(OWN), "near": cameras[0]["view"]["near"]}  # the command's options leave what they do not name
     request: dict[str, Any] = {"camera": given.get("camera"), "view": own if "eye" in given else None}

@@ -16,15 +16,15 @@ import numpy.typing as npt
 
 __all__ = ["coarse", "count_hues", "radiance"]
 
-LEAST = 2.0**-24
-MOST = 65408.0  # the maximum of RGB9E5
+LOWEST_BRIGHTNESS = 2.0**-24
+HIGHEST_BRIGHTNESS = 65408.0  # the maximum of RGB9E5
 DROPPED_BITS = 18  # of a float's 23 mantissa bits
 LEAST_CODE = (127 - 24) << 5
 
 
 def coarse(mean: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint8]]:
     """Encodes radiance (3, h, w) as brightness codes (h, w) and hues (2, ceil(h / 2), ceil(w / 2)): fractions of red, green."""
-    clean = np.fmin(np.fmax(mean, np.float32(0)), np.float32(MOST))
+    clean = np.fmin(np.fmax(mean, np.float32(0)), np.float32(HIGHEST_BRIGHTNESS))
     bright = clean[0] + clean[1] + clean[2]
     rounded = (bright.view(np.int32) + (1 << DROPPED_BITS - 1)) >> DROPPED_BITS
     codes = np.maximum(rounded - (LEAST_CODE - 1), 0).astype(np.int16)
@@ -32,7 +32,7 @@ def coarse(mean: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int16], npt.ND
     if height % 2 or width % 2:
         clean = np.pad(clean, ((0, 0), (0, height % 2), (0, width % 2)))
     of_four = clean[:, 0::2, 0::2] + clean[:, 0::2, 1::2] + clean[:, 1::2, 0::2] + clean[:, 1::2, 1::2]
-    scale = np.float32(255) / np.maximum(of_four[0] + of_four[1] + of_four[2], np.float32(LEAST))
+    scale = np.float32(255) / np.maximum(of_four[0] + of_four[1] + of_four[2], np.float32(LOWEST_BRIGHTNESS))
     return codes, (of_four[:2] * scale + np.float32(0.5)).astype(np.uint8)
 
 

@@ -38,8 +38,8 @@ __all__ = [
     "encode_film",
     "encode_tile",
     "encode_view",
-    "joined",
     "planes_of",
+    "words_of_planes",
 ]
 
 Words = npt.NDArray[np.uint32]
@@ -172,7 +172,7 @@ def decode_film(packet: bytes) -> FilmPicture:
     if len(packet) != FILM.size + 4 * tiles + 4 * pixels:
         raise ValueError(f"a film of {head.w} x {head.h} pixels has {len(packet)} bytes")
     planes = np.frombuffer(packet, np.uint8, 4 * pixels, FILM.size + 4 * tiles)
-    return FilmPicture(head, np.frombuffer(packet, "<u4", tiles, FILM.size), joined(planes).reshape(head.h, head.w))
+    return FilmPicture(head, np.frombuffer(packet, "<u4", tiles, FILM.size), words_of_planes(planes).reshape(head.h, head.w))
 
 
 def planes_of(words: Words) -> Planes:
@@ -180,7 +180,7 @@ def planes_of(words: Words) -> Planes:
     return np.ascontiguousarray(np.moveaxis(words.astype("<u4")[..., None].view(np.uint8), -1, 0))
 
 
-def joined(planes: Planes) -> Words:
+def words_of_planes(planes: Planes) -> Words:
     """Joins byte planes to words; returns them as a flat array."""
     return np.ascontiguousarray(planes.reshape(4, -1).T).view("<u4").reshape(-1)
 
@@ -231,7 +231,7 @@ def decode_view(packet: bytes) -> ViewPicture:
     folded = planes[:pixels].astype(np.int32) | planes[pixels : 2 * pixels].astype(np.int32) << 8
     codes = np.cumsum(folded >> 1 ^ -(folded & 1), dtype=np.int32)
     hue = np.cumsum(planes[2 * pixels :][: 2 * hues].reshape(2, hues), axis=1, dtype=np.uint8)
-    words = joined(planes[2 * pixels + 2 * hues :])
+    words = words_of_planes(planes[2 * pixels + 2 * hues :])
     found, at, at_hue, at_word = [], 0, 0, 0
     for x, y, w, h, samples in tiles:
         if samples & EXACT:

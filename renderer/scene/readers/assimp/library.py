@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.confine.limits import at_most, importer_memory
+from renderer.confine.limits import importer_memory, limited_memory
 from renderer.errors import SceneError
 from renderer.scene.polygons import triangulate
 from renderer.sentences import Sentence
@@ -246,7 +246,7 @@ def import_file(data: bytes, name: str) -> Imported:
     try:
         for key, value in _SETTINGS.items():
             library.aiSetImportPropertyInteger(settings, key, value)
-        with at_most(importer_memory(len(data))) as is_less_than_asked:
+        with limited_memory(importer_memory(len(data))) as is_less_than_asked:
             address = library.aiImportFileFromMemoryWithProperties(data, len(data), _STEPS, hint, settings)
     finally:
         library.aiDetachLogStream(ctypes.byref(log))

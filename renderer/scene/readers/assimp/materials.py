@@ -15,8 +15,8 @@ from renderer.scene.material import Material
 from renderer.scene.readers.assimp.library import Imported
 from renderer.scene.readers.mtl_maps import holds_normals, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.number_ranges import clamped, unit
-from renderer.scene.textures import UNMOVED, TextureShelf
-from renderer.scene.udim import composed, is_tiled
+from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
+from renderer.scene.udim import composed_transform, is_tiled
 from renderer.sentences import Sentence
 
 __all__ = ["Materials"]
@@ -195,7 +195,7 @@ class Materials:
         )
         place = _transform(said.get(("$tex.uvtrafo", kind)), self._main.lower().endswith((".x3d", ".x3db", ".wrl")))
         image, tiled = self._image(reference, Sentence("label-material", "Material {name}", name=name), srgb)
-        return self._shelf.texture(image, wraps[0], wraps[1], uv_set, composed(place, tiled))
+        return self._shelf.texture(image, wraps[0], wraps[1], uv_set, composed_transform(place, tiled))
 
     def _image(self, reference: str, user: str, srgb: bool) -> tuple[int | None, UvTransform]:
         number = reference[1:] if reference.startswith("*") else ""
@@ -204,20 +204,22 @@ class Materials:
             inside = int(number)
         if inside is not None and self._imported.textures[inside][1]:
             name, data = self._imported.textures[inside]
-            return self._shelf.image_bytes(f"{self._main} (picture {inside}): {name or reference}", data, srgb), UNMOVED
+            return self._shelf.image_bytes(
+                f"{self._main} (picture {inside}): {name or reference}", data, srgb
+            ), IDENTITY_UV_TRANSFORM
         if is_tiled(unquote(reference)):
             return self._shelf.image_and_transform(unquote(reference).removeprefix("file:"), self._main, user, srgb)
         found = self._files.resolve_uri(reference, self._main)
         if found is None:
             self._shelf.missing(reference, user)
-            return None, UNMOVED
-        return self._shelf.image_file(found, srgb), UNMOVED
+            return None, IDENTITY_UV_TRANSFORM
+        return self._shelf.image_file(found, srgb), IDENTITY_UV_TRANSFORM
 
 
 def _transform(given: Any, is_x3d: bool) -> UvTransform:
     """Returns a UV transform from assimp's offset, scale and rotation about the centre (X3D: about the corner, offset first)."""
     if not isinstance(given, np.ndarray) or len(given) < 5 or not np.isfinite(given[:5]).all():
-        return UNMOVED
+        return IDENTITY_UV_TRANSFORM
     x, y, wide, high, turn = (float(v) for v in given[:5])
     cosine, sine, middle = math.cos(turn), math.sin(turn), 0.0 if is_x3d else 0.5
     scaled, moved = np.diag([wide, high, 1.0]), np.array([(1, 0, x), (0, 1, y), (0, 0, 1)])

@@ -27,7 +27,7 @@ from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.readers.skinning import carried
 from renderer.scene.text_encoding import as_utf8
 from renderer.scene.textures import TextureShelf
-from renderer.sentences import Sentence, amount, with_count
+from renderer.sentences import Sentence, count_of, with_count
 from renderer.settings import View
 
 __all__ = ["read"]
@@ -123,7 +123,7 @@ class _Reader:
         self._odd += self._materials.odd
         self._odd[Sentence("assimp-morph-targets", "morph targets")] += self._imported.morphs
         self._odd[Sentence("assimp-mesh-animation", "channels that animate meshes")] += self._movement.others
-        listed = [amount(count, words) for words, count in self._odd.items() if count]
+        listed = [count_of(count, words) for words, count in self._odd.items() if count]
         if listed:
             self._shelf.warn(
                 Sentence(

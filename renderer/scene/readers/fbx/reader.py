@@ -13,7 +13,7 @@ from renderer.errors import SceneError, SettingsError
 from renderer.scene.animation import Moment
 from renderer.scene.description import Camera, Instance, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.origin import exact
+from renderer.scene.origin import in_exact_type
 from renderer.scene.readers.fbx import layout, lights
 from renderer.scene.readers.fbx.animation import Stacks
 from renderer.scene.readers.fbx.library import (
@@ -36,7 +36,7 @@ from renderer.scene.readers.fbx.targets import aimed
 from renderer.scene.readers.fbx.textures import Pictures
 from renderer.scene.readers.shapes import quad
 from renderer.scene.textures import TextureShelf
-from renderer.sentences import Sentence, amount, with_count
+from renderer.sentences import Sentence, count_of, with_count
 
 __all__ = ["read"]
 
@@ -222,7 +222,7 @@ class _Reader:
             if added is not None and part.normals is not None:
                 normals = (part.normals + added[part.point]).astype(np.float32)
             if skin is None:
-                made.append(_mesh(text(mesh.name), part, exact(points[part.point]), normals))
+                made.append(_mesh(text(mesh.name), part, in_exact_type(points[part.point]), normals))
                 continue
             placed, turned = skin.deformed(part, points, normals, places)
             made.append(_mesh(text(mesh.name), part, placed, turned))
@@ -362,7 +362,7 @@ class _Reader:
                 self._odd[words] += count
         self._odd.update(self._materials.guessed)
         if self._odd:
-            listed = [amount(count, words) for words, count in self._odd.items()]
+            listed = [count_of(count, words) for words, count in self._odd.items()]
             self._shelf.warn(
                 Sentence(
                     "fbx-features-not-read", "Features of the FBX file that are not fully supported: {features}.", features=listed
@@ -384,7 +384,7 @@ class _Reader:
 
 
 def _points(mesh: Any, part: Part) -> npt.NDArray[Any]:
-    return exact(array(mesh.vertices, np.float64, 3)[part.point])
+    return in_exact_type(array(mesh.vertices, np.float64, 3)[part.point])
 
 
 def _mesh(name: str, part: Part, points: npt.NDArray[Any], normals: npt.NDArray[np.float32] | None) -> Mesh:

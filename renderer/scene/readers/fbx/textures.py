@@ -15,8 +15,8 @@ from renderer.scene.description import UvTransform, Wrap
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import each, matrix, pointed, text
-from renderer.scene.textures import UNMOVED, TextureShelf
-from renderer.scene.udim import composed, is_tiled, tiles_of
+from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
+from renderer.scene.udim import composed_transform, is_tiled, tiles_of
 from renderer.sentences import Sentence
 
 __all__ = ["Pictures"]
@@ -61,7 +61,7 @@ class Pictures:
             uv_set = 0
         place = _transform(picture, self._by_blender)
         image, tiled = self._image(picture, user, srgb)
-        return self._shelf.texture(image, wraps[0], wraps[1], uv_set, composed(place, tiled))
+        return self._shelf.texture(image, wraps[0], wraps[1], uv_set, composed_transform(place, tiled))
 
     def _image(self, picture: Any, user: str, srgb: bool) -> tuple[int | None, UvTransform]:
         said = [text(name) for name in (picture.relative, picture.filename, picture.absolute)]
@@ -70,22 +70,22 @@ class Pictures:
             names = [name.replace("\\", "/").rsplit("/", 1)[-1] for name in (*named, text(picture.name), "picture") if name]
             name = next((each for each in names if PurePosixPath(each).suffix.lower() in IMAGE_SUFFIXES), names[0])
             data = ctypes.string_at(picture.content.data, picture.content.count)
-            return self._shelf.image_bytes(f"{self._main} ({picture.element_id}): {name}", data, srgb), UNMOVED
+            return self._shelf.image_bytes(f"{self._main} ({picture.element_id}): {name}", data, srgb), IDENTITY_UV_TRANSFORM
         for name in named:
             tiles = tiles_of(name, lambda each: self._files.find(each, self._main)) if is_tiled(name) else None
             if tiles or (tiles is None and self._files.find(name, self._main) is not None):
                 return self._shelf.image_and_transform(name, self._main, user, srgb)
         self._shelf.missing(named[0] if named else text(picture.name), user)
-        return None, UNMOVED
+        return None, IDENTITY_UV_TRANSFORM
 
 
 def _transform(picture: Any, by_blender: bool) -> UvTransform:
     """Returns the transform of UVs counted from the upper edge: t = M (u, 1 - v), and then 1 - t."""
     if not picture.has_transform:
-        return UNMOVED
+        return IDENTITY_UV_TRANSFORM
     m = matrix(picture.uv_to_texture)
     if not np.isfinite(m).all():
-        return UNMOVED
+        return IDENTITY_UV_TRANSFORM
     if by_blender:
         m = _as_blender_means(m)
     (a, b, c), (d, e, f) = m[0, [0, 1, 3]], m[1, [0, 1, 3]]

@@ -37,7 +37,9 @@ def read_specular_glossiness(source: Json, material: Material, textures: Texture
     material.specular_color_texture = textures.find(source, _KEY, material.name, srgb=True)
     if material.specular_color_texture is not None:
         found = textures.find(source, _KEY, material.name)
-        material.metallic_roughness_texture = shelf.derived(found, f"roughness {glossiness}", lambda i: _roughness(i, glossiness))
+        material.metallic_roughness_texture = shelf.derived_texture(
+            found, f"roughness {glossiness}", lambda i: _roughness(i, glossiness)
+        )
         material.roughness = 1.0
 
 

@@ -10,7 +10,7 @@ from renderer.scene.files import SceneFiles, data_uri
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.faults import DamagedError
-from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
 from renderer.sentences import Sentence
 
 __all__ = ["EXTENSIONS", "UV_SETS", "Textures", "uv_sets_of"]
@@ -76,7 +76,7 @@ class Textures:
             return None
         texture = self._textures[info.integer("index", high=len(self._textures))]
         uv_set = info.integer("texCoord", 0, high=64)
-        transform = UNMOVED
+        transform = IDENTITY_UV_TRANSFORM
         extension = info.extension("KHR_texture_transform")
         if extension:
             uv_set = extension.integer("texCoord", uv_set, high=64)

@@ -14,7 +14,7 @@ from renderer.scene.readers.mitsuba.sensors import vertical_fov
 from renderer.scene.readers.mitsuba.skies import SKIES, sky_of
 from renderer.scene.readers.mitsuba.textures import Textures, radiance_of
 from renderer.scene.readers.turned_sky import FROM_PLUS_Z, seen_upright
-from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
 from renderer.sentences import Sentence
 
 __all__ = ["add_emitter"]
@@ -99,7 +99,7 @@ def _side(source: Element) -> float:
 
 
 def _pixels(source: Element, number: int, document: Document, shelf: TextureShelf) -> np.ndarray:
-    if shelf.texture_of(number).transform != UNMOVED:
+    if shelf.texture_of(number).transform != IDENTITY_UV_TRANSFORM:
         document.ignore(
             Sentence(
                 "mitsuba-projector-texture-transform-ignored",

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.scene.description import Mesh
-from renderer.scene.origin import exact
+from renderer.scene.origin import in_exact_type
 from renderer.sentences import Sentence
 
 __all__ = ["read_serialized"]
@@ -78,7 +78,7 @@ def _mesh(body: bytes, version: int, name: str, damaged: SceneError) -> Mesh:
         at += vertices * width * kind.itemsize
         return found
 
-    positions = exact(take(3))
+    positions = in_exact_type(take(3))
     normals = take(3).astype(np.float32) if flags & _NORMALS else None
     uvs = take(2).astype(np.float32) if flags & _UVS else None
     colors = take(3).astype(np.float32) if flags & _COLORS else None

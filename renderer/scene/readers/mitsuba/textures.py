@@ -14,7 +14,7 @@ from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.values import Matrix, Spectrum, numbers, planck, rgb
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
 from renderer.scene.readers.number_ranges import unit
-from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
 from renderer.sentences import Sentence
 
 __all__ = ["Textures", "radiance_of"]
@@ -101,7 +101,7 @@ class Textures:
 
         if texture is None:
             return effective_albedo_under_coat(color, inner), None
-        return WHITE, self.shelf.derived(texture, f"under a coat of {inner} by {color}", make)
+        return WHITE, self.shelf.derived_texture(texture, f"under a coat of {inner} by {color}", make)
 
     def scaled(self, color: Vec3, texture: int | None, factor: float) -> tuple[Vec3, int | None]:
         """Returns a colour and its texture times a factor, clamped to 1."""
@@ -114,7 +114,7 @@ class Textures:
         def make(image: Image) -> Image:
             return Image(f"{image.name} by {factor:g}", np.minimum(linear(image) * np.float32(factor), 1), srgb=False)
 
-        return WHITE, self.shelf.derived(texture, f"by {factor}", make)
+        return WHITE, self.shelf.derived_texture(texture, f"by {factor}", make)
 
     def roughness_and_metal(self, roughness: int | None, metal: int | None) -> int | None:
         """Returns glTF's metallic-roughness texture from two grey ones; white for None."""
@@ -141,7 +141,7 @@ class Textures:
             values = np.stack([bright, bright, bright, np.ones_like(bright)], axis=-1)
             return Image(f"{image.name} to {power:g}", encoded(values, image), srgb=False)
 
-        return self.shelf.derived(texture, f"brightness to {power}", make)
+        return self.shelf.derived_texture(texture, f"brightness to {power}", make)
 
     def _lie_alike(self, first: int, second: int) -> bool:
         a, b = (self.shelf.texture_of(number) for number in (first, second))
@@ -221,7 +221,7 @@ def _spread(source: Element) -> Matrix:
 def _uv(matrix: Any) -> UvTransform:
     """Returns a UV transform from a 3x3 matrix, or from x and y of a 4x4 one."""
     if not isinstance(matrix, np.ndarray):
-        return UNMOVED
+        return IDENTITY_UV_TRANSFORM
     found: Matrix = matrix
     x, y = found[0], found[1]
     last = 2 if np.allclose(found[:2, 3], 0) and not np.allclose(found[:2, 2], 0) else 3

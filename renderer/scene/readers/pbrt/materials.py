@@ -168,7 +168,7 @@ class Materials:
             color = Varying(coated_albedo(color.value, coat))
         else:
             factor = color.value
-            texture = self._textures.shelf.derived(
+            texture = self._textures.shelf.derived_texture(
                 color.texture,
                 f"under a coat {coat} by {factor}",
                 lambda it: Image(f"{it.name} coated", coated_albedo(linear(it) * np.array(factor, np.float32), coat), False),
@@ -219,7 +219,7 @@ class Materials:
                 color = Varying((r, g, b))
             else:
                 factor = np.array(color.value, np.float32)
-                texture = self._textures.shelf.derived(
+                texture = self._textures.shelf.derived_texture(
                     color.texture,
                     f"metal under a coat of {ior} and {thickness} by {color.value}",
                     lambda it: Image(
@@ -388,7 +388,7 @@ class Materials:
             if found.is_constant:
                 return {"roughness": our_roughness(found.value[0], power)}
             factor = found.value[0]
-            texture = self._textures.shelf.derived(
+            texture = self._textures.shelf.derived_texture(
                 found.texture,
                 f"roughness by {factor} to {power}",
                 lambda it: Image(

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from renderer.scene.description import Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import face_normals, smoothed
-from renderer.scene.origin import exact
+from renderer.scene.origin import in_exact_type
 from renderer.scene.readers import ply
 from renderer.scene.readers.pbrt.expansion_limits import TriangleBudget
 from renderer.scene.readers.pbrt.loop import subdivided
@@ -45,7 +45,7 @@ def mesh_of(source: Parameters, files: SceneFiles, notes: Notes, growth: Triangl
 def _triangles(source: Parameters, notes: Notes) -> Mesh:
     points = _points(source)
     indices = _indices(source, len(points), 3, None if len(points) != 3 else np.arange(3))
-    mesh = Mesh("trianglemesh", exact(points), indices.astype(np.int32))
+    mesh = Mesh("trianglemesh", in_exact_type(points), indices.astype(np.int32))
     mesh.normals, mesh.uvs = _vectors(source, "N", len(points)), _uvs(source, len(points))
     if source.get("S") is not None:
         notes.add(
@@ -128,7 +128,7 @@ def _patches(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mesh:
     at = (np.arange(steps)[:, None] * row + np.arange(steps)).reshape(-1)
     one = np.concatenate([np.stack([at, at + 1, at + row + 1], 1), np.stack([at, at + row + 1, at + row], 1)])
     triangles = (one[None] + (np.arange(len(corners)) * row * row)[:, None, None]).reshape(-1, 3)
-    mesh = Mesh("bilinearmesh", exact(mixed(points)), triangles.astype(np.int32))
+    mesh = Mesh("bilinearmesh", in_exact_type(mixed(points)), triangles.astype(np.int32))
     mesh.uvs = np.tile(own, (len(corners), 1)).astype(np.float32) if uvs is None else mixed(uvs).astype(np.float32)
     mesh.normals = None if normals is None else mixed(normals).astype(np.float32)
     if normals is None and steps > 1:
@@ -156,7 +156,7 @@ def _subdivided(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mes
             ),
         )
     fine, faces = subdivided(points, triangles, levels)
-    mesh = Mesh("loopsubdiv", exact(fine), faces.astype(np.int32))
+    mesh = Mesh("loopsubdiv", in_exact_type(fine), faces.astype(np.int32))
     return turned(smoothed(mesh, _EVERY_EDGE))  # pbrt's normals are on the clockwise side
 
 

@@ -150,7 +150,7 @@ class Textures:
             pixels[..., 2] = 1.0
             return Image(f"{image.name} packed", pixels, srgb=False)
 
-        return self.shelf.derived(texture, "roughness packed", packed)
+        return self.shelf.derived_texture(texture, "roughness packed", packed)
 
     def with_alpha(self, color: int | None, alpha: Varying) -> int | None:
         """Returns a colour texture (None: white) with alpha; None if their mappings differ."""
@@ -173,7 +173,7 @@ class Textures:
             return Image(f"{by.name} as holes", np.dstack([rgb, encoded(mask, *sources)]))
 
         if color is None:
-            return self.shelf.derived(alpha.texture, f"holes by {factor}", lambda it: cut(None, it))
+            return self.shelf.derived_texture(alpha.texture, f"holes by {factor}", lambda it: cut(None, it))
         own = self._description.textures[color]
         if replace(own, image=0, layers=(), filter="linear") != replace(holes, image=0, layers=(), filter="linear"):
             return None
@@ -344,7 +344,7 @@ class Textures:
             texture = self._of_red(texture)
         scale = source.number("scale", 1.0)
         if source.flag("invert", False):
-            texture = self.shelf.derived(
+            texture = self.shelf.derived_texture(
                 texture,
                 f"inverted by {scale}",
                 lambda it: Image(f"{it.name} inverted", np.maximum(1 - scale * linear(it), 0), False),
@@ -357,7 +357,7 @@ class Textures:
         pixels = self.shelf.image_of(texture).pixels
         if all(np.array_equal(pixels[..., 0], pixels[..., channel]) for channel in (1, 2)):
             return texture
-        made = self.shelf.derived(
+        made = self.shelf.derived_texture(
             texture, "red", lambda it: Image(f"{it.name} of red", np.repeat(linear(it)[..., :1], 3, axis=-1), False)
         )
         return texture if made is None else made

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from renderer.scene.readers.usd.inputs import Follow, Input, NetworkContext
-from renderer.scene.readers.usd.textures import TextureInput, composed, transform_2d
+from renderer.scene.readers.usd.textures import TextureInput, composed_transform, transform_2d
 from renderer.sentences import Sentence
 
 __all__ = ["PREFIX", "STANDARD", "follow_arnold"]
@@ -44,7 +44,7 @@ def follow_arnold(network: NetworkContext, shader: Any, kind: str, output: str, 
         return Input()
     uv_set = network.uv_set(str(said("uvset", "")) or "st")
     scale, offset = ((float(said(f"s{name}", d)), float(said(f"t{name}", d))) for name, d in (("scale", 1.0), ("offset", 0.0)))
-    transform = composed(transform_2d(scale, 0.0, offset), image[1])
+    transform = composed_transform(transform_2d(scale, 0.0, offset), image[1])
     wraps = [_WRAPS.get(str(said(f"{axis}wrap", "periodic")), "repeat") for axis in "st"]
     texture = network.images.texture(image[0], (wraps[0], wraps[1]), uv_set, transform, network.user)
     if texture is None:

@@ -12,7 +12,7 @@ from renderer.image.tonemap import encode_srgb
 from renderer.scene.description import Image, Texture
 from renderer.scene.readers.image_baking import grid, looked_up
 from renderer.scene.readers.usd.textures import CHANNELS, TextureInput, linear
-from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
 
 __all__ = ["baked", "span_of"]
 
@@ -34,9 +34,9 @@ def baked(
     textures = [shelf.texture_of(one.texture) for one in taken]
     frame = textures[0]
     if all(_lies_as(texture, frame) for texture in textures):
-        textures = [replace(texture, transform=UNMOVED) for texture in textures]
+        textures = [replace(texture, transform=IDENTITY_UV_TRANSFORM) for texture in textures]
     elif all(texture.uv_set == frame.uv_set and _repeats(texture) for texture in textures):
-        frame = replace(frame, transform=UNMOVED)
+        frame = replace(frame, transform=IDENTITY_UV_TRANSFORM)
     else:
         return None
 
@@ -106,7 +106,7 @@ def _size(images: list[Image], textures: list[Texture]) -> tuple[int, int]:
 def _values(image: Image, texture: Texture, taken: TextureInput, size: tuple[int, int]) -> Callable[[slice], F64]:
     """Returns a function from rows of an image of `size` to the values taken from a texture."""
     width, height = size
-    is_as_it_is = image.pixels.shape[:2] == (height, width) and texture.transform == UNMOVED
+    is_as_it_is = image.pixels.shape[:2] == (height, width) and texture.transform == IDENTITY_UV_TRANSFORM
     whole = None if is_as_it_is else linear(image)
 
     def of(rows: slice) -> F64:

@@ -71,4 +71,4 @@ def _plain(shelf: TextureShelf, taken: TextureInput, channel: str) -> int | None
         values = linear(image)[..., CHANNELS[channel]] if channel != "a" else alpha(image)
         return Image(f"{image.name} {channel}", np.repeat(values[..., None], 3, axis=2).astype(np.float32), srgb=False)
 
-    return shelf.derived(taken.texture, f"heights in {channel}", make)
+    return shelf.derived_texture(taken.texture, f"heights in {channel}", make)

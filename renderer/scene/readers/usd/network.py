@@ -14,8 +14,8 @@ from renderer.scene.readers.usd.arnold import follow_arnold
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.nodes import follow_coordinates, follow_node
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.textures import PLAIN, Four, Images, TextureInput, composed, transform_2d
-from renderer.scene.textures import UNMOVED
+from renderer.scene.readers.usd.textures import PLAIN, Four, Images, TextureInput, composed_transform, transform_2d
+from renderer.scene.textures import IDENTITY_UV_TRANSFORM
 from renderer.sentences import Sentence
 
 __all__ = ["Network"]
@@ -123,13 +123,13 @@ class Network:
         number, tiles = image
         uv_set, transform = self.coordinates(shader.GetInput("st"), depth + 1)
         wraps = str(said("wrapS", "useMetadata")), str(said("wrapT", "useMetadata"))
-        texture = self.images.texture(number, wraps, uv_set, composed(transform, tiles), self.user)
+        texture = self.images.texture(number, wraps, uv_set, composed_transform(transform, tiles), self.user)
         scale, bias = (_four(said(name, plain), plain) for name, plain in zip(("scale", "bias"), PLAIN, strict=True))
         return Input(None, None if texture is None else TextureInput(texture, output, scale, bias))
 
     def coordinates(self, source: Any, depth: int) -> tuple[int, UvTransform]:
         """Returns the UV set of a texture and the transform applied to its UVs."""
-        transform = UNMOVED
+        transform = IDENTITY_UV_TRANSFORM
         while source and depth < MAX_DEPTH:
             depth += 1
             found = source.GetValueProducingAttributes()
@@ -138,7 +138,7 @@ class Network:
             shader = UsdShade.Shader(found[0].GetPrim())
             kind = str(shader.GetIdAttr().Get() or "")
             if kind == "UsdTransform2d":
-                transform = composed(self._transform(shader, depth), transform)
+                transform = composed_transform(self._transform(shader, depth), transform)
                 source = shader.GetInput("in")
                 continue
             if kind.startswith("UsdPrimvarReader"):
@@ -149,7 +149,7 @@ class Network:
                 except _ODD:
                     self.notes.add(_OF_ODD_TYPES, kind)
                     break
-                transform = composed(moved, transform)
+                transform = composed_transform(moved, transform)
                 if name is not None:
                     return self.uv_set(name), transform
                 continue

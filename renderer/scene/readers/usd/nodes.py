@@ -8,8 +8,8 @@ from typing import Any
 from renderer.scene.description import UvTransform
 from renderer.scene.readers.usd.arithmetic import calculated, calculates, combined
 from renderer.scene.readers.usd.inputs import Follow, Input, NetworkContext
-from renderer.scene.readers.usd.textures import TextureInput, composed, transform_2d
-from renderer.scene.textures import UNMOVED
+from renderer.scene.readers.usd.textures import TextureInput, composed_transform, transform_2d
+from renderer.scene.textures import IDENTITY_UV_TRANSFORM
 from renderer.sentences import Sentence
 
 __all__ = ["follow_coordinates", "follow_node"]
@@ -98,7 +98,7 @@ def _image(network: NetworkContext, shader: Any, kind: str, output: str, srgb: b
         (u, v), (x, y) = (
             _two(follow(shader.GetInput(name), False, depth + 1), d) for name, d in (("uvtiling", 1.0), ("uvoffset", 0.0))
         )
-        transform = composed(transform, transform_2d((u, v), 0.0, (-x, -y)))
+        transform = composed_transform(transform, transform_2d((u, v), 0.0, (-x, -y)))
     names = ("wrapS", "wrapT") if is_preview else ("uaddressmode", "vaddressmode")
     modes = [follow(shader.GetInput(name), False, depth + 1).value for name in names]
     wraps = (str(modes[0] or "periodic"), str(modes[1] or "periodic"))
@@ -108,7 +108,7 @@ def _image(network: NetworkContext, shader: Any, kind: str, output: str, srgb: b
             network.user,
         )
         wraps = (wraps[0].replace("constant", "clamp"), wraps[1].replace("constant", "clamp"))
-    texture = network.images.texture(image[0], wraps, uv_set, composed(transform, image[1]), network.user)
+    texture = network.images.texture(image[0], wraps, uv_set, composed_transform(transform, image[1]), network.user)
     if texture is None:
         return Input()
     taken = TextureInput(texture, output if output in ("r", "g", "b", "a") else "r" if kind.endswith("_float") else "rgb")
@@ -179,9 +179,9 @@ def follow_coordinates(
 
     if node == "texcoord":
         index = int(value("index") or 0)
-        return f"st{index}" if index else "st", UNMOVED, None
+        return f"st{index}" if index else "st", IDENTITY_UV_TRANSFORM, None
     if node in ("geompropvalue", "UsdPrimvarReader"):
-        return str(value("geomprop" if node == "geompropvalue" else "varname") or "st"), UNMOVED, None
+        return str(value("geomprop" if node == "geompropvalue" else "varname") or "st"), IDENTITY_UV_TRANSFORM, None
     if node == "place2d":
         pivot, scale, offset = (two(name, d) for name, d in (("pivot", 0.0), ("scale", 1.0), ("offset", 0.0)))
         # Subtract the pivot; inverse scale, clockwise rotation, translation (SRT) or the reverse order; add the pivot.
@@ -190,8 +190,8 @@ def follow_coordinates(
         moved = transform_2d((1.0, 1.0), 0.0, (-offset[0], -offset[1]))
         whole = transform_2d((1.0, 1.0), 0.0, (-pivot[0], -pivot[1]))
         for step in (moved, turned, scaled) if int(value("operationorder") or 0) == 1 else (scaled, turned, moved):
-            whole = composed(whole, step)
-        return None, composed(whole, transform_2d((1.0, 1.0), 0.0, pivot)), shader.GetInput("texcoord")
+            whole = composed_transform(whole, step)
+        return None, composed_transform(whole, transform_2d((1.0, 1.0), 0.0, pivot)), shader.GetInput("texcoord")
     if node == "UsdTransform2d":
         own = transform_2d(two("scale", 1.0), float(value("rotation") or 0.0), two("translation", 0.0))
         return None, own, shader.GetInput("in")
@@ -208,4 +208,4 @@ def follow_coordinates(
         return None, own, shader.GetInput("in1")
     network.notes.add(Sentence("usd-materialx-placement-nodes-ignored", "Unsupported MaterialX nodes do not move textures"), kind)
     further = shader.GetInput("in")
-    return (None, UNMOVED, further) if further else ("st", UNMOVED, None)
+    return (None, IDENTITY_UV_TRANSFORM, further) if further else ("st", IDENTITY_UV_TRANSFORM, None)

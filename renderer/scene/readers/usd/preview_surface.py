@@ -140,7 +140,7 @@ def fill_opacity(read: Read, opacity: Input, threshold: float, base: TextureInpu
     if opacity.taken is None:
         material.opacity = unit(level) if opacity.primvar is None else 1.0
         if material.base_color_texture is not None:  # its alpha is not used
-            material.base_color_texture = shelf.derived(material.base_color_texture, "opaque", _opaque)
+            material.base_color_texture = shelf.derived_texture(material.base_color_texture, "opaque", _opaque)
         return
     is_own = base is not None and opacity.taken.texture == base.texture == material.base_color_texture
     if is_own and opacity.taken.channel == "a" and opacity.taken.span("a") == (1.0, 0.0):

@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom, UsdSkel
 
 from renderer.scene.description import F32
 from renderer.scene.matrices import Matrix
-from renderer.scene.origin import exact
+from renderer.scene.origin import in_exact_type
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.meshes import Shape
 from renderer.scene.readers.usd.notes import Notes
@@ -59,7 +59,7 @@ class Skeletons:
         joints, weights = self._influences(skinning, len(points))
         if weights is None:
             own = None if normals is None else normals.astype(np.float32)
-            return Shape(exact(points), own, own)
+            return Shape(in_exact_type(points), own, own)
         given = query.ComputeSkinningTransforms(self._time)
         transforms = np.asarray(given, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
         transforms = self._in_order(transforms, query.GetJointOrder(), skinning)
@@ -80,7 +80,7 @@ class Skeletons:
         for k in range(joints.shape[1]):
             bent += weights[:, k : k + 1] * _moved(whole[joints[:, k]], points)
         turned = None if normals is None else self._turned(mesh, normals, whole, joints, weights)
-        return Shape(exact(bent), turned, None if normals is None else normals.astype(np.float32))
+        return Shape(in_exact_type(bent), turned, None if normals is None else normals.astype(np.float32))
 
     def _in_order(self, transforms: Matrix, order: Any, skinning: Any) -> Matrix:
         """Returns a skeleton's joint transforms in the order of a mesh's `skel:joints`; the identity for joints it lacks."""

@@ -18,11 +18,11 @@ from renderer.scene.readers.linear_images import linear as linear_colors
 from renderer.scene.readers.usd.layers import Stage
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.sources import Sources
-from renderer.scene.textures import UNMOVED, TextureShelf
-from renderer.scene.udim import composed, is_tiled, placed, side_by_side, tile_name
+from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
+from renderer.scene.udim import atlas_transform, composed_transform, is_tiled, side_by_side, tile_name
 from renderer.sentences import Sentence
 
-__all__ = ["CHANNELS", "Images", "TextureInput", "composed", "linear"]
+__all__ = ["CHANNELS", "Images", "TextureInput", "composed_transform", "linear"]
 
 _WRAPS: dict[str, Wrap] = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp", "black": "clamp", "periodic": "repeat"}
 CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
@@ -86,7 +86,7 @@ class Images:
             found = self.shelf.environment_file(name, lambda: self._sources.read(name))
         else:
             found = self._image(name, srgb)
-        return None if found is None else (found, UNMOVED)
+        return None if found is None else (found, IDENTITY_UV_TRANSFORM)
 
     def file(self, attribute: Any, time: Any) -> tuple[str, Callable[[], bytes]] | None:
         """Returns the name of the file in an attribute, and a function that reads it; None if it is missing."""
@@ -106,7 +106,7 @@ class Images:
 
     def _image(self, name: str, srgb: bool) -> int | None:
         if name.endswith("]"):
-            return self.shelf.image_made(name, lambda: self._sources.read(name), srgb)
+            return self.shelf.computed_image(name, lambda: self._sources.read(name), srgb)
         return self.shelf.image_file(name, srgb)
 
     def _atlas(self, reference: str, beside: str, user: str, srgb: bool) -> tuple[int, UvTransform] | None:
@@ -120,7 +120,7 @@ class Images:
                 return None
             pixels = {n: read_image(self._sources.read(name), name) for n, name in tiles.items()}
             image = self.shelf.add(Image(reference, side_by_side(pixels, srgb), srgb))
-            self._atlases[key] = image, placed(tiles)
+            self._atlases[key] = image, atlas_transform(tiles)
         return self._atlases[key]
 
 
@@ -157,7 +157,7 @@ def grey(shelf: TextureShelf, taken: TextureInput) -> int | None:
         values = np.clip(linear(image)[..., CHANNELS[channel]] * scale + bias, 0, 1)
         return Image(f"{image.name} {channel}", encoded(np.dstack([values] * 3 + [np.ones_like(values)]), image), srgb=False)
 
-    return shelf.derived(taken.texture, f"{channel} {scale} {bias}", make)
+    return shelf.derived_texture(taken.texture, f"{channel} {scale} {bias}", make)
 
 
 def colored(shelf: TextureShelf, taken: TextureInput, most: float = 1.0) -> tuple[tuple[float, float, float], int | None]:
@@ -180,7 +180,7 @@ def colored(shelf: TextureShelf, taken: TextureInput, most: float = 1.0) -> tupl
         return Image(name, encoded(values, image, srgb=True), srgb=True)
 
     key = f"colour {taken.channel} {taken.scale} {taken.bias}"
-    return (1.0, 1.0, 1.0), shelf.derived(taken.texture, key, make)
+    return (1.0, 1.0, 1.0), shelf.derived_texture(taken.texture, key, make)
 
 
 def normals(shelf: TextureShelf, taken: TextureInput) -> tuple[int | None, float]:
@@ -196,4 +196,4 @@ def normals(shelf: TextureShelf, taken: TextureInput) -> tuple[int | None, float
         pixels[..., 1] = (1 if pixels.dtype == np.float32 else np.iinfo(pixels.dtype).max) - pixels[..., 1]
         return replace(image, name=f"{image.name} with green downwards", pixels=pixels)
 
-    return shelf.derived(taken.texture, "green downwards", make), abs(x) / 2
+    return shelf.derived_texture(taken.texture, "green downwards", make), abs(x) / 2

@@ -18,7 +18,7 @@ from renderer.scene.geometry import MAX_TRIANGLES
 from renderer.scene.matrices import product
 from renderer.scene.merge import merge
 from renderer.scene.normals import smoothed
-from renderer.scene.origin import exact
+from renderer.scene.origin import in_exact_type
 from renderer.scene.readers import shapes
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.yaml import transforms
@@ -140,7 +140,7 @@ class Shapes:
         self._description.instances += [Instance(number, place, name=name, moves=moves) for name, place in placed]
 
     def _faces(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
-        positions = exact(self._table(source["positions"], 3, (*path, "positions")))
+        positions = in_exact_type(self._table(source["positions"], 3, (*path, "positions")))
         uvs = None
         if "uvs" in source:
             uvs = self._table(source["uvs"], 2, (*path, "uvs")).astype(np.float32)

@@ -12,7 +12,7 @@ from renderer.kernel import vec
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light
 from renderer.kernel.surface.surface import is_emissive, surface_at
 from renderer.scene.description import Environment, Material, Sky, Sphere
-from renderer.scene.lights import chosen_by
+from renderer.scene.lights import with_light_choice
 from tests.grids import grid
 from tests.renderer.builders import as_rendered, emitter, gray, scene, square
 from tests.renderer.bvh.rays import trace
@@ -129,7 +129,7 @@ def test_both_sides_of_mis_know_the_same_density(name, normal):
 def test_a_light_is_chosen_by_its_power():
     """Two spheres, one with three times the radiance and half the radius, and a sky of fixed probability."""
     made = scene([emitter(3.0), emitter(1.0)], spheres=(Sphere((5, 0, 0), 0.5, 0), Sphere((-5, 0, 0), 1.0, 1)), environment=0.01)
-    direction, _, radiance, _ = sample(chosen_by(made, "power"))
+    direction, _, radiance, _ = sample(with_light_choice(made, "power"))
     chance = float(made.environment_frame[3])
     from_sky = np.isclose(radiance[:, 0], 0.01)
     assert abs(from_sky.mean() - chance) < limit(2) * math.sqrt(chance * (1 - chance) / N)
@@ -140,7 +140,7 @@ def test_a_light_is_chosen_by_its_power():
 
 def test_lights_chosen_uniformly_are_equal_and_the_sky_is_one_of_them():
     made = scene([emitter(3.0), emitter(1.0)], spheres=(Sphere((5, 0, 0), 0.5, 0), Sphere((-5, 0, 0), 1.0, 1)), environment=0.01)
-    direction, _, radiance, _ = sample(chosen_by(made, "uniform"))
+    direction, _, radiance, _ = sample(with_light_choice(made, "uniform"))
     from_sky = np.isclose(radiance[:, 0], 0.01)
     first = ~from_sky & (direction[:, 0] > 0)
     for found in (from_sky, first, ~from_sky & ~first):

@@ -8,7 +8,7 @@ from renderer.arrays.rows import PART_MATERIAL
 from renderer.jit import entry
 from renderer.kernel.light.light_tree import sample_light_tree, tree_probability
 from renderer.scene.description import Light, Material, Sphere
-from renderer.scene.lights import TREE_FROM, chosen_by
+from renderer.scene.lights import TREE_FROM, with_light_choice
 from tests.renderer.builders import emitter, gray, scene, square
 from tests.renderer.judge import chi_squared, limit
 
@@ -230,9 +230,9 @@ def test_a_near_lamp_is_chosen_over_a_far_one():
 
 
 def test_power_and_uniform_choices_can_be_had_to_compare_with(made):
-    assert len(chosen_by(made, "power").light_node) == 0
-    assert chosen_by(made, "tree") is made
-    uniform = np.diff(chosen_by(made, "uniform").light_cdf)
+    assert len(with_light_choice(made, "power").light_node) == 0
+    assert with_light_choice(made, "tree") is made
+    uniform = np.diff(with_light_choice(made, "uniform").light_cdf)
     np.testing.assert_allclose(uniform, 1 / len(uniform), rtol=1e-3)
     powers = np.diff(made.light_cdf)
     assert powers.max() / powers.min() > 100 > limit(1)

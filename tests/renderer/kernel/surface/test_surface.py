@@ -78,8 +78,8 @@ def sharing(request, monkeypatch):
 
 
 def keep_as(which, monkeypatch):
-    monkeypatch.setattr("renderer.scene.instances._FEW", 0 if which == "kept once" else 10**9)
-    monkeypatch.setattr("renderer.scene.instances._WORTH", 0)
+    monkeypatch.setattr("renderer.scene.instances._MIN_TREE_TRIANGLES", 0 if which == "kept once" else 10**9)
+    monkeypatch.setattr("renderer.scene.instances._MIN_SAVED_TRIANGLES", 0)
 
 
 def painted(levels=2):

@@ -81,7 +81,7 @@ def test_workers_that_know_of_none_are_asked_for_none(service: Service, monkeypa
 def test_what_a_killed_worker_had_in_hand_is_handed_out_again(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(artifact_task, "UNSEEN_ALLOWED", 2)
+    monkeypatch.setattr(artifact_task, "MAX_UNSEEN_POLLS", 2)
     job = finished(service)
     lost: list[str] = []
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import random
 
-from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.dispatching.leases import MAX_UNSEEN_POLLS, Lease, Leases
 from service.scheduling.jobs.plan import Range
 
 
 def test_an_answer_may_have_come_at_the_last_of_the_looks() -> None:
     """A slot may take a batch and answer between two polls, so the end of the stream at the last poll counts."""
     lease = Lease("job", "kind", Range(0, 0, 1), 30.0)
-    for look in range(1, UNSEEN_ALLOWED + 1):
+    for look in range(1, MAX_UNSEEN_POLLS + 1):
         lease.seen(False, lambda look=look: (look, 0))  # type: ignore[misc]
         assert (lease.unseen, lease.answered_by) == (look, (look, 0))
     lease.seen(False, lambda: (99, 0))
-    assert lease.answered_by == (UNSEEN_ALLOWED, 0), "else what comes faster than it is read would hide it for ever"
+    assert lease.answered_by == (MAX_UNSEEN_POLLS, 0), "else what comes faster than it is read would hide it for ever"
     lease.seen(True, lambda: (100, 0))
     assert (lease.unseen, lease.answered_by) == (0, None)
 
@@ -37,7 +37,7 @@ def test_what_is_counted_as_it_changes_is_what_there_is() -> None:
         elif there and deed < 0.65:
             leases.arrived(chance.choice(there))
         elif there and deed < 0.75:
-            leases.looked_at(chance.choice(there), chance.random() < 0.5, chance.random() < 0.5)
+            leases.update_state(chance.choice(there), chance.random() < 0.5, chance.random() < 0.5)
         elif there:
             gone = there.pop(chance.randrange(len(there)))
             assert leases.end(gone.id) is gone
@@ -48,12 +48,12 @@ def test_what_is_counted_as_it_changes_is_what_there_is() -> None:
             assert leases.of(owner) == [lease for lease in there if lease.owner == owner]
             assert leases.has(owner) == any(lease.owner == owner for lease in there)
         for kind in "kl":
-            assert leases.turns(kind) == leases.waiting_in(kind) == len({lease.turn for lease in out if lease.kind == kind})
+            assert leases.turns(kind) == leases.slots_waiting_in(kind) == len({lease.turn for lease in out if lease.kind == kind})
         assert len(leases) == len(there)
 
 
 def test_how_long_sums_travel_is_told_by_when_somebody_had_the_batch() -> None:
     alone, joint = (Lease("job", "kind", Range(0, 0, 1), 30.0, is_joint=is_joint) for is_joint in (False, True))
-    assert alone.travelled_s(0.5, 100.0) == 0.0, "it came before anybody was seen with it"
+    assert alone.transit_s(0.5, 100.0) == 0.0, "it came before anybody was seen with it"
     alone.held_since = joint.held_since = 101.0
-    assert (alone.travelled_s(2.0, 108.0), alone.travelled_s(9.0, 108.0), joint.travelled_s(2.0, 108.0)) == (5.0, 0.0, 0.0)
+    assert (alone.transit_s(2.0, 108.0), alone.transit_s(9.0, 108.0), joint.transit_s(2.0, 108.0)) == (5.0, 0.0, 0.0)

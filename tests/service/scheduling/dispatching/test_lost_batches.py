@@ -43,7 +43,7 @@ class World(FakeClock):
     def away(self) -> set[str]:
         return self.living - self.reports.keys()
 
-    def are_late(self) -> bool:
+    def has_late_report(self) -> bool:
         return self.late
 
     def end(self) -> Position:

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from service.scheduling.dispatching.pacing import FIRST_GUESS_S, MOST_JOINT, MOST_OF_A_TILE, SHARE, Pace
+from service.scheduling.dispatching.pacing import (
+    ASSUMED_BATCH_COST_S,
+    MAX_BATCHES_OF_A_TILE,
+    MAX_JOINT_BATCHES,
+    RESULTS_TIME_SHARE,
+    BatchSizing,
+)
 from tests.service.scheduling.fake_clock import FakeClock
 
 
@@ -13,31 +19,33 @@ def clock() -> FakeClock:
     return FakeClock()
 
 
-def take_in(of: Pace, clock: FakeClock, results: int, result_s: float, seconds: float = 1.0) -> None:
+def take_in(of: BatchSizing, clock: FakeClock, results: int, result_s: float, seconds: float = 1.0) -> None:
     with of.busy():
         clock.now += results * result_s
     clock.now += max(seconds - results * result_s, 0.0)
-    of.took_in(results)
+    of.record_results(results)
 
 
 def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: FakeClock) -> None:
-    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
-    assert (of.batch_s(100), of.batch_s(1000)) == (0.5, pytest.approx(1000 * FIRST_GUESS_S / SHARE)), "nothing is known"
+    of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
+    assert (of.batch_s(100), of.batch_s(1000)) == (0.5, pytest.approx(1000 * ASSUMED_BATCH_COST_S / RESULTS_TIME_SHARE)), (
+        "nothing is known"
+    )
     for _ in range(5):
         take_in(of, clock, 200, 0.002)
     assert of.batch_s(10) == of.batch_s(100) == 0.5
-    assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE)
+    assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / RESULTS_TIME_SHARE)
     assert of.batch_s(100_000) == 10.0
     assert (of.window(100, 2), of.window(1000, 2), of.window(100_000, 2)) == (200, 1250, 110_000), "what is taken in a second"
     assert of.window(1000, 2, joint=True) == 1000 + 250 + 313, "and what is done without anybody knowing yet"
     assert of.window(32, 2, joint=True) == of.window(32, 2), "so few add up nothing"
     take_in(of, clock, 2, 0.4)
-    assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE), "two results say nothing of what many cost"
+    assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / RESULTS_TIME_SHARE), "two results say nothing of what many cost"
 
 
 def test_batches_grow_with_what_a_job_has_taken_unless_somebody_looks_at_a_scene(clock: FakeClock) -> None:
     pressed = False
-    of = Pace(0.5, 10.0, 1 << 20, lambda: pressed, clock)
+    of = BatchSizing(0.5, 10.0, 1 << 20, lambda: pressed, clock)
     assert of.batch_s(8, spent_s=4.0) == 0.5
     assert of.window(2, 2) == 4
     assert of.batch_s(8, spent_s=16.0) == 1.0
@@ -49,12 +57,12 @@ def test_batches_grow_with_what_a_job_has_taken_unless_somebody_looks_at_a_scene
 
 
 def test_batches_of_few_slots_do_not_grow(clock: FakeClock) -> None:
-    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
+    of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     assert [of.batch_s(slots, spent_s=1e6) for slots in (1, 2, 4, 6, 100)] == [0.5, 0.5, 1.0, 1.5, 1.5]
 
 
 def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_handing_out(clock: FakeClock) -> None:
-    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
+    of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     take_in(of, clock, 50, 0.001)
     of.unread(512, 1024.0)
     assert of.room(100) == 50
@@ -71,45 +79,45 @@ def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_hand
 
 
 def test_few_slots_get_results_shown_one_by_one(clock: FakeClock) -> None:
-    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
+    of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     assert (of.of_a_tile(2), of.gather_s) == (1, 0.0)
     take_in(of, clock, 8, 0.001)
     assert of.gather_s == 0.0
     take_in(of, clock, 400, 0.001)
     assert 0.0 < of.gather_s < 0.5
-    assert of.of_a_tile(100_000) == MOST_OF_A_TILE
-    assert [of.of_a_tile(slots, joint=True) for slots in (2, 32, 33, 100, 100_000)] == [1, 1, 2, 6, MOST_JOINT]
+    assert of.of_a_tile(100_000) == MAX_BATCHES_OF_A_TILE
+    assert [of.of_a_tile(slots, joint=True) for slots in (2, 32, 33, 100, 100_000)] == [1, 1, 2, 6, MAX_JOINT_BATCHES]
     assert (of.hold_s(0.1), of.hold_s(4.0)) == (1.0, 4.0)
 
 
 def test_a_batch_costs_less_where_its_sums_come_with_those_of_others(clock: FakeClock) -> None:
-    alone, together = Pace(0.5, 10.0, 1 << 20, clock=clock), Pace(0.5, 10.0, 1 << 20, clock=clock)
+    alone, together = BatchSizing(0.5, 10.0, 1 << 20, clock=clock), BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     for _ in range(5):
         take_in(alone, clock, 100, 0.004)
         with together.busy():
             clock.now += 0.016
         clock.now += 1.0
-        together.took_in(2, 32, 0.016)
-    assert alone.batch_s(1000) == pytest.approx(1000 * 0.004 / SHARE)
-    assert together.batch_s(1000) == pytest.approx(1000 * 0.0005 / SHARE), "also where few results a second come"
+        together.record_results(2, 32, 0.016)
+    assert alone.batch_s(1000) == pytest.approx(1000 * 0.004 / RESULTS_TIME_SHARE)
+    assert together.batch_s(1000) == pytest.approx(1000 * 0.0005 / RESULTS_TIME_SHARE), "also where few results a second come"
 
 
 def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: FakeClock) -> None:
-    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
+    of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     for seconds, longer in ((0.05, False), (5.0, True)):
         of.unread(60, 1024.0)
         clock.now += 1.0
-        of.took_in(10, 160, seconds)
+        of.record_results(10, 160, seconds)
         assert (of.batch_s(1) > 0.5) == longer
 
 
 def test_batches_take_as_long_as_their_results_travel(clock: FakeClock) -> None:
     """Otherwise a slot on a slow connection would spend its time sending."""
-    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
+    of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     for seconds in (30.0, 30.0, 0.0, 0.0, 0.1, 0.0, 30.0, 0.0, 0.0):
-        of.travelled(seconds)
+        of.record_transit(seconds)
         assert of.batch_s(2) == 0.5, "a few have waited for a kernel"
     for seconds, longer in ((4.0, 4.0), (71.0, 10.0), (0.0, 0.5)):
         for _ in range(16):
-            of.travelled(seconds)
+            of.record_transit(seconds)
         assert of.batch_s(2) == longer

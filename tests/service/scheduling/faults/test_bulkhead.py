@@ -10,12 +10,12 @@ import redis
 from sqlalchemy import exc
 
 from renderer.errors import SettingsError
-from service.errors import FilmLost, FilmWaits, NoRoom, QueueError, Unavailable
+from service.errors import FilmLost, FilmUnavailable, OutOfSpace, QueueError, Unavailable
 from service.scheduling.faults.bulkhead import Bulkheads, Step
 from service.store.disk_space import disk_full_error
 from tests.service.scheduling.fake_clock import FakeClock
 
-FULL = NoRoom("The disk is full.")
+FULL = OutOfSpace("The disk is full.")
 MALFORMED = exc.DatabaseError("INSERT", {}, sqlite3.DatabaseError("database disk image is malformed"))
 ROW = exc.IntegrityError("INSERT", {}, sqlite3.IntegrityError("UNIQUE"))
 
@@ -43,7 +43,7 @@ def test_redis_is_nobodys_fault(clock: FakeClock, error: Exception) -> None:
 def test_what_passes_is_tried_again_after_a_second(clock: FakeClock) -> None:
     heads = Bulkheads(clock)
     done: list[str] = []
-    assert not heads.run("job", Step.RESULTS, raising(FilmWaits("The film is locked.")))
+    assert not heads.run("job", Step.RESULTS, raising(FilmUnavailable("The film is locked.")))
     assert heads.sentences() == {"job": "Waits: the film is locked."}
     assert not heads.may_render("job")
     assert not heads.run("job", Step.RESULTS, lambda: done.append("too early"))
@@ -60,7 +60,7 @@ def test_what_fails_slowly_is_tried_more_rarely(clock: FakeClock) -> None:
 
     def lock() -> None:
         clock.now += 0.25
-        raise FilmWaits("locked")
+        raise FilmUnavailable("locked")
 
     heads.run("job", Step.RESULTS, lock)
     clock.now += 2.0

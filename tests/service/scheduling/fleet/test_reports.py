@@ -14,7 +14,7 @@ from protocol.site import SiteReport
 from protocol.terms import Offer
 from service.scheduling.fleet.reports import report_of
 from service.scheduling.fleet.speeds import Speeds
-from service.scheduling.fleet.workers import FEW, WorkerSnapshot
+from service.scheduling.fleet.workers import FEW_WORKERS, WorkerSnapshot
 
 REPORT: dict[str, Any] = asdict(WorkerReport("one", "host", 1, 2, "a processor", "kind", "ready", 0.0, 1e6, [{"batch": "b"}]))
 OFFER: dict[str, Any] = asdict(Offer(("tag",), 1 << 30, 2, "terms"))
@@ -116,4 +116,4 @@ def test_a_worker_that_starts_is_seen_as_ready_at_once() -> None:
     assert about_to_change("paused")
     assert not about_to_change("ready", "paused")
     assert about_to_change("ready", "starting")
-    assert not about_to_change(*["ready"] * FEW, "starting"), "to look at many takes long"
+    assert not about_to_change(*["ready"] * FEW_WORKERS, "starting"), "to look at many takes long"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from protocol.contract import WorkerReport
-from service.scheduling.fleet.speeds import KEPT, Speeds
+from service.scheduling.fleet.speeds import INTERVALS_KEPT, Speeds
 
 
 def report(name: str, slots_at_work: int, speed: float) -> WorkerReport:
@@ -24,7 +24,7 @@ def test_of_the_last_hour_and_of_workers_that_were_there_in_it() -> None:
     speeds = Speeds(0.0)
     for minute in range(200):
         speeds.note([report("a", 1, float(minute))], 60.0 * minute)
-    assert speeds.latest["a"] == tuple(float(minute) for minute in range(200 - KEPT, 200))
+    assert speeds.latest["a"] == tuple(float(minute) for minute in range(200 - INTERVALS_KEPT, 200))
     for minute in range(200, 270):
         speeds.note([report("b", 1, 1.0)], 60.0 * minute)
     assert set(speeds.latest) == {"b"}

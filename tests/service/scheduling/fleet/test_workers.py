@@ -12,7 +12,7 @@ import redis
 
 from protocol.contract import HEARTBEAT_TTL_S, worker_key
 from protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
-from service.scheduling.faults.suspicion import FORGIVENESS, Suspicion
+from service.scheduling.faults.suspicion import FORGIVEN_PER_SUCCESS, Suspicion
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 
@@ -62,7 +62,7 @@ def test_suspicion_is_of_those_that_fail_alone_and_is_forgiven() -> None:
         suspicion.succeeded("good", ["bad", "bad"])
     suspicion.succeeded("bad", ["bad"])  # its own second try
     assert (suspicion.of("bad", ["good"]), suspicion.of("good", ["bad"])) == (2, 0)
-    for _ in range(int(3 / FORGIVENESS)):
+    for _ in range(int(3 / FORGIVEN_PER_SUCCESS)):
         suspicion.succeeded("bad", [])
     assert suspicion.of("bad", ["good"]) == 0
     suspicion.succeeded("good", ["bad"])

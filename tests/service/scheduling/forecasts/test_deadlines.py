@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, cast
 from unittest.mock import MagicMock
 
-from service.scheduling.forecasts.deadlines import SURE_AFTER_S, Deadlines
+from service.scheduling.forecasts.deadlines import RELIABLE_AFTER_S, Deadlines
 from service.scheduling.forecasts.forecast import Forecast
 from service.scheduling.jobs.active_job import ActiveJob
 
@@ -38,7 +38,7 @@ class Records:
         self.lates.append((id, since))
         return self.is_there
 
-    def overdue(self, now: float) -> list[str]:
+    def store_overdue(self, now: float) -> list[str]:
         return self.past
 
 
@@ -66,7 +66,7 @@ def test_a_forecast_must_hold_for_a_while_both_ways() -> None:
     job.eta_s = 200.0
     look(deadlines, job, 4, 5, 6, 7, 8)
     assert (records.lates, job.is_late, job.expected) == ([], False, 208.0)
-    look(deadlines, job, 4 + SURE_AFTER_S)
+    look(deadlines, job, 4 + RELIABLE_AFTER_S)
     assert (records.lates, job.urgency, told) == ([("job", 9.0)], 100.0, [("job", "job")])
     job.eta_s = 1.0
     look(deadlines, job, 10, 11, 12, 13, 14)

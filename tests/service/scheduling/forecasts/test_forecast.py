@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import pytest
 
-from service.scheduling.forecasts.forecast import NO_COST, NO_SLOTS, Forecast, Forecaster
+from service.scheduling.forecasts.forecast import NO_SLOTS, SPEED_UNKNOWN, Forecast, Forecaster
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.shares import EVERYBODY, Shares, Terms
 
@@ -94,7 +94,7 @@ def test_where_nobody_knows_it_says_why() -> None:
     forecaster = Forecaster(cast(Any, Lines([], 0)), Shares())
     resting = Job(state="running", samples_per_s=1e-9, eta_s=1e10)
     assert forecaster.of(cast(ActiveJob, resting), NOW) == Forecast(None, NO_SLOTS)
-    assert Forecaster(cast(Any, Lines([])), Shares()).of(cast(ActiveJob, Job(sample_s=0.0)), NOW) == Forecast(None, NO_COST)
+    assert Forecaster(cast(Any, Lines([])), Shares()).of(cast(ActiveJob, Job(sample_s=0.0)), NOW) == Forecast(None, SPEED_UNKNOWN)
 
 
 @pytest.mark.parametrize(

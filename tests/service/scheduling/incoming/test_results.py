@@ -37,7 +37,7 @@ def test_what_is_kept_in_the_stream_holds_up_nothing(connection: redis.Redis) ->
     append(connection, 100)
     assert read(results) == [100]
     assert read(results) == []
-    results.start_over()
+    results.reread()
     assert read(results)[0] == 0, "nothing was deleted"
 
 
@@ -108,7 +108,7 @@ def test_the_end_is_known_without_reading_the_last_entry(limited: redis.Redis) -
 
 
 def test_a_large_entry_is_put_aside(connection: redis.Redis, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(results_module, "LARGEST", 1000)
+    monkeypatch.setattr(results_module, "MAX_ENTRY_BYTES", 1000)
     results = Results(connection)
     connection.xadd(RESULTS, {"event": json.dumps({"number": 1}), "sums": bytes(2000)})
     append(connection, 2)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.scheduling.jobs.agenda import PILOT, Agenda, shares
+from service.scheduling.jobs.agenda import PILOT_SAMPLES, FrameOrder, goals_of_frames
 
 
 class Frame:
@@ -44,7 +44,7 @@ class Frame:
 
 def agenda(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> Any:
     made: Any = {frame.key: frame for frame in frames}
-    plan = Agenda(made, order, every, spp)
+    plan = FrameOrder(made, order, every, spp)
     for frame in frames:
         frame.on_change = plan.turns.note
     return plan
@@ -58,7 +58,7 @@ def laid_out(frames: list[Frame], spp: int) -> Any:
         for frame in frames:
             while plan.passed(frame):
                 pass
-            plan.settled(frame)
+            plan.finish_if_complete(frame)
         plan.begin_round()
         rounds += 1
         assert rounds < 50
@@ -68,7 +68,7 @@ def laid_out(frames: list[Frame], spp: int) -> Any:
 def test_the_pilot_is_for_all_and_the_rest_goes_where_the_noise_is() -> None:
     frames = [Frame(0, 0.1), Frame(1, 1.0), Frame(2, 4.0)]
     plan = laid_out(frames, 256)
-    assert frames[0].ceiling == PILOT, "quiet as it is"
+    assert frames[0].ceiling == PILOT_SAMPLES, "quiet as it is"
     assert sum(frame.ceiling for frame in frames) <= 3 * 256
     assert sum(frame.ceiling for frame in frames) > 0.99 * 3 * 256, "the budget is spent"
     assert frames[2].measured() == pytest.approx(frames[1].measured(), rel=0.05), "equal noise"
@@ -89,7 +89,7 @@ def test_a_frame_that_failed_leaves_its_samples_to_the_others() -> None:
 def test_shares_keep_to_the_budget_and_take_nothing_away(frames: list[tuple[int, float]], times: float) -> None:
     has, noise = [h for h, _ in frames], [n for _, n in frames]
     budget = int(sum(has) * times)
-    goals, forecast = shares(has, noise, budget, 1 << 20)
+    goals, forecast = goals_of_frames(has, noise, budget, 1 << 20)
     assert all(goal >= h for goal, h in zip(goals, has, strict=True))
     assert sum(goals) <= budget
     assert forecast is not None and forecast <= max(noise) * (1 + 1e-9)
@@ -99,7 +99,7 @@ def test_shares_keep_to_the_budget_and_take_nothing_away(frames: list[tuple[int,
 
 
 def test_where_nothing_is_known_everyone_keeps_what_they_have() -> None:
-    assert shares([4, 4], [math.inf, 0.0], 100, 1000) == ([4, 4], None)
+    assert goals_of_frames([4, 4], [math.inf, 0.0], 100, 1000) == ([4, 4], None)
 
 
 def test_every_nth_goes_on_with_those_between() -> None:

@@ -15,7 +15,7 @@ def rendered(costs: Costs, pace: float, rounds: int = 1) -> list[float]:
     for _ in range(rounds):
         for tile, cost in TILES.items():
             ratios.append(pace * cost / (costs.of(tile) or pace * cost))
-            costs.learn(tile, pace * cost)
+            costs.record(tile, pace * cost)
     return ratios
 
 
@@ -42,7 +42,7 @@ def test_a_machine_that_gets_idle_lengthens_batches_cautiously() -> None:
 def test_first_batches_that_compile_kernels_say_nothing_of_others() -> None:
     costs = Costs()
     for tile, cost in TILES.items():
-        costs.learn(tile, 5.0 * cost)
+        costs.record(tile, 5.0 * cost)
     ratios = rendered(costs, 1.0)
     assert all(ratio == pytest.approx(1 / 5) for ratio in ratios)
     assert rendered(costs, 1.0) == pytest.approx([1.0] * len(TILES))
@@ -50,6 +50,6 @@ def test_first_batches_that_compile_kernels_say_nothing_of_others() -> None:
 
 def test_costs_are_positive_and_bounded_below() -> None:
     costs = Costs()
-    assert not costs.learn(0, 0.0) and costs.of(0) == 0.0
-    assert costs.learn(0, 1.0)
-    assert costs.learn(1, 0.0) and costs.of(1) == pytest.approx(1.0 / LEAST_COST)
+    assert not costs.record(0, 0.0) and costs.of(0) == 0.0
+    assert costs.record(0, 1.0)
+    assert costs.record(1, 0.0) and costs.of(1) == pytest.approx(1.0 / LEAST_COST)

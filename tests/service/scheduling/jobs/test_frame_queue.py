@@ -33,11 +33,11 @@ def test_turns_are_those_of_a_look_at_all_frames() -> None:
             lacking = sorted((f.rank, f.key) for f in open if kind not in f.compiled)
             first = turns.ready(kind)
             assert (None if first is None else (first.rank, first.key)) == (ready[0] if ready else None)  # type: ignore[attr-defined]
-            assert turns.first_lacking(kind) == (lacking[0] if lacking else None)
+            assert turns.first_unprepared(kind) == (lacking[0] if lacking else None)
             free = [key for _, key in lacking if not frames[key].is_preparing]
             assert [f.key for f in turns.lacking(kind, 3)] == free[:3]
             before = (chance.randrange(5), chance.randrange(40))
-            assert turns.ready_before(kind, before, 4) == min(4, sum(turn < before for turn in ready))
+            assert turns.count_ready_before(kind, before, 4) == min(4, sum(turn < before for turn in ready))
         assert {f.key for f in turns.preparing()} == {key for key, f in frames.items() if f.is_preparing}
         assert {f.key for f in turns.owning()} == {key for key, f in frames.items() if f.own}
     assert all(len(line._heap) < 300 for line in turns._ready.values()), "what was does not pile up"

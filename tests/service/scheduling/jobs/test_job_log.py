@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from service.scheduling.jobs.job_log import KEPT, LARGEST, JobLogs
+from service.scheduling.jobs.job_log import KEPT_BYTES, MAX_FILE_BYTES, JobLogs
 from service.scheduling.jobs.tile_log import TILES, TileLogs
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
@@ -42,8 +42,8 @@ def test_a_long_log_keeps_its_newest_lines(tmp_path: Path) -> None:
     logs.flush()
     lines = logs.text("job").decode().splitlines()
     assert lines[-1].split()[2] == "19999" and lines[0].split()[1] == "line"
-    assert KEPT / 2 < len(logs.text("job")) <= KEPT
-    assert (tmp_path / "job.log").stat().st_size <= LARGEST + 2000 * 100
+    assert KEPT_BYTES / 2 < len(logs.text("job")) <= KEPT_BYTES
+    assert (tmp_path / "job.log").stat().st_size <= MAX_FILE_BYTES + 2000 * 100
     assert len(list(tmp_path.iterdir())) == 1
 
 

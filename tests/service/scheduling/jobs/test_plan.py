@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from renderer import film
 from renderer.settings import Tile, tiles_of
-from service.errors import FilmWaits
-from service.scheduling.jobs.plan import ALONE_UNTIL, FramePlan, Range, first_check
+from service.errors import FilmUnavailable
+from service.scheduling.jobs.plan import MIN_SAMPLES_FOR_RUNS, FramePlan, Range, first_check
 from service.store.coverage import Coverage
 from tests.grids import grid
 
@@ -40,14 +40,14 @@ class Bench:
 
     def _may_have_to_wait(self) -> None:
         if self._faults is not None and self._faults.random() < 0.3:
-            raise FilmWaits("The film is locked.")
+            raise FilmUnavailable("The film is locked.")
 
     def again(self, call: Callable[[], T]) -> T:
         """Repeats a call while the film is locked, as the scheduler does."""
         while True:
             try:
                 return call()
-            except FilmWaits:
+            except FilmUnavailable:
                 continue
 
     def arrive(self, batch: Range) -> None:
@@ -79,7 +79,7 @@ class Bench:
                 history.append(batch)
             batch = out.pop(dice.randrange(len(out)))
             if dice.random() < loss:
-                self.plan.lose(batch)
+                self.plan.requeue(batch)
                 continue
             self.arrive(batch)
             if dice.random() < loss:
@@ -142,12 +142,12 @@ def test_batches_of_a_tile_follow_each_other_once_all_tiles_have_some() -> None:
     for _ in range(400):
         batch = bench.plan.next(lambda tile: 8, 4)
         assert batch is not None
-        if batch.first < ALONE_UNTIL:
+        if batch.first < MIN_SAMPLES_FOR_RUNS:
             latest = batch.tile
             bench.arrive(batch)
             continue
         run = [batch, *(bench.plan.next(lambda tile: 8, 4) for _ in range(3))]
-        assert min(covered.total for covered in bench.coverage) >= ALONE_UNTIL - 8
+        assert min(covered.total for covered in bench.coverage) >= MIN_SAMPLES_FOR_RUNS - 8
         assert [each and (each.tile, each.first) for each in run] == [(batch.tile, batch.first + 8 * i) for i in range(4)]
         assert batch.tile != latest, "then another has its turn"
         latest = batch.tile

@@ -61,7 +61,7 @@ class Farm:
             self.now, _, job = heapq.heappop(self._running)
             self.held[job.id] -= 1
             self.had[job.id] += job.batch_s
-            self.shares.correct(KIND, job.share, job.batch_s - self._guess(job))
+            self.shares.correct_charge(KIND, job.share, job.batch_s - self._guess(job))
 
     def _hand_out(self) -> None:
         shares_held: Counter[str] = Counter()

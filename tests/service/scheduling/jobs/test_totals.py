@@ -6,7 +6,7 @@ import random
 from types import SimpleNamespace
 from typing import Any
 
-from service.scheduling.jobs.lazy_heap import SLACK
+from service.scheduling.jobs.lazy_heap import MAX_OUTDATED
 from service.scheduling.jobs.totals import RunningMaximum, Totals
 
 
@@ -28,7 +28,7 @@ def frame_of(key: int) -> Frame:
 def test_totals_follow_the_frames() -> None:
     chance = random.Random(7)
     frames: dict[int, Any] = {key: frame_of(key) for key in range(0, 600, 2)}
-    totals = Totals(frames).renewed()
+    totals = Totals(frames).updated()
     assert (totals.samples, totals.target, totals.over) == (0, 300 * 100, 0)
     Frame.asked = 0
     for _ in range(200):
@@ -37,7 +37,7 @@ def test_totals_follow_the_frames() -> None:
         frame.bad_samples, frame.noise = chance.randrange(3), chance.choice([None, chance.random()])
         totals.note(frame.key)
         totals.note(frame.key)
-        totals.renewed()
+        totals.updated()
         noises = [each.noise for each in frames.values() if each.state != "failed"]
         assert totals.noise.value == (None if None in noises else max(noises))
     assert Frame.asked == 200
@@ -62,4 +62,4 @@ def test_the_greatest_is_known_once_all_are() -> None:
             greatest.set(key, values[key])
         known = list(values.values())
         assert greatest.value == (None if None in known or not known else max(known))  # type: ignore[type-var]
-    assert len(greatest._known._heap) <= 2 * 12 + SLACK + 1, "what was does not pile up"
+    assert len(greatest._known._heap) <= 2 * 12 + MAX_OUTDATED + 1, "what was does not pile up"

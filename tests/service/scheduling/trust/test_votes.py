@@ -51,11 +51,11 @@ def test_the_same_sums_in_other_bytes_are_the_same_value() -> None:
 
 def test_workers_are_asked_while_they_can_say_something_new() -> None:
     two = votes(("a", X), ("b", Y))
-    assert two.may_help({"a", "b"})
+    assert two.could_decide({"a", "b"})
     two.add("a", X)
     two.add("b", Y)
-    assert not two.may_help({"a", "b"})
-    assert two.may_help({"a", "b", "c"})
-    assert not votes(("a", X)).may_help({"a"})
+    assert not two.could_decide({"a", "b"})
+    assert two.could_decide({"a", "b", "c"})
+    assert not votes(("a", X)).could_decide({"a"})
     two.take_back("b")
-    assert (two.workers, two.differ) == ({"a"}, False)
+    assert (two.workers, two.has_differences) == ({"a"}, False)
