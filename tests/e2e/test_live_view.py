@@ -40,6 +40,8 @@ class LiveView:
         scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
         with farm.client() as client:
             client.wait_for_scene(scene)
+        address = f"{farm.url}/api/scenes/{scene}"
+        wait_until(lambda: httpx.get(address).json()["thumbnail"] is not None, 60, "the scene has a thumbnail")
         self.kept = kept(farm)
         self.sockets: list[WebSocketRoute] = []
         self.page = watched.page

@@ -53,7 +53,7 @@ def test_in_by_a_link_out_and_in_by_a_password(service: Service, watched: Watche
         page.get_by_label("Name").fill("Anna ")
         page.get_by_label("Password").fill("not it")
         page.get_by_role("button", name="Log in").click()
-        expect(page.get_by_role("alert")).to_contain_text("not right")
+        expect(page.get_by_role("alert")).to_contain_text("name or the password is wrong")
         page.get_by_label("Password").fill(PASSWORD)
         page.get_by_role("button", name="Log in").click()
         expect(page.get_by_role("heading", name="anna")).to_be_visible()
