@@ -135,7 +135,7 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
         page.get_by_role("button", name="Choose files").click()
     chooser.value.set_files([{"name": "notes.txt", "mimeType": "text/plain", "buffer": b"no scene"}])
     alert = page.get_by_role("alert")
-    expect(alert).to_contain_text("No scene file among what was given (notes.txt)")
+    expect(alert).to_contain_text("None of the files is a scene (notes.txt)")
     alert.get_by_role("button", name="Dismiss").click()
     expect(alert).to_have_count(0)
 
