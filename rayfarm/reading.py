@@ -80,7 +80,7 @@ class ConfinedScene:
             if self._reader is None:
                 self._reader, self._compiled = self._start_reader(), None
             try:
-                if self._reader.ask({"which": which, "moment": asdict(moment)}, take):
+                if self._reader.request({"which": which, "moment": asdict(moment)}, take):
                     break
             finally:
                 if self._reader.is_over:

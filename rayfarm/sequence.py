@@ -83,7 +83,7 @@ def render_sequence(shot: Sequence, stage: ConfinedScene, order: PictureOrder) -
                 if isinstance(error, CommandError) and not statistic:
                     raise  # the error applies to every frame
                 fail(frame, error)
-            for neighbour, write in steadying.settle(frame):
+            for neighbour, write in steadying.mark_done(frame):
                 try:
                     write()
                 except (RayfarmError, OSError, MemoryError) as error:

@@ -53,7 +53,7 @@ class TemporalDenoiser:
         if frame in self.missing:
             self._waiting[frame] = write
 
-    def settle(self, frame: float) -> list[tuple[float, Callable[[], None]]]:
+    def mark_done(self, frame: float) -> list[tuple[float, Callable[[], None]]]:
         """Marks a frame as rendered or failed.
 
         Returns the frames that can now be denoised, each with the function that writes it.

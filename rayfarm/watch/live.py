@@ -80,7 +80,7 @@ class LiveJob:
         with self._lock:
             return self.life, None if self.film is None else self.film.copy(), dict(self._versions)
 
-    def turn_to(self, frame: float) -> None:
+    def watch_frame(self, frame: float) -> None:
         """Shows another frame of the shot."""
         with self._lock:
             self.frame = frame
@@ -166,7 +166,7 @@ class LiveJob:
             return
         under_way = sorted(number for number, frame in self.frames.items() if frame.state == "running")
         if under_way:
-            self.turn_to(under_way[0])
+            self.watch_frame(under_way[0])
 
     def _tile(self, message: bytes) -> int:
         (frame, sequence, x, y, w, h, _), words = decode_tile(message)

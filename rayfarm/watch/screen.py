@@ -110,7 +110,7 @@ class Screen:
             return
         at = min(range(len(numbers)), key=lambda i: abs(numbers[i] - self._live.frame))
         self._live.follows = False
-        self._live.turn_to(numbers[(at + by) % len(numbers)])
+        self._live.watch_frame(numbers[(at + by) % len(numbers)])
 
     def _cancel(self) -> None:
         try:

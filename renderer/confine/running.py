@@ -211,7 +211,7 @@ class Reader:
             on_message(message)
         raise self._ended_error()
 
-    def ask(self, request: dict[str, Any], on_message: Send) -> bool:
+    def request(self, request: dict[str, Any], on_message: Send) -> bool:
         """Sends a request to a job that handles `Link.requests`; returns False if it had ended. Raises as `result`."""
         try:
             self._write(json.dumps(request).encode() + b"\n")

@@ -72,7 +72,7 @@ async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
         await socket.close(1013, str(error)[:120])
         return
     viewer = _Viewer(socket, id, farm)
-    tasks = [asyncio.create_task(each) for each in (viewer.receive(), viewer.settle(), viewer.send())]
+    tasks = [asyncio.create_task(each) for each in (viewer.receive(), viewer.resolve_views(), viewer.send())]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -147,7 +147,7 @@ class _Viewer:
         self._errors.append(Refused(id, detail))
         self._changed.set()
 
-    async def settle(self) -> None:
+    async def resolve_views(self) -> None:
         """Resolves the view that was requested last and starts rendering it; runs until cancelled.
 
         Environments are prepared one after another: dragging the sun requests new ones faster than they can be prepared, and each

@@ -298,7 +298,7 @@ class Answers:
             for frame, changed in tiles.items():
                 self._events.publish(TilesChanged(job.id, frame, changed))
             self._tell("job", job.id)
-        job.settle()
+        job.update_from_film()
         self._settled(job)
         if job.agenda.new_goals:
             self._lifecycle.record(job)

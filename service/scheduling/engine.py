@@ -356,7 +356,7 @@ class Engine:
 
     def _ask_workers(self) -> None:
         needs = [job.needs for job in self._scheduler.jobs.values() if job.needs is not None]
-        self._workers.ask(self._terms, [*needs, *self._scheduler.sites.needs()])
+        self._workers.send_terms(self._terms, [*needs, *self._scheduler.sites.needs()])
 
     def _review_deadlines(self) -> None:
         self._deadlines.review(list(self._scheduler.jobs.values()), self._forecaster.of, time.time())

@@ -173,7 +173,7 @@ class Lifecycle:
             job.focus_on(row.focus)
         if shot is None and row.spp and job.differs_from_goal(row.spp, row.noise, row.seconds):
             self._scheduler.withdraw(job)
-            job.ask(row.spp, row.noise, row.seconds)
+            job.set_goal(row.spp, row.noise, row.seconds)
         return True
 
     def _handle_loaded(self, job: ActiveJob, scene: Scene) -> None:

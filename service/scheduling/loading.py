@@ -139,7 +139,7 @@ class Loading:
             self._records.record_removed_samples(row.id, anew)
         film.keeps_apart = self._verify(row) > 0
         for worker in self._scheduler.distrusted.union(row.doubted or ()):
-            film.take_back(worker)
+            film.delete_samples_of(worker)
         if row.doubted:
             self._records.clear_distrusted(row.id)
         return film

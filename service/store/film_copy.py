@@ -48,7 +48,7 @@ class FilmCopy:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         try:
             if kind is None and self._has_any:
-                self._file.settle()
+                self._file.checkpoint()
         finally:
             self._file.close()
         try:

@@ -100,7 +100,7 @@ class FilmFile:
         with contextlib.suppress(sqlite3.Error):
             self._close()
 
-    def settle(self) -> None:
+    def checkpoint(self) -> None:
         """Merges the write-ahead log into the database file if possible; only logs a failure."""
         try:
             with film_faults():

@@ -163,7 +163,7 @@ class FilmFolder:
         with self._lock:
             film = self._pinned.pop(job, None)
         if film is not None:
-            film.settle()
+            film.checkpoint()
 
     def quarantine(self, job: str) -> None:
         """Implements `FilmStore.quarantine`."""
@@ -189,7 +189,7 @@ class FilmFolder:
             log.warning("the film of %s is set aside: %s", job, error)
             self.quarantine(job)
             film = self.open(job, settings, tile_size)
-            film.take_over(readable_rows(self._quarantine_path(job), self._film_shape(settings, tile_size)))
+            film.add_recovered(readable_rows(self._quarantine_path(job), self._film_shape(settings, tile_size)))
 
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
         """Implements `FilmStore.verify`."""

@@ -128,11 +128,11 @@ class Film:
         if has < recorded:
             raise incomplete_film_error(has, recorded)
 
-    def settle(self) -> None:
+    def checkpoint(self) -> None:
         """Merges the write-ahead log into the database file, for a film that will not be written soon."""
         with self._lock:
             if self._file is not None and not self._is_closed:
-                self._file.settle()
+                self._file.checkpoint()
 
     def tile_index(self, tile: Tile) -> int | None:
         """Returns a tile's index in `tiles`, or None if the film has no such tile."""
@@ -248,7 +248,7 @@ class Film:
         with self._lock:
             return self._known().has_sent(worker)
 
-    def take_back(self, worker: str) -> int:
+    def delete_samples_of(self, worker: str) -> int:
         """Deletes all rows that contain a worker's sums, so that their samples are rendered again.
 
         Sums of other workers in the same rows are lost too. Returns the number of deleted samples, over all pixels.
@@ -273,7 +273,7 @@ class Film:
         self._read_index(self._file)
         return sum(head.count * self.tiles[head.tile].w * self.tiles[head.tile].h for head in heads)
 
-    def take_over(self, rows: Iterable[Row]) -> None:
+    def add_recovered(self, rows: Iterable[Row]) -> None:
         """Adds rows that were recovered from a film that cannot be opened. Records of their bad samples are lost."""
         with self._lock:
             self.load(make=True)

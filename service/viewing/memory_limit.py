@@ -26,5 +26,5 @@ def fits_in_memory(pixels: int, sessions: Iterable[ViewSession]) -> bool:
             break
         if session.is_paused and session.pixels:
             room += session.pixels
-            session.begin_again()
+            session.restart()
     return room >= 0

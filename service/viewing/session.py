@@ -67,7 +67,7 @@ class ViewSession:
         is_over = self.request is None or self.has_picture or self.error is not None or self.message is not None
         return is_over or time.monotonic() - self.begun > MIN_PICTURE_WAIT_S
 
-    def turn_to(self, request: ViewRequest, view: int) -> None:
+    def switch_to(self, request: ViewRequest, view: int) -> None:
         """Replaces the view and discards its pictures."""
         with self._lock:
             self.request, self.view, self.wanted = request, view, None
@@ -86,11 +86,11 @@ class ViewSession:
         """Number of pixels of the picture that is held in memory."""
         return self.settings.width * self.settings.height if self.settings else 0
 
-    def begin_again(self) -> None:
+    def restart(self) -> None:
         """Restarts the current view, because the workers that rendered it are gone."""
         if self.request is not None:
             wanted = self.wanted
-            self.turn_to(self.request, self.view)
+            self.switch_to(self.request, self.view)
             self.wanted = wanted
 
     def begin(self, settings: RenderSettings, compiled: str, kind: str, cost_s: float, slots: int) -> None:

@@ -197,7 +197,7 @@ class ViewScheduler:
             self._losses.pop(session.id, None)
             if session.request is not None and session.request.scene != session.wanted.scene:
                 self._unfit.forget(session.id)
-            session.turn_to(session.wanted, self._views)
+            session.switch_to(session.wanted, self._views)
             self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
         if session.request is None or session.settings is not None or session.error is not None or session.is_paused:
             return
@@ -402,7 +402,7 @@ class ViewScheduler:
             if session.request is not None and session.settings is not None and not self._workers.slots(session.kind):
                 if self._workers.best_kind(session.request) is not None:
                     self._withdraw_messages(session)
-                    session.begin_again()
+                    session.restart()
                     continue
                 self._set_message(session, self._workers.unavailable_reason(session.request))
             own = [out for out in self._out.values() if out.session is session]

@@ -16,7 +16,7 @@ def run(frames: list[float], missing: list[float], fails: tuple[float, ...] = ()
             log.append(f"{frame:g}")
             if steadying.has_neighbours(frame):
                 steadying.take(frame, STILLS[frame], lambda picture, frame=frame: pictures.update({frame: picture}))
-        for number, write in steadying.settle(frame):
+        for number, write in steadying.mark_done(frame):
             write()
             log.append(f"w{number:g}")
         assert len(steadying._held) <= 5

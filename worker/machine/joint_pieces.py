@@ -125,7 +125,7 @@ class Pieces:
         """Returns the number of free pieces."""
         return sum(len(_names(folder, "todo-")) for folder in self._groups())
 
-    def take_over(self, message: str) -> list[int] | None:
+    def withdraw_unfinished(self, message: str) -> list[int] | None:
         """Removes the free pieces of a message, and those that ended slots had claimed; returns their numbers.
 
         None if it is not here.

@@ -53,14 +53,14 @@ class _OpenScene:
             self.room.close()
             raise
 
-    def ask(self, frames: list[int], take: Callable[[dict[str, Any]], None]) -> None:
+    def request(self, frames: list[int], take: Callable[[dict[str, Any]], None]) -> None:
         """Requests frames from the reader; `take` receives its messages. Prepares none if the reader has ended.
 
         Raises WorkError and UnfitError, after which the reader has ended.
         """
         begun = time.monotonic()
         with translated_errors():
-            self.reader.ask({"frames": frames}, take)
+            self.reader.request({"frames": frames}, take)
         self._spent += time.monotonic() - begun
         if self._spent > SECONDS:  # the reader's CPU time limit covers all its requests
             self.reader.close()
@@ -127,7 +127,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
                 _open[key] = _OpenScene(worker, manifest, work)
             opened = _open[key]
             try:
-                opened.ask(left, take)
+                opened.request(left, take)
             finally:
                 if opened.reader.is_over:
                     forget_frames()
@@ -163,7 +163,7 @@ def compiled_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
     forget_frames()  # earlier requests may have removed files of an open reader
     opened = _OpenScene(worker, manifest, work)
     try:
-        opened.ask(work.frames[:1], take)
+        opened.request(work.frames[:1], take)
         opened.reader.close()  # ends the reader, which could modify the validated files
         return load(opened.room.compiled(found[0])) if found and found[0] else None
     finally:

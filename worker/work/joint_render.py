@@ -60,7 +60,7 @@ def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message:
 def remaining_pieces(worker: WorkerContext, joint: JointBatch, message: str) -> list[int]:
     """Returns the numbers of the pieces of a redelivered message that no live slot of this machine has rendered or claimed."""
     with contextlib.suppress(OSError):
-        if worker.pieces is not None and (left := worker.pieces.take_over(message)) is not None:
+        if worker.pieces is not None and (left := worker.pieces.withdraw_unfinished(message)) is not None:
             return left
     return [*range(len(joint.pieces))]
 

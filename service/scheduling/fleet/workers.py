@@ -212,7 +212,7 @@ class Workers:
         said: Any = self._redis.mget([site_key(name) for name in names]) if names else []
         return self._parse_all(SiteReport.from_bytes, site_key, names, said)
 
-    def ask(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
+    def send_terms(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
         """Sends each worker its terms, unless it has confirmed them already. Raises redis.RedisError.
 
         terms: by worker name. needs: requirements of the active jobs. A worker must serve the queues of the requirements that it

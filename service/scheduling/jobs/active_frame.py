@@ -163,7 +163,7 @@ class ActiveFrame:
         tiles = enumerate(self.film.tiles)
         return [i for i, t in tiles if t.x < f.x + f.w and f.x < t.x + t.w and t.y < f.y + f.h and f.y < t.y + t.h]
 
-    def ask(self, spp: int, noise: float | None) -> None:
+    def set_goal(self, spp: int, noise: float | None) -> None:
         """Sets a new goal: samples per pixel and target noise. Discards the plan, so outstanding batches are planned again."""
         self.spp, self.noise_asked, self.ceiling = spp, noise, spp
         self._plan, self.is_idle = None, False
@@ -231,9 +231,9 @@ class ActiveFrame:
         self.is_idle = False
         self._notify_change()
 
-    def settle(self, batch: Range) -> None:
+    def update_from_film(self, batch: Range) -> None:
         """Updates the plan and the noise from the film after a batch was merged. Raises FilmWaits or FilmLost."""
-        self.plan.settle(batch)
+        self.plan.update_from_film(batch)
         self.is_idle = False
         if self.state == "queued":
             self.state = "running"

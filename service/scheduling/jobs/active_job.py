@@ -301,7 +301,7 @@ class ActiveJob:
         return self._costs.of(batch.tile) * rect.w * rect.h * batch.count
 
     def came_back(self, batch: Range, seconds: float) -> None:
-        """Records a batch that the film accepted or dropped as a duplicate. Call `settle` to update the plan.
+        """Records a batch that the film accepted or dropped as a duplicate. Call `update_from_film` to update the plan.
 
         seconds: its rendering time.
         """
@@ -313,13 +313,13 @@ class ActiveJob:
         else:
             self._unsettled.append(batch)
 
-    def settle(self) -> None:
+    def update_from_film(self) -> None:
         """Updates the plans from the film after batches have returned. Raises FilmWaits or FilmLost; then call it again."""
         while self._unsettled:
             batch = self._unsettled[0]
             frame = self.frames.get(batch.frame)
             if frame is not None:
-                frame.settle(batch)
+                frame.update_from_film(batch)
                 frame.estimate_noise(self.looks)
                 self._updating_frame(frame)
             self._unsettled.pop(0)
@@ -371,12 +371,12 @@ class ActiveJob:
         """Whether this goal differs from the job's current one."""
         return (spp, noise, seconds) != (self.spp, self.noise, self.seconds)
 
-    def ask(self, spp: int, noise: float | None, seconds: float | None) -> None:
+    def set_goal(self, spp: int, noise: float | None, seconds: float | None) -> None:
         """Sets a new goal for a still image. Outstanding batches are planned again. Raises FilmWaits or FilmLost."""
         self.spp, self.noise, self.seconds = spp, noise, seconds
         self._unsettled.clear()
         for frame in self.frames.values():
-            frame.ask(spp, noise)
+            frame.set_goal(spp, noise)
             frame.plan  # noqa: B018
 
     def focus_on(self, focus: Sequence[int] | None) -> None:

@@ -107,7 +107,7 @@ class SnapshotKeeper:
             if not self._kept.keep(job, facts, packet.pieces()):
                 log.info("job %s: no room for its snapshot at %d samples", job, facts.spp)
             if not self._is_rendered(job):
-                film.settle()  # the film's log could not be merged while the view was open
+                film.checkpoint()  # the film's log could not be merged while the view was open
         except (FarmError, OSError) as error:
             log.warning("job %s: no snapshot at %d samples: %s", job, facts.spp, error)
         finally:

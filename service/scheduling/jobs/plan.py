@@ -210,7 +210,7 @@ class FramePlan:
         if lost.tile in self._open:
             self._lost.append(lost)
 
-    def settle(self, back: Range) -> None:
+    def update_from_film(self, back: Range) -> None:
         """Updates the plan from the film after a batch was merged or dropped.
 
         An error of the film leaves the plan unchanged; then call it again.

@@ -132,7 +132,7 @@ def sql(*statements: str) -> Callable[[Path], None]:
     ],
 )
 def test_what_stays_is_lost_with_a_sentence(film: Film, tmp_path: Path, break_it: Callable[[Path], None], why: str) -> None:
-    film.settle()
+    film.checkpoint()
     film.close()
     for suffix in ("-wal", "-shm"):
         (tmp_path / f"job.sqlite{suffix}").unlink(missing_ok=True)
@@ -231,7 +231,7 @@ def test_the_systems_errors_are_told_apart_too(number: int, kind: type[Exception
 
 
 def test_a_film_of_release_0_1_0_is_read_and_brought_up_to_date(film: Film, tmp_path: Path) -> None:
-    film.settle()
+    film.checkpoint()
     old = sqlite3.connect(tmp_path / "old.sqlite")
     old.executescript(
         """CREATE TABLE part (

@@ -58,7 +58,7 @@ def test_what_workers_sent_in_turn_is_folded_apart_and_taken_back_alone(film: Fi
         assert moment.coverage(0, 0).ranges == [(0, 2 * MAX_ROWS_UNFOLDED)]
     assert film_samples(tmp_path / "job.sqlite", SHAPE) == {0: 64 * 2 * MAX_ROWS_UNFOLDED}
     again.close()
-    assert film.take_back("b") == 64 * MAX_ROWS_UNFOLDED
+    assert film.delete_samples_of("b") == 64 * MAX_ROWS_UNFOLDED
     assert film.coverage(0, 0).ranges == [(first, first + 1) for first in range(0, 2 * MAX_ROWS_UNFOLDED, 2)]
     odd = [expected_sums(film.tiles[0], first, 1, 0) for first in range(0, 2 * MAX_ROWS_UNFOLDED, 2)]
     np.testing.assert_array_equal(film.tile_sums(0, 0), sum(odd))
@@ -70,13 +70,13 @@ def test_what_workers_sent_in_turn_is_folded_apart_and_taken_back_alone(film: Fi
 def test_a_folded_row_goes_over_into_copies_and_out_of_damaged_films(film: Film, tmp_path: Path) -> None:
     for first in range(2 * MAX_ROWS_UNFOLDED):
         sent(film, "ab"[first % 2], first)
-    film.settle()
+    film.checkpoint()
     with FilmCopy(tmp_path / "copy.sqlite", SHAPE) as made:
         assert made.take(tmp_path / "job.sqlite", [0], 2 * MAX_ROWS_UNFOLDED) == {0: 64 * 2 * MAX_ROWS_UNFOLDED}
     saved = make(tmp_path / "saved.sqlite")
-    saved.take_over(readable_rows(tmp_path / "copy.sqlite", SHAPE))
+    saved.add_recovered(readable_rows(tmp_path / "copy.sqlite", SHAPE))
     assert saved.coverage(0, 0).ranges == [(0, 2 * MAX_ROWS_UNFOLDED)]
-    assert saved.take_back("a") == 64 * MAX_ROWS_UNFOLDED
+    assert saved.delete_samples_of("a") == 64 * MAX_ROWS_UNFOLDED
     saved.close()
 
 
@@ -85,8 +85,8 @@ def test_where_they_are_not_kept_apart_the_row_names_all_who_are_in_it(film: Fil
     for first in range(MAX_ROWS_UNFOLDED):
         sent(film, f"w{first % 3}", first)
     assert rows(film) == [('["w0", "w1", "w2"]', MAX_ROWS_UNFOLDED)]
-    assert film.take_back("w3") == 0
-    assert film.take_back("w1") == 64 * MAX_ROWS_UNFOLDED
+    assert film.delete_samples_of("w3") == 0
+    assert film.delete_samples_of("w1") == 64 * MAX_ROWS_UNFOLDED
     assert film.is_empty
 
 
@@ -119,5 +119,5 @@ def test_a_film_of_the_version_before_is_read_and_goes_on(film: Film, tmp_path: 
     again = make(tmp_path / "job.sqlite")
     sent(again, "a", 2)
     assert rows(again) == [("None", 2), ('["a"]', 1)]
-    assert again.take_back("a") == 64
+    assert again.delete_samples_of("a") == 64
     again.close()

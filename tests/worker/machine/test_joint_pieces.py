@@ -107,8 +107,8 @@ def test_a_message_that_comes_again_is_taken_over_but_for_what_others_have(piece
     in_a_process_that_is_killed(pieces, "take")
     in_a_process_that_is_killed(pieces, "put")
     mine = one(pieces)
-    assert pieces.take_over("m") == [0, 3]
-    assert pieces.take_over("another") is None
+    assert pieces.withdraw_unfinished("m") == [0, 3]
+    assert pieces.withdraw_unfinished("another") is None
     pieces.put(mine, result(mine.number))
     assert sent(pieces) == [[1, 2]]
 

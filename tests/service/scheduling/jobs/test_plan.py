@@ -53,7 +53,7 @@ class Bench:
     def arrive(self, batch: Range) -> None:
         if self.plan.wants(batch) and not self.coverage[batch.tile].overlaps(batch.first, batch.count):
             self.coverage[batch.tile].add(batch.first, batch.count)
-        self.again(lambda: self.plan.settle(batch))
+        self.again(lambda: self.plan.update_from_film(batch))
 
     def finish(self, seed: int, wanted: int = 8, loss: float = 0.0, restart: float = 0.0, waits: bool = False) -> list[Range]:
         """Runs a plan to its end; returns the batches handed out. waits: the film is locked from time to time."""
@@ -232,7 +232,7 @@ def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
         for number in range(batch.first, batch.first + batch.count):
             sums[0 if film.in_half(number) else 1] += 50.0 * (dice.random((side, side)) < 0.02)
         coverage.add(batch.first, batch.count)
-        plan.settle(batch)
+        plan.update_from_film(batch)
     return float(sums.mean() * 2 / coverage.total)
 
 
