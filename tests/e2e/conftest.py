@@ -38,9 +38,12 @@ SOON_CLEAR = "try { localStorage['rayfarm-view-noise'] ??= '0.1'; } catch { /* a
 KEPT = "cookies,local_storage,indexeddb,cache_storage,service_workers"  # of a page that a test has seen
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    """The system's Chromium; the test is skipped if there is none."""
+    """The system's Chromium; the test is skipped if there is none.
+
+    Playwright runs an event loop until it is closed, so it must end before tests of other folders run in this process.
+    """
     path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if path is None:
         pytest.skip("no Chromium on the PATH (Debian: apt-get install chromium)")

@@ -25,15 +25,15 @@ def test_frames_are_those_written_in_their_order(text, frames):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "takes numbers and ranges as 0-99"),
-        ("5-", "takes numbers and ranges as 0-99"),
-        ("-3", "takes numbers and ranges as 0-99"),
-        ("one", "takes numbers and ranges as 0-99"),
-        ("1.25", "takes numbers and ranges as 0-99"),
-        ("1,,2", "takes numbers and ranges as 0-99"),
+        ("", "give numbers and ranges such as 0-99"),
+        ("5-", "give numbers and ranges such as 0-99"),
+        ("-3", "give numbers and ranges such as 0-99"),
+        ("one", "give numbers and ranges such as 0-99"),
+        ("1.25", "give numbers and ranges such as 0-99"),
+        ("1,,2", "give numbers and ranges such as 0-99"),
         ("9-3", "the range 9-3 ends before it begins"),
-        ("1-9x0", r"in steps from 0\.5"),
-        ("0-99999999", "to 10000000 at most"),
+        ("1-9x0", r"steps of at least 0\.5"),
+        ("0-99999999", "end at 10000000 at most"),
         ("0-200000", "more than 100000 frames"),
         (",".join(["0-49999"] * 1200), "more than 100000 frames"),  # which took half a minute
     ],

@@ -373,6 +373,6 @@ def test_what_cannot_be_blurred_is_named() -> None:
         return scene
 
     found = over(changing)
-    left = "materials, the environment, textures, but for how they lie, the mesh icosphere, whose triangles change"
+    left = "materials, the environment, textures other than their placement, the mesh icosphere, whose triangles change"
     assert found.warnings == [f"Shown as in the middle of the shutter, not blurred: {left}."]
     assert len(found.instances[1].keys) == 5, "it still goes where it goes"

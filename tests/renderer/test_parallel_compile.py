@@ -122,7 +122,7 @@ class Deadly(Part):
 def parts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, tuple[int]]]:
     """Parts shared with one helper process, which may be forked. Nothing else is compiled."""
     found: list[tuple[Any, tuple[int]]] = []
-    monkeypatch.setattr(parallel_compile, "parts_of_pictures", lambda *_: found)
+    monkeypatch.setattr(parallel_compile, "pool_stages", lambda *_: found)
     monkeypatch.setattr(parallel_compile, "_helpers", lambda: 1)
     monkeypatch.setattr(parallel_compile, "is_prepared", lambda: True)
     monkeypatch.setattr(threading, "active_count", lambda: 1)

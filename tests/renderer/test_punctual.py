@@ -154,12 +154,12 @@ def test_no_ray_meets_a_light_without_a_body():
     ("light", "words"),
     [
         (Light("lamp"), "known are point"),
-        (Light("point", intensity=(-1, 0, 0)), "between 0 and 1e15"),
-        (Light("point", position=(math.nan, 0, 0)), "infinite or none"),
+        (Light("point", intensity=(-1, 0, 0)), "must be from 0 to 1e15"),
+        (Light("point", position=(math.nan, 0, 0)), "not finite"),
         (Light("spot", direction=(0, 0, 0)), "no direction"),
         (Light("point", radius=-1), "radius -1"),
         (Light("directional", angle=181), "181 degrees"),
-        (Light("spot", inner_cone=50, outer_cone=40), "inner one lies between 0 and the outer"),
+        (Light("spot", inner_cone=50, outer_cone=40), "inner must be from 0 to the outer"),
     ],
 )
 def test_what_means_nothing_is_refused(light, words):

@@ -147,7 +147,7 @@ def test_one_map_of_many_lights_is_kept_once():
 
 
 def test_distant_lights_have_none():
-    with pytest.raises(SceneError, match="only points and spots have one"):
+    with pytest.raises(SceneError, match="only point and spot lights may have one"):
         irradiance(Light("directional", direction=(0, -1, 0), emission=WEB.emission))
     with pytest.raises(SceneError, match="has no direction"):
         irradiance(Light("point", direction=(0, 0, 0), emission=WEB.emission))

@@ -16,7 +16,13 @@ from renderer.sources import ARRAYS, MACHINE_CODE, ROOT, cached_meaning, files_o
 
 DECORATORS = ("entry", "builder", "device", "template", "subroutine")
 # Modules that compute the hash, locate files, confine processes, or hold the sentences of errors and warnings.
-EXEMPT = {ROOT / "sources.py", ROOT / "sentences.py", ROOT / "cache_folders.py", *(ROOT / "confine").glob("*.py")}
+EXEMPT = {
+    ROOT / "sources.py",
+    ROOT / "sentences.py",
+    ROOT / "library_messages.py",
+    ROOT / "cache_folders.py",
+    *(ROOT / "confine").glob("*.py"),
+}
 
 
 def changed(tmp_path: Path, before: str, after: str) -> bool:

@@ -52,7 +52,7 @@ def test_an_encoding_is_guessed_by_its_letters_and_said(name, encoding, title):
     found = names_of(zipped({b"scene.obj": b"", name.encode(encoding): b""}))
     if encoding != "big5":  # whose letters are also those of other encodings
         assert found.names == ["scene.obj", name]
-        assert found.guess == f"The archive does not say how 1 of its names are encoded; they are read as {title}."
+        assert found.guess == f"The archive does not state the encoding of 1 names; they are read as {title}."
     with_use = names_of(zipped({b"scene.mtl": MTL % name.encode(), name.encode(encoding): b""}))
     assert with_use.names[1] == name  # what the files name decides
 

@@ -220,7 +220,7 @@ def test_views_that_nothing_lies_between_are_refused():
     flat, deep = View(**LEVEL, projection="orthographic"), View(**LEVEL)
     with pytest.raises(SettingsError, match="different projections"):
         RenderSettings(8, 8, deep, views=(deep, flat))
-    with pytest.raises(SettingsError, match="has 2 to 65"):
+    with pytest.raises(SettingsError, match="needs 2 to 65"):
         RenderSettings(8, 8, deep, views=(deep,))
 
 

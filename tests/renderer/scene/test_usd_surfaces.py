@@ -212,7 +212,7 @@ def test_widths_vary_along_curves_of_any_number_of_points_and_ribbons_are_named(
         low, high = y[own].min(), y[own].max()
         got = [np.ptp(x[own & (np.abs(y - end) < 0.01)]) for end in (low, high)]
         np.testing.assert_allclose(got, ends, atol=1e-4)
-    assert any("ribbons" in w for w in found.warnings)
+    assert any("Ribbon curves" in w for w in found.warnings)
 
 
 def lattice(made, how, split=False):

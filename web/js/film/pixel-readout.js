@@ -118,7 +118,7 @@ export class PixelReadout {
       setText(value, texts[i] ?? "");
     });
     const { live } = this.side;
-    setText(this.samples, live.hasSamples !== false ? t("{n} spp", { n: samples }) : "");
+    setText(this.samples, live.hasSamples !== false ? t("{n} spp", { n: count(samples) }) : "");
     this.line.classList.toggle("exact", exact);
     this.line.title = exact ? t("Exact values of the film, linear Rec.709") : t("Values of the live picture, true to 0.2 %");
   }
