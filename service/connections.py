@@ -19,7 +19,7 @@ __all__ = ["Connection", "most_connections"]
 
 HEAD_TIMEOUT_S = 20.0
 MAX_HEAD_BYTES = 1 << 16  # bytes, in addition to those received together with its beginning
-BODY_TIMEOUT_S = 60.0  # seconds, plus one second for each BODY_BYTES_A_SECOND received
+BODY_TIMEOUT_S = 60.0  # seconds, plus one second for each MIN_BODY_RATE received
 MIN_BODY_RATE = 1 << 10
 MAX_SHORT_BODY = 1 << 16  # bytes; uvicorn buffers as many before it pauses reading
 WANTED_DESCRIPTORS = 1 << 16  # file descriptors that the service requests from the system
@@ -79,7 +79,7 @@ class Connection(HttpToolsProtocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Parses received data. Rejects a request whose head is larger than LARGEST_HEAD bytes."""
+        """Parses received data. Rejects a request whose head is larger than MAX_HEAD_BYTES bytes."""
         self._has_begun = self._is_silent = False
         super().data_received(data)
         if self.transport.is_closing() or self._head is None or self._has_begun:

@@ -1,23 +1,23 @@
 """Errors of the service, independent of HTTP: service/http/problems.py maps them to status codes.
 
-FarmError           base class; its message is a sentence that tells users what to do
-├── NotFound        the object does not exist, or no longer
-├── Conflict        not possible in the present state
-├── NotAllowed      the caller may see the object but not change it
-├── Invalid         malformed or contradictory request
-├── TooLarge        beyond a limit of this farm
-├── UnknownFormat   a format that this farm does not read
-├── NoRoom          the disk, or the caller's quota of bytes, is full
-├── OverQuota       the caller's quota of jobs or samples is used up
-├── Unavailable     a part of the farm is unreachable or busy; a retry may succeed
-│   └── NotOwner        another service has taken over the farm
-├── Failed          a worker failed to process a request
-├── TooLate         a worker did not answer in time
-├── CannotStart     the service cannot start on this data folder or with these settings
-├── FilmWaits       temporary fault of a film: full disk, lock, read-only disk
-└── FilmLost        permanent fault of a film: missing permission, newer release
-    └── FilmDamaged     samples are missing or corrupt, and can be rendered again
-QueueError          Redis cannot be reached; not reported to users, since the engine retries
+FarmError            base class; its message is a sentence that tells users what to do
+├── NotFound         the object does not exist, or no longer
+├── Conflict         not possible in the present state
+├── NotAllowed       the caller may see the object but not change it
+├── Invalid          malformed or contradictory request
+├── TooLarge         beyond a limit of this farm
+├── UnknownFormat    a format that this farm does not read
+├── OutOfSpace       the disk, or the caller's quota of bytes, is full
+├── OverQuota        the caller's quota of jobs or samples is used up
+├── Unavailable      a part of the farm is unreachable or busy; a retry may succeed
+│   └── NotOwner     another service has taken over the farm
+├── Failed           a worker failed to process a request
+├── AnswerTimeout    a worker did not answer in time
+├── StartupError     the service cannot start on this data folder or with these settings
+├── FilmUnavailable  temporary fault of a film: full disk, lock, read-only disk
+└── FilmLost         permanent fault of a film: missing permission, newer release
+    └── FilmDamaged  samples are missing or corrupt, and can be rendered again
+QueueError           Redis cannot be reached; not reported to users, since the engine retries
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ class Farm:
     def __init__(self, settings: Settings, owning: Ownership | None = None) -> None:
         """Creates the parts without starting them.
 
-        owning: the ownership of the farm; None: acquires it. Raises CannotStart if that fails.
+        owning: the ownership of the farm; None: acquires it. Raises StartupError if that fails.
         """
         self.settings = settings
         self.owning = owning or take_farm(settings, OWNERSHIP_TIMEOUT_S)
@@ -193,7 +193,7 @@ def _broker(settings: Settings) -> tuple[redis.Redis, CeleryDispatcher]:
 
 
 def open_blobs(settings: Settings) -> BlobStore:
-    """Returns the blob store selected by the settings: an S3 bucket, or a folder. Raises CannotStart."""
+    """Returns the blob store selected by the settings: an S3 bucket, or a folder. Raises StartupError."""
     temporary = settings.data / "tmp"
     if not settings.blobs:
         return BlobFolder(settings.data / "blobs", temporary)

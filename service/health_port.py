@@ -28,7 +28,7 @@ class HealthPort:
     """Health server. Start and stop it in the event loop's thread."""
 
     def __init__(self, host: str, port: int, is_engine_alive: Callable[[], bool]) -> None:
-        """Binds the port. Raises CannotStart if that fails."""
+        """Binds the port. Raises StartupError if that fails."""
         self._is_engine_alive = is_engine_alive
         self._ticked = time.monotonic()
         self._handle: asyncio.TimerHandle | None = None

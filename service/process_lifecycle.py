@@ -49,7 +49,7 @@ class ServiceLifecycle:
         self._trouble = ""  # why it is unknown whether this service must take over
 
     async def begin(self) -> None:
-        """Takes the farm, or becomes a standby. Raises CannotStart."""
+        """Takes the farm, or becomes a standby. Raises StartupError."""
         self._candidate = Candidate(self._settings)
         try:
             owning = self._candidate.attempt()
@@ -114,7 +114,7 @@ class ServiceLifecycle:
             self._farm.broadcast.close()
 
     def _start_farm(self, owning: Ownership) -> None:
-        """Starts the farm with this ownership. Raises CannotStart; then this process is a standby again."""
+        """Starts the farm with this ownership. Raises StartupError; then this process is a standby again."""
         self._lost.clear()
         loop = asyncio.get_running_loop()
         try:

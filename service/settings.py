@@ -127,7 +127,7 @@ class Settings(BaseSettings):
     def read(cls, **given: Any) -> Settings:
         """Reads the settings from the environment. given: values that take precedence.
 
-        Raises CannotStart if a value is invalid.
+        Raises StartupError if a value is invalid.
         """
         try:
             return cls(**given)
@@ -246,7 +246,7 @@ class Settings(BaseSettings):
         return self.login == "always"
 
     def make_folders(self) -> None:
-        """Creates the data folder with its subfolders, the instance's id, and tokens that are not set. Raises CannotStart."""
+        """Creates the data folder with its subfolders, the instance's id, and tokens that are not set. Raises StartupError."""
         try:
             self._make_folders()
         except OSError as error:

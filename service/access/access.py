@@ -24,7 +24,7 @@ LINK_S = 86400.0
 class Access:
     """Access control of the service: its keys, users, projects, login attempts and OpenID provider.
 
-    Raises CannotStart if other machines can reach the service while its token is still the public default.
+    Raises StartupError if other machines can reach the service while its token is still the public default.
     """
 
     def __init__(self, sessions: Sessions, settings: Settings, instance: str) -> None:

@@ -106,7 +106,7 @@ def _ssl_context() -> ssl.SSLContext:
 def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
     """Returns the OpenID provider from the settings, or None if none is configured.
 
-    Raises CannotStart if its settings are invalid.
+    Raises StartupError if its settings are invalid.
     """
     if not settings.oidc_discovery:
         return None
@@ -128,7 +128,7 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
 
 
 class Oidc:
-    """One OpenID provider. Its metadata and keys are fetched at the first login and cached for KNOWN_S seconds."""
+    """One OpenID provider. Its metadata and keys are fetched at the first login and cached for METADATA_TTL_S seconds."""
 
     def __init__(self, settings: Settings, secret: str, login_key: bytes, sessions: Sessions) -> None:
         from joserfc.jwk import OctKey

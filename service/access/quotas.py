@@ -120,7 +120,7 @@ class Quotas:
     def check_bytes(self, caller: Caller | None, more: int = 0) -> None:
         """Checks the storage quota.
 
-        Raises NoRoom if `more` bytes would exceed the caller's limit, or if it is already reached.
+        Raises OutOfSpace if `more` bytes would exceed the caller's limit, or if it is already reached.
         """
         with self._sessions() as session:
             for whose, limits in self._limits(caller, session):
@@ -150,10 +150,10 @@ class Quotas:
                     )
 
     def check_job(self, caller: Caller | None, session: Session, samples: int = 0, is_new: bool = True) -> None:
-        """Checks the quotas of jobs, samples and bytes. Raises OverQuota, or NoRoom for bytes.
+        """Checks the quotas of jobs, samples and bytes. Raises OverQuota, or OutOfSpace for bytes.
 
         samples: number of samples to add. session: the transaction that records the job. is_new: count it as one more job. To
-        admit a job, a sum of bytes up to FRESH_S seconds old suffices, since the new film grows later; a rejection uses a new
+        admit a job, a sum of bytes up to COUNT_TTL_S seconds old suffices, since the new film grows later; a rejection uses a new
         sum.
         """
         for whose, limits in self._limits(caller, session):
@@ -239,7 +239,7 @@ class Quotas:
         return used
 
     def _had_allowance_left(self, kind: Kind, name: str, limit: int) -> bool:
-        """Whether the latest sum of bytes is less than FRESH_S seconds old and below the limit."""
+        """Whether the latest sum of bytes is less than COUNT_TTL_S seconds old and below the limit."""
         counted, used = self._counted.get((kind, name), (-COUNT_TTL_S, limit))
         return used < limit and time.monotonic() - counted < COUNT_TTL_S
 

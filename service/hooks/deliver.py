@@ -93,7 +93,7 @@ def run_program(program: str, id: str, message: dict[str, Any]) -> None:
 def _exit_status(command: list[str], text: bytes, env: dict[str, str], stderr: IO[bytes]) -> int:
     """Runs a command and returns its exit status.
 
-    If it runs longer than RUN_WITHIN_S seconds, kills its process group, so that processes do not accumulate, and raises
+    If it runs longer than RUN_TIMEOUT_S seconds, kills its process group, so that processes do not accumulate, and raises
     subprocess.TimeoutExpired.
     """
     with subprocess.Popen(

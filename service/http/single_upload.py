@@ -56,7 +56,7 @@ def check_length(request: Request, farm: Farm, what: str, way_out: str = Sentenc
 
 
 async def check_upload_quota(request: Request, farm: Farm, visit: Visit) -> None:
-    """Rejects an upload if the caller's storage quota is used up, before any of it is read. Raises NoRoom."""
+    """Rejects an upload if the caller's storage quota is used up, before any of it is read. Raises OutOfSpace."""
     length = request.headers.get("content-length", "")
     size = int(length) if length.isascii() and length.isdigit() and len(length) < 19 else 0
     await run_in_threadpool(farm.quotas.check_bytes, visit.caller, size)

@@ -169,7 +169,7 @@ class Lighting:
             self._events.publish(RowWritten("scene", id))
 
     def _record_use(self, scene: Scene) -> None:
-        """Updates the time of a derived scene's last use, at most once every TOUCHED_S seconds."""
+        """Updates the time of a derived scene's last use, at most once every RECORD_USE_EVERY_S seconds."""
         if scene.of is not None and time.time() - scene.created > RECORD_USE_EVERY_S:
             with self._sessions.begin() as session:
                 session.execute(update(Scene).where(Scene.id == scene.id).values(created=time.time()))

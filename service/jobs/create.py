@@ -51,7 +51,7 @@ def create(
 ) -> Created:
     """Creates a job with its frames. For a repeated idempotency key, returns the job of the earlier request.
 
-    Raises NotFound, Conflict, Invalid, OverQuota, NoRoom and NotAllowed.
+    Raises NotFound, Conflict, Invalid, OverQuota, OutOfSpace and NotAllowed.
     """
     asked = request.model_dump(mode="json", exclude=_omitted(request))
     if (first := job_with_key(idempotency_key, visit.user, farm)) is not None:

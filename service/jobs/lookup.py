@@ -56,7 +56,7 @@ def is_lit(id: str, session: Session) -> bool:
 def find_film(id: str, n: float, farm: Farm) -> Film:
     """Returns the film of a job that has frame n.
 
-    Raises NotFound, Conflict if there is no film yet, FilmLost if it is lost, FilmWaits if it cannot be read yet.
+    Raises NotFound, Conflict if there is no film yet, FilmLost if it is lost, FilmUnavailable if it cannot be read yet.
     """
     job = find_job(id, farm)
     if not farm.records.has_frame(id, frame_key(n)):

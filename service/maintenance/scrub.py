@@ -44,7 +44,7 @@ log = logging.getLogger(__name__)
 def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: int, recorded: Mapping[int, int]) -> None:
     """Reads a whole film and checks it. recorded: sample count of each frame in the database.
 
-    Raises FilmDamaged, FilmLost, FilmWaits.
+    Raises FilmDamaged, FilmLost, FilmUnavailable.
     """
     if not any(recorded.values()):
         return

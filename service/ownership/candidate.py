@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 class Candidate:
     """Attempts to become the owner of the farm. Not thread-safe.
 
-    Raises CannotStart if this service cannot use the settings or the database.
+    Raises StartupError if this service cannot use the settings or the database.
     """
 
     def __init__(self, settings: Settings, clock: Callable[[], float] = time.monotonic) -> None:
@@ -61,7 +61,7 @@ class Candidate:
     def attempt(self) -> Ownership | None:
         """Returns the ownership if the farm is free or its owner dead; else None. Cheap enough to be called often.
 
-        Raises Unavailable and CannotStart.
+        Raises Unavailable and StartupError.
         """
         has_lock = self._lock.attempt()
         if self._clock() < self._looks_at and not (has_lock and self._lock_proves_death()):
@@ -157,7 +157,7 @@ def _is_damage(error: DatabaseError) -> bool:
 
 
 def take_farm(settings: Settings, patience_s: float) -> Ownership:
-    """Takes the farm for a service that does not run as a standby. Raises CannotStart if another service owns it.
+    """Takes the farm for a service that does not run as a standby. Raises StartupError if another service owns it.
 
     patience_s: maximum time to wait for an earlier service to end, in seconds.
     """

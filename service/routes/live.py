@@ -237,7 +237,7 @@ def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], f
 
 
 def _frame_messages(job: Job | None, before: Mapping[int, FrameNumbers], now: Mapping[int, FrameNumbers]) -> list[str]:
-    """Returns messages about the frames that changed, each with at most FRAMES_TOLD frames."""
+    """Returns messages about the frames that changed, each with at most FRAMES_PER_MESSAGE frames."""
     changed = [(key, numbers) for key, numbers in now.items() if before.get(key) != numbers]
     some = (changed[at : at + FRAMES_PER_MESSAGE] for at in range(0, len(changed), FRAMES_PER_MESSAGE))
     return [Frames(plain_frames(job, part)).to_text() for part in some] if job is not None else []

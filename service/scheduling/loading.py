@@ -125,7 +125,7 @@ class Loading:
     def _film(self, row: Job, resolved: Job) -> Film:
         """Opens the job's film, and removes samples that must be rendered again or come from distrusted workers.
 
-        Raises FilmWaits or FilmLost.
+        Raises FilmUnavailable or FilmLost.
         """
         assert resolved.settings is not None and resolved.tile_size is not None
         film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)

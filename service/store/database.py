@@ -39,8 +39,8 @@ class Sessions:
     """Factory of sessions: `sessions()` for reading, `sessions.begin()` for a writing transaction.
 
     patience_s: timeout of SQLite's lock in seconds. fence: called at the start of each writing transaction; raises FarmError to
-    reject it. Raises NoRoom if the disk is full, Unavailable if the database is locked or unreachable, Invalid for values that
-    the database cannot store.
+    reject it. Raises OutOfSpace if the disk is full, Unavailable if the database is locked or unreachable, Invalid for values
+    that the database cannot store.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ def _json_or_nothing(text: str | bytes) -> Any:
 def translated_faults() -> Iterator[None]:
     """Context manager that converts database errors as `Sessions` does, for code that uses a connection directly.
 
-    Raises NoRoom, Unavailable or Invalid.
+    Raises OutOfSpace, Unavailable or Invalid.
     """
     try:
         yield

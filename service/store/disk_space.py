@@ -26,7 +26,7 @@ def disk_full_error() -> OutOfSpace:
 
 @contextmanager
 def translated_disk_errors() -> Iterator[None]:
-    """Context manager that converts the operating system's disk-full errors to NoRoom."""
+    """Context manager that converts the operating system's disk-full errors to OutOfSpace."""
     try:
         yield
     except OSError as error:
@@ -36,7 +36,7 @@ def translated_disk_errors() -> Iterator[None]:
 
 
 def check_free_space(folder: Path, keep_free: int) -> None:
-    """Raises NoRoom if the disk has less than `keep_free` bytes plus a margin for writes in progress."""
+    """Raises OutOfSpace if the disk has less than `keep_free` bytes plus a margin for writes in progress."""
     if shutil.disk_usage(folder).free < keep_free + CHECK_EVERY:
         raise disk_full_error()
 
@@ -44,7 +44,8 @@ def check_free_space(folder: Path, keep_free: int) -> None:
 def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
     """Returns a function to be called with the number of bytes about to be written.
 
-    It raises NoRoom if the disk would have less than `keep_free` bytes left. The disk is checked once every CHECK_EVERY bytes.
+    It raises OutOfSpace if the disk would have less than `keep_free` bytes left. The disk is checked once every CHECK_EVERY
+    bytes.
     """
     since_check = CHECK_EVERY
 

@@ -21,7 +21,7 @@ LOCK_TIMEOUT_S = 5.0
 def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
     """Reads and verifies the whole film. Returns the number of samples of each frame, summed over its pixels.
 
-    Rows without a checksum (films of older releases) are accepted. Raises FilmDamaged, FilmLost, FilmWaits.
+    Rows without a checksum (films of older releases) are accepted. Raises FilmDamaged, FilmLost, FilmUnavailable.
     """
     tiles = tiles_of(shape.width, shape.height, shape.tile_size)
     found: Counter[int] = Counter()

@@ -63,8 +63,8 @@ class FilmCopy:
         """Copies frames of another film in one read transaction. Returns the number of samples of each copied frame, over all
         pixels.
 
-        most: skips frames with sample numbers >= `most`, and frames without samples. Raises FilmWaits, or FilmLost if the source
-        is missing or a row does not match its checksum; then none of these frames is copied.
+        most: skips frames with sample numbers >= `most`, and frames without samples. Raises FilmUnavailable, or FilmLost if the
+        source is missing or a row does not match its checksum; then none of these frames is copied.
         """
         if not source.exists():
             raise FilmLost(Sentence("film-missing", "{film} is missing.", film=FILM))

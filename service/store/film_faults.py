@@ -1,4 +1,4 @@
-"""Classification of faults of a film's file: temporary (FilmWaits), permanent (FilmLost), or repairable by rendering again
+"""Classification of faults of a film's file: temporary (FilmUnavailable), permanent (FilmLost), or repairable by rendering again
 (FilmDamaged, a FilmLost).
 """
 
@@ -54,7 +54,7 @@ class FilmClosed(NotFound):
 
 @contextmanager
 def film_faults() -> Iterator[None]:
-    """Context manager that converts errors of SQLite and the file system to FilmWaits or FilmLost."""
+    """Context manager that converts errors of SQLite and the file system to FilmUnavailable or FilmLost."""
     try:
         yield
     except sqlite3.DatabaseError as error:

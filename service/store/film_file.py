@@ -1,4 +1,7 @@
-"""A film's file: an SQLite database of rows. Every change is one transaction; every fault is raised as FilmWaits or FilmLost."""
+"""A film's file: an SQLite database of rows.
+
+Every change is one transaction; every fault is raised as FilmUnavailable or FilmLost.
+"""
 
 from __future__ import annotations
 
@@ -60,8 +63,8 @@ class FilmFile:
     def __init__(self, path: Path, shape: FilmShape, epoch: int | None = None) -> None:
         """Opens the file; creates or migrates it if needed.
 
-        epoch: this service's ownership epoch: writes raise FilmWaits after a service with a greater epoch has written; None: no
-        such check. Raises FilmWaits or FilmLost.
+        epoch: this service's ownership epoch: writes raise FilmUnavailable after a service with a greater epoch has written;
+        None: no such check. Raises FilmUnavailable or FilmLost.
         """
         self._is_held = False  # whether another program held the lock at the last try
         self._epoch = epoch
@@ -86,8 +89,8 @@ class FilmFile:
     def claim(self) -> bool:
         """Writes this service's epoch to the file, so that services with a lesser epoch can no longer write.
 
-        Returns True if this is the first call: then cached contents of the film must be read again. Raises FilmWaits, also if a
-        service with a greater epoch owns the film.
+        Returns True if this is the first call: then cached contents of the film must be read again. Raises FilmUnavailable, also
+        if a service with a greater epoch owns the film.
         """
         if self._is_claimed:
             return False
@@ -179,7 +182,7 @@ class FilmFile:
         return True
 
     def forget(self, frames: Iterable[int]) -> None:
-        """Deletes the rows and bad samples of these frames, FORGOTTEN_AT_ONCE frames per transaction."""
+        """Deletes the rows and bad samples of these frames, FRAMES_PER_DELETION frames per transaction."""
         left = iter([(frame,) for frame in frames])
         while some := list(islice(left, FRAMES_PER_DELETION)):
             with film_faults(), self._transaction():
@@ -233,7 +236,7 @@ class FilmFile:
             raise
 
     def _fence(self, epoch: int) -> None:
-        """Raises FilmWaits if a service with a greater epoch owns the film; otherwise stores this service's epoch.
+        """Raises FilmUnavailable if a service with a greater epoch owns the film; otherwise stores this service's epoch.
 
         In a transaction.
         """

@@ -23,7 +23,7 @@ __all__ = ["FilmSnapshotView", "ReadableFilm"]
 
 
 class ReadableFilm(Protocol):
-    """Interface for reading a film or a snapshot of one. Methods raise FilmWaits, FilmLost or FilmClosed."""
+    """Interface for reading a film or a snapshot of one. Methods raise FilmUnavailable, FilmLost or FilmClosed."""
 
     width: int
     height: int
@@ -47,7 +47,7 @@ class FilmSnapshotView:
     """
 
     def __init__(self, path: Path, width: int, height: int, film_exponent: int, tiles: list[Tile]) -> None:
-        """Opens a snapshot of an existing film file. Raises FilmWaits or FilmLost."""
+        """Opens a snapshot of an existing film file. Raises FilmUnavailable or FilmLost."""
         self.width, self.height, self.film_exponent, self.tiles = width, height, film_exponent, tiles
         self._coverage: dict[tuple[int, int], Coverage] | None = None
         with film_faults():

@@ -32,8 +32,8 @@ QUARANTINE_SUFFIX = ".lost"  # suffix of a film that was set aside
 FILES = ("", "-wal", "-shm")  # suffixes of one SQLite database
 
 # take(other, frames, most): copies frames of another job's film; returns the number of samples of each copied frame, over all
-# pixels. Skips frames without samples or with sample numbers of `most` or higher. Raises FilmLost or FilmWaits; then none is
-# copied.
+# pixels. Skips frames without samples or with sample numbers of `most` or higher. Raises FilmLost or FilmUnavailable; then none
+# is copied.
 CopyFrames = Callable[[str, Collection[int], int], Mapping[int, int]]
 
 log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ class FilmStore(Protocol):
     def open(
         self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0, frame: int = 0
     ) -> Film:
-        """Returns the job's film, the same object for all callers. Raises FilmWaits or FilmLost.
+        """Returns the job's film, the same object for all callers. Raises FilmUnavailable or FilmLost.
 
         pin: keep it in memory until `unpin`, because it will be rendered. Its file is created with the first batch.
         recorded: the number of samples that `frame` must have; raises FilmLost if it has fewer.
@@ -55,31 +55,31 @@ class FilmStore(Protocol):
         """Marks a film as no longer rendered: merges its write-ahead log, and allows the film to be closed."""
 
     def quarantine(self, job: str) -> None:
-        """Renames an unreadable film, so that its job starts again with an empty one. Raises FilmWaits or FilmLost."""
+        """Renames an unreadable film, so that its job starts again with an empty one. Raises FilmUnavailable or FilmLost."""
 
     def delete_damaged(self, job: str, settings: RenderSettings, tile_size: int) -> None:
         """Repairs a film: deletes rows that do not match their checksums, so that their samples are rendered again.
 
-        A film that cannot be opened is renamed, and its intact rows are copied to a new one. Raises FilmWaits or FilmLost.
+        A film that cannot be opened is renamed, and its intact rows are copied to a new one. Raises FilmUnavailable or FilmLost.
         """
 
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
         """Reads and verifies the whole film. Returns the number of samples of each frame.
 
-        Raises FilmDamaged, FilmLost, FilmWaits.
+        Raises FilmDamaged, FilmLost, FilmUnavailable.
         """
 
     def copy(self, job: str, settings: RenderSettings, tile_size: int) -> AbstractContextManager[CopyFrames]:
         """Context manager that creates a job's film from frames of other films; yields the function that copies frames.
 
-        The film exists after the block, if frames were copied. Raises FilmWaits or FilmLost; then no film is created.
+        The film exists after the block, if frames were copied. Raises FilmUnavailable or FilmLost; then no film is created.
         """
 
     def size(self, job: str) -> int:
         """Returns the disk space of a job's film in bytes; 0 if it has no film."""
 
     def delete(self, job: str) -> None:
-        """Closes and deletes a film, and its damaged copy if it was set aside. Raises FilmWaits or FilmLost."""
+        """Closes and deletes a film, and its damaged copy if it was set aside. Raises FilmUnavailable or FilmLost."""
 
     def sweep(self, keep: set[str]) -> None:
         """Deletes films of jobs not in `keep`, and unfinished copies of an earlier process."""

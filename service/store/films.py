@@ -42,7 +42,7 @@ class Film:
     """The film of a job: the tiles of its frames, the stored sample ranges, and their sums. Thread-safe.
 
     FilmStore ensures that a job has only one such object at a time, so the cached index of the file stays valid.
-    Methods that read or write raise FilmWaits, FilmLost or FilmClosed.
+    Methods that read or write raise FilmUnavailable, FilmLost or FilmClosed.
     """
 
     def __init__(
@@ -331,7 +331,7 @@ class Film:
     def moment(self) -> FilmSnapshotView:
         """Returns a snapshot of the film, which stays readable while the film grows.
 
-        Raises FilmWaits, also if there is no file yet.
+        Raises FilmUnavailable, also if there is no file yet.
         """
         with self._lock:
             self.load()

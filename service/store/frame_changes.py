@@ -188,7 +188,7 @@ class FrameChanges:
         return is_left
 
     def _pause(self, began: float) -> None:
-        """Waits as long as the last transaction took, at most MOST_PAUSE_S seconds, so that other writers get SQLite's lock."""
+        """Waits as long as the last transaction took, at most MAX_PAUSE_S seconds, so that other writers get SQLite's lock."""
         self._stop.wait(min(time.monotonic() - began, MAX_PAUSE_S))
 
     def _run(self) -> None:

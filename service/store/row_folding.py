@@ -19,7 +19,7 @@ def rows_to_fold(rows: Sequence[Head], keeps_apart: bool, is_one_run: bool) -> l
     """Returns lists of a tile's rows; each list is to be folded into one row.
 
     All rows, if the tile's samples are contiguous (is_one_run). If rows of different workers stay separate (keeps_apart): the
-    rows of each worker that has many, and beyond MOST_APART rows all of them.
+    rows of each worker that has many, and beyond MAX_ROWS_APART rows all of them.
     """
     if len(rows) < MAX_ROWS_UNFOLDED:
         return []

@@ -40,7 +40,7 @@ def schema_state(engine: Engine) -> SchemaState:
 
 
 def refuse_newer(engine: Engine) -> SchemaState:
-    """Returns the revision of a database. Raises CannotStart for one of a newer release. Changes nothing."""
+    """Returns the revision of a database. Raises StartupError for one of a newer release. Changes nothing."""
     stands = schema_state(engine)
     if stands.is_newer:
         raise StartupError(
@@ -51,7 +51,7 @@ def refuse_newer(engine: Engine) -> SchemaState:
 
 
 def upgrade(engine: Engine) -> None:
-    """Creates or migrates the tables in one transaction. Raises CannotStart for a database of a newer release."""
+    """Creates or migrates the tables in one transaction. Raises StartupError for a database of a newer release."""
     stands = refuse_newer(engine)
     if stands.current == stands.head:
         return

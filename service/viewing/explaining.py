@@ -76,7 +76,7 @@ class PixelExplainer:
     def explain(self, work: ExplainPixel, kind: str) -> dict[str, Any]:
         """Returns a worker's explanation (worker/work/explain.py); its key `worker` is the worker's name.
 
-        work: the message; its id is replaced. Raises Unavailable or TooLate, or Failed if the worker reports an error.
+        work: the message; its id is replaced. Raises Unavailable or AnswerTimeout, or Failed if the worker reports an error.
         """
         if not self._room.acquire(blocking=False):
             raise Unavailable(Sentence("pixel-requests-busy", "Other pixels are being explained. Try again in a moment."), 2.0)

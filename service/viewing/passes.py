@@ -1,10 +1,10 @@
 """Divides a view into pieces to render: first a small picture, then the whole view with more and more samples.
 
-The first picture is as large as the farm can render in FIRST_S seconds at the measured cost of a sample. If the whole view takes
-much longer, a picture of medium size follows. The whole view is then rendered with 1, 2, 4, 8 ... samples per pixel. All samples
-of a piece are in one half (renderer.film.in_half), so that the noise can be estimated from the sums of the halves. A piece takes
-about PIECE_S seconds, so that slots soon become free for a new view. A message has several pieces, so that its round trip is
-short compared with its rendering.
+The first picture is as large as the farm can render in FIRST_PICTURE_S seconds at the measured cost of a sample. If the whole
+view takes much longer, a picture of medium size follows. The whole view is then rendered with 1, 2, 4, 8 ... samples per pixel.
+All samples of a piece are in one half (renderer.film.in_half), so that the noise can be estimated from the sums of the halves. A
+piece takes about PIECE_TARGET_S seconds, so that slots soon become free for a new view. A message has several pieces, so that its
+round trip is short compared with its rendering.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ class Passes:
 
 
 def _tiles(width: int, height: int, cost_s: float, at_least: int) -> list[Tile]:
-    """Divides a level into tiles that take about PIECE_S seconds per sample.
+    """Divides a level into tiles that take about PIECE_TARGET_S seconds per sample.
 
     at_least: minimum number of tiles, unless the picture is tiny.
     """

@@ -82,7 +82,7 @@ class SharedResults:
         return int(min(ROUND_PIXELS, self._memory * (1 - PACKED_MEMORY_SHARE) / (IN_FLIGHT_BYTES_PER_PIXEL * watchers)))
 
     async def tiles(self, job: str, film: Film, frame: int, tiles: Iterable[int]) -> list[Body]:
-        """Returns the current encodings of the tiles that have samples. Raises FilmWaits, FilmLost and FilmClosed."""
+        """Returns the current encodings of the tiles that have samples. Raises FilmUnavailable, FilmLost and FilmClosed."""
         found: dict[int, Body | None] = {}
         tasks: dict[asyncio.Task[dict[int, Body | None]], list[int]] = {}
         missing: dict[int, tuple[int, int]] = {}
@@ -108,7 +108,7 @@ class SharedResults:
         return [body for body in found.values() if body is not None]
 
     async def shared(self, job: str, what: str, make: Callable[[], T]) -> T:
-        """Returns the result of `make`, cached until the job changes, at most TRUE_FOR_S seconds."""
+        """Returns the result of `make`, cached until the job changes, at most STATE_TTL_S seconds."""
         changes, now = self._broadcast.changes(job), time.monotonic()
         known = self._cached_results.get((job, what))
         if known is None or known[0] != changes or now - known[1] > STATE_TTL_S or _has_failed(known[2]):

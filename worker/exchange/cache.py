@@ -56,7 +56,7 @@ class BlobCache:
     def path(self, sha256: str, size: int | None = None) -> Path:
         """Returns the path of a blob's file, downloaded if missing. size: if known, a file of another size is downloaded again.
 
-        Raises Trouble or RefusedError if it cannot be downloaded.
+        Raises TemporaryError or RefusedError if it cannot be downloaded.
         """
         if self.shared is not None and (mine := self.shared / sha256[:2] / sha256).is_file():
             return mine

@@ -1,9 +1,9 @@
 """Errors of a worker, by their cause.
 
 WorkerError            base class; the message is one sentence
-├── Trouble            failure of the worker, not of a scene; may be temporary: the work is retried, then returned
+├── TemporaryError     failure of the worker, not of a scene; may be temporary: the work is retried, then returned
 │   ├── LinkError      the service cannot be reached, or answers with a server error
-│   │   └── DamagedError   the content differs from the request: corrupted in transit or on the service's disk
+│   │   └── DamagedError the content differs from the request: corrupted in transit or on the service's disk
 │   ├── TokenError     the service does not accept this worker's token
 │   ├── NotAFarmError  the service's address is that of another server
 │   └── MachineError   this machine: a full disk, an unwritable cache, too many processes

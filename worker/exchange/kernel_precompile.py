@@ -34,7 +34,7 @@ NICE_INCREMENT = 5  # nice levels; moderate, so that a slot waiting for the kern
 def precompile_full_kernel(link: Link) -> None:
     """Starts the compiling process, unless this machine has the kernel.
 
-    It starts work after LATER_S seconds, and ends with this process.
+    It starts work after START_DELAY_S seconds, and ends with this process.
     """
     if jit.is_cached(kernel_name(variant=FULL)):
         return

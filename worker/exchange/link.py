@@ -49,8 +49,8 @@ class FarmAnswer:
 class Link:
     """An HTTP client for the service. Each process creates its own, since connections do not survive a fork.
 
-    Every method raises Trouble (worker.exchange.errors) if the service is unreachable, failing or not a farm, and RefusedError if
-    it rejects the request.
+    Every method raises TemporaryError (worker.exchange.errors) if the service is unreachable, failing or not a farm, and
+    RefusedError if it rejects the request.
     """
 
     def __init__(self, service: str, token: str) -> None:

@@ -1,4 +1,4 @@
-"""Retries a call while it raises Trouble, which may be temporary."""
+"""Retries a call while it raises TemporaryError, which may be temporary."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 def retry_on_trouble(call: Callable[[], T], seconds: float, pause_s: float = 1.0) -> T:
-    """Returns the result of `call`. While it raises Trouble, retries for `seconds`; then raises the last error.
+    """Returns the result of `call`. While it raises TemporaryError, retries for `seconds`; then raises the last error.
 
     Each distinct reason is logged once. pause_s: pause between attempts.
     """

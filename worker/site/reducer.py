@@ -105,7 +105,7 @@ class Reducer:
                 self._coming[is_ours] -= size if is_there else 0
 
     def take(self, body: bytes) -> None:
-        """Stores sums. Raises ValueError if they are invalid, Full if there is no room, or OSError."""
+        """Stores sums. Raises ValueError if they are invalid, SumsFullError if there is no room, or OSError."""
         self.sums.take(result_of(body))
         with self._count:
             self.results += 1

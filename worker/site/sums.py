@@ -85,7 +85,7 @@ class SiteSums:
     def take(self, result: Result) -> None:
         """Stores sums until those of their run are complete.
 
-        Raises ValueError for malformed or conflicting sums, Full if they do not fit, and OSError.
+        Raises ValueError for malformed or conflicting sums, SumsFullError if they do not fit, and OSError.
         """
         run, result = _parse_result(result)
         event = result.event

@@ -38,7 +38,7 @@ class _OpenScene:
     """A scene that a confined reader of this slot has open: its room, and the compiled files of its latest frame."""
 
     def __init__(self, worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> None:
-        """Opens a reader for the scene. Raises Trouble, UnfitError or RefusedError."""
+        """Opens a reader for the scene. Raises TemporaryError, UnfitError or RefusedError."""
         self._spent = 0.0
         self._latest: Path | None = None  # folder of the latest compiled files
         self.room = ReaderFolder("frames")
@@ -89,7 +89,7 @@ def forget_frames() -> None:
 def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrames, answer: Answer) -> None:
     """Prepares frames in order, and sends an answer for each once its compiled scene is stored at the service.
 
-    Raises Trouble or RefusedError if the service or this machine cannot be used; earlier answers remain valid.
+    Raises TemporaryError or RefusedError if the service or this machine cannot be used; earlier answers remain valid.
     """
     left = list(work.frames)
     opened: _OpenScene
@@ -151,7 +151,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
 def compiled_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> CompiledScene | None:
     """Returns the compiled scene of the first of the frames, for use in this process only.
 
-    None if it equals the scene compiled for the shot's start. Raises WorkError, Trouble or RefusedError.
+    None if it equals the scene compiled for the shot's start. Raises WorkError, TemporaryError or RefusedError.
     """
     found: list[str | None] = []
 

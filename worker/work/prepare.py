@@ -44,7 +44,7 @@ def prepare_scene(
     """Prepares an uploaded scene and stores the results at the service.
 
     show: called with what viewers can draw, once the scene was read. Raises WorkError with a sentence if the files are not a
-    scene; Trouble, UnfitError or RefusedError if the service or this machine cannot be used.
+    scene; TemporaryError, UnfitError or RefusedError if the service or this machine cannot be used.
     """
     begun = time.monotonic()
     try:

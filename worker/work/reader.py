@@ -89,7 +89,7 @@ class ReaderFolder:
     def place_base(self, worker: WorkerContext, sha256: str) -> None:
         """Links a compiled scene of the cache, and its parts, into the folder `base`.
 
-        Raises Trouble, RefusedError and SceneError.
+        Raises TemporaryError, RefusedError and SceneError.
         """
         open_scene(worker.cache, sha256)  # fetches and validates it
         manifest = worker.cache.path(sha256)

@@ -34,8 +34,8 @@ def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) 
     """Uploads a compiled scene written by `renderer.scene.compiled.save` or a Saver; only parts that the service lacks.
 
     there: hashes of parts that the service certainly has; they are not checked. The parts are also added to this machine's cache,
-    for later frames that share them, since the service may delete them. Raises Trouble if a part of an earlier frame no longer
-    exists.
+    for later frames that share them, since the service may delete them. Raises TemporaryError if a part of an earlier frame no
+    longer exists.
     """
     parts = parts_of(path)
     for part in parts:
@@ -69,7 +69,7 @@ def _from_cache(worker: WorkerContext, part: Part) -> Path:
 def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
     """Maps a compiled scene. If a cached file is damaged, downloads it again once.
 
-    Raises SceneError if it is not a compiled scene, Trouble or RefusedError if it cannot be downloaded.
+    Raises SceneError if it is not a compiled scene, TemporaryError or RefusedError if it cannot be downloaded.
     """
     try:
         return load(cache.path(sha256), cache.path)

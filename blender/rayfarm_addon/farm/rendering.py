@@ -53,7 +53,7 @@ def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None
 
 
 class Rendering:
-    """A rendering, started on creation. `events` holds the events in order; the last is Done or Failed."""
+    """A rendering, started on creation. `events` holds the events in order; the last is FinishedPicture or Failed."""
 
     def __init__(self, client: Client, uploads: Uploads, asked: RenderRequest) -> None:
         self.events: queue.SimpleQueue[Event] = queue.SimpleQueue()

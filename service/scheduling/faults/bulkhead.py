@@ -4,7 +4,7 @@ Every step that the engine takes for a job or a scene runs through `Bulkheads.ru
 
 Redis                raised: without the queue no work is possible, and the whole engine waits for it.
 the database         not the job's fault. The step is retried about once a second; steps that need no database go on.
-FilmWaits            the job waits and reports why. The step is retried about once a second.
+FilmUnavailable            the job waits and reports why. The step is retried about once a second.
 the machine          out of memory or file descriptors, or a failing disk: the same.
 all others           the job's own fault: it gets a verdict, which `Lifecycle.fail` carries out.
 """

@@ -34,7 +34,7 @@ class ReceivedBatch:
 def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[ReceivedBatch]:
     """Adds the batches that the job still needs to its film; returns all batches.
 
-    Raises FilmWaits or FilmLost; then none was added.
+    Raises FilmUnavailable or FilmLost; then none was added.
     """
     wanted = [_wanted_batch(message, job) for message, _ in answers]
     faults = [_weight_error(sums, batch, job) for (_, sums), batch in zip(answers, wanted, strict=True)]

@@ -124,7 +124,7 @@ class ActiveFrame:
     def plan(self) -> FramePlan:
         """The frame's plan. Created at the first access from the samples of all tiles in the film.
 
-        Raises FilmWaits or FilmLost.
+        Raises FilmUnavailable or FilmLost.
         """
         if self._plan is None:
             self.bad_samples = self.film.bad_samples(self.key)[0]
@@ -137,7 +137,7 @@ class ActiveFrame:
 
     @property
     def is_complete(self) -> bool:
-        """Whether every tile has reached its goal. Raises FilmWaits or FilmLost."""
+        """Whether every tile has reached its goal. Raises FilmUnavailable or FilmLost."""
         return self.is_begun and self.plan.done
 
     @property
@@ -218,7 +218,7 @@ class ActiveFrame:
         self._notify_change()
 
     def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
-        """Returns the next batch below the ceiling; None if all are dispatched. Raises FilmWaits or FilmLost.
+        """Returns the next batch below the ceiling; None if all are dispatched. Raises FilmUnavailable or FilmLost.
 
         samples_wanted: returns the suitable number of samples for a tile. of_a_tile: maximum number of consecutive batches of one
         tile.
@@ -232,7 +232,7 @@ class ActiveFrame:
         self._notify_change()
 
     def update_from_film(self, batch: Range) -> None:
-        """Updates the plan and the noise from the film after a batch was merged. Raises FilmWaits or FilmLost."""
+        """Updates the plan and the noise from the film after a batch was merged. Raises FilmUnavailable or FilmLost."""
         self.plan.update_from_film(batch)
         self.is_idle = False
         if self.state == "queued":
@@ -252,7 +252,7 @@ class ActiveFrame:
     def estimate_noise(self, looks: NoiseBudget) -> None:
         """Estimates the noise of tiles that have many new samples, until the time limit `looks` is used up.
 
-        Raises FilmWaits or FilmLost.
+        Raises FilmUnavailable or FilmLost.
         """
         found = False
         for tile in list(self._due):
@@ -273,7 +273,10 @@ class ActiveFrame:
             self.noise = self._extrapolated_noise()
 
     def measured(self) -> float:
-        """Estimates the noise of all tiles now, and returns the frame's; infinity if unknown. Raises FilmWaits or FilmLost."""
+        """Estimates the noise of all tiles now, and returns the frame's; infinity if unknown.
+
+        Raises FilmUnavailable or FilmLost.
+        """
         for tile, covered in enumerate(self.plan.covered):
             if self._measured.get(tile, (0, 0.0))[0] != covered:
                 self._measure_tile(tile, covered)

@@ -102,7 +102,7 @@ class ActiveJob:
         self.unwritten: set[int] = set()  # frames changed since they were stored
 
     def take(self, rows: Sequence[FrameRow]) -> None:
-        """Adds frames in rendering order. Raises FilmWaits or FilmLost."""
+        """Adds frames in rendering order. Raises FilmUnavailable or FilmLost."""
         for row in rows:
             self.frames[row.number] = frame = self._frame(row)
             self._without_picture.append(frame)
@@ -314,7 +314,7 @@ class ActiveJob:
             self._unsettled.append(batch)
 
     def update_from_film(self) -> None:
-        """Updates the plans from the film after batches have returned. Raises FilmWaits or FilmLost; then call it again."""
+        """Updates the plans from the film after batches have returned. Raises FilmUnavailable or FilmLost; then call it again."""
         while self._unsettled:
             batch = self._unsettled[0]
             frame = self.frames.get(batch.frame)
@@ -330,7 +330,7 @@ class ActiveJob:
         self._note_change(frame.key)
 
     def fail(self, frame: ActiveFrame, error: str) -> None:
-        """Marks a frame as failed; the other frames continue. Raises FilmWaits or FilmLost."""
+        """Marks a frame as failed; the other frames continue. Raises FilmUnavailable or FilmLost."""
         frame.fail(error)
         self._updating_frame(frame)
 
@@ -372,7 +372,7 @@ class ActiveJob:
         return (spp, noise, seconds) != (self.spp, self.noise, self.seconds)
 
     def set_goal(self, spp: int, noise: float | None, seconds: float | None) -> None:
-        """Sets a new goal for a still image. Outstanding batches are planned again. Raises FilmWaits or FilmLost."""
+        """Sets a new goal for a still image. Outstanding batches are planned again. Raises FilmUnavailable or FilmLost."""
         self.spp, self.noise, self.seconds = spp, noise, seconds
         self._unsettled.clear()
         for frame in self.frames.values():

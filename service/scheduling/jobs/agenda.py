@@ -100,8 +100,8 @@ class FrameOrder:
     def finish_if_complete(self, frame: ActiveFrame) -> None:
         """Finishes a frame if it is complete. If it was the last frame of the round, starts the next round.
 
-        Call it after a batch of the frame returned, after all its batches were dispatched, or after it failed. Raises FilmWaits
-        or FilmLost; then call it again.
+        Call it after a batch of the frame returned, after all its batches were dispatched, or after it failed. Raises
+        FilmUnavailable or FilmLost; then call it again.
         """
         if not frame.is_over and frame.plan.done:
             frame.finish()

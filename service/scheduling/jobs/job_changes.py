@@ -126,7 +126,7 @@ def begins_anew(job: Job, films: FilmStore) -> bool:
     """Removes unreadable data from the film of an ended job; returns whether the film is empty then.
 
     Reads the whole film of a still image, which may have undetected damage; a shot's film only if it is known to be damaged,
-    since reading may take minutes. Raises FilmWaits and FilmLost.
+    since reading may take minutes. Raises FilmUnavailable and FilmLost.
     """
     if job.state not in FINAL_STATES or job.settings is None or job.tile_size is None:
         return False

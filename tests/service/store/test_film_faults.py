@@ -1,4 +1,4 @@
-"""Faults of a film's file: temporary ones raise FilmWaits, permanent ones FilmLost, and the film's index stays correct."""
+"""Faults of a film's file: temporary ones raise FilmUnavailable, permanent ones FilmLost, and the film's index stays correct."""
 
 from __future__ import annotations
 
