@@ -16,8 +16,7 @@ from renderer.sources import ARRAYS, MACHINE_CODE, ROOT, cached_meaning, files_o
 
 DECORATORS = ("entry", "builder", "device", "template", "subroutine")
 # Modules that compute the hash, locate files, confine processes, or hold the sentences of errors and warnings.
-MESSAGES = {ROOT / "sentences.py", ROOT / "library_messages.py"}
-EXEMPT = {ROOT / "sources.py", ROOT / "cache_folders.py", *MESSAGES, *(ROOT / "confine").glob("*.py")}
+EXEMPT = {
     ROOT / "sources.py",
     ROOT / "sentences.py",
     ROOT / "library_messages.py",
