@@ -63,7 +63,7 @@ class Watched:
     origins: set[str] = field(default_factory=set)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def site() -> Iterator[Site]:
     """The page's files, served without a farm."""
     site = Site()
@@ -72,7 +72,7 @@ def site() -> Iterator[Site]:
     site.thread.join(5)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def profile(browser: Browser, site: Site) -> Iterator[BrowserContext]:
     """A browser context with cached modules, so that not every test fetches and compiles them all."""
     # Small and without animations: every frame is drawn by the CPU.
@@ -116,7 +116,7 @@ def page(watched: Watched, site: Site) -> Page:
     return watched.page
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def many(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service with ten thousand jobs and without workers."""
     folder = tmp_path_factory.mktemp("many")
