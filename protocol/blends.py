@@ -25,7 +25,7 @@ WAITS_FOR_BLENDER = Sentence(
 
 
 def is_blend(main: str) -> bool:
-    """Whether Blender has to open a scene, by the name of its main file."""
+    """Returns True if Blender has to open a scene, by the name of its main file."""
     return PurePosixPath(main).suffix.lower() in BY_BLENDER
 
 

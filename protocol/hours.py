@@ -41,7 +41,7 @@ class Hours:
         return cls(tuple(_part(piece.strip()) for piece in pieces))
 
     def includes(self, now: datetime) -> bool:
-        """Whether `now` is within the hours."""
+        """Returns True if `now` is within the hours."""
         minute, day = 60 * now.hour + now.minute, now.weekday()
         before = (now - timedelta(days=1)).weekday()
         for days, begin, end in self.parts:

@@ -13,7 +13,7 @@ __all__ = ["StopSignals", "cores", "has_screen"]
 
 
 def has_screen() -> bool:
-    """Whether a graphical browser can be shown. Otherwise Linux would open a text browser in the terminal."""
+    """Returns True if a graphical browser can be shown. Otherwise Linux would open a text browser in the terminal."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
@@ -29,9 +29,9 @@ class StopSignals:
         self.count += 1
 
     def stop(self) -> bool:
-        """Whether a stop was requested."""
+        """Returns True if a stop was requested."""
         return self.count >= 1
 
     def is_immediate(self) -> bool:
-        """Whether an immediate stop was requested."""
+        """Returns True if an immediate stop was requested."""
         return self.count >= 2

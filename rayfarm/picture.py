@@ -99,11 +99,11 @@ class Picture:
             typed(options_of, self.given)
 
     def changes_view(self) -> bool:
-        """Whether options change the view, beyond selecting one of the scene's cameras."""
+        """Returns True if options change the view, beyond selecting one of the scene's cameras."""
         return any(value is not None for value in self._view().values())
 
     def changes_view_partly(self) -> bool:
-        """Whether options change the view without setting both its position and its target."""
+        """Returns True if options change the view without setting both its position and its target."""
         return self.changes_view() and (self.given.get("eye") is None or self.given.get("target") is None)
 
     def view(self, cameras: list[dict[str, Any]]) -> View:

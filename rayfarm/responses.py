@@ -184,7 +184,7 @@ class Job(ShownInNotebooks):
 
     @property
     def is_over(self) -> bool:
-        """Whether the job is finished, failed or cancelled."""
+        """Returns True if the job is finished, failed or cancelled."""
         return self.state in ("finished", "failed", "cancelled")
 
 

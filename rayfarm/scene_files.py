@@ -39,7 +39,7 @@ MAX_UNPACKED = 8 << 30
 
 
 def is_numbered(scene: Path) -> bool:
-    """Whether a path is a pattern with one file per frame, such as smoke.####.obj."""
+    """Returns True if a path is a pattern with one file per frame, such as smoke.####.obj."""
     return "#" in scene.name and not scene.exists() and scene.parent.is_dir() and scene.suffix.lower() in SCENE_SUFFIXES
 
 
@@ -202,7 +202,7 @@ def _text(path: Path) -> bytes:
 
 
 def _names(text: bytes, name: str) -> bool:
-    """Whether bytes contain a file's name, in one of `_ENCODINGS` and in NFC or NFD."""
+    """Returns True if bytes contain a file's name, in one of `_ENCODINGS` and in NFC or NFD."""
     for spelling in _spellings(name):
         if spelling.isascii():
             forms, encodings = {spelling}, _ENCODINGS[:3]

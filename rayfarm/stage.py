@@ -112,7 +112,7 @@ class OpenScene:
         return _CompiledMoment(read, described, compiled, summarise(described, compiled))
 
     def _uses_automatic_camera(self, description: SceneDescription) -> bool:
-        """Whether the selected camera is the automatic one."""
+        """Returns True if the selected camera is the automatic one."""
         from rayfarm.options import find_camera
         from renderer.scene.compile import camera_names
 

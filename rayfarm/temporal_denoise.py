@@ -44,7 +44,7 @@ class TemporalDenoiser:
         return found
 
     def has_neighbours(self, frame: float) -> bool:
-        """Whether a frame has neighbours."""
+        """Returns True if a frame has neighbours."""
         return bool(self._neighbours(frame))
 
     def take(self, frame: float, still: DenoisedFrame, write: Write) -> None:

@@ -161,7 +161,7 @@ class Connection(HttpToolsProtocol):
 
 
 def _has_short_body(cycle: RequestResponseCycle) -> bool:
-    """Whether a request has a short body that it sends without waiting for `100 Continue`."""
+    """Returns True if a request has a short body that it sends without waiting for `100 Continue`."""
     length = next((value for name, value in cycle.scope["headers"] if name == b"content-length"), b"0")
     return not cycle.waiting_for_100_continue and length.isdigit() and 0 < int(length[:18]) <= MAX_SHORT_BODY
 

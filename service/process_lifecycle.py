@@ -76,12 +76,12 @@ class ServiceLifecycle:
 
     @property
     def stands_by(self) -> bool:
-        """Whether another service owns the farm, as far as this process knows."""
+        """Returns True if another service owns the farm, as far as this process knows."""
         return self._farm is None or self._farm.owning.is_lost
 
     @property
     def is_alive(self) -> bool:
-        """Whether the background task is running, and also the engine if this process owns the farm."""
+        """Returns True if the background task is running, and also the engine if this process owns the farm."""
         goes_on = self._task is not None and not self._task.done()
         return goes_on and (self._farm is None or self._farm.engine.is_alive)
 

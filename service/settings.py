@@ -214,7 +214,7 @@ class Settings(BaseSettings):
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only this machine can reach the service."""
+        """Returns True if only this machine can reach the service."""
         return self.host in LOOPBACK
 
     @property
@@ -239,7 +239,7 @@ class Settings(BaseSettings):
 
     @property
     def needs_login(self) -> bool:
-        """Whether all requests need a login."""
+        """Returns True if all requests need a login."""
         if self.login == "auto":
             named = self.published_names or [self.host]
             return bool(self.trusted_proxies.split()) or any(name not in LOOPBACK for name in named)
@@ -299,7 +299,7 @@ class _Files(PydanticBaseSettingsSource):
 
 
 def is_address(name: str) -> bool:
-    """Whether a host name is an IP address."""
+    """Returns True if a host name is an IP address."""
     try:
         ipaddress.ip_address(name)
     except ValueError:

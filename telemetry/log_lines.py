@@ -63,7 +63,7 @@ def ids(**names: Any) -> dict[str, Any]:
 
 
 def uses_json() -> bool:
-    """Whether log lines are JSON objects."""
+    """Returns True if log lines are JSON objects."""
     return os.environ.get(FORMAT_VARIABLE, "text").strip().lower() == "json"
 
 

@@ -68,7 +68,7 @@ _pipe: int | None = None
 
 
 def is_on() -> bool:
-    """Whether spans are recorded."""
+    """Returns True if spans are recorded."""
     return _pipe is not None
 
 

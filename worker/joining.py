@@ -172,7 +172,7 @@ def _is_taken(store: redis.Redis, name: str, host: str) -> bool:
 
 
 def _has_ended(report: WorkerReport, host: str) -> bool:
-    """Whether a report is from a process on this host that has ended."""
+    """Returns True if a report is from a process on this host that has ended."""
     if report.host != host or report.pid <= 0:
         return False
     try:

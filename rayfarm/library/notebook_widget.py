@@ -66,7 +66,7 @@ def _of_farm(what: Job | Scene, farm: Any, settings: dict[str, Any]) -> Generato
 
 
 def has_widgets() -> bool:
-    """Whether `show` works in this environment, which needs anywidget."""
+    """Returns True if `show` works in this environment, which needs anywidget."""
     return importlib.util.find_spec("anywidget") is not None
 
 

@@ -219,7 +219,7 @@ class LocalFarm:
         return False
 
     def service_answers(self) -> bool:
-        """Whether the service accepts requests."""
+        """Returns True if the service accepts requests."""
         if not self._service_listens():
             return False
         try:
@@ -236,12 +236,12 @@ class LocalFarm:
             return link_of(url, client.call("POST", "/api/links", user=OWNER)["code"])
 
     def worker_ready(self) -> bool:
-        """Whether this farm's worker has its kernels and accepts batches."""
+        """Returns True if this farm's worker has its kernels and accepts batches."""
         report = self._worker_report()
         return report is not None and report.state == "ready"
 
     def _is_worker_idle(self) -> bool:
-        """Whether this farm's worker is ready and idle."""
+        """Returns True if this farm's worker is ready and idle."""
         report = self._worker_report()
         return report is not None and report.state == "ready" and not any(report.current)
 
@@ -259,7 +259,7 @@ class LocalFarm:
         return None
 
     def _service_listens(self) -> bool:
-        """Whether the service listens on its port, which it does once its start is complete."""
+        """Returns True if the service listens on its port, which it does once its start is complete."""
         try:
             socket.create_connection((urlsplit(self.url).hostname or "", self.port), timeout=0.2).close()
         except OSError:

@@ -74,7 +74,7 @@ class Part:
 
     @property
     def running(self) -> bool:
-        """Whether the process is alive."""
+        """Returns True if the process is alive."""
         return self.process is not None and self.process.poll() is None
 
     def last_log_lines(self, lines: int = 12) -> str:

@@ -80,7 +80,7 @@ class Terminal:
 
     @staticmethod
     def is_there() -> bool:
-        """Whether both standard input and output are a terminal."""
+        """Returns True if both standard input and output are a terminal."""
         return sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
     def __enter__(self) -> Terminal:

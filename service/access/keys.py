@@ -121,7 +121,7 @@ class Keys:
         return wanted if user is None else wanted.where((Key.user == user) | (Key.kind == "worker"))
 
     def is_there(self, kind: KeyKind, id: str) -> bool:
-        """Whether a key with this kind and id exists."""
+        """Returns True if a key with this kind and id exists."""
         with self._sessions() as session:
             return session.scalar(select(Key.id).where(Key.id == id, Key.kind == kind)) is not None
 

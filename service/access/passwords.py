@@ -72,7 +72,7 @@ def hashed(password: str) -> str:
 
 
 def is_right(password: str, kept: str | None) -> bool:
-    """Whether the password matches the stored hash `kept`.
+    """Returns True if the password matches the stored hash `kept`.
 
     None (no stored password) never matches, but takes as long to check.
     """

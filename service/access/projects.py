@@ -55,14 +55,14 @@ class ProjectVisibility:
     looks: frozenset[str] = frozenset()
 
     def sees(self, project: str | None) -> bool:
-        """Whether content of this project is visible.
+        """Returns True if content of this project is visible.
 
         True also for "" (no project) and None (missing content: anyone may learn that).
         """
         return self.everything or not project or project in self.projects
 
     def changes(self, project: str | None) -> bool:
-        """Whether the caller has write access to this project, provided that the caller's own role permits changes."""
+        """Returns True if the caller has write access to this project, provided that the caller's own role permits changes."""
         return self.everything or project not in self.looks
 
     def clause(self, column: Any) -> ColumnElement[bool]:

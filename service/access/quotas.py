@@ -239,7 +239,7 @@ class Quotas:
         return used
 
     def _had_allowance_left(self, kind: Kind, name: str, limit: int) -> bool:
-        """Whether the latest sum of bytes is less than COUNT_TTL_S seconds old and below the limit."""
+        """Returns True if the latest sum of bytes is less than COUNT_TTL_S seconds old and below the limit."""
         counted, used = self._counted.get((kind, name), (-COUNT_TTL_S, limit))
         return used < limit and time.monotonic() - counted < COUNT_TTL_S
 

@@ -44,7 +44,7 @@ KEYS_PER_PIPELINE = 1000  # keys in one pipeline
 
 
 def is_busy(error: Exception) -> bool:
-    """Whether this error means that a running script or function blocks Redis."""
+    """Returns True if this error means that a running script or function blocks Redis."""
     return isinstance(error, redis.ResponseError) and str(error).startswith("BUSY")
 
 

@@ -30,7 +30,7 @@ class RedisRelease:
 
     @property
     def is_too_old(self) -> bool:
-        """Whether the release lacks commands that the farm needs."""
+        """Returns True if the release lacks commands that the farm needs."""
         return self.name == "Redis" and self.numbers[:2] < OLDEST
 
     @property

@@ -47,12 +47,12 @@ class Caller:
 
     @property
     def is_worker(self) -> bool:
-        """Whether the caller authenticated with a worker token."""
+        """Returns True if the caller authenticated with a worker token."""
         return self.kind == "worker"
 
     @property
     def sees_everything(self) -> bool:
-        """Whether the caller sees all projects. True for administrators, who can read the data folder anyway."""
+        """Returns True if the caller sees all projects. True for administrators, who can read the data folder anyway."""
         return self.role >= Role.ADMIN
 
     @property

@@ -25,5 +25,5 @@ def fingerprint(secret: str) -> str:
 
 
 def is_same(shown: str, known: str) -> bool:
-    """Whether two secrets are equal, compared in constant time."""
+    """Returns True if two secrets are equal, compared in constant time."""
     return hmac.compare_digest(fingerprint(shown), fingerprint(known))

@@ -30,7 +30,7 @@ class Need:
     known: bool = False
 
     def is_met(self, caller: Caller | None) -> bool:
-        """Whether this caller meets the requirement."""
+        """Returns True if this caller meets the requirement."""
         if self.role is Role.NOBODY:
             return True
         if caller is None or (self.known and not caller.is_known):

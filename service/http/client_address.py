@@ -93,7 +93,7 @@ class ClientAddress:
 
 
 def is_from_proxy(scope: Scope) -> bool:
-    """Whether a request came through a proxy: it has header fields that proxies add, or uses HTTP/1.0.
+    """Returns True if a request came through a proxy: it has header fields that proxies add, or uses HTTP/1.0.
 
     By default nginx uses HTTP/1.0 towards its upstream, with the upstream's own address as Host, and adds no field.
     """

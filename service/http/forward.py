@@ -65,7 +65,7 @@ class OwnerClient:
             self._http = None
 
     async def is_ready(self, url: str, over: asyncio.Event) -> bool:
-        """Whether the service at this URL is ready. Returns False if `over` is set before it answers."""
+        """Returns True if the service at this URL is ready. Returns False if `over` is set before it answers."""
         asking = self._client().get(f"{url}/readyz", headers={"Host": "localhost", PASSED_ON: "1"}, timeout=CONNECT_S)
         try:
             answer = await _result_unless(over, asking)

@@ -138,7 +138,7 @@ def _secret_of(headers: Headers, cookie: str) -> str:
 
 
 def _needs_login(access: Access, connection: HTTPConnection) -> bool:
-    """Whether a request needs a login.
+    """Returns True if a request needs a login.
 
     If the service needs no login on its own machine, only these do: requests from other machines, through a proxy, or by a host
     name other than loopback's. In a container every client has a foreign address, so only the proxy is checked there.
@@ -175,7 +175,7 @@ async def _visible_projects(access: Access, caller: Caller | None, needs_login: 
 
 
 async def _may_see(access: Access, sight: ProjectVisibility, thing: tuple[Kind, str]) -> bool:
-    """Whether an object is visible to a caller. False also if it does not exist, so that both get the same response."""
+    """Returns True if an object is visible to a caller. False also if it does not exist, so that both get the same response."""
     if sight.everything:
         return True
     project = access.projects.cached_project(*thing)

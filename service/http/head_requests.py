@@ -19,7 +19,7 @@ def as_get(scope: Scope) -> Scope:
 
 
 def is_head(request: Request) -> bool:
-    """Whether the original method of a request was HEAD."""
+    """Returns True if the original method of a request was HEAD."""
     return HEAD in request.scope
 
 

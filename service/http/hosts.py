@@ -31,7 +31,7 @@ def name_of(host: str) -> str | None:
 
 
 def is_local_address(address: str) -> bool:
-    """Whether a client's address is on this machine. A Unix socket has no address and is treated as local."""
+    """Returns True if a client's address is on this machine. A Unix socket has no address and is treated as local."""
     try:
         parsed = ipaddress.ip_address(address)
     except ValueError:
@@ -53,7 +53,7 @@ class Hosts:
             threading.Thread(target=self._ask_for_full_name, name="own name", daemon=True).start()
 
     def is_accepted(self, name: str) -> bool:
-        """Whether requests for this host name or address are accepted."""
+        """Returns True if requests for this host name or address are accepted."""
         return name in self._names or (self._takes_addresses and is_address(name))
 
     def _ask_for_full_name(self) -> None:

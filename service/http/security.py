@@ -119,7 +119,7 @@ def _host_of(origin: str) -> str | None:
 
 
 def exceeds_limit(length: str, limit: int) -> bool:
-    """Whether a Content-Length exceeds the limit. False for a malformed one, which the server rejects itself."""
+    """Returns True if a Content-Length exceeds the limit. False for a malformed one, which the server rejects itself."""
     return length.isascii() and length.isdigit() and (len(length) > 18 or int(length) > limit)
 
 

@@ -35,7 +35,7 @@ def id_in_project(project: str, id: str) -> str:
 
 
 def may_be_used_in(thing: str, project: str) -> bool:
-    """Whether content in one project may be used in another: it is in the same project, or in none ("")."""
+    """Returns True if content in one project may be used in another: it is in the same project, or in none ("")."""
     return thing in ("", project)
 
 

@@ -239,7 +239,7 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
 
 
 def _is_stranded(job: Job, roster: WorkerSnapshot) -> bool:
-    """Whether a job has started on a kind of worker of which none is connected now."""
+    """Returns True if a job has started on a kind of worker of which none is connected now."""
     return job.kind is not None and not roster.slots(job.kind)
 
 

@@ -48,7 +48,7 @@ def find_scene(id: str, farm: Farm) -> Scene:
 
 
 def is_lit(id: str, session: Session) -> bool:
-    """Whether a scene is derived from an uploaded one with another environment or material variant."""
+    """Returns True if a scene is derived from an uploaded one with another environment or material variant."""
     scene = session.get(Scene, id)
     return scene is not None and scene.of is not None
 

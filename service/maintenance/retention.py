@@ -69,7 +69,7 @@ class Rules:
 
     @property
     def is_empty(self) -> bool:
-        """Whether there are no limits."""
+        """Returns True if there are no limits."""
         return self == Rules()
 
 

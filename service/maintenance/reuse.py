@@ -156,7 +156,7 @@ class SampleReuse:
         return {each.job.id: each for each in found if each.job.kind == found[0].job.kind}
 
     def _is_unchanged(self, source: _ReusableJob) -> bool:
-        """Whether an earlier job still exists with unchanged goals."""
+        """Returns True if an earlier job still exists with unchanged goals."""
         with self._sessions() as session:
             job = session.get(Job, source.job.id)
         return job is not None and _ReusableJob(job, {}).end == source.end
@@ -202,7 +202,7 @@ class SampleReuse:
 
 
 def _is_part(source: Job, job: Job) -> bool:
-    """Whether the samples that job `source` has rendered are a subset of those that `job` requires."""
+    """Returns True if the samples that job `source` has rendered are a subset of those that `job` requires."""
     if source.noise is None and source.seconds is None and (source.spp or 0) > (job.spp or MAX_SPP):
         return False  # decided without reading its film
     if job.noise is None or (source.spp or MAX_SPP) <= FIRST_CHECK_SAMPLES:

@@ -219,6 +219,6 @@ class Scrubber:
 
 
 def _is_ended(job: Job) -> bool:
-    """Whether a job's film is not being changed: the job is finished, or failed because its film was damaged."""
+    """Returns True if a job's film is not being changed: the job is finished, or failed because its film was damaged."""
     is_over = job.state == "finished" or (job.state == "failed" and FILM in (job.error or ""))
     return is_over and job.settings is not None and job.tile_size is not None

@@ -29,7 +29,7 @@ class Target(Protocol):
         """Returns the content of a previous backup's manifest; None if there is no previous backup."""
 
     def has(self, name: str, size: int) -> bool:
-        """Whether the destination already contains a file with this name and size."""
+        """Returns True if the destination already contains a file with this name and size."""
 
     def put(self, name: str, path: Path) -> None:
         """Stores a copy of a file."""

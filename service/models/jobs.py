@@ -199,7 +199,7 @@ class JobIn(QueueIn):
 
     @property
     def is_shot(self) -> bool:
-        """Whether the request is for a shot: for anything other than one still image of the scene's beginning."""
+        """Returns True if the request is for a shot: for anything other than one still image of the scene's beginning."""
         return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
 
 
@@ -233,7 +233,7 @@ class JobPatch(QueuePatch):
 
     @property
     def is_of_frames(self) -> bool:
-        """Whether the patch sets a field that only shots have."""
+        """Returns True if the patch sets a field that only shots have."""
         return any(getattr(self, name) is not None for name in ("frames", "extend", "again", "first", "order"))
 
     @field_validator("name", "note")

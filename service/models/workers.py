@@ -110,5 +110,5 @@ def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerO
 
 
 def _counts(doing: dict[str, Any]) -> bool:
-    """Whether a slot's current work is a frame of a job (frame keys are counted in halves of a frame)."""
+    """Returns True if a slot's current work is a frame of a job (frame keys are counted in halves of a frame)."""
     return isinstance(doing.get("frame"), int)

@@ -91,7 +91,7 @@ class Candidate:
         self._engine.dispose()
 
     def _lock_proves_death(self) -> bool:
-        """Whether the owner held the folder's lock, so that a free lock shows that it is dead.
+        """Returns True if the owner held the folder's lock, so that a free lock shows that it is dead.
 
         True until the row was first read.
         """
@@ -152,7 +152,7 @@ class Candidate:
 
 
 def _is_damage(error: DatabaseError) -> bool:
-    """Whether a database error means that the file is corrupt. Other errors are bugs."""
+    """Returns True if a database error means that the file is corrupt. Other errors are bugs."""
     return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 

@@ -21,7 +21,7 @@ class FolderLock:
 
     @property
     def is_held(self) -> bool:
-        """Whether this process holds the lock."""
+        """Returns True if this process holds the lock."""
         return self._file is not None
 
     def attempt(self) -> bool:

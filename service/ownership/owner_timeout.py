@@ -32,7 +32,7 @@ class OwnerTimeout:
         self._since, self._looks = self._clock(), 0
 
     def has_answered(self, row: Owner) -> bool:
-        """Whether the owner has answered the recorded request."""
+        """Returns True if the owner has answered the recorded request."""
         return self._number is not None and row.epoch == self._epoch and row.answered >= self._number
 
     def is_request_due(self, row: Owner) -> bool:
@@ -44,5 +44,5 @@ class OwnerTimeout:
 
     @property
     def has_expired(self) -> bool:
-        """Whether the owner has not answered for so long that it is considered dead."""
+        """Returns True if the owner has not answered for so long that it is considered dead."""
         return self._looks >= MIN_CHECKS and self._clock() - self._since > self._lease_s

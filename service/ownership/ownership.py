@@ -92,12 +92,12 @@ class Ownership:
 
     @property
     def is_lost(self) -> bool:
-        """Whether another service has taken over."""
+        """Returns True if another service has taken over."""
         return self._lost.is_set()
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether the last check is so long ago that another service may have taken over since."""
+        """Returns True if the last check is so long ago that another service may have taken over since."""
         return self.is_lost or self._clock() - self._confirmed > self._doubt_s
 
     def fence(self, session: Session) -> None:

@@ -29,12 +29,12 @@ def this_process() -> dict[str, Any] | None:
 
 
 def is_gone(identity: dict[str, Any] | None) -> bool:
-    """Whether a process has ended; False if unknown. identity: result of `this_process` in that process."""
+    """Returns True if a process has ended; False if unknown. identity: result of `this_process` in that process."""
     return identity is not None and _is_on_this_machine(identity) and _state_letter(identity) in (None, "Z", "X")
 
 
 def is_stopped(identity: dict[str, Any] | None) -> bool:
-    """Whether a process is suspended (by SIGSTOP or a debugger). identity: result of `this_process` in that process."""
+    """Returns True if a process is suspended (by SIGSTOP or a debugger). identity: result of `this_process` in that process."""
     return identity is not None and _is_on_this_machine(identity) and _state_letter(identity) in ("T", "t")
 
 

@@ -194,7 +194,7 @@ class _Viewer:
         return True
 
     def _may_have_been_compiled(self) -> bool:
-        """Whether the view must be resolved again, since the scene may now be compiled for the connected workers."""
+        """Returns True if the view must be resolved again, since the scene may now be compiled for the connected workers."""
         return self._notice is not None or (self.session.request is not None and self.session.message is not None)
 
     def _resolve(self, ask: ViewIn, makes: bool, tries_again: bool) -> ViewRequest | None:

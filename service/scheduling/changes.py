@@ -45,11 +45,11 @@ class Changes:
 
     @property
     def has_low_priority(self) -> bool:
-        """Whether low-priority changes left by a previous run are still unprocessed."""
+        """Returns True if low-priority changes left by a previous run are still unprocessed."""
         return bool(self._later)
 
     def is_open(self, change: Change) -> bool:
-        """Whether a change is pending, with normal or low priority."""
+        """Returns True if a change is pending, with normal or low priority."""
         return change in self._open or change in self._later
 
     def close(self, change: Change) -> None:

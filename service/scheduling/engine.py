@@ -149,7 +149,7 @@ class Engine:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the thread is running."""
+        """Returns True if the thread is running."""
         return self._thread.is_alive()
 
     def moves(self) -> bool:

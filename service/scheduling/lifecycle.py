@@ -94,15 +94,15 @@ class Lifecycle:
 
     @property
     def is_loading(self) -> bool:
-        """Whether jobs remain to be loaded in later rounds."""
+        """Returns True if jobs remain to be loaded in later rounds."""
         return self._loading.is_under_way or self._changes.has_low_priority
 
     def may_apply(self, what: str, id: str) -> bool:
-        """Whether a change can be applied in this round. Loading a job requires that the round has time left."""
+        """Returns True if a change can be applied in this round. Loading a job requires that the round has time left."""
         return what != "job" or id in self._scheduler.jobs or self._loading.has_time
 
     def is_awaited(self, id: str) -> bool:
-        """Whether a job will be loaded as soon as its film and the database can be read."""
+        """Returns True if a job will be loaded as soon as its film and the database can be read."""
         return id not in self._scheduler.jobs and self._changes.is_open(("job", id))
 
     def _apply_job(self, id: str) -> bool:

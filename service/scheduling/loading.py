@@ -62,12 +62,12 @@ class Loading:
 
     @property
     def has_time(self) -> bool:
-        """Whether the round has time to load another job. Always True for the first step, even on a stalled machine."""
+        """Returns True if the round has time to load another job. Always True for the first step, even on a stalled machine."""
         return self._is_first or (time.thread_time() <= self._until and time.monotonic() <= self._until_by_clock)
 
     @property
     def is_under_way(self) -> bool:
-        """Whether a job is partly loaded."""
+        """Returns True if a job is partly loaded."""
         return bool(self._under_way)
 
     def go_on(self, pending: PendingJob) -> bool:

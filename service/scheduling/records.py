@@ -137,7 +137,7 @@ class Records:
             return found.samples if found is not None else 0
 
     def has_frame(self, job: str, frame: int) -> bool:
-        """Whether a job has a frame with this key."""
+        """Returns True if a job has a frame with this key."""
         with self._sessions() as session:
             return session.get(Frame, (job, frame)) is not None
 
@@ -240,7 +240,7 @@ class Records:
         return RenderSettings.from_json(found)
 
     def needs_blender(self, scene: Scene) -> bool:
-        """Whether Blender has to open a scene's file before the scene can be prepared."""
+        """Returns True if Blender has to open a scene's file before the scene can be prepared."""
         with self._sessions() as session:
             return needs_blender(session, scene)
 

@@ -37,7 +37,7 @@ def blender_export_of(session: Session, scene: Scene) -> dict[str, Any] | None:
 
 
 def needs_blender(session: Session, scene: Scene) -> bool:
-    """Whether Blender must export the scene's files before the scene can be compiled."""
+    """Returns True if Blender must export the scene's files before the scene can be compiled."""
     return is_blend(scene.main) and blender_export_of(session, scene) is None
 
 

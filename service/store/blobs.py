@@ -26,7 +26,7 @@ DELETING_THREADS = 8  # threads that delete blobs in parallel
 
 
 def is_sha256(text: str) -> bool:
-    """Whether `text` is a SHA-256 in lower-case hexadecimal, and therefore safe in a path."""
+    """Returns True if `text` is a SHA-256 in lower-case hexadecimal, and therefore safe in a path."""
     return SHA256.fullmatch(text) is not None
 
 
@@ -59,7 +59,7 @@ class BlobStore(Protocol):
         """Returns a blob's size and content in chunks, for a response. Raises NotFound."""
 
     def exists(self, sha256: str) -> bool:
-        """Whether the blob exists."""
+        """Returns True if the blob exists."""
 
     def size(self, sha256: str) -> int | None:
         """Returns the size of a blob in bytes, or None if it does not exist."""

@@ -37,7 +37,7 @@ class Contents:
 
     @property
     def is_empty(self) -> bool:
-        """Whether the film has no samples in any frame."""
+        """Returns True if the film has no samples in any frame."""
         return not self._coverage
 
     def covered(self, frame: int, tile: int) -> Coverage:
@@ -51,7 +51,7 @@ class Contents:
         return known is not None and bool(known.ranges)
 
     def is_one_run(self, frame: int, tile: int) -> bool:
-        """Whether a tile has samples and they form one contiguous range."""
+        """Returns True if a tile has samples and they form one contiguous range."""
         return self.has(frame, tile) and len(self._coverage[frame, tile].ranges) == 1
 
     def copied(self) -> dict[FrameTile, Coverage]:
@@ -78,11 +78,11 @@ class Contents:
         return sum(head.bad for tile in range(len(self._tiles)) for head in self.rows(frame, tile))
 
     def has_only(self, frames: Collection[int]) -> bool:
-        """Whether all stored samples belong to the given frames."""
+        """Returns True if all stored samples belong to the given frames."""
         return all(frame in frames for frame, _ in list(self._coverage))
 
     def has_sent(self, worker: str) -> bool:
-        """Whether the film contains sums from this worker."""
+        """Returns True if the film contains sums from this worker."""
         return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
 
     def take(self, coverage: Mapping[FrameTile, Coverage], added: Iterable[Head], instead_of: Iterable[Head]) -> None:

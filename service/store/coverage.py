@@ -33,7 +33,7 @@ class Coverage:
         return self.ranges[-1][1] if self.ranges else 0
 
     def overlaps(self, first: int, count: int) -> bool:
-        """Whether any of the samples first ... first + count - 1 is covered."""
+        """Returns True if any of the samples first ... first + count - 1 is covered."""
         at = bisect_right(self.ranges, (first, 1 << 62))
         before = at > 0 and self.ranges[at - 1][1] > first
         return before or (at < len(self.ranges) and self.ranges[at][0] < first + count)

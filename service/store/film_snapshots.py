@@ -56,7 +56,7 @@ class FilmSnapshots:
 
     @property
     def is_disabled(self) -> bool:
-        """Whether snapshots are disabled."""
+        """Returns True if snapshots are disabled."""
         return self._max_bytes <= 0
 
     def begin(self, job: str) -> list[int]:

@@ -243,7 +243,7 @@ class FilmFolder:
                 self._close(job)
 
     def _is_older_than_store(self, path: Path) -> bool:
-        """Whether a file was last written before this store was created."""
+        """Returns True if a file was last written before this store was created."""
         with contextlib.suppress(FileNotFoundError):
             return path.stat().st_mtime < self._made
         return False

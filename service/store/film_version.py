@@ -57,7 +57,7 @@ class FilmShape:
 
 
 def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
-    """Whether the film has this release's version. Writes nothing.
+    """Returns True if the film has this release's version. Writes nothing.
 
     Raises FilmLost for a newer version or a film with another shape.
     """
@@ -115,5 +115,5 @@ def checksum(row: Row) -> int:
 
 
 def matches_checksum(row: Row, known: int | None) -> bool:
-    """Whether a part matches its checksum `known`. True if that is None, for parts written by an older release."""
+    """Returns True if a part matches its checksum `known`. True if that is None, for parts written by an older release."""
     return known is None or (isinstance(row[5], bytes) and checksum(row) == known)

@@ -119,7 +119,7 @@ class Film:
 
     @property
     def has_file(self) -> bool:
-        """Whether the film is known to have a file."""
+        """Returns True if the film is known to have a file."""
         return self._is_known
 
     def check(self, recorded: int, frame: int = 0) -> None:
@@ -150,7 +150,7 @@ class Film:
 
     @property
     def is_empty(self) -> bool:
-        """Whether the film has no samples in any frame."""
+        """Returns True if the film has no samples in any frame."""
         with self._lock:
             return self._known().is_empty
 
@@ -217,7 +217,7 @@ class Film:
             self._fold_tile(*key)
 
     def has_only(self, frames: Collection[int]) -> bool:
-        """Whether all stored samples belong to the given frames."""
+        """Returns True if all stored samples belong to the given frames."""
         return self._known().has_only(frames)
 
     def forget(self, *frames: int) -> None:
@@ -244,7 +244,7 @@ class Film:
             return self._delete_rows(broken)
 
     def has_sent(self, worker: str) -> bool:
-        """Whether the film contains sums from this worker."""
+        """Returns True if the film contains sums from this worker."""
         with self._lock:
             return self._known().has_sent(worker)
 

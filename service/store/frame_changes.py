@@ -69,7 +69,7 @@ class Step:
 
 
 def fits_one_transaction(steps: Sequence[Step]) -> bool:
-    """Whether the steps are small enough for one transaction."""
+    """Returns True if the steps are small enough for one transaction."""
     return sum(len(step.keys) for step in steps) <= AT_A_TIME and all(step.do != "drop" for step in steps)
 
 
@@ -113,11 +113,11 @@ class FrameChanges:
             self._thread.join(10)
 
     def is_under_way(self, job: str) -> bool:
-        """Whether a job has a pending change of its frames."""
+        """Returns True if a job has a pending change of its frames."""
         return self._pending_change(job) is not None
 
     def is_dropped(self, job: str) -> bool:
-        """Whether a job is being deleted."""
+        """Returns True if a job is being deleted."""
         change = self._pending_change(job)
         return change is not None and _is_drop(change)
 

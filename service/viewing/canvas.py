@@ -54,7 +54,7 @@ class Canvas:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all tiles are complete."""
+        """Returns True if all tiles are complete."""
         return bool((self._ended | (self._counts >= self.level.samples)).all())
 
     @property
@@ -66,7 +66,7 @@ class Canvas:
         return math.sqrt(float((squares * self._areas).sum() / self._areas.sum()))
 
     def tile_is_complete(self, tile: int) -> bool:
-        """Whether a tile needs no more samples."""
+        """Returns True if a tile needs no more samples."""
         return bool(self._ended[tile] or self._counts[tile] >= self.level.samples)
 
     def add(self, tile: int, first: int, count: int, sums: Sums) -> None:

@@ -16,7 +16,7 @@ MEMORY_LIMIT_REACHED = Sentence(
 
 
 def fits_in_memory(pixels: int, sessions: Iterable[ViewSession]) -> bool:
-    """Whether another view of this many pixels fits into the memory limit.
+    """Returns True if another view of this many pixels fits into the memory limit.
 
     If necessary, frees the pictures of paused sessions, which start again when they are resumed.
     """

@@ -58,7 +58,7 @@ class ViewSession:
 
     @property
     def is_ready_for_next(self) -> bool:
-        """Whether the requested view may replace the current one now.
+        """Returns True if the requested view may replace the current one now.
 
         True once the current view has shown a picture, an error or a message, or has run for HOLD_S seconds.
         """
@@ -140,7 +140,7 @@ class ViewSession:
 
     @property
     def is_done(self) -> bool:
-        """Whether the whole view has all its samples or has reached its noise target."""
+        """Returns True if the whole view has all its samples or has reached its noise target."""
         with self._lock:
             return bool(self._canvases) and self._canvases[-1].is_complete
 
@@ -150,7 +150,7 @@ class ViewSession:
         return self.request.samples if self.request else 0
 
     def is_picture_due(self) -> bool:
-        """Whether it is time to send a picture."""
+        """Returns True if it is time to send a picture."""
         with self._lock:
             return self._due_level() is not None
 

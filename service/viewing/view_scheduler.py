@@ -94,7 +94,7 @@ class ViewScheduler:
         self._redis.close()
 
     def has_unfinished(self) -> bool:
-        """Whether any session shows a view that is not finished."""
+        """Returns True if any session shows a view that is not finished."""
         sessions = list(self._sessions.values())
         return any(each.request is not None and not each.is_paused and not each.is_done for each in sessions)
 

@@ -40,7 +40,7 @@ _CODECS: dict[str, tuple[tuple[str, dict[str, str]], ...]] = {
 
 
 def is_movie(name: str | Path) -> bool:
-    """Whether a file name has the suffix of a movie."""
+    """Returns True if a file name has the suffix of a movie."""
     return Path(name).suffix.lower().lstrip(".") in MOVIES
 
 

@@ -78,5 +78,5 @@ class WorkError(WorkerError):
 
 
 def is_of_machine(error: OSError) -> bool:
-    """Whether an error is caused by this machine rather than by the file being read."""
+    """Returns True if an error is caused by this machine rather than by the file being read."""
     return error.errno in _OF_MACHINE

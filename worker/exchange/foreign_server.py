@@ -16,7 +16,7 @@ MAX_ANSWER = 64 << 20  # bytes of JSON; a longer answer does not come from a far
 
 
 def is_address(url: str) -> bool:
-    """Whether `url` is a valid address of a service: HTTP or HTTPS, with a host."""
+    """Returns True if `url` is a valid address of a service: HTTP or HTTPS, with a host."""
     try:
         parts = urlsplit(url)
         is_http = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
@@ -26,7 +26,7 @@ def is_address(url: str) -> bool:
 
 
 def is_loopback(url: str) -> bool:
-    """Whether an address is this machine's loopback, for which no proxy such as HTTP_PROXY is used."""
+    """Returns True if an address is this machine's loopback, for which no proxy such as HTTP_PROXY is used."""
     try:
         return urlsplit(url).hostname in ("localhost", "127.0.0.1", "::1")
     except ValueError:

@@ -179,7 +179,7 @@ class Link:
         return BlobRef(path="", sha256=sha256, size=size)
 
     def has(self, sha256: str) -> bool:
-        """Whether the service has a blob. Also renews the time for which the service keeps it without a reference."""
+        """Returns True if the service has a blob. Also renews the time for which the service keeps it without a reference."""
         try:
             with self._stream("POST", f"/api/farm/blobs/{sha256}/keep"):
                 return True
@@ -197,7 +197,7 @@ class Link:
         return True
 
     def has_kernels(self, name: str) -> bool:
-        """Whether the farm has the kernels of this name."""
+        """Returns True if the farm has the kernels of this name."""
         try:
             with self._stream("HEAD", f"/api/farm/kernels/{name}"):
                 return True

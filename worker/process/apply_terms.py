@@ -63,7 +63,7 @@ class TermsKeeper:
         return min(self.terms.slots or self.slots, self.slots)
 
     def may_precompile(self) -> bool:
-        """Whether the worker may compile kernels in advance. False if any of its terms limits its use of the machine."""
+        """Returns True if the worker may compile kernels in advance. False if any of its terms limits its use of the machine."""
         own = self.own
         return not (own.hours or own.idle_minutes or own.memory or own.nice)
 

@@ -82,11 +82,11 @@ class Reducer:
         self._count = threading.Lock()
 
     def is_signed(self, body: bytes, said: str) -> bool:
-        """Whether `said` is a valid signature of this body by a worker of the farm."""
+        """Returns True if `said` is a valid signature of this body by a worker of the farm."""
         return any(secrets.compare_digest(signature(secret, body).encode(), said.encode()) for _, secret in self._secrets)
 
     def is_announced(self, size: int, said: str) -> bool:
-        """Whether `said` is a valid signature of this size by a worker of the farm."""
+        """Returns True if `said` is a valid signature of this size by a worker of the farm."""
         return any(secrets.compare_digest(size_signature(secret, size).encode(), said.encode()) for _, secret in self._secrets)
 
     @contextlib.contextmanager
@@ -148,7 +148,7 @@ class _Server(ThreadingHTTPServer):
         self._lock = threading.Lock()
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Whether a request may be accepted: each takes a thread, and no client may take all of them."""
+        """Returns True if a request may be accepted: each takes a thread, and no client may take all of them."""
         who = str(client_address[0])
         with self._lock:
             here = list(self._here.values())

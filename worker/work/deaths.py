@@ -15,7 +15,7 @@ DEATHS_ALLOWED = 3
 
 
 def is_redelivered(task: Any) -> bool:
-    """Whether the broker delivered this message before, to a process that did not finish."""
+    """Returns True if the broker delivered this message before, to a process that did not finish."""
     return bool((task.request.delivery_info or {}).get("redelivered"))
 
 

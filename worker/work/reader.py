@@ -173,7 +173,7 @@ class ReaderFolder:
 
     @staticmethod
     def has(path: Path) -> bool:
-        """Whether `path` is a regular file."""
+        """Returns True if `path` is a regular file."""
         try:
             return stat.S_ISREG(path.lstat().st_mode)
         except OSError:

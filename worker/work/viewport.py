@@ -60,7 +60,7 @@ class ViewAnswers:
             log.warning("an answer about a view is lost: %s", error)
 
     def is_wanted(self) -> bool:
-        """Whether the message's view is still the current one."""
+        """Returns True if the message's view is still the current one."""
         try:
             return bool(self._redis.get(self._key) == self._view)
         except (redis.RedisError, OSError):

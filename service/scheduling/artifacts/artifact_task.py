@@ -95,7 +95,7 @@ class ArtifactTask(ABC, Generic[Request]):
 
     @abstractmethod
     def _is_size(self, size: int, wish: Request) -> bool:
-        """Whether `size`, in bytes, is a plausible size of the requested artifact."""
+        """Returns True if `size`, in bytes, is a plausible size of the requested artifact."""
 
     @abstractmethod
     def _no_worker_error(self) -> Unavailable:

@@ -43,11 +43,11 @@ class HeldBatches:
         return self._by_range.get(_held_key(job.id, frame, list(job.film.tiles[tile]), first, count))
 
     def is_at_work(self, lease: Lease) -> bool:
-        """Whether a slot reports that it is rendering this lease's batch."""
+        """Returns True if a slot reports that it is rendering this lease's batch."""
         return lease.id in self._at_work
 
     def is_at_site(self, lease: Lease) -> bool:
-        """Whether a lease's sums are at a site and wait there for the sums of other batches."""
+        """Returns True if a lease's sums are at a site and wait there for the sums of other batches."""
         return lease.id in self._at_sites
 
 

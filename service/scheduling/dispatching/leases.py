@@ -60,7 +60,7 @@ class Lease:
         return self.batch is not None and not (self.has_arrived or self.is_away or self.is_rendered)
 
     def is_overdue(self, now: float) -> bool:
-        """Whether the lease's timeout has passed since it was last seen in its queue.
+        """Returns True if the lease's timeout has passed since it was last seen in its queue.
 
         A lease that a worker reports gets `HELD_DEADLINE_FACTOR` times the timeout, since a tile may be slower than estimated.
         """
@@ -159,7 +159,7 @@ class Leases:
         return list(self._of.get(owner, {}).values())
 
     def has(self, owner: str) -> bool:
-        """Whether a job or a scene has any lease."""
+        """Returns True if a job or a scene has any lease."""
         return owner in self._of
 
     def held(self) -> Counter[str]:

@@ -37,7 +37,7 @@ class LossVerdict(Enum):
 
     @property
     def counts_as_loss(self) -> bool:
-        """Whether the batch itself may have caused its loss."""
+        """Returns True if the batch itself may have caused its loss."""
         return self in (LossVerdict.DEAD, LossVerdict.OVERDUE)
 
 
@@ -59,7 +59,7 @@ class Fleet(Protocol):
         """Returns the names of workers that are connected but do not report. Raises redis.RedisError."""
 
     def has_late_report(self) -> bool:
-        """Whether any worker's report is overdue."""
+        """Returns True if any worker's report is overdue."""
 
 
 class ResultStream(Protocol):
@@ -69,7 +69,7 @@ class ResultStream(Protocol):
         """Returns the position of the stream's last result. Raises redis.RedisError."""
 
     def has_read(self, position: Position) -> bool:
-        """Whether all results up to this position were read."""
+        """Returns True if all results up to this position were read."""
 
 
 class LostLeaseFinder:

@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 
 def is_message_fault(error: Exception) -> bool:
-    """Whether an error was caused by the message being handled.
+    """Returns True if an error was caused by the message being handled.
 
     False for errors of Redis, the database, the machine, a film or a job, which the next message would cause too.
     """
@@ -149,7 +149,7 @@ class Bulkheads:
         self.verdicts.setdefault(id, Verdict(error, reproduce))
 
     def may_render(self, id: str) -> bool:
-        """Whether batches of a job may be dispatched: it has no verdict, and its film accepts results."""
+        """Returns True if batches of a job may be dispatched: it has no verdict, and its film accepts results."""
         waits = self._waits.get(id, {})
         return id not in self.verdicts and Step.RESULTS not in waits and self._is_due(id, Step.HAND_OUT, False)
 

@@ -45,7 +45,7 @@ log = logging.getLogger(__name__)
 
 
 def is_wrong_type(error: BaseException) -> bool:
-    """Whether a command failed because its key has another type."""
+    """Returns True if a command failed because its key has another type."""
     return isinstance(error, redis.ResponseError) and "WRONGTYPE" in str(error)
 
 

@@ -70,7 +70,7 @@ class Needs:
         return needs_queue(kind, self.text)
 
     def are_met(self, offer: Offer) -> bool:
-        """Whether a worker's offer meets all requirements."""
+        """Returns True if a worker's offer meets all requirements."""
         return set(self.tags) <= set(offer.tags) and offer.memory >= self.memory_gb * 1e9
 
     def lacking(self, offers: Iterable[Offer | None]) -> str | None:

@@ -109,11 +109,11 @@ class WorkerSnapshot:
         return self._kind_of([report for report in self.ready() if self.has_blender(report.name)])
 
     def has_blender(self, name: str) -> bool:
-        """Whether a worker can open .blend files."""
+        """Returns True if a worker can open .blend files."""
         return name in self.offers and TAG in self.offers[name].tags
 
     def accepts_several(self, kind: str) -> bool:
-        """Whether all workers of this kind accept several batches in one message. Any of them may receive it."""
+        """Returns True if all workers of this kind accept several batches in one message. Any of them may receive it."""
         return all(report.several for report in self.reports.values() if report.kind == kind)
 
     def accepts_joint(self, kind: str) -> bool:
@@ -125,7 +125,7 @@ class WorkerSnapshot:
         return self._kind_of([report for report in self.ready() if report.denoises])
 
     def is_about_to_change(self) -> bool:
-        """Whether workers should be polled more often: none is ready, or there are few and one is starting."""
+        """Returns True if workers should be polled more often: none is ready, or there are few and one is starting."""
         if not self.ready():
             return True
         return len(self.reports) <= FEW_WORKERS and any(report.state == "starting" for report in self.reports.values())
@@ -227,7 +227,7 @@ class Workers:
                 self._redis.set(terms_key(name), wanted.to_bytes())
 
     def has_late_report(self) -> bool:
-        """Whether any worker's report is so old that its current work is unknown. Raises redis.RedisError."""
+        """Returns True if any worker's report is so old that its current work is unknown. Raises redis.RedisError."""
         with self._redis.pipeline(transaction=False) as all_at_once:
             for name in self.roster.reports:
                 all_at_once.pttl(worker_key(name))

@@ -129,7 +129,7 @@ class Results:
             self._redis.xgroup_destroy(RESULTS, CURSOR)
 
     def has_read(self, position: Position) -> bool:
-        """Whether all entries up to this position were read."""
+        """Returns True if all entries up to this position were read."""
         return self._read_to >= position
 
     def length(self) -> int:

@@ -137,17 +137,17 @@ class ActiveFrame:
 
     @property
     def is_complete(self) -> bool:
-        """Whether every tile has reached its goal. Raises FilmUnavailable or FilmLost."""
+        """Returns True if every tile has reached its goal. Raises FilmUnavailable or FilmLost."""
         return self.is_begun and self.plan.done
 
     @property
     def is_begun(self) -> bool:
-        """Whether the frame has a plan, or a film file from which the plan can be created."""
+        """Returns True if the frame has a plan, or a film file from which the plan can be created."""
         return self._plan is not None or self.film.has_file
 
     @property
     def has_recorded_samples(self) -> bool:
-        """Whether the frame's target number of samples is already stored in its row."""
+        """Returns True if the frame's target number of samples is already stored in its row."""
         return self._recorded[1] > 0
 
     def focus_on(self, focus: Tile | None) -> None:
@@ -171,7 +171,7 @@ class ActiveFrame:
 
     @property
     def is_over(self) -> bool:
-        """Whether the frame is finished or failed."""
+        """Returns True if the frame is finished or failed."""
         return self.state in ("finished", "failed")
 
     @property
@@ -198,7 +198,7 @@ class ActiveFrame:
 
     @property
     def has_first_wave(self) -> bool:
-        """Whether every tile has at least one sample."""
+        """Returns True if every tile has at least one sample."""
         return self._plan.has_first_wave if self._plan is not None else self.state == "finished"
 
     @property

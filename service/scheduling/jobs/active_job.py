@@ -155,7 +155,7 @@ class ActiveJob:
 
     @property
     def done(self) -> bool:
-        """Whether the job has reached its goal. Failed frames are ignored."""
+        """Returns True if the job has reached its goal. Failed frames are ignored."""
         if self.checks.get(self.id):
             return False
         if self.shot is None:
@@ -168,7 +168,7 @@ class ActiveJob:
 
     @property
     def has_first_wave(self) -> bool:
-        """Whether every tile of every frame has at least one sample. Failed frames are ignored."""
+        """Returns True if every tile of every frame has at least one sample. Failed frames are ignored."""
         while (left := self._without_picture) and (left[-1].has_first_wave or left[-1].state == "failed"):
             left.pop()
         return not left
@@ -220,7 +220,7 @@ class ActiveJob:
 
     @property
     def is_late(self) -> bool:
-        """Whether the job has missed its deadline or is expected to."""
+        """Returns True if the job has missed its deadline or is expected to."""
         return self.urgency < math.inf
 
     @property
@@ -286,13 +286,13 @@ class ActiveJob:
             frame.requeue(batch)
 
     def wants(self, batch: Range) -> bool:
-        """Whether the job still needs the samples of this batch."""
+        """Returns True if the job still needs the samples of this batch."""
         frame = self.frames.get(batch.frame)
         return frame is not None and (self.shot is None or not frame.is_over) and frame.plan.wants(batch)
 
     @property
     def knows_cost(self) -> bool:
-        """Whether the cost of a sample is known, because a batch has returned."""
+        """Returns True if the cost of a sample is known, because a batch has returned."""
         return self._costs.average > 0.0
 
     def expected_s(self, batch: Range) -> float:
@@ -368,7 +368,7 @@ class ActiveJob:
                 frame.finish()
 
     def differs_from_goal(self, spp: int, noise: float | None, seconds: float | None) -> bool:
-        """Whether this goal differs from the job's current one."""
+        """Returns True if this goal differs from the job's current one."""
         return (spp, noise, seconds) != (self.spp, self.noise, self.seconds)
 
     def set_goal(self, spp: int, noise: float | None, seconds: float | None) -> None:

@@ -66,7 +66,7 @@ class FrameOrder:
         return self.turns.ready(kind)
 
     def is_out_of_order(self, frame: ActiveFrame, kind: str) -> bool:
-        """Whether a frame precedes only because a frame before it in the order is not prepared yet.
+        """Returns True if a frame precedes only because a frame before it in the order is not prepared yet.
 
         Only for orders with rounds.
         """

@@ -39,7 +39,7 @@ class _Progress:
         self._reached = 0  # all tiles before this index are done
 
     def is_reached(self, frame: ActiveFrame) -> bool:
-        """Whether every tile has the required samples. A tile that has them is not checked again."""
+        """Returns True if every tile has the required samples. A tile that has them is not checked again."""
         tiles = len(frame.plan.tiles)
         while self._reached < tiles and not frame.plan.tile_lacks(self._reached, self.due):
             self._reached += 1

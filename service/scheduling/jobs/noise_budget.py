@@ -28,7 +28,7 @@ class NoiseBudget:
         self._since = self._clock.monotonic()
 
     def has_time(self) -> bool:
-        """Whether there is time for another estimate."""
+        """Returns True if there is time for another estimate."""
         now = self._clock.monotonic()
         self._left_s = min(self._left_s + SHARE * (now - self._since), AT_ONCE_S)
         self._since = now

@@ -105,20 +105,20 @@ class FramePlan:
 
     @property
     def done(self) -> bool:
-        """Whether every tile has reached its goal."""
+        """Returns True if every tile has reached its goal."""
         return not self._open
 
     @property
     def has_first_wave(self) -> bool:
-        """Whether every tile has at least one sample."""
+        """Returns True if every tile has at least one sample."""
         return all(self.covered)
 
     def has(self, samples: int) -> bool:
-        """Whether every tile has this many samples or is complete with fewer."""
+        """Returns True if every tile has this many samples or is complete with fewer."""
         return all(self.covered[tile] >= samples for tile in self._open)
 
     def tile_lacks(self, tile: int, samples: int) -> bool:
-        """Whether a tile is incomplete and has fewer than `samples`."""
+        """Returns True if a tile is incomplete and has fewer than `samples`."""
         return tile in self._open and self.covered[tile] < samples
 
     @property
@@ -197,7 +197,7 @@ class FramePlan:
         return None
 
     def wants(self, batch: Range) -> bool:
-        """Whether the frame needs these samples. A complete tile accepts no more, so that its final count is exact."""
+        """Returns True if the frame needs these samples. A complete tile accepts no more, so that its final count is exact."""
         return (
             batch.tile in self._open
             and batch.count > 0

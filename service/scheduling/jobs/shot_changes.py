@@ -35,12 +35,12 @@ class ShotRequest:
 
     @property
     def is_about_frames(self) -> bool:
-        """Whether applying the request needs the rows of frames."""
+        """Returns True if applying the request needs the rows of frames."""
         return self.state == "running" or not self.is_about_failures
 
     @property
     def is_about_failures(self) -> bool:
-        """Whether the request concerns only failed frames."""
+        """Returns True if the request concerns only failed frames."""
         return replace(self, state=None) == ShotRequest()
 
 

@@ -271,5 +271,5 @@ class Trust:
 
 
 def _is_distrust(why: str) -> bool:
-    """Whether a worker was paused because its results differed from those of others. why: the reason of the pause."""
+    """Returns True if a worker was paused because its results differed from those of others. why: the reason of the pause."""
     return why.startswith(REASON_OF_OLD_RELEASES) or (isinstance(why, Sentence) and why.code == "worker-quarantined")

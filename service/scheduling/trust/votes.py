@@ -43,7 +43,7 @@ class Votes:
 
     @property
     def has_differences(self) -> bool:
-        """Whether there is more than one distinct value."""
+        """Returns True if there is more than one distinct value."""
         return len({value for _, value in self.cast}) > 1
 
     @property
@@ -62,7 +62,7 @@ class Votes:
         return set() if right is None else {worker for worker, value in self.cast if value != right}
 
     def could_decide(self, ready: set[str]) -> bool:
-        """Whether a further result of any of these workers could decide which value is correct."""
+        """Returns True if a further result of any of these workers could decide which value is correct."""
         answers = Counter(worker for worker, _ in self.cast)
         return any(answers[worker] < MAX_RESULTS_PER_WORKER for worker in ready) and len(ready | self.workers) > 1
 
