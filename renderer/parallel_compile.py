@@ -7,6 +7,7 @@ over because a helper is killed or fails are compiled by this process when it ne
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import select
 import signal
@@ -31,7 +32,7 @@ __all__ = ["Helpers", "main"]
 
 MOST = 3  # helpers: more would wait for each other's parts
 _NO_PART = b"\xff"
-NEEDS = 400 << 20  # bytes that a helper takes while it compiles, with a margin
+NEEDS = 640 << 20  # bytes that a helper takes while it compiles, with a margin
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 
 
@@ -156,6 +157,7 @@ def _help(variant: str, taking: int, working: int, parent: int, is_first: bool) 
 
     is_first: this helper compiles the kernels that prepare scenes, while the parent links the kernel.
     """
+    gc.disable()  # as in renderer.precompile
     has_worked = _Parts(variant).compile(taking, parent)
     _close(working)
     if has_worked and is_first and os.getppid() == parent and not is_prepared():

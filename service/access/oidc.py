@@ -21,7 +21,6 @@ from importlib import import_module
 from typing import Any, Literal
 from urllib.parse import urlencode, urlsplit
 
-import httpx
 from sqlalchemy import select
 
 from service.access.roles import Role
@@ -100,6 +99,8 @@ class _Pending:
 
 @cache
 def _ssl_context() -> ssl.SSLContext:
+    import httpx  # imported only if needed: the import takes a tenth of a second of a starting service
+
     return httpx.create_ssl_context()  # created once: loading the certificates is slow
 
 
@@ -209,6 +210,7 @@ class Oidc:
         return f"{end}{'&' if '?' in end else '?'}{urlencode(asked)}"
 
     def _claims(self, code: str, pending: _Pending) -> tuple[dict[str, Any], str]:
+        import httpx
         from authlib.common.errors import AuthlibBaseError
         from authlib.oidc.core import CodeIDToken
         from joserfc.errors import JoseError
@@ -235,6 +237,8 @@ class Oidc:
 
     def _userinfo_claims(self, url: str, token: str, subject: str) -> dict[str, Any]:
         """Returns the name and role claims from the provider's userinfo endpoint. Raises httpx.HTTPError and ValueError."""
+        import httpx
+
         answer = httpx.get(url, headers={"Authorization": f"Bearer {token}"}, timeout=TIMEOUT_S, verify=_ssl_context())
         answer.raise_for_status()
         told = answer.json()
@@ -257,6 +261,7 @@ class Oidc:
 
     def _provider(self, anew: bool = False) -> tuple[dict[str, Any], Any]:
         """Returns the provider's metadata and keys. anew: fetch them even if they are cached. Raises Refused."""
+        import httpx
         from joserfc.jwk import KeySet
 
         known = self._known

@@ -15,8 +15,6 @@ import time
 from typing import IO, Any
 from urllib.parse import urlsplit
 
-import httpx
-
 from service.hooks.signing import headers
 
 __all__ = ["RefusedError", "UndeliveredError", "post", "redacted_hook", "run_program"]
@@ -42,6 +40,8 @@ class RefusedError(UndeliveredError):
 
 def post(url: str, secret: str, id: str, message: dict[str, Any]) -> None:
     """Posts a signed message to a webhook. Raises UndeliveredError, or RefusedError if the receiver answers 410."""
+    import httpx  # imported only if needed: the import takes a tenth of a second of a starting service
+
     body = json.dumps(message, separators=(",", ":")).encode()
     signed = {"Content-Type": "application/json", "User-Agent": "rayfarm", **headers(secret, id, int(time.time()), body)}
     try:
@@ -57,6 +57,8 @@ def post(url: str, secret: str, id: str, message: dict[str, Any]) -> None:
 
 
 async def _status(url: str, body: bytes, signed: dict[str, str]) -> int:
+    import httpx
+
     # httpx's own timeouts apply to each chunk of a response, not to the whole.
     client = httpx.AsyncClient(timeout=None, follow_redirects=False, verify=_certificates())
     async with asyncio.timeout(ANSWER_TIMEOUT_S), client, client.stream("POST", url, content=body, headers=signed) as answer:
@@ -66,6 +68,8 @@ async def _status(url: str, body: bytes, signed: dict[str, str]) -> int:
 @functools.cache
 def _certificates() -> ssl.SSLContext:
     """Returns the TLS context with the trusted certificates. Cached, since loading them takes longer than sending a message."""
+    import httpx
+
     return httpx.create_ssl_context()
 
 

@@ -9,10 +9,9 @@ import asyncio
 from collections.abc import AsyncIterator, Coroutine
 from contextlib import suppress
 from http.cookiejar import CookieJar, DefaultCookiePolicy
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import quote, urlsplit
 
-import httpx
 from starlette.datastructures import Headers
 from starlette.types import Receive, Scope, Send
 from websockets.asyncio.client import ClientConnection, connect
@@ -25,6 +24,9 @@ from service.http.hosts import is_local_address
 from service.http.problems import Problem
 from service.http.security import send_error
 from service.settings import Settings
+
+if TYPE_CHECKING:
+    import httpx
 
 __all__ = ["OwnerClient"]
 
@@ -66,6 +68,8 @@ class OwnerClient:
 
     async def is_ready(self, url: str, over: asyncio.Event) -> bool:
         """Returns True if the service at this URL is ready. Returns False if `over` is set before it answers."""
+        import httpx  # imported only if needed: the import takes a tenth of a second of a starting service
+
         asking = self._client().get(f"{url}/readyz", headers={"Host": "localhost", PASSED_ON: "1"}, timeout=CONNECT_S)
         try:
             answer = await _result_unless(over, asking)
@@ -78,6 +82,8 @@ class OwnerClient:
 
         Raises Unavailable if the owner does not respond; then nothing was sent to the client.
         """
+        import httpx
+
         headers = Headers(scope=scope)
         has_body = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
         path = _path(scope)
@@ -148,6 +154,8 @@ class OwnerClient:
         return [*kept, (PASSED_ON.encode(), origin.encode())]
 
     def _client(self) -> httpx.AsyncClient:
+        import httpx
+
         if self._http is None:
             limits = httpx.Limits(max_connections=None, max_keepalive_connections=20)
             timeout = httpx.Timeout(None, connect=CONNECT_S)
@@ -170,6 +178,8 @@ def _text(header: bytes) -> str:
 
 
 async def _body(receive: Receive) -> AsyncIterator[bytes]:
+    import httpx
+
     while True:
         message = await receive()
         if message["type"] == "http.disconnect":

@@ -10,7 +10,6 @@ import numpy as np
 from renderer.confine.reader import Link
 from renderer.errors import SceneError
 from renderer.image import rgbe9995
-from renderer.image.read import read
 from renderer.sentences import Sentence
 from service.watching.film_packet import picture_packet
 
@@ -25,6 +24,8 @@ def as_film(image: bytes, name: str, film: bytes, link: Link) -> dict[str, objec
     image, film: paths encoded by os.fsencode. is_display: whether the image is display-encoded (8 or 16 bits). Raises
     SceneError if the image cannot be read or is too large.
     """
+    from renderer.image.read import read  # only in the confined process: the service does not need OpenImageIO to start
+
     pixels = read(Path(os.fsdecode(image)).read_bytes(), name)
     if pixels.dtype == np.uint16:
         pixels = (pixels >> 8).astype(np.uint8)  # reduced to 8 bits, as displayed

@@ -99,7 +99,7 @@ def _read(image: Path, name: str, film: Path) -> dict[str, object]:
         Sentence("advice-shrink", "Make it smaller."),
     )
     try:
-        found = run(job, [image.resolve()], [film.parent.resolve()], bounds, preload=[as_film.__module__])
+        found = run(job, [image.resolve()], [film.parent.resolve()], bounds, preload=[as_film.__module__, "renderer.image.read"])
         sides = int(found["width"]), int(found["height"]), int(found["clipped"])
         if not film.is_file() or film.is_symlink():
             raise SceneError(

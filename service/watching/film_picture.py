@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from protocol.pictures import decode_film
 from renderer.image import rgbe9995
-from renderer.image.encode import encode
 from renderer.sentences import Sentence
 from service.errors import Failed
 from service.watching.film_packet import GZIP
@@ -34,6 +33,8 @@ def radiance_of(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
 
 def film_picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> PictureBody:
     """Returns a picture file made from a packet. extension: its format. folder: for temporary files."""
+    from renderer.image.encode import encode  # imported only if needed: OpenImageIO is large
+
     return PictureBody.of(encode(radiance_of(packed), extension, exposure, curve), folder)
 
 

@@ -17,7 +17,6 @@ import numpy.typing as npt
 from renderer import aovs
 from renderer.film import CHANNELS
 from renderer.image import rgbe9995, tonemap
-from renderer.image.encode import RGB, encode_shown, write_bands
 from renderer.sentences import Sentence
 from service.errors import Invalid
 from service.store.bands import bands
@@ -86,6 +85,8 @@ class PictureRequest:
 
 def picture_file(film: Film, frame: int, wish: PictureRequest, folder: Path) -> PictureBody:
     """Returns the picture file. folder: for temporary files."""
+    from renderer.image.encode import RGB, encode_shown, write_bands  # imported only if needed: OpenImageIO is large
+
     side = square_side(wish.width, film.width, film.height)
     width, height = film.width // side, film.height // side
     if wish.extension in ("exr", "hdr"):
