@@ -23,6 +23,12 @@ from service.store.models import Key, User
 __all__ = ["CACHE_TTL_S", "KeyKind", "Keys"]
 
 KeyKind = Literal["session", "token", "link", "worker"]
+_LABELS: dict[KeyKind, str] = {
+    "session": Sentence("key-session", "session"),
+    "token": Sentence("key-token", "token"),
+    "link": Sentence("key-login-link", "login link"),
+    "worker": Sentence("key-worker-token", "worker token"),
+}
 CACHE_TTL_S = 3.0  # seconds for which a key is cached: another process may revoke it
 LAST_USE_INTERVAL_S = 300.0
 MAX_CACHED = 4096
@@ -137,7 +143,11 @@ class Keys:
             row = session.get(Key, id)
             if row is None or row.kind != kind or (user is not None and row.user != user):
                 raise NotFound(
-                    Sentence("key-not-found", "There is no such {kind}; it may have been withdrawn already.", kind=kind)
+                    Sentence(
+                        "key-not-found",
+                        "There is no {kind} with this id; it may have been withdrawn already.",
+                        kind=_LABELS[kind],
+                    )
                 )
             session.delete(row)
         self.clear_cache()

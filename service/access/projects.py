@@ -237,14 +237,14 @@ class Projects:
             if session.get(Project, name, with_for_update=True) is None:
                 raise project_not_found(name)
             counts = {kind: _count(row, name, session) for kind, row in ROWS.items()}
-            left = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in counts.items() if count]
+            left = [_amount(kind, count) for kind, count in counts.items() if count]
             if left:
                 raise Conflict(
                     Sentence(
                         "project-not-empty",
                         "The project {name} still has {contents}. Delete them first.",
                         name=repr(name),
-                        contents=[*left],
+                        contents=left,
                     )
                 )
             session.execute(delete(Member).where(Member.project == name))
@@ -289,3 +289,20 @@ def read_only_project(name: str) -> NotAllowed:
             name=repr(name),
         )
     )
+
+
+def _amount(kind: Kind, count: int) -> str:
+    """Returns a number of objects of a kind as a parameter of a sentence."""
+    match kind:
+        case "scene":
+            return Sentence("amount-scene", "1 scene") if count == 1 else Sentence("amount-scenes", "{count} scenes", count=count)
+        case "job":
+            return Sentence("amount-job", "1 job") if count == 1 else Sentence("amount-jobs", "{count} jobs", count=count)
+        case "environment":
+            if count == 1:
+                return Sentence("amount-environment", "1 environment")
+            return Sentence("amount-environments", "{count} environments", count=count)
+        case "reference":
+            if count == 1:
+                return Sentence("amount-reference", "1 reference")
+            return Sentence("amount-references", "{count} references", count=count)

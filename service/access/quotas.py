@@ -106,12 +106,9 @@ class Quotas:
             row = session.get(User if kind == "user" else Key, name)
             if row is None or (isinstance(row, Key) and row.kind != "token"):
                 raise NotFound(
-                    Sentence(
-                        "quota-subject-not-found",
-                        "There is no {kind} {name}. GET /api/{kind}s lists those that are there.",
-                        kind=kind,
-                        name=repr(name[:64]),
-                    )
+                    Sentence("user-not-found", "There is no user {name}. GET /api/users lists them.", name=repr(name[:64]))
+                    if kind == "user"
+                    else Sentence("token-not-found", "There is no token {id}. GET /api/tokens lists them.", id=repr(name[:64]))
                 )
             session.execute(delete(Quota).where(Quota.whose == whose))
             if limits is not None:

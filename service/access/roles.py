@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
+from renderer.sentences import Sentence
+
 __all__ = ["OPEN", "OWNER", "Caller", "Kind", "Role", "RoleName"]
 
 RoleName = Literal["view", "submit", "admin"]
@@ -31,6 +33,18 @@ class Role(IntEnum):
     def api_name(self) -> str:
         """The role's name as used in the API."""
         return self.name.lower()
+
+    @property
+    def label(self) -> str:
+        """The role's name as a parameter of a sentence."""
+        match self:
+            case Role.VIEW:
+                return Sentence("role-view", "view")
+            case Role.SUBMIT:
+                return Sentence("role-submit", "submit")
+            case Role.ADMIN:
+                return Sentence("role-admin", "admin")
+        return Sentence("role-nobody", "nobody")
 
 
 @dataclass(frozen=True)

@@ -208,13 +208,13 @@ def _access_problem(need: Need, caller: Caller | None) -> Problem | None:
         return Problem(401, LOG_IN, challenge)
     if not caller.is_known:
         return Problem(401, OWNERS, challenge)
-    has = "worker" if caller.is_worker else caller.role.api_name
+    has = Sentence("role-worker", "worker") if caller.is_worker else caller.role.label
     return Problem(
         403,
         Sentence(
             "role-insufficient",
             "This needs the role {needed}; {name} has the role {role}. Ask who runs the farm.",
-            needed=need.role.api_name,
+            needed=need.role.label,
             name=caller.name,
             role=has,
         ),

@@ -32,7 +32,7 @@ from service.scheduling.jobs.shot_changes import samples_of
 from service.shot import IN_TURN_ORDER, Shot
 from service.store.disk_space import check_free_space
 from service.store.frame_changes import Step, apply_short_steps, fits_one_transaction, record_steps
-from service.store.models import FINAL_STATES, Job, Scene
+from service.store.models import FINAL_STATES, STATE_LABELS, Job, Scene
 from telemetry import tracing
 
 __all__ = ["Created", "begin_anew", "create"]
@@ -84,7 +84,9 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
         if job.state in FINAL_STATES:
             raise Conflict(
                 Sentence(
-                    "job-not-finished", "The job is {state}; only a job that is not over can be started again.", state=job.state
+                    "job-not-finished",
+                    "The job is {state}; only a job that is not over can be started again.",
+                    state=STATE_LABELS[job.state],
                 )
             )
         request = _current_request(job)

@@ -179,7 +179,10 @@ class Retention:
             run.state, run.error = "failed", str(error)
         except Exception as error:
             log.exception("a fault while old films and scenes were deleted")
-            run.state, run.error = "failed", f"The service has a fault ({type(error).__name__}); its log says more."
+            run.state = "failed"
+            run.error = Sentence(
+                "retention-failed", "The cleanup failed ({kind}). See the service's log.", kind=type(error).__name__
+            )
 
     def plan(self, rules: Rules) -> list[Item]:
         """Returns the items that these rules allow to delete, oldest first. Deletes nothing."""
@@ -215,9 +218,27 @@ class Retention:
                 continue
             age = now - since
             if rules.films_days is not None and age > rules.films_days * DAY_S:
-                found.append(Item("film", id, name, size, age, f"older than {rules.films_days:g} days"))
+                found.append(
+                    Item(
+                        "film",
+                        id,
+                        name,
+                        size,
+                        age,
+                        Sentence("retention-older", "older than {days} days", days=f"{rules.films_days:g}"),
+                    )
+                )
             elif too_much > 0:
-                found.append(Item("film", id, name, size, age, f"films take more than {rules.films_bytes} bytes"))
+                found.append(
+                    Item(
+                        "film",
+                        id,
+                        name,
+                        size,
+                        age,
+                        Sentence("retention-films-too-large", "films take more than {most} bytes", most=rules.films_bytes),
+                    )
+                )
             else:
                 continue
             too_much -= size
@@ -235,10 +256,10 @@ class Retention:
                 continue
             age = now - max(scene.created, used.get(scene.of or scene.id, 0.0))
             if rules.uploads_days is not None and scene.of is None and age > rules.uploads_days * DAY_S:
-                why = f"not used for {rules.uploads_days:g} days"
+                why = _unused_for(rules.uploads_days)
                 found.append(Item("upload", scene.id, scene.name, scene.bytes + _compiled_bytes(scene), age, why))
             elif rules.compiled_days is not None and scene.compiled and age > rules.compiled_days * DAY_S:
-                why = f"not used for {rules.compiled_days:g} days"
+                why = _unused_for(rules.compiled_days)
                 found.append(Item("compiled", scene.id, scene.name, _compiled_bytes(scene), age, why))
         return found
 
@@ -318,3 +339,7 @@ def _sizes(ref: Any) -> dict[str, int]:
         return {str(ref["sha256"]): int(ref["size"]), **{str(part): int(size) for part, size in ref.get("parts") or ()}}
     except (KeyError, TypeError, ValueError, AttributeError):
         return {}
+
+
+def _unused_for(days: float) -> str:
+    return Sentence("retention-unused", "not used for {days} days", days=f"{days:g}")

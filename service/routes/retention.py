@@ -6,13 +6,14 @@ from dataclasses import asdict
 from typing import Literal
 
 from fastapi import Response
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from renderer.sentences import Sentence
 from service.errors import NotFound
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
 from service.maintenance.retention import Rules, Run
+from service.models.coded import Coded
 from service.models.strict import Strict
 
 __all__ = ["router"]
@@ -31,7 +32,7 @@ class RetentionIn(Strict):
     dry_run: bool = Field(True, description="only tell")
 
 
-class ItemOut(BaseModel):
+class ItemOut(Coded):
     """An item that can be deleted, or was."""
 
     what: Literal["film", "compiled", "upload"]
@@ -42,7 +43,7 @@ class ItemOut(BaseModel):
     why: str
 
 
-class RetentionOut(BaseModel):
+class RetentionOut(Coded):
     """Items that can be deleted, or were. Films and compiled scenes can be made again on demand; uploads cannot."""
 
     state: Literal["planned", "running", "finished", "failed", "stopped"] = Field(

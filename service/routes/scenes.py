@@ -90,7 +90,7 @@ async def upload(
     base: adds the files to a copy of this scene, by default in its project; main: then selects another main file.
     """
     await check_upload_quota(request, farm, visit)
-    check_length(request, farm, Sentence("kind-upload", "upload"), "Leave files out")
+    check_length(request, farm, Sentence("kind-upload", "upload"), Sentence("advice-leave-files-out", "Leave files out"))
     traceparent, content_type = request.headers.get(tracing.HEADER), request.headers.get("content-type", "")
     scene = await store(UploadRequest(content_type, request.stream(), project, strict, traceparent), visit, farm)
     response.headers["Location"] = f"/api/scenes/{scene.id}"

@@ -62,7 +62,7 @@ class DependencyTracker:
             ended = {
                 None: Sentence("job-was-deleted", "was deleted"),
                 "cancelled": Sentence("job-was-cancelled", "was cancelled"),
-            }.get(state, "failed")
+            }.get(state, Sentence("job-state-failed", "failed"))
             called = f"{name} ({other})" if name else other
             failed |= self._records.failed(
                 job,

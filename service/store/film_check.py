@@ -10,7 +10,7 @@ from pathlib import Path
 
 from renderer.settings import tiles_of
 from service.errors import FarmError
-from service.store.film_faults import damaged_film_error, film_faults
+from service.store.film_faults import damaged_samples_error, film_faults
 from service.store.film_version import FilmShape, Row, is_up_to_date, matches_checksum, select_rows
 
 __all__ = ["film_samples", "open_film_file", "readable_rows"]
@@ -30,7 +30,7 @@ def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
         for *row, known in database.execute(select_rows(_version(database))):
             frame, tile, first, count = row[:4]
             if not isinstance(tile, int) or not 0 <= tile < len(tiles) or not matches_checksum(tuple(row), known):
-                raise damaged_film_error(f"samples from {first} on of tile {tile} are not what was written")
+                raise damaged_samples_error(first, tile)
             found[frame] += count * tiles[tile].w * tiles[tile].h
     return found
 

@@ -17,7 +17,7 @@ from renderer.settings import tiles_of
 from service.errors import FilmLost, FilmUnavailable
 from service.store.atomic_files import rename_synced
 from service.store.film_check import open_film_file
-from service.store.film_faults import FILM, damaged_film_error
+from service.store.film_faults import FILM, damaged_film_error, damaged_samples_error
 from service.store.film_file import ROWS, FilmFile
 from service.store.film_version import FilmShape, matches_checksum, sample_ranges
 
@@ -96,7 +96,7 @@ class FilmCopy:
     def _samples(self, row: tuple[Any, ...]) -> int:
         _, tile, first, count, *_ = row
         if not isinstance(tile, int) or not 0 <= tile < len(self._tiles) or not matches_checksum(row[:8], row[8]):
-            raise damaged_film_error(f"samples from {first} on of tile {tile} are not what was written")
+            raise damaged_samples_error(first, tile)
         return int(count) * self._tiles[tile].w * self._tiles[tile].h
 
     def _remove(self) -> None:

@@ -12,7 +12,15 @@ from contextlib import contextmanager
 from renderer.sentences import Sentence, joined_sentences, with_full_stop
 from service.errors import FilmDamaged, FilmLost, FilmUnavailable, NotFound
 
-__all__ = ["FILM", "FilmClosed", "damaged_film_error", "film_faults", "incomplete_film_error", "owned_elsewhere_error"]
+__all__ = [
+    "FILM",
+    "FilmClosed",
+    "damaged_film_error",
+    "damaged_samples_error",
+    "film_faults",
+    "incomplete_film_error",
+    "owned_elsewhere_error",
+]
 
 FILM = Sentence("film-of-job", "The film of this job")  # first words of all these error messages
 RENDER_AGAIN_ADVICE = Sentence("advice-set-running", "Set the job to running to render it again.")
@@ -73,9 +81,21 @@ def film_faults() -> Iterator[None]:
 
 
 def damaged_film_error(why: str) -> FilmDamaged:
-    """Returns the error for a film with invalid content. why: detail for the message."""
+    """Returns the error for a film with invalid content. why: detail for the message, a sentence where it is not a library's."""
     return FilmDamaged(
         Sentence("film-damaged", "{film} is damaged ({reason}). {advice}", film=FILM, reason=why, advice=RENDER_AGAIN_ADVICE)
+    )
+
+
+def damaged_samples_error(first: int, tile: int) -> FilmDamaged:
+    """Returns the error for a row of a film, of the samples from `first` on, that does not match its checksum."""
+    return damaged_film_error(
+        Sentence(
+            "film-samples-damaged",
+            "samples from {first} on of tile {tile} differ from what was written",
+            first=first,
+            tile=tile,
+        )
     )
 
 

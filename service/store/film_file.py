@@ -16,8 +16,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from renderer.sentences import Sentence
 from service.errors import FarmError
-from service.store.film_faults import damaged_film_error, film_faults, owned_elsewhere_error
+from service.store.film_faults import damaged_film_error, damaged_samples_error, film_faults, owned_elsewhere_error
 from service.store.film_version import (
     FilmShape,
     Row,
@@ -133,7 +134,14 @@ class FilmFile:
                 where = head[:3]
                 row = self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ? AND first = ?", where).fetchone()
                 if row is None:
-                    raise damaged_film_error(f"samples from {head.first} on of tile {head.tile} are gone")
+                    raise damaged_film_error(
+                        Sentence(
+                            "film-samples-lost",
+                            "samples from {first} on of tile {tile} are missing",
+                            first=head.first,
+                            tile=head.tile,
+                        )
+                    )
                 yield _sums(row)
 
     def bad_samples(self, frame: int) -> tuple[int, list[tuple[int, int, int]]]:
@@ -271,7 +279,7 @@ class FilmFile:
 
 def _sums(row: tuple[Any, ...]) -> bytes:
     if not matches_checksum(row[:8], row[8]):
-        raise damaged_film_error(f"samples from {row[2]} on of tile {row[1]} are not what was written")
+        raise damaged_samples_error(row[2], row[1])
     sums: bytes = row[5]
     return sums
 

@@ -75,7 +75,14 @@ def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
     if version:
         found = database.execute("SELECT width, height, tile_size, film_exponent FROM shape").fetchall()
         if found != [astuple(shape)]:
-            raise damaged_film_error(f"it is of another picture: {found}, not {astuple(shape)}")
+            raise damaged_film_error(
+                Sentence(
+                    "film-of-another-picture",
+                    "it is of another picture: {found} instead of {expected}",
+                    found=str(found),
+                    expected=str(astuple(shape)),
+                )
+            )
     return bool(version == VERSION)
 
 

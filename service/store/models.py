@@ -8,11 +8,13 @@ from typing import Any
 from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, false, text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
+from renderer.sentences import Sentence
 from service.store.sentence_columns import SentenceList, SentenceRecord, SentenceText
 
 __all__ = [
     "ACTIVE_STATES",
     "FINAL_STATES",
+    "STATE_LABELS",
     "Base",
     "Delivery",
     "Environment",
@@ -36,6 +38,14 @@ __all__ = [
 
 ACTIVE_STATES = ("queued", "running", "paused")
 FINAL_STATES = ("finished", "failed", "cancelled")
+STATE_LABELS: dict[str, str] = {  # as parameters of sentences
+    "queued": Sentence("state-queued", "queued"),
+    "running": Sentence("state-running", "running"),
+    "paused": Sentence("state-paused", "paused"),
+    "finished": Sentence("state-finished", "finished"),
+    "failed": Sentence("job-state-failed", "failed"),
+    "cancelled": Sentence("state-cancelled", "cancelled"),
+}
 HAS_NOTE = text("note IS NOT NULL")
 
 

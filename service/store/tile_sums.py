@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from protocol.sums import add_sums, unpack_sums
 from renderer.film import Sums
+from renderer.sentences import Sentence
 from renderer.settings import Tile
 from service.store.film_faults import damaged_film_error
 
@@ -28,5 +29,5 @@ def sum_of_rows(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None 
         except (ValueError, TypeError) as error:
             raise damaged_film_error(str(error)) from error
     if total is None:
-        raise damaged_film_error("rows are missing")
+        raise damaged_film_error(Sentence("film-rows-missing", "rows are missing"))
     return total

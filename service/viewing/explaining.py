@@ -93,7 +93,7 @@ class PixelExplainer:
                     able = [report for report in self._board.roster.ready() if report.kind == kind and report.explains]
                     place = unfit.next(work.job, able)
                     if place is None:
-                        raise Failed(unfit.sentence(work.job, "explain this pixel"))
+                        raise Failed(unfit.sentence(work.job, Sentence("task-explain-pixel", "explain this pixel")))
                     queue = place.queue
             raise Unavailable(
                 Sentence("pixel-worker-lost", "The worker was lost while it traced the pixel's paths. Try again."),
@@ -150,7 +150,7 @@ class PixelExplainer:
                 case "done":
                     return {**answer["explained"], "worker": holder}
                 case "returned" if answer.get("unfit") is True:
-                    return MachineFault(holder or "the worker", _error_of(answer), passing=False)
+                    return MachineFault(holder or Sentence("label-the-worker", "the worker"), _error_of(answer), passing=False)
                 case "returned":
                     raise Unavailable(
                         Sentence(

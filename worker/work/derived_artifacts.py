@@ -33,7 +33,8 @@ class ArtifactTask(Generic[Work]):
     """A Celery task for one type of artifact.
 
     read: parses the message; raises ValueError. make: does the work and returns fields for the event; may raise anything. made,
-    failed: types of the events. shown_as: key under which the slot reports the work. task: completes the phrase "could not".
+    failed: types of the events. shown_as: key under which the slot reports the work. task: a sentence that
+    completes the phrase "could not".
     """
 
     read: Callable[[Any], Work]
@@ -114,10 +115,27 @@ class ArtifactTask(Generic[Work]):
         return {**event, "unfit": True} if unfit else event
 
 
-DENOISING = ArtifactTask(DenoiseFrame.from_json, denoise_frame, "denoised", "denoise-failed", "denoise", "denoise the picture")
+DENOISING = ArtifactTask(
+    DenoiseFrame.from_json,
+    denoise_frame,
+    "denoised",
+    "denoise-failed",
+    "denoise",
+    Sentence("task-denoise-picture", "denoise the picture"),
+)
 MOTION_VECTORS = ArtifactTask(
-    FrameVectors.from_json, make_frame_vectors, "vectors-made", "vectors-failed", "vectors", "make motion vectors"
+    FrameVectors.from_json,
+    make_frame_vectors,
+    "vectors-made",
+    "vectors-failed",
+    "vectors",
+    Sentence("task-make-vectors", "make motion vectors"),
 )
 ENVIRONMENTS = ArtifactTask(
-    ShowEnvironment.from_json, show_environment, "environment-shown", "environment-failed", "environment", "read the image"
+    ShowEnvironment.from_json,
+    show_environment,
+    "environment-shown",
+    "environment-failed",
+    "environment",
+    Sentence("task-read-image", "read the image"),
 )

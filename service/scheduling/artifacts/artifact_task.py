@@ -140,7 +140,14 @@ class ArtifactTask(ABC, Generic[Request]):
             if owner in self._unfit:
                 place = self._unfit.next(owner, self._able_workers())
                 if place is None:
-                    self._fail_request(key, Failed(self._unfit.sentence(owner, f"make the {self._name}")))
+                    self._fail_request(
+                        key,
+                        Failed(
+                            self._unfit.sentence(
+                                owner, Sentence("task-make-artifact", "make the {artifact}", artifact=self._name)
+                            )
+                        ),
+                    )
                     continue
                 kind, queue = place.kind, place.queue
             patience = self._patience_s + TIMEOUT_S_PER_PIXEL * wanted.wish.width * wanted.wish.height
@@ -264,7 +271,7 @@ class ArtifactTask(ABC, Generic[Request]):
                 "artifact-failed",
                 "The {artifact} could not be made: {reason}.",
                 artifact=self._name,
-                reason=(why or "its file is missing, or of another size").rstrip("."),
+                reason=(why or Sentence("artifact-file-missing", "its file is missing, or of another size")).rstrip("."),
             )
         )
 

@@ -14,6 +14,7 @@ from dataclasses import asdict
 from functools import cache
 
 from protocol.contract import FrameInfo, PrepareFrames, prepare_queue
+from renderer.sentences import Sentence
 from renderer.settings import OPTIONAL
 from service.scheduling.artifacts.unfit_machines import Destination, MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
@@ -136,7 +137,7 @@ class FramePreparation:
         for id, kind in self._unfit_kind.items():
             able = [each for each in self._workers.roster.reports.values() if each.kind == kind and each.frames]
             if id in jobs and able and not self.leases.of(id) and self._unfit.next(id, able) is None:
-                found.append((jobs[id], self._unfit.sentence(id, "prepare this shot")))
+                found.append((jobs[id], self._unfit.sentence(id, Sentence("task-prepare-shot", "prepare this shot"))))
         return found
 
     def _choose_destination(self, job: str, kind: str) -> Destination | None:

@@ -108,7 +108,7 @@ class ScenePreparations:
                 continue
             able = self._able_workers(scene, kind, self._workers.roster.reports.values())
             if able and self._unfit.next(scene, able) is None:
-                found.append((scene, kind, self._unfit.sentence(scene, "prepare this scene")))
+                found.append((scene, kind, self._unfit.sentence(scene, Sentence("task-prepare-scene", "prepare this scene"))))
         return found
 
     def _able_workers(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:

@@ -73,7 +73,7 @@ class UnfitMachines:
     def sentence(self, owner: str, what: str) -> str:
         """Returns the error sentence that lists the faults of all machines tried.
 
-        what: the work, such as "prepare this scene".
+        what: the work, as a sentence such as "prepare this scene".
         """
         return Sentence(
             "task-without-worker",

@@ -13,7 +13,7 @@ from renderer.settings import MAX_SPP, RenderSettings
 from service.errors import Conflict, FilmLost, Invalid
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
-from service.store.models import ACTIVE_STATES, FINAL_STATES, Job, Wait
+from service.store.models import ACTIVE_STATES, FINAL_STATES, STATE_LABELS, Job, Wait
 
 __all__ = ["begins_anew", "drop_failed_dependencies", "set_focus", "set_samples", "set_state"]
 
@@ -78,7 +78,7 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
                 Sentence(
                     "job-not-pausable",
                     "The job is {state}; only a queued or running job can be paused.",
-                    state=job.state,
+                    state=STATE_LABELS[job.state],
                 )
             )
         job.state = "paused"
@@ -104,7 +104,7 @@ def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
             Sentence(
                 "job-focus-not-rendering",
                 "The job is {state}; a part can only be rendered first while a job is rendered.",
-                state=job.state,
+                state=STATE_LABELS[job.state],
             )
         )
     size = {**job.request, **(job.settings or {})}

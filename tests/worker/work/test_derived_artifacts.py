@@ -10,12 +10,14 @@ from typing import Any
 import pytest
 
 from protocol.contract import DenoiseFrame
+from renderer.sentences import Sentence
 from worker.exchange.errors import LinkError, WorkError
 from worker.machine.status import SlotBoard
 from worker.work import derived_artifacts
 from worker.work.derived_artifacts import ArtifactTask
 
 WORK = DenoiseFrame("w1", "job", 4, 8, 8)
+TASK_TEXT = Sentence("task-denoise-picture", "denoise the picture")
 TASK = SimpleNamespace(request=SimpleNamespace(delivery_info={}))
 
 
@@ -25,7 +27,7 @@ def worker() -> Any:
 
 
 def aside(make: Callable[..., dict[str, Any]]) -> ArtifactTask[DenoiseFrame]:
-    return ArtifactTask(DenoiseFrame.from_json, make, "made", "failed", "denoise", "denoise the picture")
+    return ArtifactTask(DenoiseFrame.from_json, make, "made", "failed", "denoise", TASK_TEXT)
 
 
 def test_while_it_is_made_the_slot_says_so(worker: Any) -> None:
@@ -42,20 +44,22 @@ def test_while_it_is_made_the_slot_says_so(worker: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "sentence"),
+    ("error", "code"),
     [
-        (WorkError("The picture is too large."), "The picture is too large."),
-        (LinkError("no answer"), "attic could not denoise the picture: no answer"),
-        (OSError("no space left"), "attic has no room to denoise the picture: no space left"),
-        (ZeroDivisionError("a fault"), "attic could not denoise the picture (ZeroDivisionError: a fault)"),
+        (WorkError(Sentence("picture-too-large", "The picture is too large.")), "picture-too-large"),
+        (LinkError("no answer"), "worker-task-failed"),
+        (OSError("no space left"), "worker-task-without-room"),
+        (ZeroDivisionError("a fault"), "worker-task-error"),
     ],
 )
-def test_whatever_goes_wrong_is_answered(worker: Any, error: Exception, sentence: str) -> None:
+def test_whatever_goes_wrong_is_answered(worker: Any, error: Exception, code: str) -> None:
     def make(*_: Any) -> dict[str, Any]:
         raise error
 
     event = aside(make).event(TASK, worker, asdict(WORK))
-    assert event == {"type": "failed", "work": "w1", "worker": "attic", "error": sentence}
+    assert event == {"type": "failed", "work": "w1", "worker": "attic", "error": event["error"]}
+    assert event["error"].code == code
+    assert event["error"].params.get("task", TASK_TEXT).code == "task-denoise-picture"
     assert worker.board.read()[0] == [{}]
 
 
@@ -67,4 +71,5 @@ def test_a_message_of_another_release_is_answered(worker: Any) -> None:
 def test_what_kills_its_process_is_given_up(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(derived_artifacts, "count_deaths", lambda *_: derived_artifacts.DEATHS_ALLOWED)
     event = aside(lambda *_: {}).event(TASK, worker, asdict(WORK))
-    assert event["error"] == "the worker process died 3 times while it tried to denoise the picture"
+    assert event["error"].code == "worker-died-during-task"
+    assert event["error"].params == {"count": 3, "task": TASK_TEXT}
