@@ -18,6 +18,19 @@ __all__ = ["Extensions", "modules_of", "simplify"]
 
 LEFT = {"Normal", "Coat Normal", "Tangent", "Weight"}  # vector inputs, which no colour image represents
 BENT = {"Normal", "Coat Normal"}
+MODULES = (
+    "cycles",
+    "cycles_differences",
+    "displacement",
+    "image_nodes",
+    "lights",
+    "meshes",
+    "nodes",
+    "shader_mix",
+    "skies",
+    "subsurface",
+    "tubes",
+)  # of the add-on's folder `scene`
 GLASS, LEAST_IOR = 1.5, 1e-4
 
 
@@ -66,31 +79,14 @@ def modules_of(addon: Path) -> Any:
             module = types.ModuleType(name)
             module.__path__ = [str(path)]
             sys.modules[name] = module
-    return types.SimpleNamespace(
-        **{
-            name: importlib.import_module(f"{package}.{name}")
-            for name in (
-                "cycles",
-                "displaced",
-                "lights",
-                "looks",
-                "meshes",
-                "nodes",
-                "painted",
-                "skies",
-                "tubes",
-                "unlike",
-                "within",
-            )
-        }
-    )
+    return types.SimpleNamespace(**{name: importlib.import_module(f"{package}.{name}") for name in MODULES})
 
 
 class _Simplifier:
     def __init__(self, bpy: Any, material: Any, thing: Any, modules: Any, notes: list[str]) -> None:
         self._bpy, self._material, self._thing, self._tree = bpy, material, thing, material.node_tree
         self._modules, self._notes = modules, notes
-        self._painter = modules.painted.Painter(material.name, self._way)
+        self._painter = modules.image_nodes.Painter(material.name, self._way)
 
     def run(self) -> dict[str, Any]:
         """Converts the material if necessary; returns the values that the exporter writes differently from Cycles, for
@@ -106,9 +102,9 @@ class _Simplifier:
             inside = self._filled(False, told)
             self._tell(told)
             return inside
-        self._modules.unlike.warn_of_pictures(self._tree, told.append)
+        self._modules.cycles_differences.warn_of_pictures(self._tree, told.append)
         self._modules.cycles.warn_of_material(self._material, told.append)
-        look = self._modules.looks.principled_look(source, told.append)
+        look = self._modules.shader_mix.principled_look(source, told.append)
         if look is None:
             return {}
         through = nodes.constant_value(look.input("Transmission Weight"))
@@ -136,8 +132,8 @@ class _Simplifier:
 
     def _filled(self, lets_in: bool, told: list[str]) -> dict[str, Any]:
         """Returns the medium of the material's volume. told: receives notes on what is ignored."""
-        found = self._modules.within.filled(self._tree, lets_in, told.append)
-        return {} if found is None else {self._modules.within.MEDIUM: found}
+        found = self._modules.subsurface.filled(self._tree, lets_in, told.append)
+        return {} if found is None else {self._modules.subsurface.MEDIUM: found}
 
     def _shine(self, principled: Any, look: Any) -> tuple[str, ...]:
         """Multiplies the emission strength's image into the emission colour's; returns the inputs that are done."""
@@ -165,8 +161,8 @@ class _Simplifier:
             return float(found) if isinstance(found, float) else default
 
         said: dict[str, Any] = {}
-        if (beneath := self._modules.within.subsurface(look)) is not None:
-            said[self._modules.within.SUBSURFACE] = beneath
+        if (beneath := self._modules.subsurface.subsurface(look)) is not None:
+            said[self._modules.subsurface.SUBSURFACE] = beneath
         if (weight := number("Translucent Weight")) > 0:
             color = self._modules.nodes.constant_value(look.input("Translucent Color"))
             said["KHR_materials_diffuse_transmission"] = {
@@ -178,13 +174,13 @@ class _Simplifier:
             said["KHR_materials_ior"] = {"ior": max(ior, 1.0)}
         if is_glass and ior <= 1.0:
             said["KHR_materials_ior"] = {"ior": 1.0}
-        if (left := self._modules.looks.under_coat(look)) is not None:
+        if (left := self._modules.shader_mix.under_coat(look)) is not None:
             said["baseColorFactor"] = left
         strength, roughness = number("Anisotropic"), number("Roughness", -1.0)
         if strength > 0 and roughness >= 0:
-            rough, stretched = self._modules.looks.brushed(strength, roughness, number("Anisotropic Rotation"))
+            rough, stretched = self._modules.shader_mix.brushed(strength, roughness, number("Anisotropic Rotation"))
             said |= {"roughnessFactor": rough, "KHR_materials_anisotropy": stretched}
-        if (thickness := number("Thin Film Thickness")) > 0 and self._modules.unlike.has_film(look):
+        if (thickness := number("Thin Film Thickness")) > 0 and self._modules.cycles_differences.has_film(look):
             said["KHR_materials_iridescence"] = {
                 "iridescenceFactor": 1.0,
                 "iridescenceIor": min(max(number("Thin Film IOR", 1.33), 1.0), 5.0),
@@ -217,7 +213,7 @@ class _Simplifier:
             return
         if entry.name in LEFT:
             return
-        if entry.name in self._modules.unlike.NUMBERS:
+        if entry.name in self._modules.cycles_differences.NUMBERS:
             self._put(entry, entry.default_value)
             return
         painted = self._painter.paint(at, entry.name.lower())
@@ -237,7 +233,7 @@ class _Simplifier:
     def _displace(self, principled: Any, told: list[str]) -> None:
         """Converts displacement to bump, if the material has no other bump or normal map."""
         scale = abs(self._thing.matrix_world.determinant()) ** (1 / 3)
-        heights = self._modules.displaced.displaced(self._material, self._tree, scale, told.append)
+        heights = self._modules.displacement.displaced(self._material, self._tree, scale, told.append)
         if heights is None:
             return
         normal, coat = (principled.inputs.get(name) for name in ("Normal", "Coat Normal"))
@@ -253,7 +249,7 @@ class _Simplifier:
         if spans is None or not all(isinstance(each, float) for each in numbers):
             return False
         strength, distance = numbers
-        bump = self._modules.painted.Bump(min(max(strength, 0.0), 1.0), -distance if source.node.invert else distance)
+        bump = self._modules.image_nodes.Bump(min(max(strength, 0.0), 1.0), -distance if source.node.invert else distance)
 
         def length(way: _Way) -> tuple[float, float] | None:
             return None if 0 in way.scale else (spans[0] / abs(way.scale[0]), spans[1] / abs(way.scale[1]))

@@ -69,8 +69,8 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes, out)
     seen = over_frames(scene, exposed, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
     scene.frame_set(frames[0])
-    medium = world_medium(scene.world, getattr(known, "within", None), notes)
-    if known is not None and (medium is not None or any(known.within.scatters(each) for each in surfaces.values())):
+    medium = world_medium(scene.world, getattr(known, "subsurface", None), notes)
+    if known is not None and (medium is not None or any(known.subsurface.scatters(each) for each in surfaces.values())):
         known.cycles.warn_of_volumes(scene, notes.append)
     # Infinitely distant light is not visible through a medium that fills the world.
     environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes) if medium is None else (None, [])
