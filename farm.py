@@ -17,7 +17,7 @@
     python3 farm.py bench [name ...]       the benchmarks; --help lists them
     python3 farm.py bench peers [--quick]  against Mitsuba, Embree and Cycles, by a table (hours; installs Embree and Blender)
 
-Needs Python 3.11 or 3.12 and nothing else. Only the standard library is used here, and only what every Python 3 parses,
+Needs Python 3.11, 3.12 or 3.13 and nothing else. Only the standard library is used here, and only what every Python 3 parses,
 so that a wrong version gets a sentence and not a traceback.
 """
 
@@ -33,7 +33,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
-PYTHONS = ((3, 12), (3, 11))
+PYTHONS = ((3, 13), (3, 12), (3, 11))
 FOR_TESTS = ("test",)
 FOR_BENCHMARKS = ("docs", "test")
 # Scripts that make the pictures of docs/, and their requirements.
@@ -98,7 +98,7 @@ def find_python():
     fail(
         "This is Python "
         + mine
-        + "; Rayfarm needs Python 3.11 or 3.12. Install one (Debian: apt install python3.11 python3.11-venv)."
+        + "; Rayfarm needs Python 3.11, 3.12 or 3.13. Install one (Debian: apt install python3.11 python3.11-venv)."
     )
 
 

@@ -18,7 +18,7 @@ from renderer.cache_folders import cache_home, reason_to_distrust
 
 __all__ = ["check_machine"]
 
-PYTHONS = ((3, 11), (3, 12))
+PYTHONS = ((3, 11), (3, 12), (3, 13))
 NEEDED_CACHE = 2 << 30
 LOW_MEMORY = 4 << 30
 OLDEST_CLOCK = 1735689600.0  # 2025: older than any release
@@ -46,7 +46,7 @@ def _python() -> Finding:
     version = ".".join(map(str, sys.version_info[:3]))
     if sys.version_info[:2] not in PYTHONS:
         return fault(
-            "Python", f"This is Python {version}, for which Rayfarm is not tested.", "Install it under Python 3.11 or 3.12."
+            "Python", f"This is Python {version}, for which Rayfarm is not tested.", "Install it under Python 3.11, 3.12 or 3.13."
         )
     return fine("Python", f"{version} at {sys.executable}.")
 
