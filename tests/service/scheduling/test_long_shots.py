@@ -47,7 +47,9 @@ def is_at_rest(service: Service, job: str) -> bool:
 @pytest.fixture
 def scene(service: Service) -> str:
     with service.worker():
-        return service.ready_scene()
+        ready = service.ready_scene()
+    until(lambda: not service.http.get("/api/workers").json(), "the worker is gone")  # else it is sent a frame
+    return ready
 
 
 @pytest.mark.long
