@@ -52,19 +52,19 @@ def write_world(
     return {"image": "blender-world.exr"}, [] if sun is None else [_light(world, sun)]
 
 
-def world_medium(world: Any, within: Any, notes: list[str]) -> dict[str, Any] | None:
+def world_medium(world: Any, subsurface: Any, notes: list[str]) -> dict[str, Any] | None:
     """Returns the medium that fills the world, in the form of our scene file; None if there is none.
 
-    within: the add-on's module of that name; None if not available.
+    subsurface: the add-on's module of that name; None if not available.
     """
     tree = world.node_tree if world is not None and world.use_nodes else None
     output = None if tree is None else next((n for n in tree.nodes if n.type == "OUTPUT_WORLD" and n.is_active_output), None)
     if output is None or not output.inputs["Volume"].links:
         return None
-    if within is None:
+    if subsurface is None:
         notes.append("World: its volume is not taken over")
         return None
-    found: dict[str, Any] | None = within.world_medium(tree, lambda what: notes.append(f"World: {what}"))
+    found: dict[str, Any] | None = subsurface.world_medium(tree, lambda what: notes.append(f"World: {what}"))
     return found
 
 

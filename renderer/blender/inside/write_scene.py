@@ -49,8 +49,8 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     fps = float(scene.render.fps)
     frames = frames_of(bpy, scene)
     layer = bpy.context.view_layer
-    known = modules_of(addon) if addon is not None else None
-    cycles = getattr(known, "cycles", None)
+    modules = modules_of(addon) if addon is not None else None
+    cycles = getattr(modules, "cycles", None)
     settings = settings_of(scene, layer, cycles) if has_settings else {}
     exposed = exposed_over(frames, settings) if is_animated(bpy, scene) else frames
     scene.frame_set(frames[0])
@@ -62,18 +62,18 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     as_stills(bpy, _materials(solid), notes)
     surfaces = simplify(bpy, solid, addon, notes)
     bake(bpy, scene, solid, notes)
-    note_surfaces(_materials(solid), notes, known is not None)
+    note_surfaces(_materials(solid), notes, modules is not None)
     note_rays(solid, layer, notes)
-    _note_flags(scene, layer, shown, known, notes)
+    _note_flags(scene, layer, shown, modules, notes)
 
-    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes, out)
+    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(modules, "lights", None), notes, out)
     seen = over_frames(scene, exposed, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
     scene.frame_set(frames[0])
-    medium = world_medium(scene.world, getattr(known, "subsurface", None), notes)
-    if known is not None and (medium is not None or any(known.subsurface.scatters(each) for each in surfaces.values())):
-        known.cycles.warn_of_volumes(scene, notes.append)
+    medium = world_medium(scene.world, getattr(modules, "subsurface", None), notes)
+    if modules is not None and (medium is not None or any(modules.subsurface.scatters(each) for each in surfaces.values())):
+        modules.cycles.warn_of_volumes(scene, notes.append)
     # Infinitely distant light is not visible through a medium that fills the world.
-    environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes) if medium is None else (None, [])
+    environment, suns = write_world(bpy, scene, out, getattr(modules, "skies", None), notes) if medium is None else (None, [])
     lamps, materials, shapes = lights.written(_of("light", seen), exposed, fps)
     if solid:
         taken = replace_by_stand_ins(bpy, solid, addon)
@@ -163,10 +163,10 @@ def _note_hair(shown: list[Any], notes: list[str]) -> None:
             notes.append(f"{thing.name}: hair of its particles is not taken over; convert it to hair curves")
 
 
-def _note_flags(scene: Any, layer: Any, shown: list[Any], known: Any, notes: list[str]) -> None:
-    if known is None:
+def _note_flags(scene: Any, layer: Any, shown: list[Any], modules: Any, notes: list[str]) -> None:
+    if modules is None:
         return
-    flags = known.cycles.Flags(scene, layer)
+    flags = modules.cycles.Flags(scene, layer)
     for thing in shown:
         flags.look_at(thing)
     flags.tell(notes.append)
