@@ -70,6 +70,7 @@ WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # HTTP headers of a film's means: the film's version and its number of samples
 SAMPLES_HEADER = "X-Samples"
+_OF_CARDS = ("cards", "cards_unused")  # fields of reports
 _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
@@ -374,10 +375,13 @@ class WorkerReport:
     explains: bool = False  # whether it explains pixels (protocol.explained)
     adds: bool = False  # whether its slots share a tile, and add up its sums (protocol.joint)
     in_hand: list[str] = field(default_factory=list)  # messages of which something waits on the machine, beside `current`
+    # Graphics cards with which slots render: {number, name, memory: bytes, capability: "8.6", slot, samples_per_s}
+    cards: list[dict[str, Any]] = field(default_factory=list)
+    cards_unused: list[str] = field(default_factory=list)  # why other cards are not used (renderer.sentences.to_text)
 
     def to_bytes(self) -> bytes:
-        """Serializes the report as JSON for the worker's key."""
-        return json.dumps(asdict(self)).encode()
+        """Serializes the report as JSON for the worker's key. Without graphics cards it is that of earlier releases."""
+        return json.dumps({name: value for name, value in asdict(self).items() if value or name not in _OF_CARDS}).encode()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> WorkerReport:

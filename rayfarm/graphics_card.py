@@ -1,17 +1,64 @@
-"""The graphics card for `rayfarm render --gpu`, and messages about cards."""
+"""The graphics card for `rayfarm render --gpu` and for `render(device=...)`, and messages about cards."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import contextlib
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 from rayfarm.console import err
 from rayfarm.errors import CommandError
 from renderer.cuda.cards import NOT_YET_TRIED, CardsError, chosen_cards, described, find_cards
+from renderer.errors import MachineError, SettingsError
 
 if TYPE_CHECKING:
     from renderer.cuda.render import CardRenderer
 
-__all__ = ["open_card"]
+__all__ = ["check_device", "device_card", "open_card"]
+
+_DEVICE = re.compile(r"cpu|cuda(?::(\d{1,4}))?", re.ASCII)
+
+
+def check_device(device: Any) -> str:
+    """Returns the device that `render` was given: cpu, cuda or cuda:NUMBER; None is cpu. Raises SettingsError."""
+    if device is None:
+        return "cpu"
+    if not isinstance(device, str) or not _DEVICE.fullmatch(device):
+        raise SettingsError(f"device is {device!r}; give 'cpu', 'cuda' for the first NVIDIA card, or 'cuda:1' for another")
+    return device
+
+
+@contextlib.contextmanager
+def device_card(device: str) -> Iterator[CardRenderer | None]:
+    """Context manager that opens the graphics card of a device, as returned by `check_device`; yields None for cpu.
+
+    Raises SettingsError if there is no such card, MachineError if its driver fails.
+    """
+    if device == "cpu":
+        yield None
+        return
+    match = _DEVICE.fullmatch(device)
+    assert match is not None
+    cards = find_cards()
+    number = match[1] and int(match[1])
+    card = next((each for each in cards.usable if number is None or each.number == number), None)
+    if card is None:
+        others = "; ".join(described(each) for each in cards.usable)
+        reason = f"This machine's cards: {others}." if others else " ".join(cards.refused)
+        raise SettingsError(f"device is {device!r}, and there is no such card. {reason} 'cpu' renders with the processor.")
+    from renderer.cuda.driver import DriverError
+    from renderer.cuda.render import CardRenderer
+
+    try:
+        renderer = CardRenderer(card)
+    except DriverError as error:
+        raise MachineError(f"card {card.number} ({card.name}) cannot be used: {error}") from error
+    try:
+        yield renderer
+    finally:
+        with contextlib.suppress(DriverError):  # after a failure the driver refuses this too; the failure itself is raised
+            renderer.close()
 
 
 def open_card() -> CardRenderer:

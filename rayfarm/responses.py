@@ -205,6 +205,18 @@ class Offer:
 
 
 @dataclass(frozen=True)
+class Card:
+    """A graphics card with which a worker's slot renders. memory: bytes; slot: index in `Worker.current`."""
+
+    number: int
+    name: str
+    memory: int
+    capability: str = ""  # compute capability, such as 8.6
+    slot: int = 0
+    samples_per_s: float = 0.0  # 0: none yet
+
+
+@dataclass(frozen=True)
 class Worker:
     """A worker of the farm. state: starting, ready or paused."""
 
@@ -220,6 +232,8 @@ class Worker:
     samples_per_s: float = 0.0  # of one slot
     current: list[dict[str, Any]] = field(default_factory=list)  # current work of each slot
     denoises: bool = False
+    cards: list[Card] = field(default_factory=list)  # graphics cards with which its slots render
+    cards_unused: list[str] = field(default_factory=list)  # why others are not used
     offer: Offer | None = None  # None for an older release, which can only be paused
 
 

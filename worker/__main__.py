@@ -35,7 +35,16 @@ from renderer import denoise, jit
 from renderer.blender import program
 from renderer.blender.program import Blender
 from renderer.confine.running import confinement
-from renderer.cuda.cards import CHOICES, NOT_YET_TRIED, CardsError, chosen_cards, described, find_cards_before_fork
+from renderer.cuda.cards import (
+    CHOICES,
+    NOT_YET_TRIED,
+    CardsError,
+    chosen_cards,
+    described,
+    find_cards_before_fork,
+    has_nvidia_hardware,
+    reasons_unused,
+)
 from renderer.cuda.driver import Card
 from renderer.printable import printable
 from renderer.render import helpers_for
@@ -88,7 +97,7 @@ def _run_worker(options: argparse.Namespace) -> int:
     tail, lines = logs.set_up()
     health_file.write_state(WorkerState.STARTING)
     blender = _check_settings(options)
-    cards = _choose_cards(options)
+    cards, cards_unused = _choose_cards(options)
     log = logging.getLogger("worker")
     stopping: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))
@@ -129,6 +138,7 @@ def _run_worker(options: argparse.Namespace) -> int:
         tail=tail,
         blender=blender,
         cards=cards,
+        cards_unused=cards_unused,
         keeping=TermsKeeper(options.slots, _tags(options, host, kind), _command_line_terms(options)),
         pieces=_create_pieces(log),
     )
@@ -217,19 +227,21 @@ def _check_settings(options: argparse.Namespace) -> Blender | None:
     return _inspect_blender(options.blender) if options.blender is not None else None
 
 
-def _choose_cards(options: argparse.Namespace) -> tuple[Card, ...]:
-    """Returns the graphics cards to use, and adds a slot for each to `options.slots`; with `only`, replaces all other slots.
+def _choose_cards(options: argparse.Namespace) -> tuple[tuple[Card, ...], tuple[str, ...]]:
+    """Returns the graphics cards to use, and why others are not used.
 
-    Raises RefusedError if a card is missing or cannot be used.
+    Adds a slot for each card to `options.slots`; with `only`, replaces all other slots. Raises RefusedError if a card is missing
+    or cannot be used.
     """
-    if options.gpu == "none":
-        return ()
+    if options.gpu == "none" and not has_nvidia_hardware():
+        return (), ()
+    found = find_cards_before_fork()
     try:
-        cards, with_cpu = chosen_cards(options.gpu, find_cards_before_fork())
+        cards, with_cpu = chosen_cards(options.gpu, found)
     except CardsError as error:
         raise RefusedError(str(error)) from None
     options.slots = len(cards) + (options.slots if with_cpu else 0)
-    return tuple(cards)
+    return tuple(cards), tuple(reasons_unused(found, cards))
 
 
 def _inspect_blender(named: str) -> Blender:

@@ -13,7 +13,7 @@ from rayfarm import options
 from rayfarm.console import out
 from rayfarm.errors import CommandError
 from rayfarm.login import farm_client
-from rayfarm.responses import Worker
+from rayfarm.responses import Card, Worker
 
 __all__ = ["register"]
 
@@ -73,10 +73,19 @@ def workers(
         table.add_row(*map(escape, _cells(row)))
     out.print(table)
     for row in rows:
+        for card in row.cards:
+            out.print(f"{row.name}: {_card_line(card)}", markup=False, soft_wrap=True)
+        for why in row.cards_unused:
+            out.print(f"{row.name}: {why}", markup=False, soft_wrap=True)
         old = "" if row.state == "starting" else "is of an older release: it can only be paused"
         for why in (row.message, row.offer.trouble if row.offer else old):
             if why:
                 out.print(f"{row.name}: {why}", markup=False, soft_wrap=True)
+
+
+def _card_line(card: Card) -> str:
+    speed = f", {card.samples_per_s / 1e6:.1f} million samples/s" if card.samples_per_s else ""
+    return f"renders with card {card.number}: {card.name}, {card.memory / 2**30:.0f} GiB{speed}"
 
 
 def _cells(row: Worker) -> list[str]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from rayfarm import options
 from rayfarm.errors import CommandError
+from rayfarm.graphics_card import check_device
 from rayfarm.options import Env
 from rayfarm.picture import ENVIRONMENT_OPTIONS, LIMIT_OPTIONS, SETTINGS_OPTIONS, Picture
 from renderer import aovs
@@ -22,7 +23,9 @@ from renderer.settings import VIEW
 
 __all__ = ["RenderArguments", "parse_arguments"]
 
-_LIBRARY_ARGUMENTS = ("width", "height", "camera", "environment", "frame", "fps", "clip", "variant", "aovs", "denoise", "threads")
+_LIBRARY_ARGUMENTS = (
+    *("width", "height", "camera", "environment", "frame", "fps", "clip", "variant", "aovs", "denoise", "threads", "device"),
+)
 _TABLES: tuple[Mapping[str, DeclaredSetting], ...] = (LIMIT_OPTIONS, VIEW, SETTINGS_OPTIONS, ENVIRONMENT_OPTIONS)
 
 
@@ -48,6 +51,7 @@ class RenderArguments:
     aovs: tuple[str, ...] = aovs.AOVS
     denoise: bool = False
     threads: int | None = None
+    device: str = "cpu"  # cpu, cuda or cuda:NUMBER
 
 
 def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
@@ -74,8 +78,9 @@ def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
     named = [wanted] if isinstance(wanted, str) else wanted or ()
     planes = aovs.AOVS if wanted is None else aovs.parse_names(name for name in named if name != "color")  # always present
     moment = Moment(float(given.get("frame") or 0), given.get("fps"), _text(given.get("clip")))
+    device = check_device(given.get("device"))
     return RenderArguments(
-        picture, moment, _text(given.get("variant")), tuple(planes), bool(given.get("denoise")), given.get("threads")
+        picture, moment, _text(given.get("variant")), tuple(planes), bool(given.get("denoise")), given.get("threads"), device
     )
 
 

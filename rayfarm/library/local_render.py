@@ -6,12 +6,13 @@ import contextlib
 import queue
 import threading
 import warnings
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rayfarm import options
 from rayfarm.frame import PictureOrder, motion_of
+from rayfarm.graphics_card import device_card
 from rayfarm.library.arguments import RenderArguments
 from rayfarm.library.image import F32, Image
 from rayfarm.reading import open_stage
@@ -42,22 +43,28 @@ def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Ima
     planes = [name for name in wanted.aovs if name != "color"]
     order = PictureOrder(picture, planes, wanted.denoise, 0.0, "neutral", None, 0, None, wanted.threads)
     light = picture.environment()
-    with open_stage(*(scene, light, wanted.variant, picture.camera), threads=wanted.threads, shutter=picture.shutter()) as stage:
+    with (
+        device_card(wanted.device) as card,
+        open_stage(*(scene, light, wanted.variant, picture.camera), threads=wanted.threads, shutter=picture.shutter()) as stage,
+    ):
         motion = motion_of(stage, order, wanted.moment, clock)
         compiled, summary = stage.at(wanted.moment)
         for warning in options.relevant_warnings(summary["warnings"], light):
             warnings.warn(warning, SceneWarning, stacklevel=2)
         settings = order.settings(summary, wanted.moment)
         count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
-        load_kernels(settings, compiled, clock)
+        load_kernels(settings, compiled, clock, card)
         of = count if picture.noise is None else None
 
         def quiet_enough(sums: Sums) -> bool:
             return picture.noise is not None and noise_of(sums, settings.film_exponent) <= picture.noise
 
+        def frame(stop: Callable[[Sums], bool] | None) -> Sums:
+            limit = picture.time_limit
+            return render_frame(compiled, settings, count, wanted.threads, stop=stop, time_limit=limit, card=card)
+
         if at_once:
-            stop = None if picture.noise is None else quiet_enough
-            sums = render_frame(compiled, settings, count, wanted.threads, stop=stop, time_limit=picture.time_limit)
+            sums = frame(None if picture.noise is None else quiet_enough)
             yield _image(sums, settings, of, planes, motion, wanted, True)
             return
         ready: queue.Queue[tuple[Sums, bool] | BaseException] = queue.Queue()
@@ -74,12 +81,7 @@ def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Ima
 
         def render() -> None:
             try:
-                tell(
-                    (
-                        render_frame(compiled, settings, count, wanted.threads, stop=after_pass, time_limit=picture.time_limit),
-                        True,
-                    )
-                )
+                tell((frame(after_pass), True))
             except BaseException as error:
                 tell(error)
 

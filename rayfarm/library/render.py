@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rayfarm.library.arguments import parse_arguments
 from rayfarm.library.image import Image
 from rayfarm.library.scene_input import as_files
+from renderer.errors import SettingsError
 
 if TYPE_CHECKING:
     from rayfarm.client import Client
@@ -27,6 +28,8 @@ def render(scene: Any, *, farm: str | Client | None = None, base: str | Path = "
     scene: a path; a dict as in docs/scene-format.md, in which a mesh may have arrays and a texture pixels; a trimesh.Trimesh or
     trimesh.Scene. base: the folder of the files that a dict names.
     farm: a farm's address or a Client; None renders in this process, with all cores.
+    device: "cuda", or "cuda:1" for another card, renders in this process with an NVIDIA card instead, to the same bits; "cpu" is
+    the default. Not together with farm, whose workers choose.
     settings: width, height, spp, noise, seconds; camera, eye, target, fov, aperture ...; environment; frame, fps, clip; variant;
     aovs (default: all of the film; "motion" only on request); denoise; threads; and each of `settings` of the scene format by its
     name.
@@ -49,6 +52,10 @@ def progressive(scene: Any, *, farm: str | Client | None = None, base: str | Pat
 
 def _images(scene: Any, farm: str | Client | None, base: str | Path, settings: dict[str, Any], at_once: bool) -> Generator[Image]:
     wanted = parse_arguments(settings)
+    if farm is not None and wanted.device != "cpu":
+        raise SettingsError(
+            "device is for rendering in this process: leave it out for a farm, whose workers choose their devices"
+        )
     with ExitStack() as stack:
         path = stack.enter_context(as_files(scene, base))
         if farm is None:

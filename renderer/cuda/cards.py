@@ -9,16 +9,33 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
+from pathlib import Path
 from typing import NamedTuple
 
 from renderer.cuda.driver import LIBRARY, Card, Driver, DriverError
 from renderer.kernel.backends.cuda.target import CAPABILITY, CUDA_VERSION
+from renderer.sentences import Sentence, from_text, to_text
 
-__all__ = ["CHOICES", "NOT_YET_TRIED", "Cards", "CardsError", "chosen_cards", "described", "find_cards", "find_cards_before_fork"]
+__all__ = [
+    "CHOICES",
+    "NOT_YET_TRIED",
+    "Cards",
+    "CardsError",
+    "chosen_cards",
+    "described",
+    "find_cards",
+    "find_cards_before_fork",
+    "has_nvidia_hardware",
+    "reasons_unused",
+]
 
 CHOICES = "none, all, only, or numbers such as 0,1"
 NOT_YET_TRIED = "not yet tried on a card in this version"
 _NUMBERS = re.compile(r"\d+(,\d+)*", re.ASCII)
+_DRIVER_FILES = ("/proc/driver/nvidia", "/dev/nvidiactl", "/dev/dxg")  # the last: Windows' subsystem for Linux
+_PCI = "/sys/bus/pci/devices"
+_NVIDIA, _DISPLAY = "0x10de", "0x03"  # vendor; begin of the class
 
 
 class CardsError(Exception):
@@ -44,9 +61,9 @@ def find_cards(library: str = LIBRARY) -> Cards:
     try:
         version, cards = driver.version(), driver.cards()
     except DriverError as error:
-        return Cards([], [f"No graphics card is used: {error}."])
+        return Cards([], [_unused(str(error))])
     if not cards:
-        return Cards([], ["No graphics card is used: the NVIDIA driver finds none."])
+        return Cards([], [_none_found()])
     if version < CUDA_VERSION:
         return Cards([], [_too_old(version)])
     refused = [_too_weak(card) for card in cards if card.capability < CAPABILITY]
@@ -57,16 +74,28 @@ def find_cards_before_fork() -> Cards:
     """Returns the cards of this machine as `find_cards`, but starts the driver in a process of its own."""
     found = subprocess.run([sys.executable, "-m", "renderer.cuda.cards"], capture_output=True, text=True, check=False)
     if found.returncode:
-        reason = (found.stderr.strip().splitlines() or [f"it ended with {found.returncode}"])[-1]
-        return Cards([], [f"No graphics card is used: the search for one failed: {reason}."])
+        reason = (found.stderr.strip().splitlines() or [f"exit code {found.returncode}"])[-1]
+        return Cards(
+            [], [Sentence("cards-search-failed", "No graphics card is used: the search failed: {reason}.", reason=reason)]
+        )
     usable, refused = json.loads(found.stdout)
-    return Cards([Card(number, name, (major, minor), *rest) for number, name, (major, minor), *rest in usable], refused)
+    cards = [Card(number, name, (major, minor), *rest) for number, name, (major, minor), *rest in usable]
+    return Cards(cards, [from_text(each) for each in refused])
+
+
+def has_nvidia_hardware(root: Path = Path("/")) -> bool:
+    """Returns True if this machine seems to have an NVIDIA card or its driver, without starting the driver."""
+    if any((root / name.lstrip("/")).exists() for name in _DRIVER_FILES):
+        return True
+    return any(
+        _line(device / "vendor") == _NVIDIA and _line(device / "class").startswith(_DISPLAY)
+        for device in (root / _PCI.lstrip("/")).glob("*")
+    )
 
 
 def described(card: Card) -> str:
     """Returns a card's number, name, memory and capability."""
-    major, minor = card.capability
-    return f"{card.number}: {card.name}, {card.memory / 2**30:.0f} GiB, compute capability {major}.{minor}"
+    return f"{card.number}: {card.name}, {_gibibytes(card)} GiB, compute capability {_version(card.capability)}"
 
 
 def chosen_cards(choice: str, cards: Cards) -> tuple[list[Card], bool]:
@@ -91,24 +120,81 @@ def chosen_cards(choice: str, cards: Cards) -> tuple[list[Card], bool]:
     return [known[number] for number in numbers], True
 
 
+def reasons_unused(cards: Cards, used: Iterable[Card]) -> list[str]:
+    """Returns a sentence for each card that is not among the used ones."""
+    numbers = {card.number for card in used}
+    unchosen = [
+        Sentence(
+            "card-not-chosen",
+            "Card {number}: {name}, {memory} GiB, compute capability {capability} is not used. To use it, start the worker with "
+            "--gpu {number}.",
+            number=card.number,
+            name=card.name,
+            memory=_gibibytes(card),
+            capability=_version(card.capability),
+        )
+        for card in cards.usable
+        if card.number not in numbers
+    ]
+    return [*unchosen, *cards.refused]
+
+
+def _gibibytes(card: Card) -> int:
+    return round(card.memory / 2**30)
+
+
+def _version(numbers: tuple[int, int]) -> str:
+    return ".".join(map(str, numbers))
+
+
+def _line(file: Path) -> str:
+    try:
+        return file.read_text().strip()
+    except OSError:
+        return ""
+
+
+def _unused(reason: str) -> str:
+    return Sentence("cards-unused", "No graphics card is used: {reason}.", reason=reason)
+
+
+def _none_found() -> str:
+    return Sentence("cards-none-found", "No graphics card is used: the NVIDIA driver finds none.")
+
+
 def _without_driver(error: DriverError) -> str:
     if error.code == "CUDA_ERROR_NO_DEVICE":
-        return "No graphics card is used: the NVIDIA driver finds none."
+        return _none_found()
     if not error.code:
-        return f"No graphics card is used: {error}."
-    return f"No graphics card is used: the NVIDIA driver does not start: {error}."
+        return _unused(str(error))
+    return Sentence(
+        "cards-driver-not-started", "No graphics card is used: the NVIDIA driver does not start: {reason}.", reason=str(error)
+    )
 
 
 def _too_old(version: tuple[int, int]) -> str:
-    return (
-        f"No graphics card is used: the NVIDIA driver supports CUDA {version[0]}.{version[1]}, and Rayfarm needs CUDA "
-        f"{CUDA_VERSION[0]}.{CUDA_VERSION[1]}; install driver 530 or later."
+    return Sentence(
+        "cards-driver-too-old",
+        "No graphics card is used: the NVIDIA driver supports CUDA {found}, and Rayfarm needs CUDA {needed}; install driver 530 "
+        "or later.",
+        found=_version(version),
+        needed=_version(CUDA_VERSION),
     )
 
 
 def _too_weak(card: Card) -> str:
-    return f"Card {described(card)}, is not used: Rayfarm needs compute capability {CAPABILITY[0]}.{CAPABILITY[1]} or higher."
+    return Sentence(
+        "card-too-old",
+        "Card {number}: {name}, {memory} GiB, compute capability {capability} is not used: Rayfarm needs compute capability "
+        "{needed} or higher.",
+        number=card.number,
+        name=card.name,
+        memory=_gibibytes(card),
+        capability=_version(card.capability),
+        needed=_version(CAPABILITY),
+    )
 
 
 if __name__ == "__main__":
-    print(json.dumps(find_cards()))
+    found = find_cards()
+    print(json.dumps([found.usable, [to_text(each) for each in found.refused]]))

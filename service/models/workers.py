@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from protocol.contract import WorkerReport
 from protocol.hours import Hours
 from renderer.frames import frame_number
+from renderer.sentences import from_text
 from service.models.coded import Coded
 from service.models.strict import Strict
 from service.scheduling.snapshot import Snapshot
@@ -71,6 +72,17 @@ class OfferOut(Coded):
     trouble: str | None = Field(description="what was asked of it and it cannot do")
 
 
+class CardOut(BaseModel):
+    """A graphics card with which a worker's slot renders."""
+
+    number: int
+    name: str
+    memory: int = Field(description="bytes")
+    capability: str = Field(description="compute capability, such as 8.6")
+    slot: int = Field(description="index in `current`")
+    samples_per_s: float = Field(description="of its latest batches; 0: none yet")
+
+
 class WorkerOut(Coded):
     """A connected worker, as it reports itself."""
 
@@ -90,6 +102,8 @@ class WorkerOut(Coded):
     memory_total: int | None
     failures: int = Field(description="batches that failed there since the service started")
     speeds: list[float] = Field(description="samples a second of all its slots: a mean a minute, of the last hour, newest last")
+    cards: list[CardOut] = Field([], description="graphics cards with which its slots render")
+    cards_unused: list[str] = Field([], description="why other graphics cards are not used, a sentence each")
     offer: OfferOut | None = Field(description="null: a worker of an older release, which can only be paused and has no tags")
 
 
@@ -99,7 +113,12 @@ def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerO
     vitals = view.roster.vitals.get(report.name)
     offer = view.roster.offers.get(report.name)
     return WorkerOut(
-        **{**asdict(report), "current": current, "state": report.state if why is None else "paused"},
+        **{
+            **asdict(report),
+            "current": current,
+            "state": report.state if why is None else "paused",
+            "cards_unused": [from_text(each) for each in report.cards_unused],
+        },
         message=why or (offer.why if offer is not None and report.state == "paused" else None),
         memory_used=vitals.memory_used if vitals else None,
         memory_total=vitals.memory_total if vitals else None,

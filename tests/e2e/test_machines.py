@@ -82,3 +82,26 @@ def test_no_picture_stands_under_another_ones_name(page: Page) -> None:
         return seen;"""
     of = [[True, "first"], [False, "first"], [True, "second"], [True, None], [True, "second"]]
     assert call(page, "views/machine", body) == of
+
+
+def test_a_machine_shows_its_graphics_cards_and_why_others_are_not_used(page: Page) -> None:
+    body = """
+        const { element, update } = m.machineCard();
+        document.body.replaceChildren(element);
+        const worker = { name: "a", cpu: "", state: "ready", slots: 1, terms: {}, current: [{}] };
+        const seen = [];
+        for (const more of [
+            {},
+            { cards: [{ number: 0, name: "RTX Test", memory: 8e9, slot: 0, samples_per_s: 2.5e8 }] },
+            { cards: [], cards_unused: ["Card 1 is not used."] },
+        ]) {
+            update({ ...worker, ...more });
+            const list = element.querySelector(".cards");
+            seen.push([list.hidden, ...[...list.children].map((item) => item.textContent)]);
+        }
+        return seen;"""
+    assert call(page, "views/machine", body) == [
+        [True],
+        [False, "Graphics card: RTX Test · 8 GB · 250 M samples/s"],
+        [False, "Card 1 is not used."],
+    ]

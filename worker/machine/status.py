@@ -38,6 +38,10 @@ class SlotBoard:
         speeds = [record["speed"] for record in records if record.get("speed")]
         return [record.get("current", {}) for record in records], sum(speeds) / len(speeds) if speeds else 0.0
 
+    def speed(self, slot: int) -> float:
+        """Returns the samples per second of a slot's latest rendering; 0 if it has not rendered."""
+        return float(self._read(slot).get("speed", 0.0))
+
     def _read(self, slot: int) -> dict[str, Any]:
         try:
             return json.loads(self._memory[slot * RECORD : (slot + 1) * RECORD])

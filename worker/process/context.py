@@ -8,6 +8,7 @@ import socket
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from protocol.blends import blender_queue
 from protocol.contract import WorkerReport, denoise_queue, own_prepare_queue, prepare_queue, render_queue
@@ -16,6 +17,7 @@ from protocol.view_parts import view_queue
 from renderer import denoise
 from renderer.blender.program import Blender
 from renderer.cuda.driver import Card
+from renderer.sentences import to_text
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import Link
 from worker.exchange.results import ResultStream
@@ -46,6 +48,7 @@ class WorkerContext:
     keeping: TermsKeeper | None = None  # applies the service's terms; in the parent process only
     blender: Blender | None = None  # to open .blend files; None without Blender
     cards: tuple[Card, ...] = ()  # graphics cards; the last slots have one each
+    cards_unused: tuple[str, ...] = ()  # a sentence for each card that is not used
     pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
     _sites: SiteLink | None = None
@@ -98,7 +101,19 @@ class WorkerContext:
             explains=True,
             adds=self.pieces is not None,
             in_hand=self._messages_in_hand(),
+            cards=[self._card(card, slot) for slot, card in enumerate(self.cards, self.slots - len(self.cards))],
+            cards_unused=[to_text(each) for each in self.cards_unused],
         )
+
+    def _card(self, card: Card, slot: int) -> dict[str, Any]:
+        return {
+            "number": card.number,
+            "name": card.name,
+            "memory": card.memory,
+            "capability": ".".join(map(str, card.capability)),
+            "slot": slot,
+            "samples_per_s": self.board.speed(slot),
+        }
 
     def _messages_in_hand(self) -> list[str]:
         try:

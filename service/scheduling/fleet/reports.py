@@ -25,6 +25,7 @@ MAX_TEXT_LENGTH = 4000
 MAX_SPEED = 1e12  # samples per second of a slot
 MAX_NUMBER = 1e15  # no arithmetic on it overflows
 MAX_DEPTH = 4
+MAX_CARDS = 64
 
 _REPORT = TypeAdapter(WorkerReport)
 
@@ -48,7 +49,23 @@ def report_of(key: bytes, value: bytes) -> WorkerReport:
         raise ValueError("its host, processor or kind has no name")
     if not all(is_plain(doing) for doing in report.current):
         raise ValueError("what its slots do cannot be told")
+    if len(report.cards) > MAX_CARDS or not all(_is_card(card) for card in report.cards):
+        raise ValueError("its graphics cards are malformed")
+    if len(report.cards_unused) > MAX_CARDS or not all(map(is_plain, report.cards_unused)):
+        raise ValueError("the reasons for its unused graphics cards are malformed")
     return report
+
+
+def _is_card(card: dict[str, Any]) -> bool:
+    texts, numbers = (card.get("name"), card.get("capability")), (card.get("number"), card.get("memory"), card.get("slot"))
+    speed = card.get("samples_per_s")
+    return (
+        is_plain(card)
+        and all(isinstance(text, str) for text in texts)
+        and all(isinstance(number, int) and number >= 0 for number in numbers)
+        and isinstance(speed, int | float)
+        and 0 <= speed <= MAX_SPEED
+    )
 
 
 def is_plain(value: Any, deepest: int = MAX_DEPTH, longest: int = MAX_TEXT_LENGTH) -> bool:

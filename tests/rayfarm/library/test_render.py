@@ -100,6 +100,10 @@ def test_a_cloud_of_points_is_shown_as_balls() -> None:
         ({"shapes": [{"type": "sphere", "radius": object()}]}, {}, SceneError, r"scene.shapes\[0\].radius is object"),
         ({"type": "scene", "ball": {"type": "sphere"}}, {}, SceneError, "one of Mitsuba's"),
         ({"shapes": [{"type": "spher"}]}, {}, SceneError, "spher"),
+        (CORNELL, {"device": "gpu"}, SettingsError, "device is 'gpu'; give 'cpu', 'cuda'"),
+        (CORNELL, {"device": "cuda:-1"}, SettingsError, "device is 'cuda:-1'"),
+        (CORNELL, {"device": 0}, SettingsError, "device is 0"),
+        (CORNELL, {"device": "cuda", "farm": "http://127.0.0.1:1"}, SettingsError, "device is for rendering in this process"),
     ],
 )
 def test_what_is_wrong_is_said(scene: object, settings: dict[str, object], kind: type[Exception], sentence: str) -> None:

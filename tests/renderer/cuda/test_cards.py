@@ -8,13 +8,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.cuda.cards import CardsError, chosen_cards, find_cards
+import rayfarm
+from rayfarm import graphics_card
+from renderer.cuda import render as card_rendering
+from renderer.cuda.cards import (
+    CardsError,
+    chosen_cards,
+    find_cards,
+    find_cards_before_fork,
+    has_nvidia_hardware,
+    reasons_unused,
+)
 from renderer.cuda.driver import Card, Device, Driver, DriverError
 from renderer.cuda.render import CardError, CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
 from renderer.render import RenderStats, render_batch, render_frame
 from renderer.settings import Tile
+from tests.helpers import ROOT
 from tests.renderer.cuda.on_host import fake_driver, shared_object
 from tests.renderer.kernel.backends.features import made
 
@@ -56,8 +67,39 @@ def test_a_card_that_is_too_old_is_refused_beside_one_that_is_used(library: str,
     cards = find_cards(library)
     assert cards.usable == [Card(1, "RTX Test", (8, 6), 8 << 30, 1)]
     assert cards.refused == [
-        "Card 0: GTX Test, 4 GiB, compute capability 6.1, is not used: Rayfarm needs compute capability 7.0 or higher."
+        "Card 0: GTX Test, 4 GiB, compute capability 6.1 is not used: Rayfarm needs compute capability 7.0 or higher."
     ]
+
+
+def test_a_reason_survives_the_search_in_a_process_of_its_own(
+    library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with_cards.setenv("FAKE_CUDA_CARDS", f"{OLD},{NEW}")
+    with_cards.setenv("LD_LIBRARY_PATH", str(Path(library).parent))
+    cards = find_cards_before_fork()
+    assert cards == find_cards(library)
+    assert [getattr(each, "code", None) for each in cards.refused] == ["card-too-old"]
+
+
+def test_cards_that_were_not_chosen_have_a_reason(library: str, with_cards: pytest.MonkeyPatch) -> None:
+    with_cards.setenv("FAKE_CUDA_CARDS", f"{NEW},{NEW},{OLD}")
+    cards = find_cards(library)
+    unused = reasons_unused(cards, cards.usable[:1])
+    assert unused[0] == ("Card 1: RTX Test, 8 GiB, compute capability 8.6 is not used. To use it, start the worker with --gpu 1.")
+    assert unused[1:] == cards.refused
+    assert reasons_unused(cards, cards.usable) == cards.refused
+
+
+def test_hardware_of_nvidia_is_noticed_without_its_driver(tmp_path: Path) -> None:
+    assert not has_nvidia_hardware(tmp_path)
+    for name, vendor, kind in (("a", "0x8086", "0x030000"), ("b", "0x10de", "0x0c0330")):
+        device = tmp_path / "sys/bus/pci/devices" / name
+        device.mkdir(parents=True)
+        (device / "vendor").write_text(f"{vendor}\n")
+        (device / "class").write_text(f"{kind}\n")
+    assert not has_nvidia_hardware(tmp_path)
+    (device / "class").write_text("0x030200\n")
+    assert has_nvidia_hardware(tmp_path)
 
 
 def test_cards_are_chosen(library: str, with_cards: pytest.MonkeyPatch) -> None:
@@ -158,3 +200,43 @@ def test_settings_that_cards_lack_are_an_error(card: CardRenderer) -> None:
     scene, settings = made("diffuse")
     with pytest.raises(SettingsError, match="a graphics card renders with"):
         render_frame(scene, replace(settings, integrator="ao"), 1, card=card)
+
+
+@pytest.fixture
+def as_device(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets `rayfarm.render` find the test's driver."""
+    monkeypatch.setattr(graphics_card, "find_cards", lambda: find_cards(library))
+    monkeypatch.setattr(card_rendering, "CardRenderer", lambda card: CardRenderer(card, library))
+
+
+def test_a_picture_of_a_device_has_the_bits_of_the_cpu(as_device: None, with_cards: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with_cards.setenv("FAKE_CUDA_CARDS", f"{OLD},{NEW}")
+    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("plain", tmp_path)))
+    launched: list[int] = []
+    launch = Device.launch
+    with_cards.setattr(Device, "launch", lambda *given: (launched.append(given[0]._handle.value), launch(*given))[1])
+    wanted = {"scene": ROOT / "scenes" / "cornell-box.yaml", "width": 12, "height": 9, "spp": 2, "max_depth": 4}
+    of_cpu = rayfarm.render(**wanted, device="cpu")
+    assert not launched
+    for device in ("cuda", "cuda:1"):
+        of_card = rayfarm.render(**wanted, device=device)
+        assert all(np.array_equal(of_card[name], of_cpu[name]) for name in of_cpu)
+    assert set(launched) == {1}
+    *_, last = rayfarm.progressive(**wanted, device="cuda")
+    assert np.array_equal(last["color"], of_cpu["color"])
+
+
+@pytest.mark.parametrize("device", ("cuda:0", "cuda:7"))
+def test_a_device_that_is_not_there_is_an_error_with_those_that_are(
+    device: str, as_device: None, with_cards: pytest.MonkeyPatch
+) -> None:
+    with_cards.setenv("FAKE_CUDA_CARDS", f"{OLD},{NEW}")
+    said = rf"device is '{device}', and there is no such card. This machine's cards: 1: RTX Test, 8 GiB, .*'cpu' renders"
+    with pytest.raises(SettingsError, match=said):
+        rayfarm.render(ROOT / "scenes" / "cornell-box.yaml", device=device)
+
+
+def test_a_device_without_a_driver_is_an_error_with_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(graphics_card, "find_cards", lambda: find_cards(str(tmp_path / "libcuda.so.1")))
+    with pytest.raises(SettingsError, match=r"device is 'cuda', .*library cannot be loaded"):
+        rayfarm.render(ROOT / "scenes" / "cornell-box.yaml", device="cuda")

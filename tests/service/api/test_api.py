@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
+import redis
 from PIL import Image
 
+from protocol.contract import WorkerReport, worker_key
 from renderer.aovs import AOVS
 from renderer.image import rgbe9995
+from renderer.sentences import Sentence, to_text
 from renderer.settings import OPTIONAL, Tile, View
 from service.models.jobs import JobIn, ViewModel
 from service.store.models import Frame as FrameRow
@@ -368,3 +371,18 @@ def test_health_and_metrics(service: Service, job: str) -> None:
 def test_the_workers_are_listed(service: Service) -> None:
     (worker,) = service.http.get("/api/workers").json()
     assert (worker["name"], worker["slots"], worker["state"]) == ("peer", 2, "ready")
+    assert (worker["cards"], worker["cards_unused"]) == ([], [])
+
+
+def test_a_worker_is_listed_with_its_graphics_cards(service: Service) -> None:
+    card = {"number": 0, "name": "RTX Test", "memory": 8 << 30, "capability": "8.6", "slot": 1, "samples_per_s": 2.5e8}
+    reason = Sentence("cards-none-found", "No graphics card is used: the NVIDIA driver finds none.")
+    report = WorkerReport("gpu", "host", 1, 2, "cpu", "kind", "ready", 0.0, cards=[card], cards_unused=[to_text(reason), "plain"])
+    with redis.Redis.from_url(service.options["redis_url"]) as store:
+        store.set(worker_key("gpu"), report.to_bytes(), ex=60)
+        until(lambda: len(service.http.get("/api/workers").json()) == 2, "both workers are listed")
+        worker = next(each for each in service.http.get("/api/workers").json() if each["name"] == "gpu")
+        store.delete(worker_key("gpu"))
+    assert worker["cards"] == [card]
+    assert worker["cards_unused"] == [str(reason), "plain"]
+    assert worker["codes"]["cards_unused"] == [{"code": "cards-none-found", "params": {}}, None]

@@ -28,9 +28,11 @@ def test_a_slot_keeps_its_speed_while_it_waits() -> None:
     board.write(0, {})
     board.write(1, {}, 3e6)
     assert board.read() == ([{}, {}], 2e6)
+    assert (board.speed(0), board.speed(1)) == (1e6, 3e6)
 
 
 def test_a_record_too_long_says_nothing_rather_than_half() -> None:
     board = SlotBoard(1)
     board.write(0, {"job": "x" * 1000})
     assert board.read() == ([{}], 0.0)
+    assert board.speed(0) == 0.0

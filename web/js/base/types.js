@@ -209,8 +209,17 @@
  * @property {number | null} [memory_used] bytes
  * @property {number | null} [memory_total]
  * @property {number} [failures] of batches
+ * @property {Card[]} [cards] graphics cards with which its slots render
+ * @property {string[]} [cards_unused] why other cards are not used
  * @property {Offer | null} [offer] null: of an older release, which can only be paused
  * @property {number[]} [speeds] samples a second of all its slots, a minute each
+ *
+ * @typedef {object} Card
+ * @property {number} number
+ * @property {string} name
+ * @property {number} memory bytes
+ * @property {number} slot index in `current`
+ * @property {number} samples_per_s 0: none yet
  *
  * @typedef {object} Offer what a worker offers
  * @property {Codes} [codes]

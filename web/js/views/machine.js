@@ -11,7 +11,7 @@ import { machineTerms } from "./machine-terms.js";
 import { sparkline } from "./sparkline.js";
 import { stateChip } from "../shell/state-chip.js";
 import { showError } from "../shell/tray.js";
-import { saidOf } from "../base/said.js";
+import { allSaidOf, saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Worker} Worker */
@@ -30,6 +30,7 @@ export function machineCard() {
   const gauge = h("div", { class: "gauge", "aria-hidden": "true" }, h("div"));
   const failures = h("dd");
   const line = sparkline();
+  const cards = h("ul", { class: "small cards" });
   const slots = h("ul", { class: "slot-tiles" });
   const showSlots = keyedList(
     slots,
@@ -91,6 +92,7 @@ export function machineCard() {
       /** @type {HTMLElement} */ (gauge.firstElementChild).style.transform = `scaleX(${Math.min(1, used / total)})`;
       gauge.classList.toggle("full", used / total > 0.9);
     }
+    showCards(cards, worker);
     setText(failures, worker.failures ?? 0);
     failures.classList.toggle("bad", (worker.failures ?? 0) > 0);
     const all = Array.from({ length: worker.slots }, (_, i) => ({ key: String(i), slot: worker.current[i] ?? {} }));
@@ -113,12 +115,32 @@ export function machineCard() {
         fact(t("Memory"), memory, gauge),
         fact(t("Failures"), failures),
       ),
+      cards,
       slots,
       terms.element,
       h("footer", { class: "for-admin" }, button, log),
     ),
     update,
   };
+}
+
+/**
+ * Shows the graphics cards of a machine: those that render, and why others do not.
+ *
+ * @param {HTMLElement} list
+ * @param {Worker} worker
+ */
+function showCards(list, worker) {
+  const used = (worker.cards ?? []).map(({ name, memory, samples_per_s: speed }) =>
+    [name, bytes(memory), speed ? t("{n} samples/s", { n: compact(speed) }) : ""].filter(Boolean).join(" · "),
+  );
+  const unused = allSaidOf(worker, "cards_unused");
+  list.hidden = used.length + unused.length === 0;
+  fill(
+    list,
+    ...used.map((text) => h("li", null, t("Graphics card: {card}", { card: text }))),
+    ...unused.map((text) => h("li", { class: "quiet" }, text)),
+  );
 }
 
 /** @returns {import("../base/dom.js").Row<{key: string, slot: Slot}>} */

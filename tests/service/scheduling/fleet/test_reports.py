@@ -17,6 +17,7 @@ from service.scheduling.fleet.speeds import Speeds
 from service.scheduling.fleet.workers import FEW_WORKERS, WorkerSnapshot
 
 REPORT: dict[str, Any] = asdict(WorkerReport("one", "host", 1, 2, "a processor", "kind", "ready", 0.0, 1e6, [{"batch": "b"}]))
+CARD: dict[str, Any] = {"number": 0, "name": "RTX", "memory": 8 << 30, "capability": "8.6", "slot": 1, "samples_per_s": 1e8}
 OFFER: dict[str, Any] = asdict(Offer(("tag",), 1 << 30, 2, "terms"))
 SITE: dict[str, Any] = asdict(SiteReport("site", "host", 1, "10.0.0.1", 8010, 0.0))
 
@@ -47,6 +48,10 @@ def nested(levels: int) -> Any:
         {"current": [{"job": "a\0b"}]},
         {"current": [{"job": "x" * 5000}]},
         {"current": [{"tile": nested(40)}]},
+        {"cards": [CARD] * 65},
+        {"cards": [{}]},
+        *({"cards": [{**CARD, **wrong}]} for wrong in ({"name": 3}, {"memory": -1}, {"slot": None}, {"samples_per_s": 1e13})),
+        {"cards_unused": ["x" * 5000]},
     ],
     ids=lambda changed: str(changed)[:60],
 )
@@ -54,6 +59,10 @@ def test_a_report_that_makes_no_sense_is_none(changed: dict[str, Any]) -> None:
     assert read("one").slots == 2
     with pytest.raises(ValueError):
         read("one", **changed)
+
+
+def test_a_report_has_the_cards_of_a_worker() -> None:
+    assert read("one", cards=[CARD], cards_unused=["A reason."]).cards == [CARD]
 
 
 @pytest.mark.parametrize("name", ["", "a\nb", "x" * 201])
