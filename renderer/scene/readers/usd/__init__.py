@@ -1,4 +1,4 @@
-"""Pixar's USD: .usd, .usda, .usdc and .usdz, composed by usd-core and read at a moment."""
+"""Reader of Pixar's USD (.usd, .usda, .usdc, .usdz): usd-core composes the stage, which is then read at one moment."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ __all__ = ["read"]
 def read(
     files: SceneFiles, main: str, description: SceneDescription, variant: str | None = None, moment: Moment = Moment()
 ) -> None:
-    """Adds the file's scene at a moment to the description, in metres with Y up.
+    """Adds the objects of a USD file at a moment to the description, in metres with Y up.
 
-    variant: an entry of `description.variants`. Raises SceneError.
+    variant: the `set=choice` entry of `description.variants` to select; None for the stage's own selections.
+    Raises SceneError if usd-core is not installed or the file cannot be read.
     """
     try:
         from renderer.scene.readers.usd.reader import read_stage

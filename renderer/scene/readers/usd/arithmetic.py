@@ -1,4 +1,8 @@
-"""Arithmetic MaterialX nodes: numbers are computed at once; textures get a scale and a bias, or are baked."""
+"""Evaluates arithmetic MaterialX nodes.
+
+Constant inputs are computed at once. A linear function of one texture becomes a scale and a bias of that texture; other
+functions of textures are baked into a new texture.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +23,12 @@ __all__ = ["calculated", "calculates", "combined"]
 
 F64 = npt.NDArray[np.float64]
 Formula = Callable[[list[F64]], F64]
-_STEPS = np.linspace(0, 1, 6)  # sample positions of the linearity test
+_STEPS = np.linspace(0, 1, 6)  # sample positions of the linearity test, 0..1
 _NEAR = 1e-6
 
 
 def calculates(kind: str) -> bool:
-    """Returns True if a node kind is one of the supported arithmetic nodes."""
+    """Returns True if a node of this kind, such as `ND_multiply_color3`, is a supported arithmetic node."""
     return _node(kind) in FORMULAS
 
 
@@ -33,7 +37,11 @@ def _node(kind: str) -> str:
 
 
 def calculated(kind: str, shelf: TextureShelf, said: Callable[[str], Input]) -> Input | None:
-    """Returns the output of a node; None if it is not arithmetic, or if its textures differ in their UV mapping."""
+    """Returns the output of an arithmetic node.
+
+    said: returns an input of the node by name. Returns None if the node is not arithmetic, or if it has textures with different
+    UV mappings.
+    """
     if not calculates(kind):
         return None
     formula = FORMULAS[_node(kind)]
@@ -65,7 +73,7 @@ def calculated(kind: str, shelf: TextureShelf, said: Callable[[str], Input]) -> 
 
 
 def combined(kind: str, shelf: TextureShelf, found: Sequence[Input]) -> Input | None:
-    """Returns channels combined into a vector; None if they are of textures with different UV mappings."""
+    """Returns separate channels combined into a vector or colour; None if they come from textures with different UV mappings."""
     if not any(each.taken is not None for each in found):
         return Input(tuple(each.number(0.0) for each in found))
     same = _same_channels(found)
@@ -88,7 +96,7 @@ def _or(given: Input, default: Any) -> Input:
 
 
 def _four(value: Any) -> F64:
-    """Returns a number, or four; missing ones repeat the last."""
+    """Returns a single number as a 0-d array, or a vector extended to four numbers by repeating its last one."""
     if np.ndim(value) == 0:
         return np.asarray(float(value))
     numbers = [float(v) for v in value][:4]
@@ -96,7 +104,7 @@ def _four(value: Any) -> F64:
 
 
 def _line(shelf: TextureShelf, given: Input, of: Formula) -> Input | None:
-    """Returns the formula as a scale and a bias of the texture; None if it is not linear."""
+    """Returns the texture input with the formula applied as a scale and a bias; None if it is not linear over its values."""
     assert given.taken is not None
     low, high = span_of(shelf, given.taken)
     is_color = given.taken.channel == "rgb"
@@ -112,7 +120,7 @@ def _line(shelf: TextureShelf, given: Input, of: Formula) -> Input | None:
     if not np.allclose(found, factor * points + addend, rtol=1e-6, atol=_NEAR * float(np.abs(found).max())):
         return None
     if not is_color and (np.ptp(factor) > _NEAR or np.ptp(addend) > _NEAR):
-        return None  # one channel in, three different ones out
+        return None  # a scalar input with three different outputs
     return Input(
         None, replace(given.taken, scale=_tuple(given.taken.scale * factor), bias=_tuple(given.taken.bias * factor + addend))
     )
@@ -124,7 +132,10 @@ def _tuple(values: F64) -> Four:
 
 
 def _same_channels(found: Sequence[Input]) -> TextureInput | None:
-    """Returns the texture whose red, green and blue channels are these inputs, in order; None otherwise."""
+    """Returns one texture input that replaces separate red, green and blue inputs.
+
+    Returns None unless the inputs are these three channels of the same texture, in this order.
+    """
     taken = [each.taken for each in found]
     if len(taken) < 3 or any(one is None or one.texture != taken[0].texture for one in taken if taken[0] is not None):
         return None

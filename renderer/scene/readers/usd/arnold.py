@@ -1,6 +1,6 @@
-"""Arnold's shaders in USD, as written by Maya, Houdini and 3ds Max under outputs:arnold:surface.
+"""Arnold shaders in USD, as written by Maya, Houdini and 3ds Max under outputs:arnold:surface.
 
-Arnold's standard_surface has the same inputs as MaterialX's; its textures have their own nodes.
+Arnold's standard_surface has the inputs of MaterialX's standard_surface; Arnold has its own texture nodes.
 Source: Arnold's documentation of standard_surface, image, normal_map and uv_transform.
 """
 
@@ -21,7 +21,7 @@ _WRAPS = {"periodic": "repeat", "black": "black", "clamp": "clamp", "mirror": "m
 
 
 def follow_arnold(network: NetworkContext, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
-    """Returns the output of a node that is no surface."""
+    """Returns the output of an Arnold node other than a surface shader; an empty input, with a note, if the node is unknown."""
     node = kind.removeprefix(PREFIX)
 
     def said(name: str, default: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Bakes a formula of several textures into a single texture."""
+"""Bakes a formula of several textures into one texture."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def baked(
 ) -> TextureInput | None:
     """Returns a texture of the (h, w, 4) values of a formula of other textures; None if their UV mappings differ.
 
-    what: key that distinguishes formulas of the same textures. Mappings agree if they use the same UV set and either the same
-    transform or repeat with the unit square.
+    what: key that distinguishes formulas of the same textures. The mappings agree if all textures use the same UV set and
+    either the same transform and wrap modes, or transforms that repeat with the unit square.
     """
     textures = [shelf.texture_of(one.texture) for one in taken]
     frame = textures[0]
@@ -77,7 +77,7 @@ def baked(
 
 
 def span_of(shelf: TextureShelf, taken: TextureInput) -> tuple[float, float]:
-    """Minimum and maximum value that an image's texels can have."""
+    """Returns (minimum, maximum) of the values that the image's texels can have; (0, 1) for images of integers."""
     pixels = shelf.image_of(taken.texture).pixels
     return (0.0, 1.0) if pixels.dtype != np.float32 else (float(pixels.min(initial=0)), float(pixels.max(initial=1)))
 
@@ -93,7 +93,7 @@ def _repeats(texture: Texture) -> bool:
 
 
 def _size(images: list[Image], textures: list[Texture]) -> tuple[int, int]:
-    """Returns (width, height) with the texel density of the finest image after its transform."""
+    """Returns (width, height) with the texel density of the finest image after its UV transform, each at most MAX_SIDE."""
     sizes = []
     for image, texture in zip(images, textures, strict=True):
         height, width = image.pixels.shape[:2]
@@ -104,7 +104,7 @@ def _size(images: list[Image], textures: list[Texture]) -> tuple[int, int]:
 
 
 def _values(image: Image, texture: Texture, taken: TextureInput, size: tuple[int, int]) -> Callable[[slice], F64]:
-    """Returns a function from rows of an image of `size` to the values taken from a texture."""
+    """Returns a function that evaluates a texture input for a slice of rows of an image of the given size."""
     width, height = size
     is_as_it_is = image.pixels.shape[:2] == (height, width) and texture.transform == IDENTITY_UV_TRANSFORM
     whole = None if is_as_it_is else linear(image)

@@ -1,4 +1,4 @@
-"""USD's cameras: they look along -Z, +Y up; focal length and apertures in tenths of a unit of the stage."""
+"""USD cameras: they look along -Z with +Y up; focal length and apertures are in tenths of a stage unit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ _EXPOSURE = ("time", "iso", "fStop", "responsivity")
 def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) -> View:
     """Returns the view of a camera; the scale of its transform is ignored.
 
-    world: transform to metres; unit: metres per stage unit. Raises SettingsError if the camera sees nothing.
+    world: (4, 4) transform to metres; unit: metres per stage unit. Raises SettingsError if the camera's values give no valid
+    view.
     """
     camera = UsdGeom.Camera(prim)
 
@@ -66,7 +67,10 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
 
 
 def shutter_of(prim: Any, time: Any, notes: Notes) -> float:
-    """Fraction of a frame for which the camera's shutter is open, centred here on the frame's time; 0 if not authored."""
+    """Returns the fraction of a frame during which the camera's shutter is open; 0 if not authored.
+
+    The interval is centred on the frame's time; a note is added if the file's interval is not.
+    """
     camera = UsdGeom.Camera(prim)
     attributes = camera.GetShutterOpenAttr(), camera.GetShutterCloseAttr()
     if not any(attribute.HasAuthoredValue() for attribute in attributes):

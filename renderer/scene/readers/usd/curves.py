@@ -1,4 +1,4 @@
-"""USD's curves as tubes, and its points as spheres."""
+"""Converts USD curves to tubes, and USD points to spheres."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _FEW = 500  # up to this many curves get more sides
 
 
 class PointSpheres:
-    """Spheres at points, in the prim's own space."""
+    """The spheres of a Points prim, in its local space: (N, 3) centres, (N,) radii, and (N, 3) colours or None."""
 
     def __init__(self, centers: F32, radii: F32, colors: F32 | None) -> None:
         self.centers, self.radii, self.colors = centers, radii, colors
 
 
 def spheres_of_points(prim: Any, time: Any, notes: Notes) -> PointSpheres:
-    """Returns the points of a prim as spheres; points without a width have width 1, as in the USD schema."""
+    """Returns the points of a prim as spheres; points without a width get width 1."""
     points = UsdGeom.Points(prim)
     centers = primvars.array(points.GetPointsAttr().Get(time), 3)
     widths = primvars.array(_widths(prim, points, time), 1)[:, 0]
@@ -69,9 +69,9 @@ def _widths(prim: Any, points: Any, time: Any) -> Any:
 
 
 def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | None:
-    """Returns all curves of a prim as one mesh of tubes; None, with a note, if they are damaged.
+    """Returns all curves of a prim as one mesh of tubes; None, with a note, if the curves are damaged.
 
-    color: the primvar of their colour.
+    color: name of the primvar with their colours, or None.
     """
     curves = UsdGeom.BasisCurves(prim)
     points = primvars.array(curves.GetPointsAttr().Get(time), 3).astype(np.float64)
@@ -159,7 +159,13 @@ def _along(
     weights: F64,
     between: F64,
 ) -> F64:
-    """Returns (curves, samples, w) values along some curves; the first value everywhere if their number does not fit."""
+    """Interpolates a primvar along curves with the same number of points.
+
+    which: (n,) indices of the curves; first: (n,) index of each curve's first point; spans: varying values of every curve of the
+    prim; weights, between: (samples, k) interpolation weights of vertex and varying values.
+
+    Returns (n, samples, w) values; the first value everywhere if the number of values does not fit the interpolation.
+    """
     samples, (_, points) = len(weights), weights.shape
     shape = (len(which), samples, values.shape[1])
     if interpolation == "uniform" and len(values) == len(spans):

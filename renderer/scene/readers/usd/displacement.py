@@ -1,6 +1,6 @@
-"""Displacement as bump maps: heights along the normals, from UsdPreviewSurface and from MaterialX's displacement.
+"""Displacement as bump maps, from UsdPreviewSurface's and MaterialX's displacement inputs: heights along the normals.
 
-Surfaces are not moved. Lengths are in the mesh's object space, as if it were unscaled.
+The geometry is not displaced. Heights are lengths in the mesh's object space, before its scale.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from renderer.sentences import Sentence
 
 __all__ = ["Heights", "heights_of"]
 
-_MATERIALX = ("ND_displacement_float", "ND_displacement_displacementshader")  # in stages; in MaterialX documents
+_MATERIALX = ("ND_displacement_float", "ND_displacement_displacementshader")  # node kinds in stages, in MaterialX documents
 _PREVIEW = "UsdPreviewSurface"
 _AS_BUMPS = Sentence("usd-displacement-as-bumps", "Displacement is shown as bumps, which do not move the surface")
 _LEFT_OUT = Sentence("usd-displacement-dropped", "Displacement is not supported and left out")
@@ -32,7 +32,10 @@ class Heights(NamedTuple):
 
 
 def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
-    """Height texture of a material's surface; None, with a note where needed, if it has no displacement by a texture."""
+    """Returns the height texture of a material's surface; None if the displacement is zero, constant or unsupported.
+
+    Adds a note if displacement is dropped or drawn as bumps.
+    """
     network, scale = read.network, 1.0
     shader = next((found for context in ("mtlx", "") if (found := material.ComputeDisplacementSource(context)[0])), None)
     kind = str(shader.GetIdAttr().Get() or "") if shader else ""
@@ -65,7 +68,7 @@ def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
 
 
 def _plain(shelf: TextureShelf, taken: TextureInput, channel: str) -> int | None:
-    """Returns a texture whose colour channels all hold the linear values of one channel."""
+    """Returns a texture whose three colour channels hold the linear values of one channel of another texture."""
 
     def make(image: Image) -> Image:
         values = linear(image)[..., CHANNELS[channel]] if channel != "a" else alpha(image)

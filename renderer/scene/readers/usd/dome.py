@@ -1,4 +1,4 @@
-"""UsdLux's dome lights as the environment."""
+"""Converts UsdLux dome lights to the scene's environment."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def add_dome(
 ) -> None:
     """Sets the environment from a dome light; of several domes, only the first is used.
 
-    world: transform to our space, Y up. up: the stage's up axis, Y or Z.
+    world: transform to world space, Y up. up: the stage's up axis, Y or Z.
     """
     name = str(prim.GetPath())
     if description.environment is not None:
@@ -70,7 +70,7 @@ def add_dome(
             )
         description.environment = Environment(color)
         return
-    # The centre of a USD image is at +Z, of ours at -Z.
+    # The centre of a USD image is at +Z; that of an environment image is at -Z.
     turned = turned @ FROM_PLUS_Z
     upright = abs(turned[1, 1] - 1) < 1e-6
     image = found[0]

@@ -1,4 +1,4 @@
-"""MaterialX nodes that compute per channel: their inputs with default values, and their functions.
+"""Arithmetic MaterialX nodes: the inputs of each with their default values, and its function.
 
 Source: the specification of MaterialX 1.39, "Standard Nodes".
 """
@@ -18,7 +18,10 @@ _LUMA = (0.2722287, 0.6740818, 0.0536895)
 
 
 class Formula(NamedTuple):
-    """An arithmetic node. of: its function of the inputs in order, arrays whose last axis has one or four numbers."""
+    """An arithmetic node: the default values of its inputs by name, and its function.
+
+    of: takes one array per input, in order; the last axis of each has one or four numbers.
+    """
 
     inputs: Mapping[str, float | tuple[float, ...]]
     of: Callable[..., F64]
@@ -64,7 +67,7 @@ def _overlay(b: F64, f: F64) -> F64:
 
 
 def _laid(blend: Callable[[F64, F64], F64]) -> Formula:
-    """Returns the formula of a blend mode: foreground over background, mixed with the background."""
+    """Returns the formula of a blend mode: `mix * blend(bg, fg) + (1 - mix) * bg`."""
     return Formula({"bg": 0.0, "fg": 0.0, "mix": 1.0}, lambda b, f, share: share * blend(b, f) + (1 - share) * b)
 
 

@@ -1,4 +1,7 @@
-"""UsdLuxShapingAPI's IES profiles. Source: the schema, and hdEmbree's reference for where the two differ."""
+"""IES profiles of UsdLux lights, named by UsdLuxShapingAPI.
+
+Source: the schema; where hdEmbree's reference implementation differs, that implementation.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +28,13 @@ _HEMISPHERE = math.pi / 2 + 0.1  # largest span in radians of profiles that are 
 
 
 class Profiles:
-    """Reads the profiles of lights; lights with the same profile and shaping share an emission map."""
+    """Reads the IES profiles of lights; lights with the same profile and shaping share an emission map."""
 
     def __init__(self, images: Images, files: SceneFiles, notes: Notes, time: Any) -> None:
         self._images, self._files, self._notes, self._time = images, files, notes, time
 
     def named(self, prim: Any) -> Any:
-        """Returns the attribute that names a light's profile; None if it has none."""
+        """Returns the attribute that names a light's profile; None if the light has no profile."""
         if not prim.HasAPI(UsdLux.ShapingAPI):
             return None
         attribute = UsdLux.ShapingAPI(prim).GetShapingIesFileAttr()
@@ -39,10 +42,10 @@ class Profiles:
         return attribute if value is not None and value.path else None
 
     def emission(self, prim: Any, attribute: Any, is_flat: bool) -> EmissionMap | None:
-        """Returns the factor of the light's radiance by direction: axis -Z, with -X to the right. None, with a note, if it is
-        unreadable.
+        """Returns a light's emission map, which scales its radiance by direction: axis -Z, with -X to the right.
 
-        is_flat: whether the light is a disk or rectangle, whose intensity falls with the cosine.
+        is_flat: whether the light is a disk or rectangle, whose intensity falls off with the cosine. Returns None, with a note,
+        if the profile is missing or unreadable.
         """
         file = self._images.file(attribute, self._time)
         if file is None:
@@ -68,7 +71,11 @@ class Profiles:
 
 
 def _shaped(photometry: Photometry, scale: float, even: bool, is_flat: bool) -> tuple[EmissionMap, list[str]]:
-    """Returns a profile with vertical angles scaled about its top and, if `even`, normalised to a mean of 1 over its span."""
+    """Returns the emission map of a profile, and the notes of its reader.
+
+    scale: factor of the vertical angles, measured from the zenith (theta = pi). even: whether to normalise the values to a mean
+    of 1 over the sphere, or over the hemisphere for profiles within one. is_flat: whether to multiply them by cos(theta).
+    """
     emission = photometry.emission
     left, right, top, bottom = emission.edges
     values = emission.values.astype(np.float64)

@@ -1,4 +1,4 @@
-"""The resolved values of shader inputs."""
+"""Values of shader inputs, resolved through the shader network."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ __all__ = ["Follow", "Input", "NetworkContext"]
 
 @dataclass(frozen=True)
 class Input:
-    """A resolved shader input: a value, a texture, a primvar of the mesh, or the product of texture and primvar."""
+    """A resolved shader input: a value, a texture, a primvar of the mesh, or the product of a texture and a primvar."""
 
     value: Any = None
     taken: TextureInput | None = None
     primvar: str | None = None
 
     def number(self, default: float) -> float:
-        """Returns its value as a number, or the default if it has none."""
+        """Returns the value as a number, or the default if it is not a number."""
         if isinstance(self.value, (int, float)):
             return float(self.value)
         return default
 
     def color(self, default: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Returns its value as three numbers; a single number is repeated as grey."""
+        """Returns the value as an RGB colour, with a single number repeated as grey, or the default if it is not a colour."""
         if isinstance(self.value, (int, float)):
             return (float(self.value),) * 3
         try:
@@ -42,7 +42,7 @@ Follow = Callable[[Any, bool, int], Input]  # arguments: shader input, whether i
 
 
 class NetworkContext(Protocol):
-    """The interface of a material whose shader network is being followed."""
+    """Interface of the shader network of one material, used by the functions that evaluate its nodes."""
 
     images: Images
     notes: Notes
@@ -50,13 +50,13 @@ class NetworkContext(Protocol):
     user: str
 
     def coordinates(self, source: Any, depth: int) -> tuple[int, UvTransform]:
-        """Returns the UV set of a texture and the transform applied to its UVs."""
+        """Returns the UV set of a texture, and the transform applied to its UVs."""
         ...
 
     def primvar(self, name: str | None, fallback: Any) -> Input:
-        """Returns the value of a primvar on the prim with the material."""
+        """Returns the value of a primvar on the prim that has the material; the fallback if the prim lacks it."""
         ...
 
     def uv_set(self, name: str) -> int:
-        """Returns the index of a UV set by the name of its primvar."""
+        """Returns the index of the UV set with the given primvar name."""
         ...

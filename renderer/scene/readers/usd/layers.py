@@ -1,7 +1,7 @@
-"""Opens a USD stage with layers only from the scene's own files.
+"""Opens a USD stage, restricted to layers among the scene's own files.
 
-USD opens any path that a layer names. Therefore each layer is opened separately as an anonymous layer, and the paths of its
-sublayers, references and payloads are replaced by the layers found for them, or removed, before composition.
+USD opens any path that a layer names. Therefore each layer is opened separately as an anonymous layer. Before composition,
+the paths of its sublayers, references and payloads are replaced by the identifiers of these layers, or removed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Work.SetConcurrencyLimit(1)  # a machine runs several readers
 
 
 class Stage:
-    """A composed stage, and the file of each of its layers."""
+    """A composed stage, and the file that each of its layers was read from."""
 
     def __init__(self, stage: Any, files: dict[str, str], layers: list[Any], notes: Notes) -> None:
         self.stage, self.notes = stage, notes
@@ -43,7 +43,7 @@ class Stage:
 
     @cached_property
     def span(self) -> tuple[float, float] | None:
-        """First and last time code with authored values; None if nothing is animated."""
+        """Returns the first and last time code with authored values; None if nothing is animated."""
         times = [time for layer in self._layers for time in (*_time_samples(layer), *_knots(layer))]
         if times and any(
             _shifts(layer) or layer.timeCodesPerSecond != self.stage.GetTimeCodesPerSecond() for layer in self._layers
@@ -54,7 +54,7 @@ class Stage:
 
 @contextmanager
 def muted() -> Iterator[None]:
-    """Suppresses USD's own warnings on the terminal; the relevant ones are reported as notes or errors of this reader."""
+    """Suppresses USD's own warnings on the terminal; the reader reports the relevant ones as notes or errors."""
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
@@ -77,7 +77,11 @@ def as_scene_errors(main: str) -> Iterator[None]:
 
 
 def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage, list[str]]:
-    """Opens the stage of a scene file; returns it and the names of its variants. Raises SceneError."""
+    """Opens the stage of a scene file. Returns the stage and the names of its variants.
+
+    variant: the variant to select, or None. Raises SceneError if a file is damaged, missing or too complex, or the variant
+    unknown.
+    """
     notes = Notes()
     opener = _Opener(sources, notes)
     root = opener.open(sources.root_of(main))
@@ -97,7 +101,7 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
 
 
 def _offering(stage: Any) -> list[Any]:
-    """Prims whose variants are offered: the default prim if it has variant sets, else all root prims."""
+    """Returns the prims whose variants are offered: the default prim if it has variant sets, otherwise all root prims."""
     default = stage.GetDefaultPrim()
     return [default] if default and default.HasVariantSets() else list(stage.GetPseudoRoot().GetChildren())
 
@@ -111,7 +115,7 @@ def _variants(stage: Any) -> list[tuple[str, str]]:
 
 
 class _Opener:
-    """Opens layers, each of them once."""
+    """Opens each layer of a stage once and caches it."""
 
     def __init__(self, sources: Sources, notes: Notes) -> None:
         self._sources, self._notes = sources, notes
@@ -119,9 +123,9 @@ class _Opener:
         self.names: dict[str, str] = {}  # file names by layer identifier
 
     def open(self, name: str) -> Any:
-        """Opens the layer of a file and all layers it depends on, and replaces their paths by the opened layers.
+        """Opens the layer of a file and all layers it depends on, and replaces their paths with the opened layers' identifiers.
 
-        Raises SceneError.
+        Raises SceneError if the first layer cannot be read or there are too many layers.
         """
         waiting = [name]
         self._read(name)
@@ -145,9 +149,11 @@ class _Opener:
         return self.opened[name]
 
     def _is_sublayer(self, found: str, beside: str, layer: Any) -> bool:
-        """Returns True if a file is the layer itself or one of its sublayers already, which USD rejects; adds a note if so.
+        """Returns True if adding the file as a sublayer would repeat a sublayer or the layer itself; USD rejects both. Adds a
+        note if so.
 
-        Files are also found by their bare names, so several paths may lead to one file.
+        found: the file that a sublayer path resolves to; beside: the layer's file. Files are also found by their bare names, so
+        several paths may resolve to one file.
         """
         if found != beside and (found not in self.opened or self.opened[found].identifier not in layer.subLayerPaths):
             return False
@@ -161,7 +167,7 @@ class _Opener:
 
     @staticmethod
     def _replace(layer: Any, reference: str, identifier: str) -> None:
-        """Redirects a layer's dependency, and restores the sublayers' time offsets, which USD drops."""
+        """Redirects a layer's dependency to another layer, and restores the sublayers' time offsets, which USD drops."""
         offsets = [o for path, o in zip(layer.subLayerPaths, layer.subLayerOffsets, strict=True) if path == reference]
         layer.UpdateCompositionAssetDependency(reference, identifier)
         at = [number for number, path in enumerate(layer.subLayerPaths) if identifier and path == identifier]
@@ -240,7 +246,7 @@ class _Opener:
         return None if found is None else (found, self._sources.read(found))
 
     def _without_clips(self, layer: Any) -> None:
-        """Removes value clips, since the stage would open their files directly."""
+        """Removes a layer's value clips, since composition would open their files directly."""
 
         def visit(path: Any) -> None:
             if path.IsPrimPath() or path.IsPrimVariantSelectionPath():
@@ -256,7 +262,7 @@ class _Opener:
 
 
 def _shifts(layer: Any) -> bool:
-    """Returns True if a layer has a time offset on a sublayer, reference or payload."""
+    """Returns True if any sublayer, reference or payload of a layer has a time offset."""
     if any(not offset.IsIdentity() for offset in layer.subLayerOffsets):
         return True
     found: list[Any] = []
@@ -272,7 +278,7 @@ def _shifts(layer: Any) -> bool:
 
 
 def _composed_times(stage: Any) -> Iterator[float]:
-    """Yields the first and last time of every attribute, in the composed stage's time."""
+    """Yields the first and last sample time of every animated attribute, in stage time."""
     for prim in stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
         for attribute in prim.GetAuthoredAttributes():
             if attribute.ValueMightBeTimeVarying() and (times := attribute.GetTimeSamples()):
@@ -285,7 +291,7 @@ def _time_samples(layer: Any) -> list[float]:
 
 
 def _knots(layer: Any) -> list[float]:
-    """Times of the keys of a layer's splines, which USD does not list as time samples."""
+    """Returns the first and last knot time of a layer's splines, which USD does not list as time samples; [] without splines."""
     if not hasattr(Sdf.AttributeSpec, "GetSpline"):  # before usd-core 25.5
         return []
     found: list[float] = []
@@ -301,7 +307,7 @@ def _knots(layer: Any) -> list[float]:
 
 
 def _place(error: Any, names: dict[str, str]) -> str:
-    """Returns where a composition error is, with file names in place of anonymous layers.
+    """Returns the location of a composition error, with file names in place of the identifiers of anonymous layers.
 
     names: file names by layer identifier.
     """
@@ -312,12 +318,12 @@ def _place(error: Any, names: dict[str, str]) -> str:
 
 
 def _without_addresses(said: str) -> str:
-    """Removes the identifiers of anonymous layers, which are addresses in memory."""
+    """Removes the identifiers of anonymous layers, which contain memory addresses, from a text."""
     return re.sub(r",?@anon:[^@]*@|anon:0x[0-9a-fA-F]+(?::[\w.-]*)?", "", said)
 
 
 def _words(said: Any) -> str:
-    """Text of a USD message; invalid UTF-8, quoted from damaged files, is replaced."""
+    """Returns the text of a USD message; invalid UTF-8, which USD quotes from damaged files, is replaced."""
     try:
         return str(said)
     except UnicodeDecodeError as odd:
@@ -325,7 +331,10 @@ def _words(said: Any) -> str:
 
 
 def _reason(error: Exception, path: str) -> str:
-    """Reason in a USD error message, without its source locations and this machine's folders; at most 200 characters."""
+    """Returns the reason given in a USD error message, at most 200 characters.
+
+    Source locations and the folders of this machine are removed. path: a path to remove as well.
+    """
     said = re.sub(r"(?:/[^/\s<>'\"]+)+/", "", _words(error).replace(path, "") if path else _words(error)).splitlines()
     last = _without_addresses(next((line for line in said if " in file " in line), said[0] if said else ""))
     return last.split(" : ", 1)[-1].strip(" '\"")[:200]

@@ -1,4 +1,4 @@
-"""UsdLux lights: area lights as emissive surfaces, others as point, spot and directional lights. Source: UsdLux's schema."""
+"""UsdLux lights: area lights become emissive surfaces, others point, spot and directional lights. Source: UsdLux's schema."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ __all__ = ["Lamp", "is_light", "mesh_light_fields", "radiance_of", "read_light_p
 _MOST = 1e9
 # Blender writes a quarter of a sun's strength and half of its angle, and its own importer reverts that.
 _BLENDERS_SUN, _BLENDERS_ANGLE = 4.0, 2.0
-_TURN = np.diag([-1.0, 1.0, -1.0])  # our shapes face +Z; USD's lights emit along -Z, with the texture upright as seen from there
+_TURN = np.diag([-1.0, 1.0, -1.0])  # from our shapes, which face +Z, to lights, which emit along -Z; keeps the texture upright
 
 
 class Lamp(NamedTuple):
-    """A light without a surface, or an emissive surface: a sphere of a radius in metres, or a mesh."""
+    """A light converted from USD: either `light`, or an emissive surface, which is a mesh or a sphere of `radius` metres."""
 
     light: Light | None = None
     mesh: Mesh | None = None
@@ -37,14 +37,14 @@ class Lamp(NamedTuple):
 
 
 def is_light(prim: Any) -> bool:
-    """Returns True if a prim is one of UsdLux's own lights."""
+    """Returns True if a prim is a light of a standard UsdLux type."""
     return bool(prim.IsA(UsdLux.BoundableLightBase) or prim.IsA(UsdLux.NonboundableLightBase))
 
 
 def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
-    """Radiance of a light from its intensity, exposure, colour and temperature.
+    """Returns the RGB radiance of a light from its intensity, exposure, colour and temperature.
 
-    size: divisor if the light is normalised.
+    size: the light's area or solid angle; divides the radiance if the light is normalised.
     """
 
     scale = _number(light.GetIntensityAttr(), time, 1.0) * 2.0 ** min(_number(light.GetExposureAttr(), time), 60.0)
@@ -60,9 +60,10 @@ def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
 
 
 def mesh_light_fields(light: Any, material: Material, area: float, time: Any) -> dict[str, Any]:
-    """Returns the material fields of a surface with MeshLightAPI. area: of the mesh, in stage units.
+    """Returns the material fields to change for a mesh with MeshLightAPI. area: the mesh's area in square stage units.
 
-    materialSyncMode decides how its material contributes: emission tints the light, unless the light is independent of it.
+    The light's materialSyncMode decides how the bound material contributes: it is replaced, its emission is added to the light's
+    (`independent`), or its emission multiplies the light's.
     """
     radiance = radiance_of(light, time, area)
     said = light.GetMaterialSyncModeAttr().Get(time)
@@ -79,9 +80,9 @@ def read_light_prim(
 ) -> Lamp | None:
     """Returns a light in world space; None, with a note, if its kind is not supported.
 
-    world: (4, 4) to metres; unit: metres per stage unit, for areas in normalisation, except in Blender's files, which are in
-    metres whatever the stage's scale; profiles: reads IES profiles. All rays pass through a light that is invisible to the
-    camera, as in Cycles.
+    world: (4, 4) transform to metres; unit: metres per stage unit, used for the areas that normalise lights. In Blender's files
+    these areas are in square metres whatever the stage's unit. profiles: reads the IES profiles; None ignores them.
+    All rays pass through the surface of a light that is invisible to the camera, as in Cycles.
     """
     unit = 1.0 if is_written_by_blender(prim) else unit
     found = None
@@ -92,15 +93,16 @@ def read_light_prim(
     if found is not None and found.material is not None:
         found.material.lamp = found.material.unseen = _is_unseen(prim, time)
     spot = found.light if found is not None and found.light is not None and found.light.kind == "spot" else None
-    if spot is not None and is_written_by_blender(prim):  # Blender's softness is its own blend, in the cosine
+    if spot is not None and is_written_by_blender(prim):  # Blender's softness is a blend in the cosine
         spot.inner_cone, spot.falloff = blended_cone(spot.outer_cone, 1 - spot.inner_cone / spot.outer_cone), "smooth"
     return found
 
 
 def _is_unseen(prim: Any, time: Any) -> bool:
-    """Returns True if a light is invisible to camera rays: by default UsdLux's lights are visible, Blender's are not.
+    """Returns True if a light is invisible to camera rays.
 
-    The attributes that override this are those of the Cycles and Omniverse delegates.
+    By default UsdLux lights are visible and those written by Blender are not; the visibleInPrimaryRay attributes of the Cycles
+    and Omniverse delegates override this.
     """
     told = prim.GetAttribute("inputs:visibleInPrimaryRay") or prim.GetAttribute("visibleInPrimaryRay")
     value = told.Get(time) if told else None
@@ -125,12 +127,12 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         sphere = UsdLux.SphereLight(prim)
         size = (
             1.0 if is_written_by_blender(prim) else (x * y * z) ** (1 / 3)
-        )  # the scale of a parent does not enlarge Blender's lights
+        )  # Blender's lights are not enlarged by the scale of their parents
         radius = _number(sphere.GetRadiusAttr(), time) * size
         area = 4 * math.pi * (radius or 1.0) ** 2
         found = _cone(prim, time, notes, True)
         if sphere.GetTreatAsPointAttr().Get(time) or radius <= 0:
-            # The sphere's power; without a radius that of radius 1, which after normalisation is the same as any other.
+            # The sphere's power. Without a radius, that of radius 1: after normalisation the power does not depend on the radius.
             rgb = _times(radiance_of(light, time, area), math.pi * (radius or 1.0) ** 2)
             return Lamp(_aimed(Light("point", rgb, place, forward, 0.0, name=name), found, unit))
         if found is None:
@@ -171,9 +173,9 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
 def _with_profile(
     prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes, profiles: Profiles, file: Any
 ) -> Lamp | None:
-    """Returns a light with an IES profile, emitted from its centre: a sphere, or a disk or rectangle with cosine falloff.
+    """Returns a light with an IES profile, emitted from its centre: a sphere light, or a disk or rectangle with cosine falloff.
 
-    Returns None if the profile is missing or the light is of another kind.
+    Returns None if the profile is missing or the light has another shape.
     """
     light = UsdLux.LightAPI(prim)
     lengths = np.linalg.norm(world[:3, :3], axis=0) / unit
@@ -219,7 +221,7 @@ def _with_profile(
 
 
 def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
-    """Returns a number at a time; the default if the value is not a number or not finite."""
+    """Returns an attribute's number at a time; the default if it has none or it is not finite."""
     value = attribute.Get(time)
     return default if value is None or not math.isfinite(value) else float(value)
 
@@ -253,7 +255,7 @@ def _times(rgb: Vec3, factor: float) -> Vec3:
 
 
 def _aimed(light: Light, cone: tuple[float, float] | None, unit: float) -> Light:
-    """Returns the light with its power converted from stage units to watts, as a spot if it has a cone."""
+    """Returns the light, as a spot if it has a cone. Its intensity is scaled by unit^2, from stage units to metres."""
     light.intensity = _times(light.intensity, unit * unit)
     if cone is not None:
         light.kind, light.falloff, (light.inner_cone, light.outer_cone) = "spot", "smooth angle", cone
@@ -261,7 +263,10 @@ def _aimed(light: Light, cone: tuple[float, float] | None, unit: float) -> Light
 
 
 def _cone(prim: Any, time: Any, notes: Notes, is_known: bool) -> tuple[float, float] | None:
-    """Half angles of a light's cone, in degrees; None for a light without a cone."""
+    """Returns the (inner, outer) half angles of a light's cone, in degrees; None for a light without a cone.
+
+    is_known: whether cones are supported for this kind of light; if not, a note is added.
+    """
     if not prim.HasAPI(UsdLux.ShapingAPI):
         return None
     shaping = UsdLux.ShapingAPI(prim)

@@ -1,4 +1,4 @@
-"""Rules of Loop subdivision for interior smooth points and edges; borders and creases follow Catmull-Clark.
+"""Loop subdivision rules for smooth interior points and edges; borders and creases use the Catmull-Clark rules.
 
 Source: Loop 1987, "Smooth Subdivision Surfaces Based on Triangles".
 """
@@ -16,9 +16,10 @@ F64 = npt.NDArray[np.float64]
 
 
 def on_edges(points: F64, ends: Codes, of: Codes, across: Codes) -> F64:
-    """(E, w) new points on the edges.
+    """Returns (E, w) the new points on the edges.
 
-    of: (C,) the edge from each corner to the next; across: (C,) the opposite point.
+    ends: (E, 2) the end points of each edge; of: (C,) the edge from each corner to the next; across: (C,) the point opposite
+    that edge.
     """
     faces = np.maximum(np.bincount(of, minlength=len(ends)), 1)[:, None]
     facing = _sums(points[across], of, len(ends)) / faces
@@ -26,21 +27,21 @@ def on_edges(points: F64, ends: Codes, of: Codes, across: Codes) -> F64:
 
 
 def smoothed(points: F64, ends: Codes) -> F64:
-    """(P, w) positions of the old points after one level of subdivision."""
+    """Returns (P, w) the positions of the old points after one level of subdivision."""
     valence, around = _around(points, ends)
     beta = _beta(valence)
     return np.asarray((1 - valence * beta) * points + beta * around)
 
 
 def limit(points: F64, ends: Codes) -> F64:
-    """(P, w) limit positions of the points, after infinitely many levels."""
+    """Returns (P, w) the limit positions of the points, after infinitely many levels."""
     valence, around = _around(points, ends)
     share = 1 / (valence + 0.375 / _beta(valence))
     return np.asarray((1 - valence * share) * points + share * around)
 
 
 def split(corners: Codes, on: Codes) -> tuple[Faces, Codes]:
-    """Splits each triangle into four; returns these, and the index of the old triangle of each.
+    """Splits each triangle into four; returns the new triangles, and the index of the old triangle for each.
 
     on: (C,) the new point between each corner and the next.
     """
@@ -51,7 +52,7 @@ def split(corners: Codes, on: Codes) -> tuple[Faces, Codes]:
 
 
 def within(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCorners:
-    """Values at the corners of the four triangles, interpolated within their old triangle."""
+    """Returns the values at the corners of the new triangles, interpolated linearly within each old triangle."""
     own = values.each().astype(np.float64)
     onward = (own + own[ahead]) / 2
     outer = np.stack([own, onward, onward[back]], axis=1).reshape(-1, own.shape[1])
@@ -60,7 +61,7 @@ def within(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCorn
 
 
 def _around(points: F64, ends: Codes) -> tuple[F64, F64]:
-    """(P, 1) number of neighbours of each point, and (P, w) their sum."""
+    """Returns (P, 1) the number of neighbours of each point, and (P, w) the sum of their values."""
     one, other = ends.reshape(-1), ends[:, ::-1].reshape(-1)
     valence = np.bincount(one, minlength=len(points)).astype(np.float64)[:, None]
     return valence, _sums(points[other], one, len(points))

@@ -40,7 +40,7 @@ _COATED = {"coat_roughness_anisotropy": 0.0, "coat_darkening": 0.0, "coat_ior": 
 
 
 def read_materialx(shader: Any, kind: str, read: Read) -> None:
-    """Fills the material from a MaterialX surface."""
+    """Fills the material from a MaterialX surface shader."""
     if kind in (STANDARD, ARNOLD):
         _standard(SurfaceInputs(shader, read), read)
     elif kind == OPEN_PBR:
@@ -124,7 +124,7 @@ def _gltf(said: SurfaceInputs, read: Read) -> None:
 
 
 def _body(said: SurfaceInputs, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
-    """Fills the base colour and the subsurface parameters."""
+    """Fills the base colour and the subsurface parameters; returns the base colour input."""
     color, weight = subsurface.mixed_color(said, read, names, weight, default)
     fill_base(read, _scaled(color, weight, default), (0.0, 0.0, 0.0))
     subsurface.scatter_beneath(said, read, names)
@@ -160,7 +160,7 @@ def _anisotropy(read: Read, strength: float, turns: float) -> None:
 
 
 def _transmission(read: Read, said: SurfaceInputs, weight: str) -> bool:
-    """Fills the transmission parameters; returns whether the surface transmits light."""
+    """Fills the transmission parameters; returns True if the surface transmits light."""
     material = read.material
     fill_data(read, "transmission", said(weight), 0.0)
     if material.transmission == 0:
@@ -178,7 +178,7 @@ def _transmission(read: Read, said: SurfaceInputs, weight: str) -> bool:
 
 
 def _coat(read: Read, coat: Input, rough: Input, roughness: float, normal: Input) -> bool:
-    """Fills the clear coat parameters; returns whether there is a coat."""
+    """Fills the clear coat parameters; returns True if the surface has a coat."""
     fill_data(read, "clearcoat", coat, 0.0)
     if read.material.clearcoat <= 0:
         return False

@@ -1,4 +1,4 @@
-"""Meshes of USD: triangulation or subdivision, primvars per vertex, and one part per material."""
+"""Reads USD meshes: triangulation or subdivision, primvars per vertex, and one mesh per material."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ REFINED = ("catmullClark", "loop")
 
 
 class UsedPrimvars(NamedTuple):
-    """The primvars of a mesh that a part's material uses."""
+    """The primvars that the material of a mesh's part uses."""
 
     uvs: tuple[str, ...] = ()  # primvars of the first and second UV sets
     color: str | None = None  # the primvar that multiplies the base colour
@@ -34,7 +34,7 @@ class UsedPrimvars(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """Points and normals of a deformed mesh, used in place of those in the file."""
+    """Points and normals of a deformed mesh, which replace those in the file."""
 
     points: npt.NDArray[Any]
     normals: F32 | None
@@ -42,7 +42,7 @@ class Shape(NamedTuple):
 
 
 def deforms(prim: Any) -> bool:
-    """Returns True if a mesh's points, faces or primvars are animated."""
+    """Returns True if a mesh's points, faces, normals or primvars are animated."""
     mesh = UsdGeom.Mesh(prim)
     attributes = (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetNormalsAttr())
     if any(attribute.ValueMightBeTimeVarying() for attribute in attributes):
@@ -51,7 +51,7 @@ def deforms(prim: Any) -> bool:
 
 
 def area_of(prim: Any, place: npt.NDArray[np.float64], time: Any) -> float:
-    """Returns the area of a mesh transformed by a (4, 4) matrix."""
+    """Returns the area of a mesh after transformation by a (4, 4) matrix; 0 if its faces are damaged."""
     mesh = UsdGeom.Mesh(prim)
     points = primvars.array(mesh.GetPointsAttr().Get(time), 3)
     counts, corners = (primvars.integers(a.Get(time)) for a in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()))
@@ -76,10 +76,10 @@ def read_mesh(
     shape: Shape | None = None,
     bends: bool = True,
 ) -> list[Mesh | None]:
-    """Returns a mesh's parts; None for parts without triangles.
+    """Returns the parts of a mesh, one per material; None for parts without triangles.
 
-    of: (F,) part index of each face; None if there is one part. shape: replaces the mesh's points. bends: whether the mesh may
-    deform. Raises SceneError.
+    parts: the primvars each part needs. of: (F,) part index of each face; None if there is one part. shape: replaces the mesh's
+    points. bends: whether the mesh may deform over time. Raises SceneError if the mesh is too large.
     """
     mesh = UsdGeom.Mesh(prim)
     points = primvars.array(mesh.GetPointsAttr().Get(time), 3) if shape is None else shape.points
@@ -104,7 +104,7 @@ def read_mesh(
     normals = _normals(mesh, scheme, faces, len(points), time, notes, shape)
     attributes = {name: values for name, values in {**found, "": normals}.items() if values is not None}
     bends = bends and deforms(prim)
-    if shape is None and bends:  # so that the same corners share a vertex at all times
+    if shape is None and bends:  # the same corners must share a vertex at all times
         counted = ((name, np.arange(len(values.values), dtype=np.float32)[:, None]) for name, values in attributes.items())
         attributes |= {name: replace(attributes[name], kinds=kinds) for name, kinds in list(counted)}
 
@@ -133,7 +133,7 @@ def read_mesh(
 
 
 def _sorted_out(faces: Codes, of: Codes | None, parts: int) -> list[Codes]:
-    """Returns the faces of each part, ascending."""
+    """Returns the indices of each part's faces, ascending."""
     if of is None:
         return [faces]
     order = np.argsort(of[faces], kind="stable")
@@ -150,7 +150,7 @@ def _is_whole(points: F32, counts: Codes, corners: Codes) -> bool:
 
 
 def _scheme(mesh: Any, counts: Codes) -> str:
-    """Returns a mesh's subdivision scheme; Loop only if all faces are triangles.
+    """Returns a mesh's subdivision scheme; `none` for Loop unless all faces are triangles.
 
     A mesh with normals and no authored scheme is polygonal, since subdivided meshes have no normals.
     """
@@ -171,7 +171,7 @@ def _primvar(prim: Any, name: str, faces: Faces, points: int, time: Any, notes: 
 
 
 def _normals(mesh: Any, scheme: str, faces: Faces, points: int, time: Any, notes: Notes, shape: Shape | None) -> AtCorners | None:
-    """Returns the normals at the corners; None for subdivided meshes and for normals that do not fit."""
+    """Returns the normals at the corners; None for subdivided meshes, and if the number of normals does not fit."""
     if scheme in REFINED:
         return None
     if shape is not None and shape.normals is not None:
@@ -227,7 +227,7 @@ def _part(
 
 
 def _upright(uvs: F32 | None) -> F32 | None:
-    """Returns UVs with v counted from the top; USD counts it from the image's lower edge."""
+    """Returns UVs with v measured from the image's upper edge, while USD measures from the lower; None without two components."""
     if uvs is None or uvs.shape[1] < 2:
         return None
     return np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))
@@ -246,9 +246,9 @@ def _colors(color: F32 | None, opacity: F32 | None) -> F32 | None:
 
 
 def _rounded(parts: list[Mesh | None], is_creased: bool, is_bent: bool) -> list[Mesh | None]:
-    """Returns the parts of a subdivided mesh with normals that agree where parts meet.
+    """Returns the parts of a subdivided mesh with normals that match where the parts share positions.
 
-    Creases are sharp only if the mesh does not deform, as vertices are split for them.
+    Creases become sharp, by splitting vertices, only if the mesh does not deform (`is_bent` false).
     """
     meshes = [mesh for mesh in parts if mesh is not None]
     if not meshes:

@@ -1,4 +1,4 @@
-"""Stage metadata, read also if a field is stored with another type than the schema's."""
+"""Reads stage metadata, including fields stored with another type than the schema's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _RATE = 24.0
 
 
 def stored(stage: Any, key: str) -> Any:
-    """Returns the value of a stage field with the type stored in the root layer; None if absent."""
+    """Returns the value of a stage metadata field, of whatever type the root layer stores; None if absent."""
     try:
         return stage.GetMetadata(key)
     except Tf.ErrorException:
@@ -30,7 +30,7 @@ def stored(stage: Any, key: str) -> Any:
 
 
 def unit_of(stage: Any, notes: Notes) -> float:
-    """Returns metres per stage unit."""
+    """Returns the stage's metres per unit; 0.01, with a note, if the stored value is invalid."""
     try:
         found = float(UsdGeom.GetStageMetersPerUnit(stage))
     except Tf.ErrorException:
@@ -49,7 +49,7 @@ def unit_of(stage: Any, notes: Notes) -> float:
 
 
 def is_z_up(stage: Any, notes: Notes) -> bool:
-    """Returns True if the up axis is Z rather than Y."""
+    """Returns True if the stage's up axis is Z rather than Y."""
     try:
         return bool(UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z)
     except Tf.ErrorException:
@@ -66,7 +66,7 @@ def is_z_up(stage: Any, notes: Notes) -> bool:
 
 
 def rate_of(stage: Any, key: str, notes: Notes) -> float:
-    """Returns time codes, or frames, per second."""
+    """Returns the stage's time codes or frames per second; 24 if the value is invalid. key: the name of the field."""
     try:
         found = float(stage.GetTimeCodesPerSecond() if key == "timeCodesPerSecond" else stage.GetFramesPerSecond())
     except Tf.ErrorException:
@@ -75,7 +75,7 @@ def rate_of(stage: Any, key: str, notes: Notes) -> float:
 
 
 def _number(stage: Any, key: str, default: float, notes: Notes) -> float:
-    """Returns the value of a field stored with another type than USD expects, or the default; adds a note."""
+    """Returns a numeric metadata field that is stored with another type than USD expects, or the default; adds a note."""
     value = stored(stage, key)
     try:
         found = float(value)

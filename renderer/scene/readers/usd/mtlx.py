@@ -1,6 +1,6 @@
-"""MaterialX documents (.mtlx) as USD layers, in place of Pixar's usdMtlx, which the usd-core wheels lack.
+"""Converts MaterialX documents (.mtlx) to USD layers, in place of Pixar's usdMtlx, which the usd-core wheels lack.
 
-A material NAME is /MaterialX/Materials/NAME, with its nodes below it.
+A material NAME is placed at /MaterialX/Materials/NAME, with its nodes below it.
 Source: the specification of MaterialX 1.39.
 """
 
@@ -42,9 +42,10 @@ Said = tuple[Element, dict[str, str]]  # an element with its inherited attribute
 
 
 def layer_of(data: bytes, name: str, included: Callable[[str, str], tuple[str, bytes] | None], notes: Notes) -> Any:
-    """Returns a document as an anonymous layer. Raises SceneError.
+    """Returns a MaterialX document as an anonymous layer.
 
-    included: returns (name, bytes) of an included file, or None.
+    included: resolves a reference in a file to (name, bytes), or None if missing. Raises SceneError if a document is damaged or
+    too large.
     """
     document = _Document(name, notes)
     waiting, known = [(name, data)], {name}
@@ -68,7 +69,7 @@ def layer_of(data: bytes, name: str, included: Callable[[str, str], tuple[str, b
 
 
 class _Document:
-    """The elements of a document and of the documents that it includes."""
+    """The elements of a MaterialX document and of the documents that it includes."""
 
     def __init__(self, name: str, notes: Notes) -> None:
         self._name, self._notes = name, notes
@@ -76,7 +77,7 @@ class _Document:
         self._count = 0
 
     def add(self, file: str, data: bytes) -> list[str]:
-        """Adds a file's elements; returns the names of the files that it includes. Raises SceneError."""
+        """Adds a file's elements; returns the names of the files that it includes. Raises SceneError if the file is damaged."""
         refuse_entities(data, file)
         try:
             root = ElementTree.fromstring(data)
@@ -119,7 +120,7 @@ class _Document:
             self._scopes[scope].setdefault(each.get("name", ""), (each, said))
 
     def layer(self) -> Any:
-        """Returns a layer with all materials."""
+        """Returns a layer that contains all materials of the document."""
         layer = Sdf.Layer.CreateAnonymous(".usda")
         stage = Usd.Stage.Open(layer)
         stage.SetDefaultPrim(stage.DefinePrim("/MaterialX"))
@@ -135,7 +136,7 @@ class _Document:
         known: dict[str, Any] = {}
 
         def node(scope: str, name: str) -> Any:
-            """Returns the shader of a node, to be filled later; None if there is none."""
+            """Returns the shader prim of a node, to be filled later; None if there is no such node."""
             found = self._scopes.get(scope, {}).get(name)
             if found is None or found[0].tag in ("nodegraph", "input", "output"):
                 return None
@@ -169,7 +170,7 @@ class _Document:
                 self._input(shader, given, _inherited(given, told), scope, node)
 
     def _input(self, shader: Any, given: Element, said: dict[str, str], scope: str, node: Callable[[str, str], Any]) -> None:
-        """Sets an input of a node: a connection or a value."""
+        """Sets an input of a shader to a connection or a value."""
         name, kind = given.get("name", ""), given.get("type", "")
         own = given.get("interfacename")
         if own is not None:
@@ -230,7 +231,7 @@ class _Document:
 
 
 def _inherited(element: Element, said: dict[str, str]) -> dict[str, str]:
-    """Returns the attributes that an element's children inherit."""
+    """Returns the attributes that the children of an element inherit. said: those that the element itself inherits."""
     own = {name: value for name in _INHERITED if (value := element.get(name)) is not None}
     if "fileprefix" in own:
         own["fileprefix"] = said.get("fileprefix", "") + own["fileprefix"]

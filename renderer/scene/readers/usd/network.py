@@ -1,4 +1,4 @@
-"""Shader networks of materials: inputs of a surface are followed through primvar readers, transforms and textures."""
+"""Resolves the inputs of a surface shader through the primvar readers, transforms and textures of its network."""
 
 from __future__ import annotations
 
@@ -29,9 +29,10 @@ _OF_ODD_TYPES = Sentence("usd-materialx-input-types-wrong", "MaterialX nodes who
 
 @dataclass
 class Network:
-    """The network of one material on one prim. uvs: primvars that are UV sets of its textures, two at most.
+    """The shader network of one material on one prim.
 
-    asked: the other primvars that it reads. unit: metres per stage unit.
+    uvs: the primvars used as UV sets by its textures, two at most. asked: the other primvars that it reads. unit: metres per
+    stage unit.
     """
 
     images: Images
@@ -46,7 +47,10 @@ class Network:
     _inputs: dict[str, Any] = field(default_factory=dict)
 
     def input(self, shader: Any, name: str, srgb: bool = False) -> Input:
-        """Returns an input of a shader, empty if not set. srgb: the encoding of its texture if not specified."""
+        """Returns an input of a shader, empty if it is not set.
+
+        srgb: whether its texture is sRGB-encoded if the file does not specify.
+        """
         prim = shader.GetPrim()
         if prim != self._surface:
             self._surface = prim
@@ -85,7 +89,9 @@ class Network:
         return Input()
 
     def primvar(self, name: str | None, fallback: Any) -> Input:
-        """Returns a primvar of the prim: its value if constant, its name if it varies, the fallback if it is absent."""
+        """Returns a primvar of the prim: its value if constant, its name if it varies over the surface, the fallback if it is
+        absent.
+        """
         if not name:
             return Input(fallback)
         if name not in self.asked:
@@ -128,7 +134,7 @@ class Network:
         return Input(None, None if texture is None else TextureInput(texture, output, scale, bias))
 
     def coordinates(self, source: Any, depth: int) -> tuple[int, UvTransform]:
-        """Returns the UV set of a texture and the transform applied to its UVs."""
+        """Returns the UV set of a texture, and the transform applied to its UVs."""
         transform = IDENTITY_UV_TRANSFORM
         while source and depth < MAX_DEPTH:
             depth += 1
@@ -169,7 +175,7 @@ class Network:
         return transform_2d((scale[0], scale[1]), float(said("rotation", 0.0)), (translation[0], translation[1]))
 
     def uv_set(self, name: str) -> int:
-        """Returns the index of a UV set by the name of its primvar; 0, with a note, for a third set or more."""
+        """Returns the index of the UV set with the given primvar name; 0, with a note, if there are already two other sets."""
         if name not in self.uvs:
             if len(self.uvs) == _UV_SETS:
                 self.notes.add(
@@ -185,7 +191,7 @@ class Network:
 
 
 def _zero(kind: str) -> Any:
-    """Returns the default of a primvar reader without a fallback."""
+    """Returns the value of a primvar reader without a fallback: 0 for scalars, otherwise (0, 0, 0)."""
     return 0.0 if kind.endswith(("float", "int")) else (0.0, 0.0, 0.0)
 
 

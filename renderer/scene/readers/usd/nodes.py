@@ -1,4 +1,4 @@
-"""MaterialX nodes between a surface and its textures."""
+"""Evaluates MaterialX nodes between a surface shader and its textures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3, "x": 0, "y": 1, "z": 2, "w": 3}
 
 
 def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
-    """Returns the output of a node that is no surface."""
+    """Returns the output of a MaterialX node other than a surface shader; unsupported nodes are skipped with a note."""
     node = kind[3:].split("_")[0]
 
     def said(name: str, encoded: bool = srgb) -> Input:
@@ -68,7 +68,7 @@ def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, sr
 
 
 def _bumped(given: Input, scale: Input) -> Input:
-    """Returns a normal map with its strength as scale and bias, as in UsdUVTexture."""
+    """Returns a normal map with its strength stored as scale and bias, as in UsdUVTexture."""
     if given.taken is None or scale.value is None:
         return given
     x, y, _ = (*scale.color((1.0, 1.0, 1.0))[:2], 1.0) if isinstance(scale.value, float) else (*tuple(scale.value)[:2], 1.0)
@@ -131,7 +131,7 @@ def _four(value: Any, default: tuple[float, float, float, float]) -> tuple[float
 
 
 def _index(node: str, output: str, said: Any) -> str:
-    """Which channels a node takes, as letters."""
+    """Returns the letters of the channels that an extract, separate or swizzle node selects."""
     if node == "swizzle":
         return str(said("channels").value or "r")
     if node == "extract":
@@ -168,7 +168,10 @@ def _combined(network: NetworkContext, kind: str, found: list[Input]) -> Input:
 def follow_coordinates(
     network: NetworkContext, shader: Any, kind: str, depth: int, follow: Follow
 ) -> tuple[str | None, UvTransform, Any]:
-    """Returns (primvar of the texture coordinates, their transform, the input to follow next)."""
+    """Evaluates a node of texture coordinates.
+
+    Returns (UV primvar, UV transform, input to follow next); the first and last may be None.
+    """
     node = kind[3:].split("_")[0]
 
     def value(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Warnings grouped by kind, since a scene may have thousands of the same kind."""
+"""Groups warnings by kind, since a scene may have thousands of the same kind."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ _NAMED = 3
 
 
 class Notes:
-    """Collects the warnings about a file."""
+    """Collects the warnings about a file, and groups those of the same kind."""
 
     def __init__(self) -> None:
         self._sentences: dict[str, None] = {}
         self._names: dict[str, dict[str, None]] = {}
 
     def say(self, sentence: str) -> None:
-        """Adds a sentence; repeated ones count once."""
+        """Adds a separate warning; repeated sentences are reported once."""
         self._sentences[sentence] = None
 
     def add(self, what: str, name: str) -> None:
-        """Adds the name of an item to a group of warnings. what: the group's sentence, without a full stop."""
+        """Adds an item, by name, to a group of warnings. what: the group's sentence, without a full stop."""
         self._names.setdefault(what, {})[name] = None
 
     def tell(self, warn: Callable[[str], None]) -> None:
-        """Passes all warnings on; groups with their number of items and the first names."""
+        """Passes all warnings to a callback; each group with the number of its items and their first names."""
         for sentence in self._sentences:
             warn(sentence)
         for what, names in self._names.items():

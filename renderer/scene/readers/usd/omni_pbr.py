@@ -1,6 +1,6 @@
-"""Omniverse's OmniPBR in MDL, the surface of files without a UsdPreviewSurface.
+"""Reads Omniverse's OmniPBR, an MDL surface, from files without a UsdPreviewSurface.
 
-Source: NVIDIA's documentation of OmniPBR, also for the defaults.
+Source: NVIDIA's documentation of OmniPBR, also for the default values.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _REPEAT = ("repeat", "repeat")
 
 
 def read_omni_pbr(shader: Any, read: Read) -> None:
-    """Fills the material from an OmniPBR."""
+    """Fills the material from an OmniPBR shader."""
     network, material = read.network, read.material
     said = _ShaderInputs(shader, network)
     base = said.texture("diffuse_texture", srgb=True)
@@ -67,7 +67,7 @@ def read_omni_pbr(shader: Any, read: Read) -> None:
 
 
 class _ShaderInputs:
-    """The inputs of a shader by name; all its textures share a UV transform."""
+    """The inputs of an OmniPBR shader by name; all its textures share one UV transform."""
 
     def __init__(self, shader: Any, network: Network) -> None:
         self._shader, self._network = shader, network
@@ -78,15 +78,15 @@ class _ShaderInputs:
         self._transform: UvTransform = transform_2d((float(scale[0]), float(scale[1])), turn, (float(move[0]), float(move[1])))
 
     def value(self, name: str) -> Input:
-        """Returns an input."""
+        """Returns an input of the shader."""
         return self._network.input(self._shader, name)
 
     def number(self, name: str, default: float) -> float:
-        """Returns an input as a number; true is 1."""
+        """Returns an input as a number, with true as 1; the default if the input is not set."""
         return self.value(name).number(default)
 
     def texture(self, name: str, srgb: bool = False) -> TextureInput | None:
-        """Returns the texture of an input that names a file; None if there is none."""
+        """Returns the texture that an input names; None if the input is empty or the file is missing."""
         network, given = self._network, self._shader.GetInput(name)
         found = given.GetValueProducingAttributes() if given else []
         image = (
@@ -100,6 +100,6 @@ class _ShaderInputs:
         return None if texture is None else TextureInput(texture)
 
     def either(self, name: str, constant: Input) -> Input:
-        """Returns the texture of an input, or the constant if it has none."""
+        """Returns the texture of an input, red channel; the constant if the input has no texture."""
         found = self.texture(name)
         return constant if found is None else Input(None, replace(found, channel="r"))

@@ -1,4 +1,4 @@
-"""Adds a stage's prims to the description: meshes with materials, shapes, curves, points, lights and cameras."""
+"""Adds the prims of a stage to the description: meshes with materials, shapes, curves, points, lights and cameras."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ MAX_COLORS = 256  # colours of points, one material each
 
 
 class DescriptionBuilder:
-    """Fills the description of one moment. source: key that distinguishes the file from others."""
+    """Fills the description with a stage's prims at one moment. source: key that distinguishes the file and variant in caches."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class DescriptionBuilder:
         self._vertices = 0
 
     def place(self, found: list[PlacedPrim]) -> None:
-        """Adds all prims; damaged ones are left out with a note."""
+        """Adds all prims to the description; damaged prims are left out with a note."""
         self._bind([each.prim for each in found if each.shown and each.prim.IsA(UsdGeom.Gprim)])
         self._skeletons.gather(found)
         for each in found:
@@ -114,7 +114,7 @@ class DescriptionBuilder:
             )
 
     def _bind(self, prims: list[Any]) -> None:
-        """Finds the bound materials of all prims at once."""
+        """Finds the bound materials of all prims, and of the material subsets of meshes, in one pass."""
         for prim in list(prims):
             if prim.IsA(UsdGeom.Mesh):
                 prims += [s.GetPrim() for s in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()]
@@ -128,7 +128,7 @@ class DescriptionBuilder:
         return self._surfaces.of(self._bound.get(prim.GetPath()), prim if shown_by is None else shown_by)
 
     def _key(self, prim: Any) -> Hashable:
-        """Returns a key shared by all instances of a prototype."""
+        """Returns a key that all instances of the same prototype share."""
         return (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()
 
     def _mesh(self, each: PlacedPrim) -> None:
@@ -173,7 +173,7 @@ class DescriptionBuilder:
         return primvars.integers(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(self._time))
 
     def _parts(self, prim: Any, surfaces: list[Surface], subsets: list[Any], shape: Shape | None) -> list[Mesh | None]:
-        """Returns a mesh's parts in the order of the surfaces: faces in no subset, then each subset."""
+        """Returns the parts of a mesh, one per surface: first the faces in no subset, then each subset."""
         count = len(self._counts(prim))
         of = np.zeros(count, np.int64)
         for number, subset in enumerate(subsets, 1):
@@ -203,7 +203,10 @@ class DescriptionBuilder:
         return read_mesh(prim, wanted, of if subsets else None, self._time, self._notes, shape, not self._is_still)
 
     def _add(self, mesh: Mesh, surface: Surface, bends: bool = False, both: bool = False) -> int:
-        """Adds a mesh with a surface and returns its index. bends: whether it deforms; both: whether it emits on both sides."""
+        """Adds a mesh with a surface to the description; returns the mesh's index.
+
+        bends: whether the mesh deforms over time. both: whether it emits on both sides.
+        """
         surface = self._surfaces.bumpy(surface, mesh)
         material = self._surfaces.material(surface)
         if material.transmission > 0 and not material.thin and not is_closed(mesh.positions, mesh.triangles):
@@ -299,7 +302,10 @@ class DescriptionBuilder:
             ]
 
     def _painted(self, surface: Surface, colors: npt.NDArray[np.float32], path: str) -> npt.NDArray[np.int64]:
-        """Returns the materials of points, one per colour; if there are too many colours, they are quantised."""
+        """Returns (N,) material indices of coloured points, one material per colour.
+
+        With more than MAX_COLORS colours they are quantised, with a note.
+        """
         steps = 255
         codes = np.rint(np.clip(colors, 0, 1) * steps).astype(np.int64)
         while len(np.unique(codes @ (1, 256, 65536))) > MAX_COLORS:
@@ -361,7 +367,7 @@ _SIZES = ("radius", "height", "size", "width", "length", "radiusTop", "radiusBot
 
 
 def _scale(place: Matrix) -> float | None:
-    """Returns the uniform scale factor of a transform; None if it is not uniform."""
+    """Returns the uniform scale factor of a transform; None if its scale is not uniform."""
     square = place[:3, :3].T @ place[:3, :3]
     size = float(np.trace(square)) / 3
     return size**0.5 if size > 0 and np.abs(square - size * np.eye(3)).max() < 1e-5 * size else None

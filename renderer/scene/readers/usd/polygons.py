@@ -18,7 +18,7 @@ Codes = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Faces:
-    """Polygons. corners: point indices of all faces, concatenated."""
+    """Polygons, as the number of corners of each face and the point indices of all corners, concatenated."""
 
     counts: Codes  # (F,)
     corners: Codes  # (C,)
@@ -34,11 +34,14 @@ class Faces:
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
     def kept(self, which: npt.NDArray[np.bool_]) -> tuple[Faces, Codes]:
-        """Returns the faces selected by a mask, and the indices of their corners among all."""
+        """Returns the faces selected by a mask, and the indices of their corners in this object's corners."""
         return self.those(np.flatnonzero(which))
 
     def those(self, numbers: Codes) -> tuple[Faces, Codes]:
-        """Returns the faces with these indices, and the indices of their corners, in time proportional to the selected faces."""
+        """Returns the faces with these indices, and the indices of their corners in this object's corners.
+
+        Takes time proportional to the selected faces.
+        """
         counts = self.counts[numbers]
         step = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
         corners = np.repeat(self.first[numbers], counts) + step
@@ -47,7 +50,7 @@ class Faces:
 
 @dataclass(frozen=True)
 class AtCorners:
-    """Values (K, w), and the index of each corner's value."""
+    """Values (K, w), and for each corner of a mesh the index of its value."""
 
     values: F32
     code: Codes  # (C,)
@@ -56,22 +59,25 @@ class AtCorners:
     is_indexed: bool = False  # whether shared values are indexed
 
     def at(self, corners: Codes) -> AtCorners:
-        """Returns the values of some of the corners."""
+        """Returns the values at a selection of the corners."""
         return replace(self, code=self.code[corners])
 
     def each(self) -> F32:
-        """Returns (C, w) the value of each corner."""
+        """Returns (C, w) the value at each corner."""
         return self.values[self.code]
 
 
 def triangles_of(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
-    """Returns (T, 3) corner indices of triangles that cover the faces, counter-clockwise unless mirrored."""
+    """Returns (T, 3) corner indices of triangles that cover the faces; counter-clockwise, or clockwise if mirrored."""
     cuts = triangulate(faces.counts, faces.corners, points).triangles
     return cuts[:, ::-1] if mirrored else cuts
 
 
 def joined(faces: Faces, attributes: list[AtCorners]) -> tuple[Codes, I32]:
-    """Returns (a corner of each vertex, the vertex of each corner); corners with equal point and values share a vertex."""
+    """Merges corners with equal point and values into vertices.
+
+    Returns (V,) the index of one corner of each vertex, and (C,) the vertex of each corner.
+    """
     # By 64-bit hashes: the probability of a collision among three million is 2e-7.
     key = _mixed(faces.corners.astype(np.uint64), np.zeros(len(faces.corners), np.uint64))
     for attribute in attributes:
@@ -83,7 +89,7 @@ def joined(faces: Faces, attributes: list[AtCorners]) -> tuple[Codes, I32]:
 
 
 def _hashed(values: F32) -> npt.NDArray[np.uint64]:
-    """Returns (K,) a hash of each value."""
+    """Returns (K,) 64-bit hashes of the values."""
     words = np.ascontiguousarray(values + np.float32(0)).view(np.uint32)  # + 0 turns -0 into 0
     found = np.zeros(len(values), np.uint64)
     for column in words.T:

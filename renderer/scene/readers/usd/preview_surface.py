@@ -1,4 +1,4 @@
-"""UsdPreviewSurface as a material. Source: its specification, version 2.6."""
+"""Converts UsdPreviewSurface to a material. Source: its specification, version 2.6."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MAX_RADIANCE = 1e9
 
 
 class Read:
-    """A material being read, and the primvars of its mesh that multiply colour and opacity."""
+    """A material being filled from a shader network, and the primvars that multiply its colour and opacity."""
 
     def __init__(self, name: str, network: Network, shelf: TextureShelf) -> None:
         self.material = Material(name, "metallic_roughness", (1.0, 1.0, 1.0), roughness=1.0)
@@ -42,7 +42,7 @@ class Read:
 
 
 def read_preview_surface(shader: Any, read: Read) -> None:
-    """Fills the material from a UsdPreviewSurface."""
+    """Fills the material from a UsdPreviewSurface shader."""
     network, material = read.network, read.material
     diffuse = network.input(shader, "diffuseColor", srgb=True)
     fill_base(read, diffuse, (0.18, 0.18, 0.18))
@@ -70,7 +70,7 @@ def read_preview_surface(shader: Any, read: Read) -> None:
 
 
 def fill_base(read: Read, given: Input, default: Vec3) -> None:
-    """Fills the base colour."""
+    """Fills the base colour of the material, from a value, texture or primvar."""
     material = read.material
     if given.taken is not None:
         material.base_color, material.base_color_texture = colored(read.shelf, given.taken)
@@ -82,7 +82,7 @@ def fill_base(read: Read, given: Input, default: Vec3) -> None:
 
 
 def fill_roughness(read: Read, rough: Input, roughness: float, metal: Input, metallic: float) -> None:
-    """Fills roughness and metalness, which share a texture."""
+    """Fills the roughness and metalness, which are packed into one texture."""
     material, shelf = read.material, read.shelf
     material.roughness = unit(rough.number(roughness)) if rough.taken is None else 1.0
     material.metallic = unit(metal.number(metallic)) if metal.taken is None else 1.0
@@ -101,7 +101,10 @@ def _packed(shelf: TextureShelf, rough: TextureInput | None, metal: TextureInput
 
 
 def fill_data(read: Read, name: str, given: Input, default: float) -> None:
-    """Fills a parameter in 0..1 that has a data texture."""
+    """Fills a parameter in 0..1, and its texture of linear values.
+
+    name: the material's field; the texture's field is `{name}_texture`.
+    """
     if given.taken is not None:
         setattr(read.material, name, 1.0)
         setattr(read.material, f"{name}_texture", grey(read.shelf, given.taken))
@@ -110,7 +113,7 @@ def fill_data(read: Read, name: str, given: Input, default: float) -> None:
 
 
 def fill_normal(read: Read, name: str, given: Input) -> None:
-    """Fills a normal map. name: `normal` or `clearcoat_normal`."""
+    """Fills a normal map, if the input has one. name: `normal` or `clearcoat_normal`."""
     if given.taken is None:
         return
     texture, scale = normals(read.shelf, given.taken)
@@ -119,7 +122,7 @@ def fill_normal(read: Read, name: str, given: Input) -> None:
 
 
 def fill_emission(read: Read, given: Input, strength: float) -> None:
-    """Fills the emission."""
+    """Fills the emission with the input's colour times `strength`."""
     factor: Vec3 = unit_color(given.color((0.0, 0.0, 0.0)), MAX_RADIANCE)
     if given.taken is not None:
         factor, read.material.emission_texture = colored(read.shelf, given.taken, MAX_RADIANCE)
@@ -129,7 +132,10 @@ def fill_emission(read: Read, given: Input, strength: float) -> None:
 
 
 def fill_opacity(read: Read, opacity: Input, threshold: float, base: TextureInput | None) -> None:
-    """Fills the opacity: masked at a threshold above 0, otherwise blended."""
+    """Fills the opacity: masked if the threshold is above 0, otherwise blended.
+
+    base: the base colour's texture, whose alpha is used directly if the opacity is that same alpha.
+    """
     material, shelf = read.material, read.shelf
     level = sum(opacity.color((1.0, 1.0, 1.0))) / 3  # MaterialX's opacity is a colour
     if opacity.taken is None and opacity.primvar is None and level >= 1:
@@ -159,7 +165,7 @@ def _opaque(image: Any) -> Any:
 
 
 def _specular(read: Read, given: Input) -> None:
-    """Fills the specular tint so that reflectance at normal incidence, given the index of refraction, is the specular colour."""
+    """Fills the specular tint so that the reflectance at normal incidence equals the specular colour."""
     material = read.material
     own = max(((material.ior - 1) / (material.ior + 1)) ** 2, 1e-3)
     factor = given.color((0.0, 0.0, 0.0))
@@ -169,9 +175,10 @@ def _specular(read: Read, given: Input) -> None:
 
 
 def _transparent(material: Material, opacity: float) -> None:
-    """Converts opacity below 1 to transmission, with reflection unchanged.
+    """Converts opacity below 1 to transmission, leaving reflection unchanged.
 
-    UsdPreviewSurface transmits without a tint and colours the diffuse part; a material has one colour for both, here the mean.
+    UsdPreviewSurface transmits untinted light and tints the diffuse part only. A material has one colour for both: here the mean
+    of the two, weighted by the opacity.
     """
     if opacity >= 1:
         return

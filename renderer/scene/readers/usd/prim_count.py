@@ -1,6 +1,6 @@
-"""Counts the prims of a stage before USD composes it.
+"""Limits the number of prims in a stage before USD composes it.
 
-References can double the number of prims with each level, and USD follows all of them.
+Each level of references can double the number of prims, and USD expands all of them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Key = tuple[str, str]  # a layer's identifier, and a prim's path
 
 
 def check_composition(layers: dict[str, Any], root: Any, file: str) -> None:
-    """Checks the size of the composed stage; layers: by identifier.
+    """Checks the size of the composed stage. layers: by identifier; root: the root layer; file: name for error messages.
 
     Raises SceneError if there are too many prims, or they are nested too deeply.
     """

@@ -1,4 +1,4 @@
-"""Traversal of a stage: geometry, lights and cameras with their transforms."""
+"""Traverses a stage, and yields its geometry, lights and cameras with their transforms."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ABSTRACT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 
 @dataclass
 class PlacedPrim:
-    """A prim with its (N, 4, 4) transforms, one per instance, to metres with Y up."""
+    """A prim with its (N, 4, 4) transforms to metres with Y up, one per instance."""
 
     prim: Any
     places: Matrix
@@ -41,7 +41,7 @@ class PlacedPrim:
 
 
 def upright(stage: Any, notes: Notes | None = None) -> Matrix:
-    """Returns the transform from the stage's units and up axis to metres with Y up."""
+    """Returns the (4, 4) transform from the stage's units and up axis to metres with Y up."""
     notes = Notes() if notes is None else notes
     unit = unit_of(stage, notes)
     turn = Z_UP if is_z_up(stage, notes) else np.eye(4)
@@ -49,12 +49,15 @@ def upright(stage: Any, notes: Notes | None = None) -> Matrix:
 
 
 def matrix(given: Any) -> Matrix:
-    """Returns a USD matrix transposed for column vectors."""
+    """Returns a USD matrix, which is for row vectors, transposed for column vectors."""
     return np.asarray(given, np.float64).T.copy()
 
 
 def walk(stage: Any, time: Any, notes: Notes) -> list[PlacedPrim]:
-    """Returns the stage's geometry, lights, cameras and skeleton roots, in stage order."""
+    """Returns the stage's geometry, lights, cameras and skeleton roots, in stage order.
+
+    Prims with the purpose proxy are included only if no other geometry is visible.
+    """
     walked = _Walk(stage, time, notes)
     found = list(walked.below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
     if walked.proxies and not walked.stands_in:
@@ -80,7 +83,7 @@ def walk(stage: Any, time: Any, notes: Notes) -> list[PlacedPrim]:
     for each in found:
         name = each.prim.GetName()
         if not (each.prim.IsA(UsdGeom.Gprim) or each.prim.IsA(UsdGeom.Camera) or each.prim.HasAPI(UsdLux.LightAPI)):
-            continue  # transforms and skeletons often have the names of their children
+            continue  # parent transforms and skeletons often have the same name as their child
         names[name] = names.get(name, 0) + 1
         each.name = name if names[name] == 1 else f"{name} ({names[name]})"
     return found
@@ -95,7 +98,7 @@ class _Walk:
         self._copies = 0
 
     def below(self, top: Any, places: Matrix, depth: int = 0) -> Iterator[PlacedPrim]:
-        """Yields the placed prims below a prim. places: the prim's own transforms."""
+        """Yields the drawn prims below `top` with their transforms. places: (N, 4, 4) transforms of `top`."""
         which = _ABSTRACT if top.IsAbstract() else _DEFINED if top.IsDefined() else _UNDEFINED
         stack = [(child, places, False, True, "default") for child in reversed(top.GetFilteredChildren(which))]
         while stack:
@@ -155,7 +158,7 @@ class _Walk:
             stack += [(c, inner, moves, shown, purpose) for c in reversed(self._children(prim, which))]
 
     def _children(self, prim: Any, which: Any) -> list[Any]:
-        """Returns a prim's children to visit; of levels of detail, only the default."""
+        """Returns the children of a prim to visit; of levels of detail, only the default level."""
         children = list(prim.GetFilteredChildren(which))
         if len(children) > 1 and _LEVELS in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
             said = prim.GetAttribute("lod:default:index")
@@ -168,7 +171,10 @@ class _Walk:
         return children
 
     def _local(self, prim: Any, outer: Matrix) -> tuple[Matrix, bool]:
-        """Returns a prim's transforms, and whether its own transform is animated."""
+        """Returns a prim's (N, 4, 4) transforms, and whether its local transform is animated.
+
+        outer: the transforms of its parent.
+        """
         if not prim.IsA(UsdGeom.Xformable):
             return outer, False
         xformable = UsdGeom.Xformable(prim)
@@ -187,7 +193,10 @@ class _Walk:
         return inner, bool(xformable.TransformMightBeTimeVarying())
 
     def _instanced(self, prim: Any, outer: Matrix, moves: bool, depth: int) -> Iterator[PlacedPrim]:
-        """Yields the prims of a PointInstancer's prototypes, with the instances' transforms."""
+        """Yields the prims of a PointInstancer's prototypes, with one transform per instance.
+
+        outer: the instancer's own transforms.
+        """
         instancer = UsdGeom.PointInstancer(prim)
         said = instancer.GetProtoIndicesAttr().Get(self._time) or ()
         if len(said) > MAX_INSTANCES:
@@ -271,7 +280,7 @@ class _Walk:
                 yield replace(each, places=whole, moves=moves or each.moves)
 
     def _prototype(self, prototype: Any, depth: int) -> Iterator[PlacedPrim]:
-        """Yields the prims of a prototype without its own transform, which is included in those of the instances."""
+        """Yields the prims of a prototype, without the prototype's own transform, which the instances' transforms include."""
         still = np.eye(4)[None]
         if prototype.IsA(UsdGeom.PointInstancer):
             yield from self._instanced(prototype, still, False, depth)

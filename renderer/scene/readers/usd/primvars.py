@@ -1,4 +1,4 @@
-"""Primvars as numpy arrays, also per corner of a mesh."""
+"""Returns primvars as numpy arrays, optionally per corner of a mesh."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["array", "at_corners", "constant", "found", "integers", "single", "va
 
 
 def array(value: Any, width: int) -> F32:
-    """Returns (N, width) float32 from a USD array or single value; empty if absent."""
+    """Returns (N, width) float32 from a USD array or single value; empty if it is absent, not numeric or of another width."""
     if value is None:
         return np.zeros((0, width), np.float32)
     values = np.asarray(value)
@@ -27,24 +27,24 @@ def array(value: Any, width: int) -> F32:
 
 
 def integers(value: Any) -> npt.NDArray[np.int64]:
-    """Returns (N,) integers from a USD array; empty if absent or of another type, as in damaged layers."""
+    """Returns (N,) integers from a USD array; empty if it is absent or not of an integer type, as in damaged layers."""
     values = np.asarray(() if value is None else value)
     return np.asarray(values if values.dtype.kind in "iu" else (), np.int64).reshape(-1)
 
 
 def found(prim: Any, name: str) -> Any:
-    """Returns a primvar of a prim or inherited from an ancestor; None if it has no value."""
+    """Returns a prim's own or inherited primvar; None if it has no value."""
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     return primvar if primvar and primvar.HasValue() else None
 
 
 def varies(primvar: Any) -> bool:
-    """Returns True if a primvar's value is animated."""
+    """Returns True if the value of a primvar is animated."""
     return bool(primvar.ValueMightBeTimeVarying())
 
 
 def constant(prim: Any, name: str, width: int, time: Any) -> npt.NDArray[np.float32] | None:
-    """Returns the (width,) value of a constant primvar; None if it varies or is absent."""
+    """Returns the (width,) value of a constant primvar; None if it varies over the surface or is absent."""
     primvar = found(prim, name)
     if primvar is None:
         return None
@@ -53,7 +53,7 @@ def constant(prim: Any, name: str, width: int, time: Any) -> npt.NDArray[np.floa
 
 
 def single(prim: Any, name: str, time: Any) -> float | tuple[float, ...] | None:
-    """Returns a constant primvar as a number or tuple; None if it varies or is not numeric."""
+    """Returns the value of a constant primvar as number or tuple; None if it varies over the surface or is not numeric."""
     primvar = found(prim, name)
     if primvar is None or primvar.GetInterpolation() != "constant":
         return None
@@ -65,7 +65,10 @@ def single(prim: Any, name: str, time: Any) -> float | tuple[float, ...] | None:
 
 
 def at_corners(primvar: Any, width: int | None, faces: Faces, points: int, time: Any, notes: Notes) -> AtCorners | None:
-    """Returns a mesh's primvar at its corners; None, with a note, if its size does not fit. width: None for the primvar's own."""
+    """Returns the values of a primvar at a mesh's corners; None, with a note, if their number does not fit the mesh.
+
+    width: components per value; None for the primvar's own. points: the mesh's point count.
+    """
     given = primvar.Get(time)
     shape = np.shape(given)
     values = array(given, (shape[1] if len(shape) == 2 else 1) if width is None else width)
@@ -82,9 +85,9 @@ def spread(
     path: Any,
     notes: Notes,
 ) -> AtCorners | None:
-    """Returns values at the corners by their interpolation; None, with a note, if they do not fit.
+    """Assigns values to a mesh's corners according to their interpolation; None, with a note, if their number does not fit.
 
-    points: the mesh's point count.
+    indices: of an indexed primvar, or None. points: the mesh's point count. path: the primvar's path, for the note.
     """
     code = {
         "constant": lambda: np.zeros(len(faces.corners), np.int64),

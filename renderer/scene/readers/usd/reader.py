@@ -1,4 +1,4 @@
-"""Reader of a USD stage at a moment."""
+"""Reads a USD stage at a moment."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _CLIP = "animation"
 
 
 def read_stage(files: SceneFiles, main: str, description: SceneDescription, variant: str | None, moment: Moment) -> None:
-    """Adds the stage of a file to the description. Raises SceneError."""
+    """Adds the stage of a USD file to the description. Raises SceneError if it cannot be read or lacks the variant or clip."""
     shelf = TextureShelf(description, files)
     with as_scene_errors(main), muted():
         sources = files.recall(("usd files", main), lambda: Sources(files))
@@ -45,7 +45,10 @@ def read_stage(files: SceneFiles, main: str, description: SceneDescription, vari
 
 
 def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment, notes: Notes) -> Any:
-    """Returns the time code to show, and sets the description's frame range. Frame 0 is the stage's start."""
+    """Returns the time code to show, and sets the description's clip and frame rate.
+
+    Frame 0 is the stage's start. Raises SceneError if the moment's clip does not exist.
+    """
     root = stage.stage
     rate = rate_of(root, "timeCodesPerSecond", notes)
     span = stage.span
@@ -67,20 +70,20 @@ def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment
 
 
 def _render_settings(root: Any) -> Any:
-    """Returns the stage's render settings prim, or None."""
+    """Returns the prim of the stage's render settings, or None if the stage names none."""
     path = root.GetMetadata("renderSettingsPrimPath")
     return (root.GetPrimAtPath(path) or None) if path else None
 
 
 def with_render_camera_first(found: list[PlacedPrim], settings: Any) -> list[PlacedPrim]:
-    """Returns the prims with the camera of the render settings first."""
+    """Returns the prims with the render settings' camera first, so that it becomes the default camera."""
     camera = settings.GetRelationship("camera") if settings else None
     chosen = set(camera.GetForwardedTargets()) if camera else set()
     return sorted(found, key=lambda each: each.prim.GetPath() not in chosen) if chosen else found
 
 
 def _resolution(settings: Any, description: SceneDescription) -> None:
-    """Sets the image size from the stage's render settings."""
+    """Sets the default image size from the stage's render settings, if they have a valid resolution."""
     size = settings.GetAttribute("resolution").Get() if settings else None
     if size is not None and len(size) == 2 and all(16 <= n <= 16384 for n in size):
         description.defaults |= {"width": int(size[0]), "height": int(size[1])}

@@ -1,4 +1,4 @@
-"""Subdivision of USD meshes and their primvars."""
+"""Subdivides USD meshes and their primvars."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ _SHARP = 10.0
 def refine(
     mesh: Any, points: F32, faces: Faces, attributes: dict[str, AtCorners], time: Any
 ) -> tuple[F32, Faces, dict[str, AtCorners], Codes]:
-    """Returns the subdivided points, faces and attributes, and the original face of each new face. Holes are subdivided too."""
+    """Subdivides a mesh. Returns the new points, faces and attributes, and the original face of each new face.
+
+    Holes are subdivided as well; faces with fewer than 3 corners are removed.
+    """
     old = np.arange(len(faces.counts))
     whole = faces.counts >= 3
     faces, corners = faces.kept(whole)
@@ -78,7 +81,10 @@ def refine(
 def _creases(
     indices: Codes, lengths: Codes, sharpness: npt.NDArray[np.float64], points: int
 ) -> tuple[Codes, npt.NDArray[np.float64]]:
-    """Returns (E, 2) crease edges and (E,) sharpness, from chains of points with a sharpness per chain or per edge."""
+    """Returns (E, 2) crease edges and (E,) their sharpness; empty if the crease data does not fit the mesh.
+
+    indices, lengths: chains of points; sharpness: one value per chain or per edge; points: the mesh's point count.
+    """
     none = np.zeros((0, 2), np.int64), np.zeros(0)
     if len(lengths) == 0 or lengths.min() < 2 or lengths.sum() != len(indices):
         return none
@@ -95,9 +101,10 @@ def _creases(
 
 
 def _face_varying_cage(cage: Cage, values: AtCorners, how: str) -> Cage:
-    """Returns a cage of a primvar's values as points; neighbours that do not share a value are separated by a border.
+    """Returns a cage whose points are the values of a face-varying primvar, to subdivide the primvar like positions.
 
-    how: UsdGeomMesh's faceVaryingLinearInterpolation, except `all`.
+    Where neighbouring faces do not share a value, the cage has a border. how: UsdGeomMesh's faceVaryingLinearInterpolation, any
+    value but `all`.
     """
     old, code = cage.faces.corners, values.code
     keys, first, corner = np.unique(old * (int(code.max(initial=0)) + 1) + code, return_index=True, return_inverse=True)
@@ -144,14 +151,14 @@ def _face_varying_cage(cage: Cage, values: AtCorners, how: str) -> Cage:
 
 
 def of_boundary(faces: Faces) -> npt.NDArray[np.bool_]:
-    """Returns (F,) whether each face has a point on the mesh's border."""
+    """Returns (F,) True for faces that have a point on the mesh's border."""
     outer = _on_boundary(faces, int(faces.corners.max(initial=-1)) + 1)
     found: npt.NDArray[np.bool_] = np.bincount(faces.face, outer[faces.corners], len(faces.counts)) > 0
     return found
 
 
 def _on_boundary(faces: Faces, points: int) -> npt.NDArray[np.bool_]:
-    """Returns (P,) whether each point is an end of an edge with a single face."""
+    """Returns (P,) True for the end points of edges that belong to a single face."""
     ahead = np.arange(len(faces.corners)) + 1
     some = faces.counts > 0
     ahead[(faces.first + faces.counts - 1)[some]] = faces.first[some]

@@ -1,4 +1,4 @@
-"""USD's analytic shapes as meshes: spheres, cubes, cylinders, cones, capsules and planes."""
+"""Converts USD's analytic shapes to meshes: spheres, cubes, cylinders, cones, capsules and planes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def is_shape(prim: Any) -> bool:
 
 
 def shape_of(prim: Any, time: Any) -> Mesh | None:
-    """Returns the shape as a mesh; None if it has no extent."""
+    """Returns an analytic shape as a mesh in the prim's local space; None if its size is zero."""
     name = prim.GetName()
 
     def said(attribute: str) -> float:
@@ -71,7 +71,10 @@ def _arc(radius: float, start: float, end: float, height: float) -> list[tuple[f
 
 
 def _facing(vectors: Any, axis: str) -> Any:
-    """Returns vectors of the XY plane rotated to face an axis; its width is along x, or along z if it faces up."""
+    """Rotates vectors from facing +Z to facing an axis.
+
+    Their x direction (width) stays along X, or goes along Z if they face X.
+    """
     x, y, z = vectors.T
     turned = {"X": (z, y, -x), "Y": (x, z, -y), "Z": (x, y, z)}[axis]
     return np.ascontiguousarray(np.stack(turned, axis=1), np.float32)

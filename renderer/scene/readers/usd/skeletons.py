@@ -1,4 +1,4 @@
-"""UsdSkel: meshes deformed by skeletons and blend shapes."""
+"""Deforms meshes by UsdSkel's skeletons and blend shapes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ F64 = npt.NDArray[np.float64]
 
 
 class Skeletons:
-    """The skeletons of a stage at a moment, and the meshes that are bound to them."""
+    """The skeletons of a stage at a moment, and the meshes bound to them."""
 
     def __init__(self, time: Any, notes: Notes) -> None:
         self._time, self._notes = time, notes
@@ -32,7 +32,7 @@ class Skeletons:
         self._places: dict[Any, Matrix] = {}  # transforms of skeletons
 
     def gather(self, found: list[PlacedPrim]) -> None:
-        """Finds the meshes bound below the stage's SkelRoots."""
+        """Finds the meshes bound to skeletons below the SkelRoots among the prims."""
         roots = [each for each in found if each.prim.IsA(UsdSkel.Root)]
         walk = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         for each in roots:
@@ -46,7 +46,7 @@ class Skeletons:
             self._places = {each.prim.GetPath(): each.places for each in found if each.prim.IsA(UsdSkel.Skeleton)}
 
     def shape_of(self, prim: Any) -> Shape | None:
-        """Returns a deformed mesh in its skeleton's space; None if no skeleton deforms it."""
+        """Returns the deformed points and normals of a mesh in its skeleton's space; None if no skeleton deforms the mesh."""
         known = self._bound.get(prim.GetPath())
         if known is None or not known[0]:
             return None
@@ -83,7 +83,10 @@ class Skeletons:
         return Shape(in_exact_type(bent), turned, None if normals is None else normals.astype(np.float32))
 
     def _in_order(self, transforms: Matrix, order: Any, skinning: Any) -> Matrix:
-        """Returns a skeleton's joint transforms in the order of a mesh's `skel:joints`; the identity for joints it lacks."""
+        """Reorders a skeleton's joint transforms to the order of a mesh's `skel:joints`.
+
+        Joints that the skeleton lacks get the identity, with a note.
+        """
         own = skinning.GetJointOrder()
         if own is None or not len(own):
             return transforms
@@ -102,14 +105,14 @@ class Skeletons:
         return with_rest[[number.get(joint, -1) for joint in joints]]
 
     def places_of(self, prim: Any, own: Matrix) -> Matrix:
-        """Returns the transforms of a deformed mesh: its skeleton's, or its own if only blend shapes deform it."""
+        """Returns the (N, 4, 4) transforms of a deformed mesh: its skeleton's, or `own` if only blend shapes deform it."""
         query, skinning = self._bound[prim.GetPath()]
         if not skinning.HasJointInfluences():
             return own
         return self._places.get(query.GetSkeleton().GetPrim().GetPath(), own)
 
     def _influences(self, skinning: Any, points: int) -> tuple[npt.NDArray[np.int64], F64 | None]:
-        """Returns (V, k) joints and normalised weights; weights are None if absent or of a wrong size."""
+        """Returns (V, k) joint indices and normalised weights; the weights are None if absent, of a wrong size or not finite."""
         none: tuple[npt.NDArray[np.int64], None] = np.zeros((0, 1), np.int64), None
         if not skinning.HasJointInfluences():
             return none
@@ -161,7 +164,7 @@ class Skeletons:
         return result
 
     def _normals(self, mesh: Any) -> F64 | None:
-        """Returns the normals per point or per corner; per-face normals are expanded to corners. None if absent."""
+        """Returns a mesh's normals per point or per corner, with per-face normals repeated for each corner; None if absent."""
         primvar = primvars.found(mesh.GetPrim(), "normals")
         given = mesh.GetNormalsAttr().Get(self._time) if primvar is None else primvar.ComputeFlattened(self._time)
         values = primvars.array(given, 3).astype(np.float64)
@@ -172,7 +175,10 @@ class Skeletons:
         return values if len(values) else None
 
     def _turned(self, mesh: Any, normals: F64, whole: Matrix, joints: npt.NDArray[np.int64], weights: F64) -> F32 | None:
-        """Returns the normals, per point or per corner, transformed with their points; None if they do not fit."""
+        """Returns the normals, per point or per corner, transformed by their points' joints; None if their number does not fit.
+
+        whole: (J, 4, 4) joint transforms; joints, weights: (V, k) influences of each point.
+        """
         corners = primvars.integers(mesh.GetFaceVertexIndicesAttr().Get(self._time))
         point = corners if len(normals) == len(corners) else np.arange(len(normals))
         if point.max(initial=-1) >= len(joints) or point.min(initial=0) < 0:

@@ -1,4 +1,4 @@
-"""The files of a USD scene: those of its folder, and those inside its .usdz packages.
+"""Finds and reads the files of a USD scene, in its folder and inside its .usdz packages.
 
 A file in a package is named `package.usdz[folder/inner.usda]`, as in USD.
 """
@@ -24,7 +24,7 @@ _PACKAGE = ".usdz"
 
 
 class Sources:
-    """Finds and reads the scene's files; nothing outside the scene's folder is opened."""
+    """Finds and reads the scene's files; never opens a file outside the scene's folder."""
 
     def __init__(self, files: SceneFiles) -> None:
         self._files = files
@@ -32,7 +32,10 @@ class Sources:
         self._names: dict[str, tuple[set[str], dict[str, str]]] = {}  # per package: files, first file by bare name
 
     def find(self, reference: str, beside: str) -> str | None:
-        """Returns the name of the file that a layer's asset path refers to; None if it is not among the scene's files."""
+        """Returns the name of the file that an asset path in a layer refers to; None if it is not among the scene's files.
+
+        beside: name of the layer's file.
+        """
         wanted = reference.split(":SDF_FORMAT_ARGS:")[0].replace("\\", "/")
         package, inner = split(beside)
         if inner is not None and (found := self._in_package(package, wanted, inner)):
@@ -44,17 +47,17 @@ class Sources:
         return self._in_package(found, inside, "")
 
     def is_outside(self, reference: str, beside: str) -> bool:
-        """Returns True if an asset path, relative to a layer, leads outside the scene's folder."""
+        """Returns True if an asset path, relative to the layer `beside`, leads outside the scene's folder."""
         return self._files.is_outside(split(reference)[0], split(beside)[0])
 
     def path(self, name: str) -> str:
-        """Returns the path by which USD opens a layer. Raises SceneError if it may not be opened."""
+        """Returns the path by which USD opens a file. Raises SceneError if the file must not be opened."""
         outer, inner = split(name)
         path = str(self._files.path(outer))
         return path if inner is None else f"{path}[{inner}]"
 
     def read(self, name: str) -> bytes:
-        """Returns the bytes of a file. Raises SceneError."""
+        """Returns the bytes of a file. Raises SceneError if it cannot be read or is compressed inside its package."""
         outer, inner = split(name)
         if inner is None:
             return self._files.read(outer)
@@ -82,7 +85,10 @@ class Sources:
             ) from error
 
     def root_of(self, name: str) -> str:
-        """Returns a layer's own name or, for a package, that of its first file, the root layer. Raises SceneError."""
+        """Returns the name of the root layer: for a package, its first file; otherwise the name itself.
+
+        Raises SceneError if the package does not begin with a USD layer.
+        """
         outer, inner = split(name)
         if inner is not None or not outer.lower().endswith(_PACKAGE):
             return name
@@ -139,7 +145,7 @@ class Sources:
 
 
 def split(name: str) -> tuple[str, str | None]:
-    """Returns (package, file inside) for a file in a package; (name, None) for others."""
+    """Splits the name of a file in a package into (package, inner file); returns (name, None) for other files."""
     at = name.find(f"{_PACKAGE}[")
     if at < 0 or not name.endswith("]"):
         return name, None

@@ -1,6 +1,6 @@
 """Catmull-Clark and Loop subdivision surfaces with semi-sharp creases.
 
-Source: Catmull & Clark 1978; DeRose, Kass & Truong 1998, "Subdivision Surfaces in Character Animation", for the creases.
+Sources: Catmull & Clark 1978; for the creases, DeRose, Kass & Truong 1998, "Subdivision Surfaces in Character Animation".
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SHARP = 10.0  # OpenSubdiv's maximum: sharp at every level
 
 @dataclass(frozen=True)
 class Cage:
-    """The control mesh to subdivide. points: (P, w), positions first; all columns are smoothed alike."""
+    """The control mesh of a subdivision surface. points: (P, w), positions and further per-point columns, all smoothed alike."""
 
     points: F64
     faces: Faces
@@ -45,9 +45,9 @@ class _Edges(NamedTuple):
 
 
 def refined(cage: Cage, along: list[AtCorners]) -> tuple[Cage, list[AtCorners], Codes]:
-    """Subdivides once. Returns the cage, values at its corners, and the original face of each new face.
+    """Subdivides a cage once. Returns the new cage, the values at its corners, and the original face of each new face.
 
-    `along` are per-corner values, interpolated within their face; per-point values are columns of the cage's points.
+    along: per-corner values, interpolated linearly within their face. Per-point values are columns of the cage's points.
     """
     faces, points = cage.faces, cage.points
     ahead, back = _neighbours(faces)
@@ -92,7 +92,10 @@ def refined(cage: Cage, along: list[AtCorners]) -> tuple[Cage, list[AtCorners], 
 
 
 def limit(cage: Cage) -> F64:
-    """Returns (P, w) limit positions of any cage; semi-sharp creases are subdivided until smooth, up to a limit."""
+    """Returns (P, w) the limit positions of a cage's points.
+
+    Cages with semi-sharp creases are first subdivided until these are smooth, within MAX_FURTHER levels and MAX_CORNERS corners.
+    """
     count, level = len(cage.points), 0
     while level < MAX_FURTHER and 4 * len(cage.faces.corners) <= MAX_CORNERS and _is_half_sharp(cage):
         cage, level = refined(cage, [])[0], level + 1
@@ -104,9 +107,9 @@ def _is_half_sharp(cage: Cage) -> bool:
 
 
 def _limit(cage: Cage) -> F64:
-    """Returns (P, w) limit positions of a cage of quads, or of triangles for Loop.
+    """Returns (P, w) the limit positions of a cage of quads, or of triangles for Loop.
 
-    Source: Halstead, Kass & DeRose 1993; creases converge to cubic B-splines.
+    Creases converge to cubic B-splines. Source: Halstead, Kass & DeRose 1993.
     """
     points, faces = cage.points, cage.faces
     ahead, _ = _neighbours(faces)
@@ -128,7 +131,7 @@ def _limit(cage: Cage) -> F64:
 
 
 def _neighbours(faces: Faces) -> tuple[Codes, Codes]:
-    """Returns (C,) the next and (C,) the previous corner of each corner in its face."""
+    """Returns (C,) the index of the next corner in the face of each corner, and (C,) that of the previous one."""
     ahead = np.arange(len(faces.corners)) + 1
     ahead[faces.first + faces.counts - 1] = faces.first
     back = np.empty_like(ahead)
@@ -150,7 +153,10 @@ def _edges(cage: Cage, ahead: Codes) -> _Edges:
 
 
 def _smoothed(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
-    """Returns (P, w) new positions of the old points without sharpness."""
+    """Returns (P, w) the new positions of the old points by the Catmull-Clark rule for smooth points.
+
+    middle: (F, w) the faces' centres; face: (C,) the face of each corner.
+    """
     points = cage.points
     count = len(points)
     ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
@@ -160,7 +166,7 @@ def _smoothed(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
 
 
 def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
-    """Returns (P, w) new positions of the old points. smooth: their positions without sharpness."""
+    """Returns (P, w) the new positions of the old points with creases and corners applied. smooth: their smooth positions."""
     points = cage.points
     count = len(points)
     ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
@@ -182,7 +188,7 @@ def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
 
 
 def _point_sharpness(cage: Cage, edges: _Edges, sharp: Codes) -> F64:
-    """Returns (P,) the sharpness of points. sharp: (P,) number of sharp edges at each point."""
+    """Returns (P,) the corner sharpness of points. sharp: (P,) number of sharp edges at each point."""
     count = len(cage.points)
     still = np.zeros(count)
     np.maximum.at(still, cage.corners, cage.corner_sharpness)
@@ -204,7 +210,7 @@ def _within(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCor
 
 
 def _mean(values: F64, group: Codes, count: int) -> F64:
-    """Returns (count, w) the mean of each group's values; 0 for empty groups."""
+    """Returns (count, w) the mean of the values in each group; 0 for empty groups. group: (N,) group index of each value."""
     total = np.stack([np.bincount(group, values[:, k], count) for k in range(values.shape[1])], axis=1)
     result: F64 = total / np.maximum(np.bincount(group, minlength=count), 1)[:, None]
     return result

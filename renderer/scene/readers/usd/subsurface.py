@@ -1,4 +1,4 @@
-"""Subsurface scattering and media inside glass of MaterialX surfaces.
+"""Subsurface scattering of MaterialX surfaces, and media inside their glass.
 
 Sources: Autodesk's Standard Surface 1.0.1; OpenPBR 1.1, "subsurface" and "translucent base".
 """
@@ -23,7 +23,10 @@ _WHITE: Vec3 = (1.0, 1.0, 1.0)
 
 
 class Names(NamedTuple):
-    """Input names of a surface, and defaults. turns_back: whether thin sheets also scatter light back."""
+    """Names of a surface shader's subsurface inputs, and the default radius.
+
+    path: default of the radius, per channel. turns_back: whether thin sheets also scatter light back.
+    """
 
     weight: str
     radius: str
@@ -42,9 +45,9 @@ OPEN_PBR = Names(
 
 
 def mixed_color(said: SurfaceInputs, read: Read, names: Names, weight: float, default: Vec3) -> tuple[Input, float]:
-    """Returns the base colour and its weight, mixed with the subsurface colour, since a material has one colour for both.
+    """Mixes the base colour with the subsurface colour, since a material has one colour for both; returns it and its weight.
 
-    If textures are to be mixed, the one with the larger weight is used.
+    If either is textured, the one with the larger weight is used, with a note.
     """
     color, share = said("base_color", True), unit(said.number(names.weight, 0.0))
     if share <= 0 or _is_sheet(said):
@@ -63,7 +66,7 @@ def mixed_color(said: SurfaceInputs, read: Read, names: Names, weight: float, de
 
 
 def scatter_beneath(said: SurfaceInputs, read: Read, names: Names) -> None:
-    """Fills the subsurface parameters or, for thin sheets, diffuse transmission. Call it after the base colour is filled."""
+    """Fills the subsurface parameters; for thin sheets, diffuse transmission. The base colour must be filled first."""
     material, share = read.material, unit(said.number(names.weight, 0.0))
     if share <= 0:
         return
@@ -86,7 +89,7 @@ def scatter_beneath(said: SurfaceInputs, read: Read, names: Names) -> None:
 
 
 def fill_glass(said: SurfaceInputs, read: Read, tint: Vec3, depth: float) -> None:
-    """Fills the interior of solid glass with the medium whose transmittance is `tint` at `depth`, in stage units."""
+    """Fills the interior of solid glass with the medium that transmits `tint` over the distance `depth`, in stage units."""
     material = read.material
     scatter = said.color("transmission_scatter", (0.0, 0.0, 0.0))
     if max(scatter) <= 0:

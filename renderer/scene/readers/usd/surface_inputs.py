@@ -1,4 +1,4 @@
-"""Inputs of a MaterialX surface, with notes about inputs that are not supported."""
+"""Reads the inputs of a MaterialX surface, and notes the unsupported ones."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _WHITE: Vec3 = (1.0, 1.0, 1.0)
 
 
 class SurfaceInputs:
-    """Looks up the inputs of a shader, and adds notes about what is left out."""
+    """The inputs of a MaterialX surface shader; adds notes about textures and inputs that are left out."""
 
     def __init__(self, shader: Any, read: Read) -> None:
         self._shader, self._read = shader, read
 
     def __call__(self, name: str, srgb: bool = False) -> Input:
-        """Returns an input."""
+        """Returns an input of the shader. srgb: whether its texture is sRGB-encoded if the file does not specify."""
         return self._read.network.input(self._shader, name, srgb)
 
     def number(self, name: str, default: float) -> float:
@@ -45,7 +45,7 @@ class SurfaceInputs:
         return given
 
     def leave_out(self, neutral: Mapping[str, float | Vec3]) -> None:
-        """Adds notes about inputs that are not supported and differ from their neutral values."""
+        """Adds notes about unsupported inputs whose values differ from the neutral ones. neutral: values by input name."""
         for name, value in neutral.items():
             given = self(name)
             plain = (value,) * 3 if isinstance(value, (int, float)) else value

@@ -1,4 +1,4 @@
-"""Materials bound to a stage's prims, as materials of the description."""
+"""Converts the materials bound to a stage's prims to materials of the description."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _CONTEXTS = ("mtlx", "", "kma", "arnold", _MDL)  # render contexts in order of p
 
 
 class Surface(NamedTuple):
-    """A material of the description, and the primvars that it uses for UVs, colour and opacity."""
+    """A material of the description, and the names of the primvars that it uses for UVs, colour and opacity."""
 
     number: int
     uvs: tuple[str, ...] = ()
@@ -41,7 +41,7 @@ class Surface(NamedTuple):
 
 
 class Surfaces:
-    """The materials of a stage. Each is read when a prim first uses it."""
+    """The materials of a stage, each read when a prim first uses it."""
 
     def __init__(
         self, images: Images, shelf: TextureShelf, materials: list[Material], notes: Notes, time: Any, unit: float
@@ -53,7 +53,7 @@ class Surfaces:
         self._asked: dict[Any, tuple[str, ...]] = {}  # primvars that a material reads, except UVs
 
     def of(self, material: Any, prim: Any) -> Surface:
-        """Returns the surface of a prim with a bound material; its display colour if there is none."""
+        """Returns the surface of a prim. material: its bound material; if None or unsupported, the display colour is used."""
         if not material:
             return self._shown(prim)
         source = material.GetPrim()
@@ -66,19 +66,19 @@ class Surfaces:
         return self._known.get((key, states)) or self._shown(prim)
 
     def _take(self, key: Any, material: Any, prim: Any) -> None:
-        """Reads a material for a prim, and caches it for all prims with the same values of the primvars that it reads."""
+        """Reads a material for a prim; caches it for all prims with equal values of the primvars that the material reads."""
         found, self._asked[key] = self._read(material, prim)
         self._known[key, tuple(self._state(prim, name) for name in self._asked[key])] = found
 
     def _state(self, prim: Any, name: str) -> Any:
-        """Returns a primvar's state on a prim: None, a constant value, or a marker that it varies."""
+        """Returns None if a prim lacks a primvar, its value if it is constant, or a marker if it varies over the surface."""
         if primvars.found(prim, name) is None:
             return None
         value = primvars.single(prim, name, self._time)
         return _VARIES if value is None else value
 
     def changed(self, surface: Surface, key: str, **values: Any) -> Surface:
-        """Returns the surface with other material parameters, cached by key."""
+        """Returns a copy of a surface with other material parameters, cached by key."""
         if (surface.number, key) not in self._known:
             made = self._add(replace(self._materials[surface.number], **values), surface)
             self._known[surface.number, key] = made
@@ -87,7 +87,7 @@ class Surfaces:
         return self._known[surface.number, key]
 
     def bumpy(self, surface: Surface, mesh: Mesh) -> Surface:
-        """Returns the surface with a normal map of its heights, scaled for a mesh."""
+        """Returns a copy of a surface with a normal map made from its height texture, scaled for a mesh."""
         heights = self._heights.get(surface.number)
         if heights is None:
             return surface
@@ -113,7 +113,7 @@ class Surfaces:
         return like._replace(number=len(self._materials) - 1)
 
     def _shown(self, prim: Any) -> Surface:
-        """Returns a diffuse surface with a prim's display colour, for prims without a material."""
+        """Returns a diffuse surface with a prim's display colour and opacity, for prims without a material."""
         shown = next((name for name in _SHOWN if primvars.found(prim, name) is not None), _SHOWN[0])
         color, opacity = (primvars.constant(prim, name, n, self._time) for name, n in ((shown, 3), ("displayOpacity", 1)))
         varying = [
@@ -173,7 +173,7 @@ class Surfaces:
 
 
 def _surface(material: Any) -> tuple[Any, str]:
-    """Returns a material's surface shader and its kind; of several, the one for the preferred render context."""
+    """Returns a material's surface shader and the shader's kind; of several, the one of the preferred render context."""
     found = ""
     outputs = {
         str(output.GetBaseName()).removesuffix(_SURFACE).removesuffix(":"): output for output in material.GetSurfaceOutputs()

@@ -1,4 +1,4 @@
-"""UsdUVTexture and its inputs: images of the scene's files, UV transforms and channel selection."""
+"""Textures of USD shaders: images among the scene's files, UV transforms and channel selection."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PLAIN: tuple[Four, Four] = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class TextureInput:
-    """The value that an input takes from a texture: one channel or `rgb`, times scale, plus bias."""
+    """The value that a shader input takes from a texture: `scale * texel + bias`, for one channel or for `rgb`."""
 
     texture: int
     channel: str = "rgb"
@@ -41,24 +41,24 @@ class TextureInput:
     bias: Four = PLAIN[1]
 
     def span(self, channel: str) -> tuple[float, float]:
-        """Returns (scale, bias) of a channel."""
+        """Returns the (scale, bias) of a channel."""
         return self.scale[CHANNELS[channel]], self.bias[CHANNELS[channel]]
 
     @property
     def is_plain(self) -> bool:
-        """True if scale is 1 and bias 0."""
+        """True if scale is 1 and bias is 0 in all channels."""
         return (self.scale, self.bias) == PLAIN
 
 
 class Images:
-    """The images of a stage, added to the description's textures."""
+    """Finds the images that a stage names, and adds them and their textures to the description."""
 
     def __init__(self, stage: Stage, sources: Sources, shelf: TextureShelf, notes: Notes) -> None:
         self._stage, self._sources, self.shelf, self._notes = stage, sources, shelf, notes
         self._atlases: dict[tuple[str, str, bool], tuple[int, UvTransform] | None] = {}
 
     def named(self, attribute: Any, time: Any) -> tuple[str, str] | None:
-        """Returns (the asset path in an attribute, the file whose layer sets it); None if it is empty."""
+        """Returns the asset path in an attribute and the file whose layer sets it; None if the attribute is empty."""
         path = attribute.Get(time) if attribute else None
         named = getattr(path, "path", path)  # Arnold's nodes store a string
         if not named or not isinstance(named, str):
@@ -71,7 +71,11 @@ class Images:
     def find(
         self, attribute: Any, user: str, srgb: bool, time: Any, is_environment: bool = False
     ) -> tuple[int, UvTransform] | None:
-        """Returns the image that an attribute names, and its UV transform; None, with a warning, if it is missing."""
+        """Returns the index of the image that an attribute names, and the image's UV transform; None, with a warning, if it is
+        missing.
+
+        user: the object named in the warning. srgb: whether the image is sRGB-encoded.
+        """
         named = self.named(attribute, time)
         if named is None:
             return None
@@ -89,13 +93,13 @@ class Images:
         return None if found is None else (found, IDENTITY_UV_TRANSFORM)
 
     def file(self, attribute: Any, time: Any) -> tuple[str, Callable[[], bytes]] | None:
-        """Returns the name of the file in an attribute, and a function that reads it; None if it is missing."""
+        """Returns the name of the file that an attribute names, and a function that reads the file; None if it is missing."""
         named = self.named(attribute, time)
         name = None if named is None else self._sources.find(*named)
         return None if name is None else (name, lambda: self._sources.read(name))
 
     def texture(self, image: int, wraps: tuple[str, str], uv_set: int, transform: UvTransform, user: str) -> int | None:
-        """Returns the texture of an image."""
+        """Returns the index of a texture of an image; None if the texture cannot be added. user: the material named in notes."""
         if "black" in wraps:
             self._notes.add(
                 Sentence("usd-texture-border-clamped", "Textures with the wrap mode black are clamped at their edges"),
@@ -110,7 +114,10 @@ class Images:
         return self.shelf.image_file(name, srgb)
 
     def _atlas(self, reference: str, beside: str, user: str, srgb: bool) -> tuple[int, UvTransform] | None:
-        """Returns a UDIM texture's tiles combined in one image, and the UV transform to it."""
+        """Combines the tiles of a UDIM texture in one image; returns its index and the UV transform to it.
+
+        None if there are no tiles.
+        """
         key = (reference, beside, srgb)
         if key not in self._atlases:
             tiles = self._sources.tiles(reference, beside)
@@ -125,7 +132,10 @@ class Images:
 
 
 def transform_2d(scale: tuple[float, float], degrees: float, translation: tuple[float, float]) -> UvTransform:
-    """Returns a UsdTransform2d for v counted downwards: scale, counter-clockwise rotation, translation, defined for t upwards."""
+    """Returns a UsdTransform2d, defined for v upwards, as a UV transform for v downwards.
+
+    UsdTransform2d applies the scale, then the counter-clockwise rotation, then the translation.
+    """
     cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     (sx, sy), (x, y) = scale, translation
     a, b, c, d = cosine * sx, -sine * sy, sine * sx, cosine * sy
@@ -134,7 +144,7 @@ def transform_2d(scale: tuple[float, float], degrees: float, translation: tuple[
 
 
 def linear(image: Image) -> F32:
-    """Returns (h, w, 4) linear values of an image, as shaders read them."""
+    """Returns (h, w, 4) linear RGBA values of an image."""
     pixels = image.pixels
     values = np.ones((*pixels.shape[:2], 4), np.float32)
     if pixels.dtype == np.uint16:
@@ -149,7 +159,7 @@ def linear(image: Image) -> F32:
 
 
 def grey(shelf: TextureShelf, taken: TextureInput) -> int | None:
-    """Returns a data texture with the taken channel in red, green and blue."""
+    """Returns a texture of linear values with one channel of another texture in red, green and blue, scale and bias applied."""
     channel = "r" if taken.channel == "rgb" else taken.channel
     scale, bias = taken.span(channel)
 
@@ -161,7 +171,7 @@ def grey(shelf: TextureShelf, taken: TextureInput) -> int | None:
 
 
 def colored(shelf: TextureShelf, taken: TextureInput, most: float = 1.0) -> tuple[tuple[float, float, float], int | None]:
-    """Returns a factor and a texture whose product is the taken colour."""
+    """Returns an RGB factor and a texture whose product is the texture input's colour. most: upper limit of the factor."""
     red, green, blue = taken.scale[:3]
     lightest, darkest = max(red, green, blue), min(red, green, blue)
     if taken.channel == "rgb" and max(map(abs, taken.bias[:3])) < 1e-6 and darkest >= 0 and lightest <= most:
@@ -184,7 +194,10 @@ def colored(shelf: TextureShelf, taken: TextureInput, most: float = 1.0) -> tupl
 
 
 def normals(shelf: TextureShelf, taken: TextureInput) -> tuple[int | None, float]:
-    """Returns a normal map in glTF's encoding, and its scale. Values are 2 x - 1 unless scale and bias specify otherwise."""
+    """Returns a normal map in glTF's encoding, and its scale.
+
+    The normal is `2 x - 1` of the texel x unless the input's scale and bias specify otherwise.
+    """
     if taken.is_plain:
         return taken.texture, 1.0
     (x, y, _, _), (_, below, _, _) = taken.scale, taken.bias

@@ -1,4 +1,4 @@
-"""Detects stages written by Blender, which deviates from the USD schemas in some of what it writes and reads."""
+"""Detects stages written by Blender, whose exporter and importer deviate from the USD schemas in some points."""
 
 from __future__ import annotations
 
