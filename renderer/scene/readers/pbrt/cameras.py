@@ -1,4 +1,4 @@
-"""Cameras, and settings from film, sampler and integrator."""
+"""Cameras of pbrt, and the render settings in its film, sampler and integrator."""
 
 from __future__ import annotations
 
@@ -34,7 +34,10 @@ _UNSAID = ("filename", "savefp16", "diagonal", "coordinatesystem", "buckets", "n
 
 
 def mirrors(source: Parameters | None, to_world: Matrix) -> bool:
-    """Returns True if the scene must be mirrored so that a camera in a right-handed world shows the same picture."""
+    """Returns True if the scene must be mirrored so that a camera in a right-handed world shows the same picture.
+
+    source: the camera's parameters; to_world: (4, 4) from camera space.
+    """
     axes = to_world[:3, :3]
     is_left_handed = float((axes[:, 0] * np.cross(axes[:, 1], axes[:, 2])).sum()) > 0
     # A spherical camera's image runs in the opposite direction.
@@ -42,7 +45,10 @@ def mirrors(source: Parameters | None, to_world: Matrix) -> bool:
 
 
 def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
-    """Returns the film's exposure factor, from its ISO speed and the shutter time."""
+    """Returns the film's exposure factor, |shutter time in seconds| * ISO / 100.
+
+    Raises SceneError unless it is above 0 and finite.
+    """
     seconds = camera.number("shutterclose", 1.0) - camera.number("shutteropen", 0.0) if camera is not None else 1.0
     speed = film.number("iso", 100.0) if film is not None else 100.0
     found = abs(seconds) * speed / 100
@@ -58,7 +64,7 @@ def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
 
 
 def set_film(source: Parameters, description: SceneDescription, notes: Notes) -> Window:
-    """Sets the image size; returns the window to render."""
+    """Sets the image size from the film's parameters; returns the window of the image to render."""
     for key, name, default in (("width", "xresolution", _FILM[0]), ("height", "yresolution", _FILM[1])):
         size = source.integer(name, default)
         if size < 1:
@@ -86,7 +92,10 @@ def set_film(source: Parameters, description: SceneDescription, notes: Notes) ->
 
 
 def _rendered(source: Parameters, width: int, height: int) -> Window:
-    """Returns the film window of pixelbounds or cropwindow, clipped to the film. Raises SceneError if it is empty."""
+    """Returns the window given by pixelbounds or cropwindow, clipped to the film.
+
+    Raises SceneError if it is empty or malformed.
+    """
     bounds, window = source.numbers("pixelbounds", "integer"), source.numbers("cropwindow", "float")
     if bounds is not None and len(bounds) == 4:
         ends = [int(v) for v in bounds]
@@ -116,7 +125,7 @@ def _rendered(source: Parameters, width: int, height: int) -> Window:
 
 
 def set_sampler(source: Parameters, description: SceneDescription, notes: Notes) -> None:
-    """Sets the samples per pixel."""
+    """Sets the number of samples per pixel."""
     if source.type not in _SAMPLERS:
         notes.add(
             source.place,
@@ -134,7 +143,7 @@ def set_sampler(source: Parameters, description: SceneDescription, notes: Notes)
 
 
 def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:
-    """Returns the (3, 3) matrix of the film's white balance in linear Rec.709; None without one."""
+    """Returns the (3, 3) matrix of the film's white balance in linear Rec.709; None without a white balance."""
     kelvin = film.number("whitebalance", 0.0) if film is not None else 0.0
     if film is None or not kelvin > 0:
         return None
@@ -157,7 +166,7 @@ def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:
 
 
 def set_filter(source: Parameters, description: SceneDescription, notes: Notes) -> None:
-    """Sets the pixel filter."""
+    """Sets the pixel filter; a note is added if pbrt's filter is replaced."""
     description.defaults["filter"] = _FILTERS.get(source.type, FILTER)
     if source.type not in _FILTERS:
         notes.add(
@@ -181,7 +190,7 @@ def set_filter(source: Parameters, description: SceneDescription, notes: Notes) 
 
 
 def set_integrator(source: Parameters, description: SceneDescription, notes: Notes) -> None:
-    """Sets the integrator. pbrt's depth counts bounces, ours path segments."""
+    """Sets the integrator and its depth. pbrt's depth counts bounces; the `depth` setting here counts path segments."""
     if source.type in ("ambientocclusion", "ao"):
         description.defaults["integrator"] = "ao"
         distance = source.number("maxdistance", math.inf)
@@ -204,7 +213,10 @@ def set_integrator(source: Parameters, description: SceneDescription, notes: Not
 def add_camera(
     source: Parameters, to_world: Matrix, description: SceneDescription, notes: Notes, rendered: Window | None = None
 ) -> None:
-    """Adds the camera. to_world: (4, 4) from camera space, which looks along +Z with +Y up; rendered: window of the film."""
+    """Adds the camera to the description.
+
+    to_world: (4, 4) from camera space, which looks along +Z with +Y up. rendered: window of the film to render; None for all.
+    """
     width, height = (description.defaults.get(key, size) for key, size in zip(("width", "height"), _FILM, strict=True))
     right, up, forward, eye = (to_world[:3, k] for k in range(4))
     fields: dict[str, Any] = {"eye": _vec(eye), "target": _vec(eye + _unit(forward)), "up": _vec(_unit(up))}
@@ -273,7 +285,7 @@ def add_camera(
 
 
 def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, float, float, float]:
-    """Returns the screen window as left, right, bottom, top."""
+    """Returns the screen window as (left, right, bottom, top). ratio: the image's width / height."""
     frame = source.number("frameaspectratio", ratio)
     if not frame > 0:
         raise source.place.wrong(

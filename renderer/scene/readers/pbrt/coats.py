@@ -1,10 +1,11 @@
-"""Coated diffuse and coated conductors, as they look by pbrt's random walk between the two layers.
+"""Effective reflectances of pbrt's coated diffuse and coated conductor materials.
 
-A coat attenuates light at each crossing, even without scattering: exp(-thickness / cosine). Its rough boundary loses the light
-that its facets shadow, far more from inside than from outside. Diffuse reflection is independent of the incident direction, so
-the interreflections with the coat form a geometric series with as many terms as the walk has steps.
+pbrt simulates a random walk between coat and base. A coat attenuates light at each crossing, even without scattering:
+exp(-thickness / cosine). Its rough boundary loses the light that its facets shadow, far more from inside than from outside.
+Diffuse reflection is independent of the incident direction, so the interreflections with the coat form a geometric series
+with as many terms as the walk has steps.
 
-Source: Pharr, Jakob and Humphreys 2023, 14.3; facets: 9.6 and 9.7. Numbers are rounded, to be the same on each host.
+Source: Pharr, Jakob and Humphreys 2023, 14.3; facets: 9.6 and 9.7. Results are rounded, so that they are equal on all hosts.
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ _DIGITS = 6
 
 
 class Coat(NamedTuple):
-    """Fractions of uniform incident light. entering, leaving: transmitted; back: returned to the base; reflected: never entering.
+    """Fractions of uniform incident light that a coat transmits or reflects.
 
-    bounces: number of the walk's reflections off the base.
+    entering, leaving: transmitted into and out of the coat; back: reflected back to the base; reflected: reflected from outside.
+    bounces: number of reflections off the base during the walk.
     """
 
     entering: float
@@ -38,7 +40,10 @@ class Coat(NamedTuple):
 
 @functools.cache
 def coat_of(ior: float, alpha: float, thickness: float, depth: int) -> Coat:
-    """Returns a coat with an index above 1 and microfacet alpha, 0 for smooth. depth: steps of the walk, at least 1."""
+    """Integrates a coat over all directions.
+
+    ior: index of refraction, above 1; alpha: microfacet alpha, 0 for smooth; depth: steps of the random walk, at least 1.
+    """
     count = _COSINES if alpha > 0 else _OF_SMOOTH
     cosines = np.sqrt((np.arange(count) + 0.5) / count)  # cosine-weighted
     outside = _boundary(cosines, ior, alpha, thickness)
@@ -50,10 +55,10 @@ def coat_of(ior: float, alpha: float, thickness: float, depth: int) -> Coat:
 
 
 class _Boundary(NamedTuple):
-    """Fractions by incident cosine, (C,) each.
+    """Fractions of light at one boundary of the coat, (C,) arrays by incident cosine.
 
-    through: refracted and transmitted by the coat; plain: refracted, without the coat's attenuation; reflected: without
-    attenuation as well; back: reflected and transmitted by the coat.
+    through: refracted, then transmitted by the coat; plain: refracted, without the coat's attenuation; reflected: reflected,
+    without attenuation; back: reflected, then transmitted by the coat.
     """
 
     through: F64
@@ -63,7 +68,10 @@ class _Boundary(NamedTuple):
 
 
 def _boundary(cosines: F64, ior: float, alpha: float, thickness: float) -> _Boundary:
-    """Integrates a boundary. ior: index beyond the boundary relative to that before it."""
+    """Integrates the boundary over its microfacets.
+
+    ior: index of refraction beyond the boundary, relative to the incident side.
+    """
     view = np.stack([np.sqrt(1 - cosines**2), np.zeros_like(cosines), cosines], axis=-1)[:, None, :]
     facets = _visible_facets(view, alpha)
     cosine = np.maximum((facets * view).sum(axis=-1), 1e-9)
@@ -82,7 +90,10 @@ def _boundary(cosines: F64, ior: float, alpha: float, thickness: float) -> _Boun
 
 
 def _visible_facets(view: F64, alpha: float) -> F64:
-    """Returns (C, N, 3) facet normals distributed by their visibility from (C, 1, 3) views. Source: Dupuy and Benyoub 2023."""
+    """Returns (C, N, 3) facet normals, distributed by their visibility from (C, 1, 3) view directions.
+
+    Source: Dupuy and Benyoub 2023.
+    """
     if alpha == 0:
         return np.broadcast_to(np.array([0.0, 0.0, 1.0]), (len(view), 1, 3))
     u, v = (each.reshape(-1) for each in np.meshgrid(*2 * [(np.arange(_STEPS) + 0.5) / _STEPS], indexing="ij"))
@@ -96,7 +107,10 @@ def _visible_facets(view: F64, alpha: float) -> F64:
 
 
 def unshadowed_fraction(seen_from: F64, cosine: F64, alpha: float) -> F64:
-    """Returns the unshadowed fraction of light sent to a cosine: G / G1 of Smith's functions."""
+    """Returns the fraction of light scattered at `cosine` that facets do not shadow: G / G1 of Smith's functions.
+
+    seen_from, cosine: cosines of the view and light directions; below 0 the fraction is 0.
+    """
     first, second = (
         (np.sqrt(1 + alpha**2 * (1 / np.maximum(each, 1e-9) ** 2 - 1)) - 1) / 2 for each in (seen_from, np.maximum(cosine, 1e-9))
     )
@@ -104,7 +118,10 @@ def unshadowed_fraction(seen_from: F64, cosine: F64, alpha: float) -> F64:
 
 
 def coated_albedo(reflectance: Any, coat: Coat) -> Any:
-    """Returns the effective reflectance of a diffuse base, a number or an array, for light that the coat does not reflect."""
+    """Returns the effective reflectance of a coated diffuse base, for the light that the coat's surface does not reflect.
+
+    reflectance: of the base, a tuple or an array.
+    """
     values = np.clip(np.asarray(reflectance, np.float64), 0, 1)
     bounced = values * coat.back
     series = (1 - _power(bounced, coat.bounces)) / np.maximum(1 - bounced, 1e-9)
@@ -116,7 +133,7 @@ def coated_albedo(reflectance: Any, coat: Coat) -> Any:
 
 
 def _power(values: F64, exponent: int) -> F64:
-    """Returns values raised to a power by products only, which are the same on each host."""
+    """Returns values raised to an integer power by multiplication only, so that results are equal on all hosts."""
     found, square = np.ones_like(values), values
     while exponent:
         found = found * square if exponent & 1 else found
@@ -125,8 +142,9 @@ def _power(values: F64, exponent: int) -> F64:
 
 
 def coated_metal_reflectance(reflectance: F64, ior: float, thickness: float) -> F64:
-    """Returns the effective reflectance at normal incidence of a metal, interreflections included, for light not reflected by the
-    coat.
+    """Returns the effective reflectance of a coated metal at normal incidence, interreflections included.
+
+    It applies to the light that the coat's surface does not reflect. reflectance: of the metal; thickness: of the coat.
     """
     coat = ((ior - 1) / (ior + 1)) ** 2
     crossed = math.exp(-2 * thickness)

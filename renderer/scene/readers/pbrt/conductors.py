@@ -1,4 +1,4 @@
-"""Conductors: indices eta + i k at red, green and blue that match the spectrum's reflectance at normal incidence."""
+"""Conductors: complex indices eta + i k at red, green and blue that match the spectrum's reflectance at normal incidence."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BRIGHTEST_METAL = 0.998
 
 
 def index_of(eta: Parameter | None, k: Parameter | None, colors: Colors) -> tuple[Vec3, Vec3]:
-    """Returns eta and k of a conductor; those of copper by default."""
+    """Returns RGB eta and k of a conductor; those of copper if neither parameter is given."""
     names = [text_of(each) if each is not None else "" for each in (eta, k)]
     if eta is None and k is None:
         names = ["metal-Cu-eta", "metal-Cu-k"]
@@ -55,12 +55,12 @@ def _matched(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
 
 
 def of_reflectance(rgb: Vec3) -> tuple[Vec3, Vec3]:
-    """Returns eta = 1 and the k with this reflectance at normal incidence: pbrt's rule."""
+    """Returns eta = 1 and the k that has this reflectance at normal incidence, as pbrt does."""
     return (1.0, 1.0, 1.0), _vec(absorbing(np.array(rgb)))
 
 
 def absorbing(reflectance: npt.NDArray[Any]) -> F64:
-    """Returns the k of a metal with index 1 and this reflectance at normal incidence."""
+    """Returns the k of a metal with eta = 1 and this reflectance at normal incidence."""
     values = np.clip(np.asarray(reflectance, np.float64), 0.0, _BRIGHTEST)
     return np.asarray(2 * np.sqrt(values) / np.sqrt(1 - values))
 

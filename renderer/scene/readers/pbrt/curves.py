@@ -1,4 +1,4 @@
-"""pbrt's curves as polylines."""
+"""Converts pbrt's curves to polylines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ F64 = npt.NDArray[np.float64]
 
 
 def strand_of(source: Parameters, notes: Notes) -> Strand:
-    """Returns a curve as a polyline with radii. Raises SceneError."""
+    """Returns a curve as a polyline with radii. Raises SceneError if its basis, degree or number of points is invalid."""
     points = source.numbers("P", "point3", "point")
     degree, basis = source.integer("degree", 3), source.text("basis", "bezier")
     kind = source.text("type", "flat")
@@ -50,7 +50,7 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
 
 
 def _cubic(points: F64, basis: str) -> F64:
-    """Returns quadratic curves as cubic Beziers."""
+    """Returns the control points of quadratic curves as those of cubic Beziers."""
     if basis == "bspline":
         ends = (points[:-1] + points[1:]) / 2
         points = np.insert(ends, np.arange(1, len(ends)), points[1:-1], axis=0)

@@ -1,4 +1,4 @@
-"""Conversion of equal-area octahedral images of all directions to equirectangular ones.
+"""Converts equal-area octahedral images of all directions to equirectangular images.
 
 Source: Clarberg 2008, "Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD".
 """
@@ -21,7 +21,7 @@ _FINE = 2  # supersampling per axis
 
 
 def to_square(directions: F64) -> tuple[F64, F64]:
-    """Returns the square's coordinates (u, v), 0..1, of (..., 3) unit directions; +Z is at the centre."""
+    """Maps (..., 3) unit directions to coordinates (u, v) of the equal-area square, 0..1; +Z is at the centre."""
     x, y, z = np.moveaxis(directions, -1, 0)
     r = np.sqrt(np.maximum(1 - np.abs(z), 0))
     most, least = np.maximum(np.abs(x), np.abs(y)), np.minimum(np.abs(x), np.abs(y))
@@ -34,9 +34,9 @@ def to_square(directions: F64) -> tuple[F64, F64]:
 
 
 def equirectangular(pixels: F32, turn: Matrix) -> F32:
-    """Returns an (h, 2h, 3) equirectangular image, +Y up and -Z at the centre, with the same total flux.
+    """Returns an (h, 2h, 3) equirectangular image with the same total flux as an equal-area image; +Y is up, -Z at the centre.
 
-    pixels: (n, n, 3) equal-area image; turn: (3, 3) rotation applied to it.
+    pixels: (n, n, 3) equal-area image; turn: (3, 3) rotation applied to its directions.
     """
     height = min(len(pixels), _MOST_ROWS)
     whole = np.empty((height, 2 * height, 3), np.float32)
@@ -58,7 +58,7 @@ def equirectangular(pixels: F32, turn: Matrix) -> F32:
 
 
 def _mixed(pixels: F32, u: F64, v: F64) -> F64:
-    """Returns bilinear samples; beyond an edge the square continues where it is folded."""
+    """Returns bilinear samples of an equal-area image. Beyond an edge, the square continues where that edge is folded."""
     size = len(pixels)
     x, y = u * size - 0.5, v * size - 0.5
     left, above = np.floor(x).astype(int), np.floor(y).astype(int)

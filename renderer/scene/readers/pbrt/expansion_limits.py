@@ -1,4 +1,4 @@
-"""Limits on generated triangles: one digit in a file adds a level of subdivision, which is four times the triangles."""
+"""Limits the number of generated triangles: each level of subdivision, one digit in a file, quadruples them."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ _DETAILS = ((64, 1), (512, 2))  # (number of shapes, coarseness factor)
 
 
 class TriangleBudget:
-    """Counts the triangles generated for a scene's shapes."""
+    """Counts the triangles generated for a scene's shapes, and limits those of further shapes."""
 
     def __init__(self) -> None:
         self._made = self._shapes = 0
 
     @property
     def room(self) -> int:
-        """Returns the maximum number of triangles of the next shape."""
+        """Maximum number of triangles that the next shape may generate."""
         return min(_MOST_OF_ONE, max(_MOST - self._made, 0))
 
     def add(self, triangles: int) -> None:
-        """Counts generated triangles."""
+        """Adds generated triangles to the count."""
         self._made += triangles
 
     def coarser(self) -> int:
-        """Counts a quadric and returns the factor by which its tessellation is coarser, as there are many: 1, 2 or 8."""
+        """Counts a quadric; returns the divisor of its number of segments: 1 for the first quadrics, then 2, then 8."""
         self._shapes += 1
         return next((by for count, by in _DETAILS if self._shapes <= count), 8)

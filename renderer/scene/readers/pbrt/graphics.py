@@ -1,4 +1,4 @@
-"""Execution of statements: the graphics state and the scene it produces."""
+"""Executes statements: maintains the graphics state and builds the scene."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _ATTRIBUTES = ("shape", "light", "material", "medium", "texture")
 
 @dataclass
 class _State:
-    """The graphics state saved by AttributeBegin."""
+    """The graphics state that AttributeBegin saves."""
 
     ctm: Ctm = field(default_factory=lambda: (np.eye(4),) * 2)
     active: tuple[bool, bool] = (True, True)
@@ -50,7 +50,7 @@ class _State:
 
 
 class Graphics:
-    """Executes statements. Raises SceneError, with a line, for invalid ones."""
+    """Executes statements. Raises SceneError, with the line, for an invalid statement."""
 
     def __init__(self, files: SceneFiles, description: SceneDescription, moment: Moment, notes: Notes) -> None:
         self._files, self._description, self._moment, self._notes = files, description, moment, notes
@@ -76,7 +76,7 @@ class Graphics:
         }
 
     def run(self, name: str) -> None:
-        """Executes a file's statements."""
+        """Executes the statements of a file and its includes."""
         for statement in self._statements.of(name, self._depth):
             do = self._do.get(statement.directive)
             if do is None:
@@ -90,7 +90,7 @@ class Graphics:
             do(statement)
 
     def end(self, main: str) -> None:
-        """Ends the scene. Raises SceneError if a block is open or WorldBegin is missing."""
+        """Completes the scene. Raises SceneError if a block is open or WorldBegin is missing."""
         if self._shapes is None:
             raise Place(PurePosixPath(main).name, 1).wrong(
                 Sentence("pbrt-world-begin-missing", "has no WorldBegin and so no world; give the scene's main file")
@@ -152,7 +152,7 @@ class Graphics:
         return numbers
 
     def _apply(self, matrix: Matrix, replaces: bool = False) -> None:
-        """Applies a matrix to the active transformations."""
+        """Multiplies the active transformations by a matrix, or replaces them."""
         old = self._state.ctm
         first, last = (
             (matrix if replaces else product(each, matrix)) if active else each
@@ -199,7 +199,7 @@ class Graphics:
         self._state.ctm = self._named[name]
 
     def _on_active_transform(self, statement: Statement) -> None:
-        """Does nothing: its unquoted word is parsed as a directive."""
+        """Ignores ActiveTransform: its argument (StartTime, EndTime or All) is parsed as a directive of its own."""
 
     def _on_start_time(self, statement: Statement) -> None:
         self._state.active = (True, False)
@@ -329,7 +329,7 @@ class Graphics:
         cameras.set_filter(self._deferred_parameters(statement, "filter"), self._description, self._notes)
 
     def _on_accelerator(self, statement: Statement) -> None:
-        """Ignored: the BVH is ours."""
+        """Ignores the accelerator; the renderer builds its own BVH."""
 
     def _on_option(self, statement: Statement) -> None:
         note_option(self._name(statement), statement, self._notes)
@@ -483,12 +483,12 @@ class Graphics:
         return found
 
     def _deferred_parameters(self, statement: Statement, what: str) -> Parameters:
-        """Returns parameters that are read later, and whose unused ones are reported at the end."""
+        """Returns parameters that are read later; at the end of the scene, the unused ones are reported."""
         found = self._parameters(statement, what)
         self._all.append((found, 0))
         return found
 
 
 def _directive(method: str) -> str:
-    """Returns the directive that a method executes: LookAt for _on_look_at."""
+    """Returns the directive that a method executes, such as LookAt for `_on_look_at`."""
     return "".join(word.capitalize() for word in method.removeprefix(_ON).split("_"))

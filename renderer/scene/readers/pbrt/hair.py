@@ -1,4 +1,4 @@
-"""pbrt's hair as a glossy surface of its colour."""
+"""Converts pbrt's hair material to a glossy surface of the hair's colour."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["hair"]
 
 
 def hair(source: Parameters, textures: Textures, notes: Notes) -> Material:
-    """Returns the material of a `hair`."""
+    """Returns the material that replaces a `hair` material; adds a note."""
     notes.add(
         source.place,
         Sentence(

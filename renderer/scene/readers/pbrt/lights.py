@@ -1,6 +1,6 @@
 """Lights without a surface, environment light, and emission of surfaces.
 
-pbrt scales a light's spectrum to a luminance of 1 before it applies scale, power or illuminance; an rgb is used unscaled.
+pbrt scales a light's spectrum to a luminance of 1 before it applies scale, power or illuminance; RGB values are used unscaled.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ _MOST_LIGHTS = 1_000_000
 
 
 class Lights:
-    """Adds lights to a description. exposure: factor of the film for all lights; balance: its (3, 3) white balance, or None."""
+    """Adds lights to a description.
+
+    exposure: the film's exposure factor, applied to all lights; balance: (3, 3) matrix of its white balance, or None.
+    """
 
     def __init__(self, files: SceneFiles, textures: Textures, description: SceneDescription, notes: Notes) -> None:
         self._files, self._textures, self._description, self._notes = files, textures, description, notes
@@ -38,7 +41,7 @@ class Lights:
         self.balance: Matrix | None = None
 
     def add(self, source: Parameters, world: Matrix) -> None:
-        """Adds a light. world: (4, 4) from light space."""
+        """Adds a light to the description. world: (4, 4) from light space."""
         place = source.place
         if len(self._description.lights) >= _MOST_LIGHTS:
             raise place.wrong(
@@ -74,7 +77,10 @@ class Lights:
             )
 
     def surface_emission(self, source: Parameters, areas: np.ndarray) -> Emission:
-        """Returns the emission of a surface. areas: (n,) of the parts that pbrt treats as lights, to convert a power."""
+        """Returns the emission of an area light's surface.
+
+        areas: (n,) areas of the parts that pbrt treats as separate lights, needed to convert a power to a radiance.
+        """
         if source.type != "diffuse":
             self._notes.add(
                 source.place,
@@ -134,7 +140,7 @@ class Lights:
         return x, y, z
 
     def _add_mapped_light(self, source: Parameters, world: Matrix) -> None:
-        """Adds a light with an image of its emission by direction."""
+        """Adds a goniometric or projection light: a point light with an image of its emission by direction."""
         is_projection = source.type == "projection"
         name = self._files.find(source.text("filename"), source.place.file)
         image = None if name is None else self._textures.shelf.image_file(name)
@@ -261,7 +267,7 @@ class Lights:
 
 
 def _illuminance(pixels: np.ndarray) -> float:
-    """Returns the illuminance of a horizontal surface by the upper half of a square image, estimated as in pbrt."""
+    """Returns the illuminance of a horizontal surface from the upper half of a square equal-area image, estimated as in pbrt."""
     size = len(pixels)
     middles = (np.arange(size) + 0.5) / size * 2 - 1
     x, y = np.meshgrid(middles, middles)
@@ -272,7 +278,7 @@ def _illuminance(pixels: np.ndarray) -> float:
 
 
 def _square(pixels: np.ndarray) -> np.ndarray:
-    """Returns a square equal-area image from an equirectangular one: +Z up, its left edge along +X."""
+    """Converts an equirectangular image, with +Z up and its left edge along +X, to a square equal-area image."""
     size = int(min(max(pixels.shape[0], 2), 2048))
     middles = (np.arange(size) + 0.5) / size * 2 - 1
     u, v = np.meshgrid(middles, middles)
@@ -288,7 +294,7 @@ def _square(pixels: np.ndarray) -> np.ndarray:
 
 
 def _rotation(matrix: Matrix) -> Matrix:
-    """Returns the transformation without its scale; it may be a reflection."""
+    """Returns a (3, 3) transformation with its columns normalised: a rotation, or a reflection if the transformation mirrors."""
     lengths = np.sqrt((matrix * matrix).sum(axis=0))
     return np.asarray(matrix / np.maximum(lengths, 1e-300))
 

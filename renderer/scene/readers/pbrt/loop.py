@@ -1,6 +1,6 @@
-"""Loop subdivision surfaces as in pbrt: some levels, then all points on the limit surface.
+"""Loop subdivision surfaces as in pbrt: a given number of levels, after which all points are moved to the limit surface.
 
-Source: Loop 1987; Warren's weights, and the limit: Pharr and Humphreys, Physically Based Rendering, 2nd edition, 3.8.
+Source: Loop 1987; Warren's weights and the limit positions: Pharr and Humphreys, Physically Based Rendering, 2nd edition, 3.8.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ I64 = npt.NDArray[np.int64]
 
 
 class _Mesh(NamedTuple):
-    """The neighbourhood of each point and edge."""
+    """The edges of a triangle mesh, and the neighbours of each point."""
 
     edges: I64  # (E, 2)
     of: I64  # (T, 3) the edge from each corner to the next
@@ -29,7 +29,7 @@ class _Mesh(NamedTuple):
 
 
 def subdivided(points: F64, triangles: I64, levels: int) -> tuple[F64, I64]:
-    """Returns (V, 3) points on the limit surface and (T, 3) triangles after `levels` subdivisions."""
+    """Returns (V, 3) points on the limit surface and (T, 3) triangles, after `levels` subdivisions."""
     for _ in range(levels):
         points, triangles = _finer(points, triangles)
     mesh = _surroundings(points, triangles)
@@ -49,7 +49,7 @@ def _finer(points: F64, triangles: I64) -> tuple[F64, I64]:
 
 
 def _moved(points: F64, mesh: _Mesh, share: F64) -> F64:
-    """Returns each point mixed with its neighbours, each weighted by its share; isolated points are unchanged."""
+    """Returns each point mixed with its neighbours, each neighbour with the weight `share`; isolated points are unchanged."""
     count = np.where(mesh.on_border, 2, mesh.valence)
     alone = (mesh.valence == 0)[:, None]
     return np.where(alone, points, (1 - count * share)[:, None] * points + share[:, None] * mesh.around)

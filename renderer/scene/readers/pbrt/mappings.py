@@ -1,6 +1,6 @@
-"""Textures mapped by position rather than by UVs: onto a plane, a sphere or a cylinder.
+"""Maps textures by position rather than by UVs: planar, spherical and cylindrical mappings.
 
-The mapping's coordinates become a mesh's second set of UVs, with v counted from above as in the first.
+The mapping's coordinates become a mesh's second UV set, with v measured from the top as in the first set.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ UPRIGHT: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Mapping(NamedTuple):
-    """A texture mapping. kind: planar, spherical or cylindrical; of_world: rows of the matrix from world to texture space.
+    """A mapping from world space to texture coordinates s and t.
 
-    axes, offsets: for planar mappings, the directions of s and t and their values at the origin.
+    kind: planar, spherical or cylindrical; of_world: rows of the matrix from world to texture space.
+    axes, offsets: for planar mappings, the directions of s and t, and the values of s and t at the origin.
     """
 
     kind: str
@@ -35,7 +36,7 @@ class Mapping(NamedTuple):
     offsets: tuple[float, float] = (0.0, 0.0)
 
     def uvs(self, points: F64) -> F64:
-        """Returns (V, 2) coordinates s and t of (V, 3) points in world space."""
+        """Returns (V, 2) texture coordinates s and t of (V, 3) points in world space."""
         matrix = np.array(self.of_world)
         x, y, z = (points @ matrix[:3, :3].T + matrix[:3, 3]).T
         if self.kind == "planar":
@@ -49,12 +50,15 @@ class Mapping(NamedTuple):
 
     @property
     def around(self) -> int | None:
-        """Returns which of s and t wraps around: 0, 1 or None."""
+        """Index of the coordinate that wraps around: 0 for s, 1 for t, None for neither."""
         return {"spherical": 1, "cylindrical": 0}.get(self.kind)
 
 
 def mapping_of(source: Parameters, ctm: Matrix) -> Mapping | None:
-    """Returns the mapping of a texture defined under a transformation; None for UV mapping."""
+    """Returns the mapping of a texture; None for UV mapping. ctm: transformation at the texture's definition.
+
+    Raises SceneError if the mapping is unknown.
+    """
     kind = source.text("mapping", "uv")
     if kind == "uv":
         return None
@@ -75,7 +79,7 @@ def mapping_of(source: Parameters, ctm: Matrix) -> Mapping | None:
 
 
 def mapped(mesh: Mesh, mapping: Mapping, ctm: Matrix) -> Mesh:
-    """Returns the mesh with a second UV set by the mapping. ctm: from object to world space."""
+    """Returns the mesh with the mapping's coordinates as its second UV set. ctm: from object to world space."""
     points = mesh.positions.astype(np.float64) @ ctm[:3, :3].T + ctm[:3, 3]
     found = mapping.uvs(points)
     if mapping.around is not None:
@@ -84,7 +88,10 @@ def mapped(mesh: Mesh, mapping: Mapping, ctm: Matrix) -> Mesh:
 
 
 def _sewn(mesh: Mesh, found: F64, around: int) -> tuple[Mesh, F64]:
-    """Returns the mesh and coordinates with separate vertices for triangles across the wrap line, whose coordinates exceed 1."""
+    """Separates the vertices of triangles that cross the wrap line, and lets their coordinates exceed 1 there.
+
+    Returns the mesh and the (V, 2) coordinates of its vertices. around: index of the coordinate that wraps around.
+    """
     turns = found[mesh.triangles, around]
     across = np.flatnonzero(np.ptp(turns, axis=1) > 0.5)
     if len(across) == 0:

@@ -1,6 +1,6 @@
-"""pbrt's materials.
+"""Converts pbrt's materials.
 
-pbrt's alpha is the square root of its roughness unless remapping is off; our roughness is the square root of alpha.
+pbrt's alpha is the square root of its roughness unless remapping is off; roughness here is the square root of alpha.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _IGNORED = ("maxdepth", "nsamples")
 
 @dataclass(frozen=True)
 class Emission:
-    """The emission of a surface."""
+    """The emission of a surface: its radiance, an optional texture that multiplies it, and whether both sides emit."""
 
     radiance: Vec3 = _NO_LIGHT
     texture: int | None = None
@@ -52,7 +52,7 @@ def is_nothing(source: Parameters | None) -> bool:
 
 
 class Materials:
-    """Adds materials to a description. The same material with the same emission and alpha has the same index."""
+    """Adds materials to a description. The same material with the same emission and alpha gets the same index."""
 
     def __init__(self, textures: Textures, media: Media, description: SceneDescription, notes: Notes) -> None:
         self._textures, self._media, self._description, self._notes = textures, media, description, notes
@@ -65,11 +65,11 @@ class Materials:
         self.mappings: dict[int, Mapping] = {}  # by material index, for textures without UV mapping
 
     def bounds_media(self, between: Interface, place: Place) -> bool:
-        """Returns True if an invisible surface separates two media."""
+        """Returns True if a surface separates two different media. between: names of the media inside and outside."""
         return self._media.bounds(between, place)
 
     def heights(self, source: Parameters | None) -> Varying | None:
-        """Returns the height texture of a material; None if it has none."""
+        """Returns the height texture of a material; None without one."""
         if source is None or is_nothing(source):
             return None
         self.of(source, 0)
@@ -84,10 +84,10 @@ class Materials:
         between: Interface = ("", ""),
         spans: tuple[float, float] | None = None,
     ) -> int:
-        """Returns the description's index of a shape's material.
+        """Returns the description's material index for a shape; adds the material if needed.
 
-        alpha: opacity; place: of the shape in the file; between: names of the media inside and outside; spans: lengths per unit
-        of UV (height_maps.py), for shapes with bumps.
+        alpha: opacity; place: position of the shape in the file; between: names of the media inside and outside; spans: lengths
+        per unit of UV (height_maps.py), for shapes with a height texture.
         """
         key = (id(source), emission, alpha, between, spans)
         if key not in self._numbers:
@@ -117,7 +117,7 @@ class Materials:
         return self._numbers[key]
 
     def of(self, source: Parameters, depth: int) -> Material:
-        """Returns a material without emission and alpha."""
+        """Returns a material without emission and alpha. depth: nesting level of mixed materials."""
         if id(source) not in self._made:
             before = len(self._textures.mappings)
             self._made[id(source)] = self._make(source, depth)
@@ -180,7 +180,7 @@ class Materials:
         return min(max(self._textures.one_number(source, "thickness", 0.01), 0.0), 100.0)
 
     def _mean_alpha(self, rough: dict[str, Any]) -> float:
-        """Returns the mean microfacet alpha of a coat that is anisotropic or textured."""
+        """Returns the mean microfacet alpha of a coat, over its texture and both axes."""
         least: float = rough["roughness"] ** 2
         texture = rough.get("metallic_roughness_texture")
         if texture is not None:
@@ -340,7 +340,7 @@ class Materials:
         return made
 
     def _nearest(self, source: Parameters) -> Material:
-        """Returns a substitute for materials that are not supported."""
+        """Returns the substitute for an unsupported material: an invisible boundary, or grey diffuse with a note."""
         if is_nothing(source):
             return Material(kind="interface")
         self._notes.add(
@@ -378,7 +378,7 @@ class Materials:
             )
 
     def _rough(self, source: Parameters, prefix: str, brushes: bool = True) -> dict[str, Any]:
-        """Returns roughness and anisotropy as material fields."""
+        """Returns the roughness and anisotropy as material fields. prefix: of the parameters' names."""
         remaps = source.flag("remaproughness", True)
         power = 0.25 if remaps else 0.5  # our roughness is the root of alpha
         name = f"{prefix}roughness"

@@ -1,7 +1,7 @@
-"""pbrt's media, inside shapes and in the world, and its subsurface material.
+"""Converts pbrt's media, inside shapes and in the world, and its subsurface material.
 
-Lengths are in scene units: pbrt multiplies coefficients by `scale`, so its named ones, which are per millimetre, assume a scene
-in millimetres.
+Lengths are in scene units. pbrt multiplies coefficients by `scale`; its named media have coefficients per millimetre, so they
+assume a scene in millimetres.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Interface = tuple[str, str]  # names of the media inside and outside; "" for non
 
 
 class Media:
-    """The media named in a file."""
+    """The named media of a file."""
 
     def __init__(self, textures: Textures, notes: Notes) -> None:
         self._textures, self._notes = textures, notes
@@ -37,7 +37,7 @@ class Media:
         self._unsaid = False  # whether any glass names no medium
 
     def make(self, name: str, source: Parameters) -> None:
-        """Defines a medium by name."""
+        """Defines a named medium; unsupported kinds become empty, with a note."""
         kind = source.type
         if name in self._named:
             self._notes.add(
@@ -72,12 +72,15 @@ class Media:
         return self._named[name]
 
     def bounds(self, between: Interface, place: Place) -> bool:
-        """Returns True if a surface is a boundary between different media."""
+        """Returns True if a surface separates two different media. between: names of the media inside and outside."""
         inside, outside = between
         return inside != outside and (self.find(inside, place) != NOTHING or self.find(outside, place) != NOTHING)
 
     def fill(self, made: Material, source: Parameters | None, between: Interface, place: Place) -> Material:
-        """Returns a material with the medium inside its shape. As in pbrt, equal media inside and outside have no effect."""
+        """Returns a material with the medium inside its shape; equal media inside and outside have no effect, as in pbrt.
+
+        made: the material; source: its parameters; between: names of the media inside and outside.
+        """
         inside, outside = between
         lets_through = made.kind in ("glass", "interface") or made.transmission > 0 or made.diffuse_transmission > 0
         if inside == outside:
@@ -98,7 +101,7 @@ class Media:
         return made
 
     def surround(self, description: SceneDescription, camera: str, place: Place) -> None:
-        """Sets the world's medium if the camera is in one. Call it after all shapes are added."""
+        """Sets the world's medium to the one that contains the camera. Must be called after all shapes are added."""
         fill_world(description, self.find(camera, place))
         if self._unsaid and any(each != NOTHING for each in self._named.values()):
             self._notes.add(
@@ -143,7 +146,7 @@ class Media:
 
 
 def coefficients(source: Parameters, name: str, default: Vec3, textures: Textures) -> Vec3:
-    """Returns three non-negative numbers; the mean of a texture."""
+    """Returns three non-negative coefficients; the mean for a texture."""
     found = textures.index(source, name)
     if found is None:
         return default
@@ -152,7 +155,7 @@ def coefficients(source: Parameters, name: str, default: Vec3, textures: Texture
 
 
 def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material:
-    """Returns the material of a `subsurface`, without its roughness."""
+    """Returns the material of a `subsurface` material, without its roughness."""
     ior = clamped(textures.one_number(source, "eta", 1.33), 1.0, 4.0)
     scale = max(source.number("scale", 1.0), 0.0)
     made = Material(kind="metallic_roughness", ior=ior, subsurface=1.0)

@@ -1,4 +1,4 @@
-"""Triangle meshes and bilinear patches in object space; v of the UVs is counted from the top."""
+"""Triangle meshes and bilinear patches in object space; v of the UVs is measured from the top."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ _FLAT = 1e-5
 
 
 def mesh_of(source: Parameters, files: SceneFiles, notes: Notes, growth: TriangleBudget) -> Mesh:
-    """Returns the mesh of a shape. Raises SceneError."""
+    """Returns the mesh of a shape. Raises SceneError if the shape is invalid or its file is missing.
+
+    growth: limits subdivision.
+    """
     if source.type == "trianglemesh":
         return _triangles(source, notes)
     if source.type == "plymesh":
@@ -161,13 +164,13 @@ def _subdivided(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mes
 
 
 def turned(mesh: Mesh) -> Mesh:
-    """Returns the mesh with reversed winding and normals."""
+    """Returns the mesh with reversed winding and negated normals."""
     normals = None if mesh.normals is None else -mesh.normals
     return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
 
 
 def with_uvs(mesh: Mesh) -> Mesh:
-    """Returns the mesh with pbrt's default UVs if it has none: (0, 0), (1, 0), (1, 1) for each triangle."""
+    """Returns the mesh with UVs; if it has none, with pbrt's default (0, 0), (1, 0), (1, 1) for each triangle."""
     if mesh.uvs is not None:
         return mesh
     corners = mesh.triangles.reshape(-1)
@@ -178,7 +181,7 @@ def with_uvs(mesh: Mesh) -> Mesh:
 
 
 def _facing(mesh: Mesh) -> Mesh:
-    """Returns the mesh with each triangle wound to face its normals."""
+    """Returns the mesh with each triangle wound to face the same side as its vertex normals."""
     if mesh.normals is None or not len(mesh.triangles):
         return mesh
     along = np.einsum("tc,tc->t", face_normals(mesh.positions, mesh.triangles), mesh.normals[mesh.triangles].sum(axis=1))

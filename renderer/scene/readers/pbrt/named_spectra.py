@@ -1,9 +1,9 @@
 """Named spectra of pbrt: metals, glasses and lights.
 
-Metals: eta and k at Rec.709's primaries, with the daylight reflectance at normal incidence of the measured spectrum and eta its
-mean; tests/renderer/scene/test_pbrt_colors.py recomputes them. Measurements: the tables of luxpop.com, which pbrt and Mitsuba
-share; brass as in metals.py. Glasses: index at 587.6 nm and Abbe number, from Schott's catalogues. Lights:
-chromaticities of CIE 015:2018.
+Metals: eta and k at Rec.709's primaries. eta is the mean over the measured spectrum, and k gives the spectrum's reflectance
+at normal incidence in daylight; tests/renderer/scene/test_pbrt_colors.py recomputes them. Measurements: the tables of
+luxpop.com, which pbrt and Mitsuba share; brass as in metals.py. Glasses: index at 587.6 nm and Abbe number, from Schott's
+catalogues. Lights: chromaticities of CIE 015:2018.
 """
 
 from __future__ import annotations

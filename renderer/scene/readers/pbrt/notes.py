@@ -1,4 +1,4 @@
-"""Notes about unsupported content of a file, each with the line of its first occurrence."""
+"""Collects notes about unsupported content of a file, each with the line of its first occurrence."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MOST = 200  # distinct notes; a damaged file may cause one per line
 
 
 class Place(NamedTuple):
-    """A position in a file."""
+    """A line in a file."""
 
     file: str
     line: int
@@ -23,11 +23,11 @@ class Place(NamedTuple):
         return f"{self.file}, line {self.line}"
 
     def said(self, fault: str) -> str:
-        """Returns a sentence with the position before it."""
+        """Returns a sentence about a fault, preceded by the file and line."""
         return Sentence("fault-in-line", "{file}, line {line}: {fault}", file=self.file, line=self.line, fault=fault)
 
     def wrong(self, sentence: str) -> SceneError:
-        """Returns an error with the position and the sentence."""
+        """Returns a SceneError with the sentence, preceded by the file and line."""
         return SceneError(self.said(sentence))
 
 
@@ -39,7 +39,7 @@ class Notes:
         self._left = 0
 
     def add(self, place: Place, sentence: str) -> None:
-        """Adds a note; repeated ones are counted."""
+        """Adds a note; a repeated note is counted."""
         first, count = self._found.get(sentence, (place, 0))
         if count or len(self._found) < _MOST:
             self._found[sentence] = (first, count + 1)
@@ -47,7 +47,7 @@ class Notes:
             self._left += 1
 
     def say(self, description: SceneDescription) -> None:
-        """Adds one warning per note."""
+        """Adds one warning per note to the description, with the number of occurrences."""
         for sentence, (place, count) in self._found.items():
             description.warnings.append(place.said(with_count(sentence, count)))
         if self._left:

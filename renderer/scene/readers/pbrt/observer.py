@@ -1,6 +1,6 @@
-"""The CIE 1931 standard observer, and daylight.
+"""The CIE 1931 standard observer, and the daylight illuminant D65.
 
-Source: CIE 018:2019, tables of the 2 degree observer and of illuminant D65, every ten nanometres.
+Source: CIE 018:2019, tables of the 2 degree observer and of illuminant D65, every 10 nm.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _DAYLIGHT = """49.98 54.65 82.75 91.49 93.43 86.68 104.86 117.01 117.81 114.86 1
 
 
 def _between(rows: str) -> F64:
-    """Returns values every 5 nm from a table every 10 nm, by cubic interpolation through four points."""
+    """Returns a table with 10 nm steps interpolated to 5 nm, cubically through four points."""
     tens = np.array(rows.split(), float)
     wide = np.r_[2 * tens[0] - tens[1], tens, 2 * tens[-1] - tens[-2]]
     middle = np.maximum((9 * (wide[1:-2] + wide[2:-1]) - wide[:-3] - wide[3:]) / 16, 0)
@@ -45,13 +45,13 @@ _H, _C, _K = 6.62606957e-34, 299792458.0, 1.3806488e-23
 
 
 def planck(kelvin: float) -> F64:
-    """Returns (W,) the radiance of a black body, up to a factor."""
+    """Returns (W,) the spectral radiance of a black body, up to a constant factor."""
     metres = WAVELENGTHS * 1e-9
     exponent = np.minimum(_H * _C / (metres * _K * kelvin), 700.0)
     return np.asarray(1e-30 / (metres**5 * np.expm1(exponent)))
 
 
 def at_wavelengths(wavelengths: F64, values: F64) -> F64:
-    """Returns (W,) a spectrum interpolated linearly between pairs, 0 outside."""
+    """Returns (W,) a spectrum at WAVELENGTHS, interpolated linearly between its samples and 0 outside them."""
     order = np.argsort(wavelengths, kind="stable")
     return np.asarray(np.interp(WAVELENGTHS, wavelengths[order], values[order], left=0.0, right=0.0))

@@ -1,4 +1,4 @@
-"""Options of pbrt; most affect only how it runs."""
+"""Options of pbrt; most affect only how pbrt runs, not the image."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _OF_THE_RUN = (
 
 
 def note_option(name: str, statement: Statement, notes: Notes) -> None:
-    """Adds a note if an option is on and would change the image."""
+    """Adds a note if an option is unknown, or is on and would change the image."""
     key = name.split()[-1].replace("_", "").replace("-", "").lower()
     said = statement.arguments[1] if len(statement.arguments) > 1 else ""
     is_on = said == "true" or (isinstance(said, tuple) and said[:1] in ((True,), ("true",)))

@@ -23,7 +23,7 @@ _COLORS = ("rgb", "blackbody", "spectrum")
 
 
 class Parameter(NamedTuple):
-    """A typed parameter value."""
+    """A parameter's value, with its type and its position in the file."""
 
     type: str
     value: Argument
@@ -33,10 +33,11 @@ class Parameter(NamedTuple):
 
 @dataclass
 class Parameters:
-    """The parameters of a statement. what: the kind of object; type: its type, such as "diffuse". Records which are used.
+    """The parameters of a statement; records which of them are used.
 
-    defaults: parameters of Attribute directives, each with the set of names used of its directive.
-    repeated: names given more than once. cut: by name, the count of numbers given, and of those used.
+    what: the kind of object, such as "material"; type: its type, such as "diffuse".
+    defaults: parameters from Attribute directives, each with the set that records the used names of its directive.
+    repeated: names given more than once. cut: for each parameter with surplus numbers, the counts of given and of used numbers.
     """
 
     what: str
@@ -51,7 +52,10 @@ class Parameters:
 
     @classmethod
     def of(cls, what: str, statement: Statement, names: int, space: str) -> tuple[list[str], Parameters]:
-        """Returns the leading names of a directive, and its parameters, whose type is the last name. Raises SceneError."""
+        """Returns the leading names of a directive, and its parameters; the last name is the parameters' type.
+
+        names: number of leading names. Raises SceneError if a name is missing or a parameter malformed.
+        """
         place, arguments = statement.place, statement.arguments
         first = arguments[:names]
         if len(first) < names or not all(isinstance(each, str | tuple) for each in first):
@@ -91,7 +95,7 @@ class Parameters:
         return f"{self.what} {self.type[:60]!r}" if self.type else self.what
 
     def get(self, name: str, *types: str) -> Parameter | None:
-        """Returns a parameter of one of the types; None if absent. Raises SceneError if it is of another type."""
+        """Returns a parameter and records it as used; None if absent. Raises SceneError if its type is not among `types`."""
         self.used.add(name)
         found = self.values.get(name)
         if found is None and name in self.defaults:
@@ -113,16 +117,16 @@ class Parameters:
         return found
 
     def number(self, name: str, default: float) -> float:
-        """Returns a float or integer parameter."""
+        """Returns the first number of a float or integer parameter."""
         found = self.get(name, "float", "integer")
         return default if found is None else float(self._some(found, name, 1)[0])
 
     def integer(self, name: str, default: int) -> int:
-        """Returns an integer clamped to 32 bits."""
+        """Returns a number truncated to an integer and clamped to 32 bits."""
         return int(min(max(self.number(name, default), -(2**31)), 2**31 - 1))
 
     def flag(self, name: str, default: bool) -> bool:
-        """Returns a boolean, which older files write in quotes."""
+        """Returns a boolean parameter, which older files write as a string."""
         found = self.get(name, "bool", "string")
         if found is None or isinstance(found.value, np.ndarray) or not len(found.value):
             return default
@@ -130,19 +134,19 @@ class Parameters:
         return value if isinstance(value, bool) else value == "true"
 
     def text(self, name: str, default: str = "") -> str:
-        """Returns a string, or the name of a texture or spectrum."""
+        """Returns a string parameter, or the name of a texture or spectrum."""
         found = self.get(name, "string", "texture", "spectrum")
         return default if found is None else text_of(found) or default
 
     def texts(self, name: str) -> tuple[str, ...]:
-        """Returns several strings."""
+        """Returns a string parameter with several values; empty if absent."""
         found = self.get(name, "string")
         if found is None or isinstance(found.value, np.ndarray):
             return ()
         return (found.value,) if isinstance(found.value, str) else tuple(str(each) for each in found.value)
 
     def vector(self, name: str, default: Vec3) -> Vec3:
-        """Returns three numbers."""
+        """Returns a point, vector or normal parameter."""
         found = self.get(name, "point3", "vector3", "point", "vector", "normal", "normal3")
         if found is None:
             return default
@@ -170,16 +174,16 @@ class Parameters:
         return values.reshape(-1, width) if width > 1 else values
 
     def names_texture(self, name: str) -> bool:
-        """Returns True if a parameter is a texture."""
+        """Returns True if a parameter refers to a texture."""
         found = self.values.get(name) or self.defaults.get(name, (None,))[0]
         return found is not None and found.type == "texture"
 
     def color(self, name: str) -> Parameter | None:
-        """Returns a colour: rgb, a black body, or a spectrum."""
+        """Returns a colour parameter: an RGB value, a black body or a spectrum; None if absent."""
         return self.get(name, *_COLORS)
 
     def say_unused(self, notes: Notes) -> None:
-        """Adds notes about parameters that are unused, repeated, or used in part."""
+        """Adds notes about parameters that are unused, repeated, or have surplus numbers."""
         for name, parameter in self.values.items():
             if name not in self.used:
                 notes.add(
@@ -223,7 +227,7 @@ class Parameters:
 
 
 def text_of(found: Parameter) -> str:
-    """Returns the text of a parameter; empty for numbers."""
+    """Returns the string value of a parameter, the first of several; empty for numbers."""
     value = found.value
     if isinstance(value, str):
         return value

@@ -1,6 +1,7 @@
-"""pbrt's goniometric and projection lights: images of emission by direction.
+"""Emission maps of pbrt's goniometric and projection lights.
 
-pbrt looks up the nearest pixel, ours are interpolated; small images are enlarged first, so that edges keep their positions.
+pbrt looks up the nearest pixel, while emission maps are interpolated; small images are enlarged first, so that edges stay in
+place.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def goniometric(pixels: F32, is_mirrored: bool) -> EmissionMap:
-    """Returns the emission map of (n, n) grey pixels with +Y at the centre; its axis is the light's +Z, `up` is +Y.
+    """Returns the emission map of an (n, n) grey equal-area image, whose centre is +Y; the map's axis is the light's +Z.
 
     is_mirrored: whether light space is left-handed in our world, so that +X is to the right when looking along +Z.
     """
@@ -41,7 +42,10 @@ def goniometric(pixels: F32, is_mirrored: bool) -> EmissionMap:
 
 
 def projection(pixels: F32, fov: float, is_mirrored: bool) -> EmissionMap:
-    """Returns the emission map of (h, w, 3) pixels. fov: degrees across the smaller side; is_mirrored: as for `goniometric`."""
+    """Returns the emission map of a projected (h, w, 3) image.
+
+    fov: degrees across the smaller side; is_mirrored: as for `goniometric`.
+    """
     half_width, half_height = _halves(pixels, fov)
     pixels = pixels if is_mirrored else pixels[:, ::-1]
     times = max(1, _FINE // max(pixels.shape[:2]))
@@ -49,7 +53,7 @@ def projection(pixels: F32, fov: float, is_mirrored: bool) -> EmissionMap:
 
 
 def projected_power(pixels: F32, fov: float) -> float:
-    """Returns the luminous power of a projection light of scale 1, summed as in pbrt."""
+    """Returns the luminous power of a projection light with scale 1, summed over pixels as in pbrt."""
     half_width, half_height = _halves(pixels, fov)
     height, width = pixels.shape[:2]
     x = half_width * ((np.arange(width) + 0.5) / width * 2 - 1)

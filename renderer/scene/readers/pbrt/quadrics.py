@@ -1,4 +1,4 @@
-"""Spheres, cylinders and disks, whole or partial, as meshes in object space; v of the UVs is counted from the top."""
+"""Spheres, cylinders and disks, complete or partial, as meshes in object space; v of the UVs is measured from the top."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _ALONG = 96
 
 
 class Quadric(NamedTuple):
-    """A mesh, and its area in object space, which pbrt uses regardless of the transformation."""
+    """The mesh of a quadric, and the quadric's area in object space, which pbrt uses regardless of the transformation."""
 
     mesh: Mesh
     area: float
 
 
 def whole_sphere(source: Parameters) -> float | None:
-    """Returns the radius of a complete sphere; None for other shapes."""
+    """Returns the radius of a complete sphere; None for partial spheres and other shapes."""
     if source.type != "sphere":
         return None
     radius = _radius(source)
@@ -37,13 +37,13 @@ def whole_sphere(source: Parameters) -> float | None:
 
 
 def shape_key(source: Parameters) -> tuple[object, ...]:
-    """Returns a key that distinguishes shapes."""
+    """Returns a key that is equal for quadrics of the same type and dimensions."""
     names = ("radius", "phimax", *(("height", "innerradius") if source.type == "disk" else ("zmin", "zmax")))
     return (source.type, *((name, source.number(name, math.inf)) for name in names))
 
 
 def quadric(source: Parameters, coarser: int = 1) -> Quadric:
-    """Returns the mesh of a shape. coarser: divisor of the number of segments. Raises SceneError if the shape is empty."""
+    """Returns the mesh of a quadric. coarser: divisor of the number of segments. Raises SceneError if the shape is empty."""
     radius = _radius(source)
     all_around, along = _AROUND // coarser, _ALONG // coarser
     turn = math.radians(min(max(source.number("phimax", 360.0), 0.0), 360.0))
@@ -103,7 +103,7 @@ def _radius(source: Parameters) -> float:
 
 
 def _surface(ring: F64, height: F64, around: F64) -> F64:
-    """Returns (R, C, 3) points of rings about Z."""
+    """Returns (R, C, 3) points of a surface of revolution about Z. ring, height: (R,) radii and heights; around: (C,) angles."""
     x, y = ring[:, None] * np.cos(around), ring[:, None] * np.sin(around)
     return np.stack([x, y, np.broadcast_to(height[:, None], x.shape)], axis=-1)
 

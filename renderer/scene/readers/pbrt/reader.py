@@ -1,4 +1,4 @@
-"""Reader of a pbrt-v4 scene."""
+"""Reads a pbrt-v4 scene."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["read"]
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
-    """Adds the file's scene at a moment to the description. Raises SceneError."""
+    """Adds the scene of a pbrt file at a moment to the description. Raises SceneError if the file is invalid."""
     notes = Notes()
     graphics = Graphics(files, description, moment, notes)
     graphics.run(main)

@@ -1,4 +1,4 @@
-"""Shapes in the world with their materials and area lights, and object instances."""
+"""Adds shapes with their materials and area lights to the world, and instances of objects."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _UNSEEN = Varying((0.0, 0.0, 0.0))
 
 
 class ShapeState(NamedTuple):
-    """The graphics state that applies to a shape."""
+    """The part of the graphics state that applies to a shape."""
 
     ctm: Ctm
     material: Parameters | None
@@ -45,7 +45,7 @@ class ShapeState(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A mesh of the description, or a sphere, with its transformation."""
+    """A mesh of the description, or a sphere, with its transformation. mesh: index of the mesh, negative for spheres."""
 
     mesh: int
     ctm: Ctm
@@ -55,7 +55,10 @@ class Part(NamedTuple):
 
 
 class Shapes:
-    """Adds shapes to a description. time: the fraction of the interval between the transformations."""
+    """Adds shapes to a description.
+
+    outer: transformation of the whole world; time: fraction of the interval between start and end.
+    """
 
     def __init__(
         self,
@@ -80,23 +83,23 @@ class Shapes:
         self._growth = TriangleBudget()
 
     def begin(self, name: str) -> None:
-        """Begins an object."""
+        """Begins the definition of an object."""
         self.flush()
         self._open = self.objects[name] = []
         self._places.pop(name, None)
 
     def end(self) -> None:
-        """Ends the object."""
+        """Ends the definition of the open object."""
         self.flush()
         self._open = None
 
     @property
     def in_object(self) -> bool:
-        """True if an object is open."""
+        """True between ObjectBegin and ObjectEnd."""
         return self._open is not None
 
     def instance(self, name: str, ctm: Ctm, place: Place) -> None:
-        """Adds an instance of an object. Raises SceneError if it is undefined."""
+        """Adds an instance of an object to the world. Raises SceneError if the object is undefined."""
         if name not in self.objects:
             raise place.wrong(
                 Sentence(
@@ -116,7 +119,7 @@ class Shapes:
             self._show(part, world, moves=not stands or part.ctm[0] is not part.ctm[1], is_within=True)
 
     def add(self, source: Parameters, looks: ShapeState) -> None:
-        """Adds a shape to the world or to the open object."""
+        """Adds a shape to the world, or to the open object."""
         if source.type not in (*MESHES, *QUADRICS, "curve"):
             source.used.update(source.values)
             self._notes.add(
@@ -179,7 +182,7 @@ class Shapes:
             self._quadrics[shared] = len(self._description.meshes) - 1
 
     def _spans(self, source: Parameters, looks: ShapeState, mesh: Mesh | None) -> tuple[float, float] | None:
-        """Returns the lengths per unit of UV of a shape with a height texture; None without one."""
+        """Returns the lengths per unit of UV of a shape whose material has a height texture; None without such a texture."""
         heights = self._materials.heights(looks.material)
         if heights is None:
             return None
@@ -198,7 +201,7 @@ class Shapes:
         return None if found is None else (rounded(found[0]), rounded(found[1]))
 
     def _note_mirrored(self, source: Parameters, looks: ShapeState) -> None:
-        """Adds a note about a mirrored quadric: pbrt's faces inwards for intersected rays, and outwards for light sampling."""
+        """Adds a note about a mirrored quadric: in pbrt, it faces inwards for rays, but outwards for light sampling."""
         if looks.area is not None or (looks.material is not None and looks.material.type == "dielectric"):
             self._notes.add(
                 source.place,
@@ -210,13 +213,13 @@ class Shapes:
             )
 
     def flush(self) -> None:
-        """Adds the pending curves as meshes."""
+        """Adds the pending curves to the description, as meshes."""
         strands, self._strands = self._strands, {}
         for (number, _, _), (found, ctm) in strands.items():
             self._add_mesh(replace(together(found), material=number), ctm)
 
     def _mesh(self, source: Parameters, looks: ShapeState, radius: float | None) -> tuple[Mesh | None, np.ndarray]:
-        """Returns the mesh (None for a complete sphere that needs none), and the areas of its parts that are lights in pbrt."""
+        """Returns a shape's mesh (None for a complete sphere), and (n,) the areas of the parts that are lights in pbrt."""
         if radius is not None and not looks.reverse:
             return None, np.array([4 * np.pi * radius**2])
         if source.type in QUADRICS:
@@ -232,7 +235,7 @@ class Shapes:
         return mesh, areas
 
     def _quadric(self, source: Parameters) -> Quadric:
-        """Returns a quadric, cached for equal shapes; if there are many, later ones are tessellated coarser."""
+        """Returns a quadric, cached for equal shapes. In scenes with many quadrics, later ones have fewer segments."""
         key = shape_key(source)
         if key not in self._made:
             coarser = self._growth.coarser()
@@ -291,12 +294,12 @@ class Shapes:
             )
 
     def _place(self, part: Part) -> None:
-        """Adds a part to the world."""
+        """Adds a part to the world, outside of any object."""
         world = product(self._outer, between(part.ctm, self._time))
         self._show(part, world, moves=part.ctm[0] is not part.ctm[1], is_within=False)
 
     def _show(self, part: Part, world: Matrix, moves: bool, is_within: bool) -> None:
-        """Adds a part at a transform. is_within: whether it belongs to an object."""
+        """Adds a part at a world transform. is_within: whether the part belongs to an instanced object."""
         self._description.moves |= moves
         if part.mesh >= 0:
             self._description.instances.append(Instance(part.mesh, world, name=part.name, moves=moves))

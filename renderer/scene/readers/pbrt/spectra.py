@@ -1,8 +1,8 @@
-"""Spectra and colours as linear Rec.709, as pbrt's film would show them.
+"""Converts spectra and colours to linear Rec.709, as pbrt's film would show them.
 
-pbrt renders with wavelengths. A light's rgb is its colour space's white multiplied by a smooth spectrum, so the film shows the
-same rgb; any other light spectrum is scaled to a luminance of 1 and retains its colour; reflectances are seen in white light.
-We render three independent channels, so light that bounces repeatedly off saturated colours differs slightly.
+pbrt renders with wavelengths. A light's RGB is its colour space's white multiplied by a smooth spectrum, so the film shows the
+same RGB; any other light spectrum is scaled to a luminance of 1 and retains its colour; reflectances are converted under white
+light. This renderer has three independent channels, so light that bounces repeatedly off saturated colours differs slightly.
 """
 
 from __future__ import annotations
@@ -53,7 +53,10 @@ _CONES = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389
 
 
 def balanced(kelvin: float, space: str) -> F64:
-    """Returns the (3, 3) matrix to linear Rec.709 of a film balanced for daylight of a temperature in kelvins."""
+    """Returns the (3, 3) matrix, in linear Rec.709, of a film balanced for a light of a temperature in kelvins.
+
+    Below 4000 K the light is a black body, above a phase of daylight. space: the film's colour space.
+    """
     if kelvin < 4000:
         source = MATCHING @ planck(kelvin)
     else:
@@ -71,18 +74,18 @@ def balanced(kelvin: float, space: str) -> F64:
 
 
 def luminance(rgb: Vec3) -> float:
-    """Returns the Rec.709 luminance."""
+    """Returns the Rec.709 luminance of a linear RGB colour."""
     return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 
 
 class Colors:
-    """Converts colour parameters."""
+    """Converts colour parameters to linear Rec.709."""
 
     def __init__(self, files: SceneFiles, notes: Notes) -> None:
         self._files, self._notes = files, notes
 
     def light(self, found: Parameter | None) -> Vec3:
-        """Returns a light's colour at a scale of 1; white if not set."""
+        """Returns the colour of a light with scale 1; white if the parameter is None."""
         if found is None:
             return 1.0, 1.0, 1.0
         if found.type == "rgb":
@@ -101,7 +104,7 @@ class Colors:
         return self._shown(self.spectrum(found), found)
 
     def albedo(self, found: Parameter) -> Vec3:
-        """Returns a reflectance, 0..1."""
+        """Returns a reflectance, clamped to 0..1. Raises SceneError for a blackbody."""
         if found.type == "rgb":
             into = _INTO_709[found.space]
             rgb = (into @ self._three(found)) / into.sum(axis=1)
@@ -117,7 +120,7 @@ class Colors:
         return r, g, b
 
     def numbers(self, found: Parameter) -> Vec3:
-        """Returns three numbers that are no colour, such as an index of refraction."""
+        """Returns three numbers, at red, green and blue, that are not a colour, such as an index of refraction."""
         if found.type == "float":
             value = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
             return value, value, value
@@ -125,7 +128,7 @@ class Colors:
         return r, g, b
 
     def index(self, found: Parameter | None) -> tuple[float, float]:
-        """Returns an index of refraction, and 20 / Abbe number."""
+        """Returns an index of refraction, and the dispersion as 20 / Abbe number; (1.5, 0) if the parameter is None."""
         if found is None:
             return 1.5, 0.0
         name = text_of(found)
@@ -136,7 +139,7 @@ class Colors:
         return green, 0.0
 
     def spectrum(self, found: Parameter) -> F64:
-        """Returns (W,) values of a spectrum given as pairs, one number, or a file of pairs."""
+        """Returns (W,) the values of a spectrum given as pairs, as one number, or as a file of pairs."""
         if isinstance(found.value, np.ndarray):
             values = found.value.reshape(-1)
             if len(values) == 1:

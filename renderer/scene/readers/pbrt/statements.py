@@ -1,6 +1,6 @@
 """Parses a pbrt file and its includes into statements: a directive with its arguments.
 
-Lists of numbers, the bulk of large files, are parsed as a whole rather than token by token.
+Long lists of numbers, the bulk of large files, are parsed in one call rather than token by token.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _TRUTHS = {"true": True, "false": False}
 
 
 class Statement(NamedTuple):
-    """A directive with its arguments and position."""
+    """A directive with its arguments, and its position in the file."""
 
     directive: str
     arguments: list[Argument]
@@ -49,7 +49,7 @@ class Statement(NamedTuple):
 
 
 class Statements:
-    """Parses statements. Raises SceneError, with a line, on a syntax error."""
+    """Parses files into statements. Raises SceneError, with the line, for a syntax error."""
 
     def __init__(self, files: SceneFiles) -> None:
         self._files = files
@@ -57,7 +57,7 @@ class Statements:
         self._seen: set[str] = set()
 
     def of(self, name: str, depth: int = 0) -> Iterator[Statement]:
-        """Yields the statements of a file, including Include and Import statements."""
+        """Yields the statements of a file; Include and Import are yielded, not followed. depth: nesting level of the file."""
         if depth > MAX_DEPTH:
             raise SceneError(
                 Sentence(
@@ -158,7 +158,7 @@ class Statements:
 
 
 def unpacked(data: bytes, name: str) -> bytes:
-    """Returns the content of a .gz file. Raises SceneError."""
+    """Returns the decompressed content of a .gz file. Raises SceneError if it is damaged or too large."""
     packed = zlib.decompressobj(wbits=31)
     most = min(most_unpacked(len(data)), MAX_FILE_BYTES)
     try:
@@ -195,7 +195,7 @@ def _one(word: str, place: Place) -> Argument:
 
 
 def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
-    """Returns the list whose bracket opens before `start`, and the index after it."""
+    """Returns the list whose opening bracket precedes `start`, and the index after its closing bracket."""
     end = text.find("]", start)
     inside = text[start:end]
     if '"' in inside or "#" in inside:  # brackets in quotes or comments do not count
@@ -230,7 +230,7 @@ def _numbers(words: list[str], place: Place) -> npt.NDArray[np.float64]:
 
 
 def _at_once(text: str) -> npt.NDArray[np.float64] | None:
-    """Returns whitespace-separated numbers; None if the text contains anything else."""
+    """Returns an array of whitespace-separated numbers; None if the text contains anything else."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:

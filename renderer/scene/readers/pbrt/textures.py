@@ -1,7 +1,8 @@
-"""pbrt's textures.
+"""Converts pbrt's textures.
 
-Images are used with their wrapping and mapping; textures computed from others are baked to images.
-pbrt counts v from the bottom, we from the top: UVs of meshes are flipped when they are made, texture transforms here.
+Images retain their wrapping and mapping; textures computed from others are baked to images.
+pbrt measures v from the bottom, this renderer from the top: UVs of meshes are flipped when the meshes are made, texture
+transforms in this module.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _BLACK: Vec3 = (0.0, 0.0, 0.0)
 
 
 class Definition(NamedTuple):
-    """A texture definition: of floats or of spectra. parts: textures that it may refer to, by kind and name."""
+    """The definition of a texture of floats or of spectra. parts: the textures that it may refer to, by kind and name."""
 
     kind: str
     parameters: Parameters
@@ -45,7 +46,7 @@ class Definition(NamedTuple):
 
 @dataclass(frozen=True)
 class Varying:
-    """A value, and the texture multiplied by it."""
+    """A value, multiplied by a texture if there is one."""
 
     value: Vec3
     texture: int | None = None
@@ -58,7 +59,7 @@ class Varying:
 
 
 class Textures:
-    """Looks up values of materials, lights and shapes that may be textured."""
+    """Looks up the parameters of materials, lights and shapes that may refer to textures."""
 
     def __init__(self, files: SceneFiles, colors: Colors, notes: Notes, description: SceneDescription) -> None:
         self._files, self._notes, self._description = files, notes, description
@@ -70,14 +71,14 @@ class Textures:
         self.mappings: list[Mapping] = []  # of the textures that were looked up
 
     def define(self, name: str, kind: str, parameters: Parameters, ctm: Matrix) -> None:
-        """Defines a texture by name. kind: float or spectrum; ctm: the current transformation."""
+        """Defines a named texture. kind: float or spectrum; ctm: the current transformation."""
         wanted = [text_of(each) for each in parameters.values.values() if each.type == "texture"]
         parts = {(k, n): self.named[k, n] for n in wanted for k in ("float", "spectrum") if (k, n) in self.named}
         mapping = mapping_of(parameters, ctm)
         self.named["float" if kind == "float" else "spectrum", name] = Definition(kind, parameters, parts, mapping)
 
     def color(self, owner: Parameters, name: str, default: Vec3) -> Varying:
-        """Returns a colour of a surface."""
+        """Returns a colour parameter of a surface, constant or textured."""
         if owner.names_texture(name):
             return self._of_name(owner, name, "spectrum", default)
         found = owner.get(name, "rgb", "spectrum", "float")
@@ -86,13 +87,13 @@ class Textures:
         return Varying(_unit(self.colors.numbers(found)) if found.type == "float" else self.colors.albedo(found))
 
     def number(self, owner: Parameters, name: str, default: float) -> Varying:
-        """Returns a number."""
+        """Returns a float parameter, constant or textured."""
         if owner.names_texture(name):
             return self._of_name(owner, name, "float", (default,) * 3)
         return Varying((owner.number(name, default),) * 3)
 
     def index(self, owner: Parameters, name: str) -> Parameter | None:
-        """Returns an index of refraction; of a texture its constant value, or its mean with a note."""
+        """Returns an index of refraction. For a texture: its constant value, or its mean with a note."""
         if not owner.names_texture(name):
             return owner.get(name, "float", "spectrum", "rgb")
         wanted = owner.text(name)
@@ -120,7 +121,7 @@ class Textures:
         return r, g, b
 
     def one_number(self, owner: Parameters, name: str, default: float) -> float:
-        """Returns a number; the mean, with a note, of a texture."""
+        """Returns a float parameter as one number; for a texture its mean, with a note."""
         found = self.number(owner, name, default)
         if not found.is_constant:
             self._notes.add(
@@ -135,7 +136,7 @@ class Textures:
         return self.mean(found)[0]
 
     def normals(self, wanted: str, owner: Parameters) -> int | None:
-        """Returns the texture of a normal map file; None if it is missing."""
+        """Returns the texture of a normal map file; None, with a warning, if the file is missing."""
         name = self._files.find(wanted, owner.place.file)
         if name is None:
             self.shelf.missing(wanted, str(owner.place))
@@ -153,7 +154,10 @@ class Textures:
         return self.shelf.derived_texture(texture, "roughness packed", packed)
 
     def with_alpha(self, color: int | None, alpha: Varying) -> int | None:
-        """Returns a colour texture (None: white) with alpha; None if their mappings differ."""
+        """Returns a colour texture with an alpha channel; None if the two have different mappings.
+
+        color: the colour texture, None for white. alpha: the opacity; if constant, the colour texture is returned unchanged.
+        """
         if alpha.texture is None:
             return color
         holes = self._description.textures[alpha.texture]
@@ -198,7 +202,7 @@ class Textures:
         return found
 
     def of(self, definition: Definition, default: Vec3 = _ONE) -> Varying:
-        """Returns the value of a texture; the default if it cannot be evaluated."""
+        """Returns the value of a texture; the default if the texture cannot be evaluated."""
         return self._made(definition, default, 0)
 
     def _made(self, definition: Definition, default: Vec3, depth: int) -> Varying:
@@ -240,7 +244,7 @@ class Textures:
         return self._baked(definition, depth)
 
     def _constant(self, definition: Definition, depth: int) -> Vec3 | None:
-        """Returns the value of a constant texture; None if it varies."""
+        """Returns the value of a texture that is the same everywhere; None if it varies."""
         key = id(definition.parameters)
         if key not in self._constants:
             self._constants[key] = self._same_everywhere(definition, depth)
@@ -294,7 +298,7 @@ class Textures:
         return self.colors.albedo(found) if found.type != "blackbody" else self.colors.light(found)
 
     def _place(self, definition: Definition) -> UvTransform:
-        """Returns the transform from our UVs to those of an image or checkerboard, both with v from the top."""
+        """Returns the transform from a mesh's UVs to those of an image or checkerboard, both with v from the top."""
         source = definition.parameters
         source.used.update(("mapping", "uscale", "vscale", "udelta", "vdelta", "v1", "v2"))
         if definition.mapping is not None:
@@ -353,7 +357,7 @@ class Textures:
         return Varying((scale,) * 3, texture, mapping)
 
     def _of_red(self, texture: int) -> int:
-        """Returns a float texture; like pbrt, it uses only the first channel."""
+        """Returns a float texture with its first channel in all channels, since pbrt uses only that one."""
         pixels = self.shelf.image_of(texture).pixels
         if all(np.array_equal(pixels[..., 0], pixels[..., channel]) for channel in (1, 2)):
             return texture
@@ -400,7 +404,7 @@ class Textures:
         return Varying(_ONE, self.shelf.texture(image, uv_set=int(mapping is not None)), mapping)
 
     def _mappings(self, definition: Definition, known: dict[int, set[Mapping | None]]) -> set[Mapping | None]:
-        """Returns the mappings of a texture and of those it refers to; None stands for UV mapping."""
+        """Returns the mappings of a texture and of those that it refers to; None stands for UV mapping."""
         key = id(definition.parameters)
         if key not in known:
             own = {definition.mapping} if definition.parameters.type in _LAID_ON else set()
@@ -410,7 +414,7 @@ class Textures:
     def _on_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
         """Returns (SIZE, SIZE, 3) values of a texture over the unit square.
 
-        known: cache of the textures evaluated for the same image.
+        known: cache of the textures already evaluated for the same image.
         """
         key = id(definition.parameters)
         if key not in known:

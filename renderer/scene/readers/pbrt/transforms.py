@@ -19,21 +19,21 @@ _TURNS = 64  # iterations of the polar decomposition
 
 
 def translation(numbers: Matrix) -> Matrix:
-    """Returns a translation by three numbers."""
+    """Returns the matrix of a translation by three numbers."""
     found = np.eye(4)
     found[:3, 3] = numbers
     return found
 
 
 def scaling(numbers: Matrix, place: Place) -> Matrix:
-    """Returns a scale by three numbers. Raises SceneError if any is 0."""
+    """Returns the matrix of a scale by three numbers. Raises SceneError if any of them is 0."""
     if not np.abs(numbers).min() > 0:
         raise place.wrong(Sentence("pbrt-scale-zero", "a scale is 0, which flattens the shape to nothing; give another"))
     return np.diag([*numbers, 1.0])
 
 
 def rotation(degrees: float, axis: Matrix, place: Place) -> Matrix:
-    """Returns a rotation about an axis. Raises SceneError."""
+    """Returns the matrix of a rotation about an axis. Raises SceneError if the axis is zero or the angle excessive."""
     length = math.sqrt(float((axis * axis).sum()))
     if not length > 0 or abs(degrees) > 1e6:
         raise place.wrong(Sentence("pbrt-rotate-malformed", "Rotate needs degrees and an axis that is not 0 0 0"))
@@ -48,7 +48,7 @@ def rotation(degrees: float, axis: Matrix, place: Place) -> Matrix:
 def look_at(numbers: Matrix, place: Place) -> Matrix:
     """Returns the transform from world to camera space, which looks along +Z with +X to the right.
 
-    numbers: eye, target and up.
+    numbers: nine values of eye, target and up. Raises SceneError if the direction is zero or parallel to up.
     """
     eye, target, up = numbers[:3], numbers[3:6], numbers[6:]
     forward = _unit(target - eye)
@@ -67,12 +67,15 @@ def look_at(numbers: Matrix, place: Place) -> Matrix:
 
 
 def matrix(numbers: Matrix) -> Matrix:
-    """Returns a matrix from 16 numbers in column-major order."""
+    """Returns the (4, 4) matrix of 16 numbers in column-major order."""
     return np.array(numbers.reshape(4, 4).T)
 
 
 def between(ctm: Ctm, share: float) -> Matrix:
-    """Returns the transformation at a fraction of the time between two, with translation, rotation and scale interpolated."""
+    """Interpolates between the transformations at the start and end times, separately in translation, rotation and scale.
+
+    share: fraction of the time between them, clamped to 0..1.
+    """
     first, last = ctm
     if share <= 0 or first is last or np.array_equal(first, last):
         return first
@@ -93,9 +96,9 @@ def _unit(vector: Matrix) -> Matrix:
 
 
 def _parts(transform: Matrix) -> tuple[Matrix, Matrix]:
-    """Returns the rotation and the stretch whose product is the transformation.
+    """Returns the rotation and the stretch whose product is the linear part of the transformation.
 
-    Source: Shoemake and Duff 1992, polar decomposition.
+    Source: polar decomposition, Shoemake and Duff 1992.
     """
     whole = transform[:3, :3]
     turn = whole
@@ -143,7 +146,7 @@ def _turn(quaternion: list[float]) -> Matrix:
 
 
 def inverse(transform: Matrix, place: Place) -> Matrix:
-    """Returns the inverse transformation. Raises SceneError if it is singular."""
+    """Returns the inverse of an affine transformation. Raises SceneError if it is projective or singular."""
     if not np.array_equal(transform[3], (0.0, 0.0, 0.0, 1.0)):
         raise place.wrong(
             Sentence(
