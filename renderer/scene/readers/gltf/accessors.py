@@ -1,4 +1,4 @@
-"""Arrays of glTF files: buffers, views and accessors (specification 3.6), with bounds checked before any access."""
+"""Reads arrays of glTF files: buffers, views and accessors (specification 3.6), with bounds checked before any access."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 def as_floats(values: npt.NDArray[Any], normalized: bool) -> npt.NDArray[np.float32]:
-    """Returns float32; normalized integers are decoded as the specification says (3.6.2.2): c / max, at least -1."""
+    """Returns float32 values. Normalized integers are decoded as max(c / maximum of the type, -1) (specification 3.6.2.2)."""
     if values.dtype.kind in "iu" and normalized:
         values = np.maximum(values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max), np.float32(-1))
     return np.ascontiguousarray(values, np.float32)
 
 
 class Accessors:
-    """The arrays of one glTF file. Buffers are opened at first use."""
+    """The arrays of one glTF file. Each buffer is opened at its first use."""
 
     def __init__(self, root: Json, binary: memoryview | None, files: SceneFiles) -> None:
         self._root, self._file = root, root.file
@@ -49,10 +49,10 @@ class Accessors:
         self._finite: set[int] = set()
 
     def floats(self, index: int, *widths: int, finite: bool = True) -> npt.NDArray[np.float32]:
-        """Returns (count, width) float32, of one of the widths; `normalized` integers become 0..1 or -1..1.
+        """Returns the values of an accessor as (count, width) float32; normalized integers become 0..1 or -1..1.
 
-        The result is cached and must not be written to. Raises DamagedError for another width, and for values that are not finite
-        unless `finite` is False.
+        The result is cached and must not be written to. Raises DamagedError if its width is not among `widths`, and for values
+        that are not finite unless `finite` is False.
         """
         known = self._floats.get(index)
         if known is not None and known.shape[1] in widths:
@@ -72,7 +72,7 @@ class Accessors:
         return values
 
     def integers(self, index: int) -> npt.NDArray[np.integer]:
-        """Returns (count,) indices in the integer type of the file."""
+        """Returns an accessor's (count,) indices in the integer type of the file. Raises DamagedError if they are floats."""
         values = self._values(index, (1,))
         if values.dtype.kind == "f":
             raise DamagedError(
@@ -83,9 +83,9 @@ class Accessors:
         return values.reshape(-1)
 
     def count_empty_accessor(self, index: int) -> None:
-        """Counts an accessor without data before a mesh uses it.
+        """Counts the elements of an accessor, if it has no data, before a mesh uses it.
 
-        Raises SceneError if too many meshes of the file use such accessors.
+        Raises SceneError if the meshes of the file use too many such elements.
         """
         accessor = self.accessors[index]
         if "bufferView" not in accessor:
@@ -103,7 +103,7 @@ class Accessors:
             )
 
     def view_bytes(self, index: int) -> memoryview:
-        """Returns the bytes of a buffer view."""
+        """Returns the bytes of a buffer view, decompressed if necessary."""
         view = self._views[index]
         packing = meshopt.extension_of(view)
         if packing is not None:
@@ -136,7 +136,7 @@ class Accessors:
 
     @property
     def views(self) -> list[Json]:
-        """The buffer views."""
+        """The JSON objects of the buffer views."""
         return self._views
 
     def _buffer(self, index: int) -> memoryview:

@@ -1,6 +1,6 @@
-"""glTF animations (specification 3.11, appendix C; KHR_animation_pointer): the file's JSON evaluated at a moment.
+"""Evaluates the JSON of a glTF file at a moment of its animations (specification 3.11, appendix C; KHR_animation_pointer).
 
-Each channel names a place in the JSON and is written there, so the other modules need no code for animation.
+Each channel names a place in the JSON. Its value is written there, so the other modules need no code for animation.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _NAMED = 8  # properties that a warning names
 
 
 class Channel(NamedTuple):
-    """An animated place in the JSON and its curve."""
+    """An animated place in the JSON, and its animation curve."""
 
     path: Path
     kind: pointers.Kind
@@ -41,7 +41,7 @@ class Channel(NamedTuple):
 
 
 class Animations:
-    """The clips of one file, and its JSON at a moment of one of them."""
+    """The animation clips of a file; evaluates its JSON at a moment of one of them."""
 
     def __init__(self, root: Json, accessors: Accessors, files: SceneFiles) -> None:
         self._root, self._accessors, self._files = root, accessors, files
@@ -61,7 +61,10 @@ class Animations:
         self.moving: set[Path] = set()  # animated paths of the clips that are played
 
     def at(self, moment: Moment) -> Json:
-        """Returns the file's root with animated values in place. Raises SceneError if there is no such clip or it is damaged."""
+        """Returns the file's root with the animated values at a moment.
+
+        Raises SceneError if the clip does not exist or is damaged.
+        """
         names = [clip.name for clip in self.clips]
         played = self._sources if self._is_of_parts else self._sources[:1]
         if moment.clip == ALL_CLIPS and ALL_CLIPS not in names and names:
@@ -84,7 +87,7 @@ class Animations:
         return Json(self._root.file, "", changed.root, self._root.faults)
 
     def _are_apart(self) -> bool:
-        """Returns True if no two animations move the same target."""
+        """Returns True if no two animations have the same target."""
         known: set[str] = set()
         for source in self._sources:
             targets = [target for channel in source.objects("channels") if (target := channel.object("target"))]
@@ -95,7 +98,10 @@ class Animations:
         return True
 
     def _has_weight(self, changed: Changed, path: Path) -> bool:
-        """Returns True if a morph weight exists; a node that uses its mesh's weights gets its own list."""
+        """Returns True if a morph weight exists. Extends the weights in `changed` to the number of morph targets.
+
+        A node that uses its mesh's weights gets a list of its own.
+        """
         family, number, _, which = path
         source = mesh = Json(self._root.file, f"{family}[{number}]", changed.root[str(family)][number], self._root.faults)
         if family == "nodes":
@@ -131,7 +137,7 @@ class Animations:
             source.faults.add(fault)
 
     def _input(self, sampler: Json) -> npt.NDArray[np.float64]:
-        """Returns the times of keys, some of which may not be finite. Raises DamagedError."""
+        """Returns a sampler's key times, some of which may not be finite. Raises DamagedError if they do not ascend."""
         at = sampler.integer("input", high=len(self._accessors.accessors))
         if at not in self._times:
             times = self._accessors.floats(at, 1, finite=False).reshape(-1).astype(np.float64)
@@ -141,7 +147,7 @@ class Animations:
         return self._times[at]
 
     def _channels(self, source: Json) -> tuple[list[Channel], set[Path], list[str]]:
-        """Returns the channels, the paths that they animate, and warnings about channels that are not supported."""
+        """Returns an animation's channels, the paths that they animate, and warnings about unsupported channels."""
         samplers = source.objects("samplers")
         found: list[Channel] = []
         left_out: list[str] = []
@@ -174,7 +180,7 @@ class Animations:
         )
 
     def _is_fixed(self, path: Path) -> bool:
-        """Returns True if a node has a matrix, which forbids animating its translation, rotation and scale (3.11)."""
+        """Returns True for the translation, rotation or scale of a node with a matrix, which are not animated (3.11)."""
         if path[0] != "nodes" or path[-1] not in ("translation", "rotation", "scale"):
             return False
         return "matrix" in self._root.value["nodes"][path[1]]
@@ -222,7 +228,7 @@ class Animations:
 
 
 def _pointer(target: Json) -> str | None:
-    """Returns the JSON pointer that a channel writes to; None without a node, as for unknown extensions (3.11)."""
+    """Returns the JSON pointer that a channel animates; None if its target has no node, as in unknown extensions (3.11)."""
     path = target.text("path", "")
     extension = target.extension(EXTENSION)
     if path == "pointer" and extension:

@@ -1,4 +1,4 @@
-"""glTF cameras (specification 3.10), which look along -Z of their node with +Y up."""
+"""glTF cameras (specification 3.10), which look along their node's -Z with +Y up."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FAR = 1e9
 
 
 def read_camera(source: Json, world: Matrix) -> View:
-    """Returns the view of a camera on a node, whose scale is ignored. Raises SettingsError if it sees nothing."""
+    """Returns the view of a camera on a node; the node's scale is ignored. Raises SettingsError if the view is invalid."""
     eye, forward, up = world[:3, 3], unit_vector(-world[:3, 2]), unit_vector(world[:3, 1])
     target = eye + forward * max(1.0, float(np.abs(eye).max()))
     orthographic = source.object("orthographic")
@@ -34,5 +34,5 @@ def read_camera(source: Json, world: Matrix) -> View:
 
 
 def _near(source: Json | None) -> float:
-    """Returns the near clipping distance, which is applied as other glTF viewers do."""
+    """Returns the near clipping distance, which is applied as in other glTF viewers; 0 if absent."""
     return 0.0 if source is None else clamped(source.number("znear", 0.0), 0.0, _FAR)

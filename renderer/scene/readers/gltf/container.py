@@ -1,4 +1,4 @@
-"""glTF's container, JSON or GLB, and typed access to unchecked JSON."""
+"""Parses glTF's containers, JSON and GLB, and gives typed access to unchecked JSON."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _CHUNKS = (_JSON_CHUNK, _BINARY_CHUNK)
 
 
 class Json:
-    """An object of the JSON with its path.
+    """A JSON object of the file, with its path, and typed getters for its values.
 
-    Getters with a default, and those of lists and optional objects, skip a value of the wrong kind and count it as a fault;
-    getters of required values raise DamagedError.
+    A value of the wrong type is replaced by the default (an empty list, None) and counted as a fault; where there is no default,
+    DamagedError is raised.
     """
 
     def __init__(self, file: str, where: str, value: Any, faults: Faults | None = None) -> None:
@@ -49,29 +49,29 @@ class Json:
         return f"{self.where}.{key}" if self.where else key
 
     def wrong(self, key: str, what: str) -> DamagedError:
-        """Returns the error to raise for the value of a key."""
+        """Returns the error to raise for an unusable value. what: the fault, such as "is not a list"."""
         return DamagedError(self.file, self.place(key), what)
 
     def fault(self, key: str, what: str) -> None:
-        """Counts the value of a key as left out. what: the rest of the sentence, after the place."""
+        """Counts a value as a fault, so that a warning mentions it. what: the fault, such as "is not a list"."""
         self.faults.add(self.wrong(key, what))
 
     def replace(self, key: str, what: str) -> None:
-        """Counts the value of a key as replaced. what: the rest of a sentence that begins "3 values are"."""
+        """Counts a value as replaced. what: the rest of a sentence that begins "3 values are"."""
         self.faults.replace(self.file, self.place(key), what)
 
     def clamped(self, key: str, value: float, low: float, high: float) -> float:
-        """Returns the value of a key clamped to low..high. Counts a fault if it is outside by more than float32's precision."""
+        """Returns a value clamped to low..high; counts a fault if it is outside by more than float32's precision."""
         if not low - _SLACK <= value <= high * (1 + _SLACK) + _SLACK:
             self.replace(key, Sentence("gltf-value-clamped", "out of range and clamped"))
         return min(max(value, low), high)
 
     def object(self, key: str) -> Json | None:
-        """Returns the object under a key, or None."""
+        """Returns the object under a key; None if absent or not an object."""
         return self._child(self.place(key), self.value[key]) if key in self.value else None
 
     def objects(self, key: str) -> list[Json]:
-        """Returns the list of objects under a key, empty if absent; an entry that is no object becomes an empty one."""
+        """Returns the list of objects under a key; entries that are not objects become empty objects."""
         values = self.value.get(key, [])
         if not isinstance(values, list):
             self.fault(key, Sentence("gltf-not-list", "is not a list"))
@@ -90,7 +90,10 @@ class Json:
             return None
 
     def integer(self, key: str, default: int | None = None, low: int = 0, high: int = 1 << 40) -> int:
-        """Returns the integer under a key, low <= value < high. Raises DamagedError for another value if there is no default."""
+        """Returns the integer under a key, low <= value < high.
+
+        An absent or unusable value becomes the default; without a default, DamagedError is raised.
+        """
         value = self.value.get(key, default)
         if isinstance(value, float) and value.is_integer():
             value = int(value)
@@ -122,7 +125,7 @@ class Json:
         return default
 
     def index(self, key: str, into: Sequence[Any]) -> int | None:
-        """Returns the index under a key if it is present and inside the list, else None."""
+        """Returns the index under a key; None if it is absent or outside the list `into`."""
         if key not in self.value:
             return None
         try:
@@ -132,7 +135,7 @@ class Json:
             return None
 
     def indices(self, key: str, into: Sequence[Any]) -> list[int]:
-        """Returns the indices under a key that are inside the list."""
+        """Returns the list of indices under a key, without those that are outside the list `into`."""
         values = self.value.get(key, [])
         listed = values if isinstance(values, list) else []
         good = [v for v in listed if isinstance(v, int) and not isinstance(v, bool) and 0 <= v < len(into)]
@@ -154,7 +157,7 @@ class Json:
         return float(value)
 
     def vector(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """Returns as many finite numbers as the default has."""
+        """Returns the list of finite numbers under a key, if it has as many as the default."""
         values = self.value.get(key, default)
         good = isinstance(values, list | tuple) and len(values) == len(default)
         if not good or not all(map(_is_finite, values)):
@@ -163,7 +166,7 @@ class Json:
         return tuple(float(v) for v in values)
 
     def numbers(self, key: str) -> tuple[float, ...]:
-        """Returns the list of numbers under a key, empty if absent; 0 for entries that are not finite numbers."""
+        """Returns the list of numbers under a key, with 0 for entries that are not finite numbers."""
         values = self.value.get(key, [])
         if not isinstance(values, list) or not all(map(_is_finite, values)):
             self.fault(key, Sentence("gltf-not-number-list", "is not a list of numbers"))
@@ -171,7 +174,7 @@ class Json:
         return tuple(float(v) for v in values)
 
     def text(self, key: str, default: str) -> str:
-        """Returns the string under a key."""
+        """Returns the string under a key; names are cut to MAX_NAME characters."""
         value = self.value.get(key, default)
         if not isinstance(value, str):
             self.fault(key, Sentence("gltf-not-string", "is not a string"))
@@ -179,7 +182,7 @@ class Json:
         return value[:MAX_NAME] if key == "name" else value
 
     def extension(self, name: str) -> Json | None:
-        """Returns the object of an extension, or None."""
+        """Returns the object of an extension, or None if absent."""
         extensions = self.object("extensions")
         return extensions.object(name) if extensions else None
 
@@ -189,14 +192,15 @@ def _is_finite(value: Any) -> bool:
 
 
 def _integer(digits: str) -> int | float:
-    """Returns an integer; one beyond float's range becomes infinite, as 1e999 does."""
+    """Returns an integer; infinity for one beyond float's range, as for 1e999."""
     return int(digits) if len(digits) < _MOST_DIGITS else float(digits)
 
 
 def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
-    """Returns the JSON of a .gltf or .glb file, and the GLB's binary chunk. The format is detected by the bytes, not by the name.
+    """Parses a .gltf or .glb file. Returns its JSON, and the GLB's binary chunk or None.
 
-    Raises SceneError. A wrong length of the file or of its binary chunk, and chunks without padding, are faults of the JSON.
+    The format is detected by the content, not by the name. A wrong length of the file or of its binary chunk, and chunks without
+    padding, are counted as faults. Raises SceneError if the file cannot be parsed.
     """
     if data[:4] != b"glTF":
         return _parse_json(data, file), None
@@ -282,7 +286,7 @@ def _is_chunk(data: bytes, at: int) -> bool:
 
 
 def _whole(value: Any) -> Any:
-    """Returns the value with lone surrogates replaced by U+FFFD, so that its texts can be stored and sent."""
+    """Returns the JSON value with lone surrogates replaced by U+FFFD, so that its strings can be encoded."""
     if isinstance(value, str):
         return value.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Morph targets and skins (specification 3.7.2.2 and 3.7.3.3)."""
+"""Applies morph targets and skins to meshes (specification 3.7.2.2 and 3.7.3.3)."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ __all__ = ["Bones", "bind_matrices", "morphed", "skinned"]
 
 
 class Bones(NamedTuple):
-    """Joints and weights of a primitive's vertices."""
+    """The joint indices and weights of a primitive's vertices."""
 
     joints: npt.NDArray[np.int64]  # (V, 4 k)
     weights: F32  # (V, 4 k)
 
 
 def morphed(mesh: Mesh, targets: list[Json], weights: tuple[float, ...], accessors: Accessors) -> Mesh:
-    """Returns the mesh plus the weighted displacements of its targets; unusable ones are left out."""
+    """Returns the mesh plus the weighted displacements of its morph targets; unusable targets are left out."""
     positions, normals, tangents = mesh.positions, mesh.normals, mesh.tangents
     for target, weight in zip(targets, weights, strict=False):
         if weight == 0:
@@ -72,7 +72,7 @@ def _displacement(target: Json, key: str, count: int, accessors: Accessors) -> F
 
 
 def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
-    """Returns (count, 4, 4) transforms from mesh space to the space of each joint. Raises DamagedError."""
+    """Returns (count, 4, 4) transforms from mesh space to the space of each joint. Raises DamagedError if there are too few."""
     if "inverseBindMatrices" not in skin:
         return np.tile(np.eye(4), (count, 1, 1))
     values = accessors.floats(skin.integer("inverseBindMatrices", high=len(accessors.accessors)), 16)
@@ -87,7 +87,7 @@ def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
 
 
 def skinned(mesh: Mesh, bones: Bones, matrices: Matrix) -> Mesh:
-    """Returns the mesh in world space: each vertex transformed by the weighted mean of its joints' (J, 4, 4) matrices."""
+    """Returns the mesh in world space. Each vertex is transformed by the weighted mean of its joints' (J, 4, 4) matrices."""
     none = np.zeros((0, 3), np.float32)
     normals = none if mesh.normals is None else mesh.normals
     tangents = none if mesh.tangents is None else mesh.tangents

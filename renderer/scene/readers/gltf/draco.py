@@ -1,4 +1,4 @@
-"""KHR_draco_mesh_compression: primitives whose arrays are one compressed block."""
+"""Decodes KHR_draco_mesh_compression: primitives whose arrays are in one compressed block."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXTENSION = "KHR_draco_mesh_compression"
 
 
 def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64], dict[str, npt.NDArray[Any]]]:
-    """Returns the indices (T * 3,) and the attributes, (V, width) each, by their glTF names.
+    """Returns the indices (T * 3,), and the attributes as (V, width) arrays by their glTF names.
 
     Raises SceneError if DracoPy is not installed or the block is damaged.
     """

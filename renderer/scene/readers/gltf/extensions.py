@@ -1,6 +1,6 @@
-"""Material extensions that need more than the table in renderer/scene/material.py: one function each, which sets Material fields.
+"""Reads material parameters: those of the table in renderer/scene/material.py, and the extensions that need code of their own.
 
-Source: KhronosGroup/glTF, extensions/2.0/Khronos, the README of each name.
+Source: KhronosGroup/glTF, extensions/2.0/Khronos, the README of each extension.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ _ONE_EACH = ("color", "radiance", "triple")
 
 
 def read_parameters(source: Json, material: Material, textures: Textures, metallic_roughness: bool) -> None:
-    """Sets the parameters that the table maps to glTF; absent ones keep their values.
+    """Sets the material's parameters that the table maps to glTF; absent ones retain their values.
 
-    metallic_roughness: whether to read that object.
+    metallic_roughness: whether to read the parameters in pbrMetallicRoughness.
     """
     for parameter in PARAMETERS:
         *way, key = (parameter.gltf or "").split(".")
@@ -36,7 +36,7 @@ def read_parameters(source: Json, material: Material, textures: Textures, metall
 
 
 def read_extensions(source: Json, material: Material) -> None:
-    """Sets parameters whose values need converting, after `read_parameters`."""
+    """Sets the parameters whose values need conversion. Must be called after `read_parameters`."""
     for name, read in _READERS.items():
         found = source.extension(name)
         if found:
@@ -70,7 +70,7 @@ def _value(parameter: Parameter, owner: Json, key: str, material: Material, text
 
 def _ior(source: Json, material: Material) -> None:
     ior = source.number("ior", 1.5)
-    # 0 means full reflection
+    # 0 means total reflection
     material.ior = source.clamped("ior", ior, 1.0, ALL_REFLECTING_IOR) if ior > 0 else ALL_REFLECTING_IOR
 
 

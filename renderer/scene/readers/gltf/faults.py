@@ -1,4 +1,4 @@
-"""Unusable parts of a glTF file: left out one by one, counted, and named in warnings."""
+"""Collects the unusable parts of a glTF file, which are left out, counted, and reported in warnings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ EXPORT_AGAIN = Sentence("advice-export-again", "export the file again")
 
 
 class DamagedError(SceneError):
-    """Part of the file is unusable; the rest can be read without it. Limits and missing decoders raise other errors."""
+    """A part of the file is unusable; the rest can be read without it. Limits and missing decoders raise other errors."""
 
     def __init__(self, file: str, place: str, what: str, advice: str = EXPORT_AGAIN) -> None:
         super().__init__(
@@ -40,7 +40,7 @@ class Faults:
         self._places.setdefault(fault.what, {})[fault.place] = None
 
     def replace(self, file: str, place: str, what: str) -> None:
-        """Counts a value that is replaced by another. what: the rest of a sentence that begins "3 values"."""
+        """Counts a value that is replaced by another. what: the rest of a sentence that begins "3 values are"."""
         self._file = file
         self._replaced.setdefault(what, {})[place] = None
 
@@ -49,7 +49,7 @@ class Faults:
         self._notes[sentence] = None
 
     def say(self, warn: Callable[[str], None]) -> None:
-        """Passes one sentence for each kind of fault, with a count."""
+        """Passes all warnings to a callback: one sentence for each kind of fault, with its count."""
         for sentence in self._notes:
             warn(sentence)
         for what, places in self._places.items():

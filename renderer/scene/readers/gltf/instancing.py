@@ -1,4 +1,4 @@
-"""EXT_mesh_gpu_instancing: a node that shows its mesh many times."""
+"""EXT_mesh_gpu_instancing: nodes that show their mesh many times."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _DEFAULTS = {"TRANSLATION": (0.0, 0.0, 0.0), "ROTATION": (0.0, 0.0, 0.0, 1.0), "
 
 
 def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matrix:
-    """Returns (N, 4, 4) transforms of a node's instances in the node's space.
+    """Returns (N, 4, 4) transforms of a node's instances, in the node's space.
 
-    Raises SceneError for more than `limit` instances, DamagedError if none is usable.
+    Raises SceneError if there are more than `limit` instances, DamagedError if none is usable.
     """
     attributes = source.object("attributes")
     found = {}

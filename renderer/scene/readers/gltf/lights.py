@@ -1,4 +1,4 @@
-"""KHR_lights_punctual: point, spot and directional lights, in photometric units."""
+"""KHR_lights_punctual: point, spot and directional lights in photometric units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MAX_INTENSITY = 1e12
 
 
 def read_light(source: Json, name: str, world: Matrix) -> Light:
-    """Returns the light on a node, whose scale is ignored. Its range, a hint for rasterisers, is ignored too."""
+    """Returns the light on a node. The node's scale, and the light's range (a hint for rasterisers), are ignored."""
     kind = source.text("type", "")
     if kind not in _KINDS:
         raise source.wrong(
@@ -42,6 +42,6 @@ def read_light(source: Json, name: str, world: Matrix) -> Light:
 
 
 def forward_of(world: Matrix) -> Vec3:
-    """Returns the direction of a light at a transform."""
+    """Returns the unit direction of a light with the given transform: its -Z axis."""
     direction = -world[:3, 2]
     return vec3(unit_vector(direction)) if np.linalg.norm(direction) > 0 else (0.0, -1.0, 0.0)

@@ -1,6 +1,6 @@
-"""glTF materials: metallic-roughness, alpha and emission (specification 3.9); extensions.py has the extensions.
+"""Reads glTF materials: metallic-roughness, alpha and emission (specification 3.9); extensions.py reads the extensions.
 
-Occlusion textures are not read, since path tracing computes occlusion.
+Occlusion textures are ignored, since path tracing computes occlusion.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Materials:
             self._filled.append(extensions.has_thickness(source))
 
     def number(self, index: int | None) -> int:
-        """Returns the description's index of a material of the file; None stands for the specification's default (3.7.2.1)."""
+        """Returns the description's index of a material of the file, or of the default material for None (3.7.2.1)."""
         if index is not None:
             return self._first + index
         if self._default is None:
@@ -50,11 +50,11 @@ class Materials:
         return self._default
 
     def uv_sets(self, index: int | None) -> tuple[int, ...]:
-        """Returns the file's UV sets that meshes with this material need."""
+        """Returns the numbers of the file's UV sets that meshes with this material need."""
         return UV_SETS if index is None else self._uv_sets[index]
 
     def depends_on_mesh(self, index: int | None) -> bool:
-        """Returns True if the material transmits light, so that it must be known whether a mesh is closed."""
+        """Returns True if the material transmits light without a thickness, so that it depends on whether its mesh is closed."""
         return index is not None and self._materials[self._first + index].transmission > 0 and not self._filled[index]
 
     def thin_material(self, index: int) -> int:

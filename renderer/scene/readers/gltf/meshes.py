@@ -1,4 +1,4 @@
-"""glTF meshes with their materials, read when a node first uses them."""
+"""glTF meshes with their materials; each is read when a node first uses it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MAX_VERTICES = 1 << 26
 
 
 class Meshes:
-    """The description's meshes, by glTF mesh."""
+    """Reads the file's meshes and adds them to the description."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class Meshes:
         return self.sources[index].text("name", "") or f"mesh {index}"
 
     def of(self, index: int, node: Json) -> list[int]:
-        """Returns the description's indices of a mesh's primitives, with a node's morph weights applied."""
+        """Returns the description's mesh indices of a mesh's primitives, with a node's morph weights applied."""
         weights, alone = self._weights(index, node), self._moving.unshared_shape_key(node)
         if (index, weights, alone) not in self._shaped:
             shaped = [(mesh, m) for mesh, (_, m) in zip(self.shapes(index, node), self._primitives(index), strict=True)]
@@ -66,7 +66,10 @@ class Meshes:
         return self._shaped[index, weights, alone]
 
     def shapes(self, index: int, node: Json, matrices: Matrix | None = None) -> list[Mesh]:
-        """Returns a mesh's primitives without materials, deformed by a node's morph weights and, given matrices, by its skin."""
+        """Returns a mesh's primitives without materials, deformed by a node's morph weights and, given matrices, by its skin.
+
+        matrices: (J, 4, 4) of the joints. Raises DamagedError if the mesh refers to more joints.
+        """
         weights = self._weights(index, node)
         found = []
         for primitive, _ in self._primitives(index):
@@ -87,24 +90,24 @@ class Meshes:
         return found
 
     def skinned(self, index: int, node: Json, matrices: Matrix, moves: bool) -> list[int]:
-        """Returns the indices of a mesh's primitives deformed by a skin, in world space; they are not shared between nodes.
+        """Adds a mesh's primitives deformed by a skin, in world space, and returns their indices.
 
-        moves: whether joints are animated.
+        They are not shared between nodes. moves: whether joints are animated.
         """
         placed = [(mesh, m) for mesh, (_, m) in zip(self.shapes(index, node, matrices), self._primitives(index), strict=True)]
         return self._add(placed, moves or self._moving.reshapes(index, node))
 
     def replace_sources(self, root: Json, meshes: Iterable[int]) -> None:
-        """Replaces the JSON of meshes whose weights are animated."""
+        """Replaces the JSON of the meshes whose morph weights are animated."""
         for index in meshes:
             self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index], root.faults)
 
     def with_ray_visibility(self, number: int, unseen: bool, shadeless: bool) -> int:
-        """Returns the index of a mesh's material as one that is invisible to the camera, casts no shadow, or both."""
+        """Returns the index of a copy of a mesh's material that is invisible to the camera, casts no shadow, or both."""
         return self._materials.with_ray_visibility(self._meshes[number].material, unseen, shadeless)
 
     def refracts(self, index: int) -> bool:
-        """Returns True if a part of a mesh transmits light, so that it matters whether its shape is closed."""
+        """Returns True if a part of a mesh transmits light in a way that depends on whether the mesh is closed."""
         return any(m is not None and self._materials.depends_on_mesh(m) for _, m in self._primitives(index))
 
     def _primitives(self, index: int) -> list[tuple[Primitive, int | None]]:
@@ -151,7 +154,9 @@ class Meshes:
         return list(range(first, len(self._meshes)))
 
     def _refract(self, primitives: list[tuple[Mesh, int | None]]) -> None:
-        """Makes transmissive primitives thin if they bound no volume, alone or with the mesh's other primitives."""
+        """Makes the materials of transmissive primitives thin, unless they enclose a volume alone or with the mesh's other
+        primitives.
+        """
         transparent = [(mesh, m) for mesh, m in primitives if m is not None and self._materials.depends_on_mesh(m)]
         if not transparent or _bound_a_volume([mesh for mesh, _ in primitives]):
             return

@@ -1,4 +1,4 @@
-"""EXT_meshopt_compression, and KHR_meshopt_compression with the same fields: compressed buffer views."""
+"""Decodes buffer views compressed by EXT_meshopt_compression, or KHR_meshopt_compression, which has the same fields."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ MAX_BYTES = 2 << 30
 
 
 def extension_of(view: Json) -> Json | None:
-    """Returns the compression extension of a buffer view, or None."""
+    """Returns the compression extension of a buffer view; None if it is not compressed."""
     return next((found for name in EXTENSIONS if (found := view.extension(name))), None)
 
 
 def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
-    """Returns the `length` bytes of a view. Raises SceneError if meshopt is not installed or the data is damaged."""
+    """Returns the `length` decompressed bytes of a buffer view.
+
+    Raises SceneError if meshopt is not installed or the data is damaged.
+    """
     try:
         import meshopt
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""The animated parts of a glTF file, by its channels; all other parts are reused between frames."""
+"""Finds the animated parts of a glTF file from its channels; all other parts are reused between frames."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _SURFACE = ("emissiveFactor", "emissiveStrength", "anisotropyStrength")  # prope
 
 
 class AnimatedParts:
-    """The animated nodes, materials and meshes, by the animated paths in the file's JSON.
+    """The nodes, materials and meshes that are animated, from the animated paths in the file's JSON.
 
-    Nodes inherit motion from their parents.
+    Nodes inherit the motion of their parents.
     """
 
     def __init__(self, root: Json, paths: Iterable[Path]) -> None:
@@ -46,7 +46,10 @@ class AnimatedParts:
                 self.surfaces.add(number)
 
     def extend_to_children(self, parents: Mapping[int, int | None]) -> None:
-        """Extends motion to the children of moving nodes. parents: of the scene's nodes, each after its parent."""
+        """Adds the children of moving nodes.
+
+        parents: the parent of each node of the scene, in an order that has parents first.
+        """
         for index, parent in parents.items():
             if parent in self._appearing:
                 self._appearing.add(index)
@@ -60,14 +63,14 @@ class AnimatedParts:
         return node.where in self._shown
 
     def unshared_shape_key(self, node: Json) -> str | None:
-        """Returns a key for a node with its own animated morph weights, whose shape is not shared; None for other nodes."""
+        """Returns a key for a node with animated morph weights of its own, whose shape cannot be shared; None for other nodes."""
         return node.where if node.where in self._shaped else None
 
     @property
     def only_transforms_move(self) -> bool:
-        """True if only transforms and shapes are animated."""
+        """True if nothing but transforms and shapes is animated."""
         return self._is_of_places
 
     def reshapes(self, mesh: int, node: Json) -> bool:
-        """Returns True if a node's mesh has animated morph weights."""
+        """Returns True if the morph weights that apply to a node's mesh are animated."""
         return node.where in self._shaped or ("weights" not in node and mesh in self.meshes)

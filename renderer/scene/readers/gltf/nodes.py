@@ -31,7 +31,7 @@ RAYS = "RAYFARM_node_rays"  # ours: `camera` and `shadow` are false if the node'
 
 
 class Nodes:
-    """Walks the default scene's nodes and places their meshes, lights and cameras in the world."""
+    """Traverses the nodes of the default scene, and adds their meshes, lights and cameras in world space."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class Nodes:
         self._carrying: dict[int, Matrix] = {}  # results of `_joints`, by skin
 
     def walk(self) -> None:
-        """Adds the meshes, lights and cameras of all nodes of the scene."""
+        """Adds the meshes, lights and cameras of all nodes of the scene to the description."""
         if len(self._nodes) > MAX_NODES:
             raise SceneError(
                 Sentence(
@@ -90,13 +90,14 @@ class Nodes:
         self._bent = [index for index in shown_nodes if self._is_bent(index)]
 
     def deforming(self) -> set[int]:
-        """Returns the file's meshes whose vertices are animated, by morph weights or joints."""
+        """Returns the file's indices of meshes whose vertices are animated, by morph weights or joints."""
         return {self._nodes[index].integer("mesh") for index in self._bent}
 
     def update_nodes(self, root: Json, description: SceneDescription) -> bool:
-        """Updates animated transforms, shapes, lights and cameras to another moment. description: a copy of that of `walk`.
+        """Updates animated transforms, shapes, lights and cameras to another moment.
 
-        Returns False if that needs a new walk; the description is then unusable.
+        description: a copy of the one filled by `walk`. Returns False if the file must be read again; the description is then
+        unusable.
         """
         if self._lacks_view:
             return False
@@ -132,7 +133,10 @@ class Nodes:
         return True
 
     def _bend(self, index: int, description: SceneDescription, first: int, end: int) -> None:
-        """Replaces the meshes of a node by their deformed shapes at the current moment."""
+        """Replaces the meshes of a node by their deformed shapes at the current moment.
+
+        first, end: range of the node's instances.
+        """
         node = self._nodes[index]
         matrices = None
         if self._is_skinned(index):
@@ -164,7 +168,7 @@ class Nodes:
         return self._joints_of(node.integer("skin"))[1]
 
     def _places(self, node: Json, world: Matrix, most: int) -> Matrix | list[Matrix]:
-        """Returns the world transforms of a node's mesh, one per instance. Raises SceneError for more than `most`."""
+        """Returns the world transforms of a node's mesh, one per instance. Raises SceneError if there are more than `most`."""
         copies = node.extension(instancing.EXTENSION)
         if copies is None:
             return [world]
@@ -175,9 +179,9 @@ class Nodes:
             return [world]
 
     def _in_world(self, order: list[int], known: dict[int, Matrix]) -> dict[int, Matrix]:
-        """Returns world transforms by node. Parents come first in `order` or are in `known`.
+        """Returns the world transforms of nodes. In `order`, nodes follow their parents; other parents are in `known`.
 
-        Works level by level of the hierarchy, since files have tens of thousands of nodes.
+        Processes whole levels of the hierarchy at once, since files have tens of thousands of nodes.
         """
         own = dict(zip(order, local([self._nodes[index] for index in order]), strict=True))
         below = {index: parent for index in order if (parent := self._parents[index]) is not None}
@@ -199,7 +203,7 @@ class Nodes:
                     places = product(np.stack(outer), places)
             bad = ~np.isfinite(places).all(axis=(1, 2))
             if bad.any():
-                for i in np.flatnonzero(bad):  # takes its parent's transform
+                for i in np.flatnonzero(bad):  # replaced by the parent's transform
                     node = self._nodes[level[i]]
                     node.faults.add(
                         DamagedError(
@@ -211,7 +215,7 @@ class Nodes:
         return worlds
 
     def _tree(self) -> tuple[dict[int, int | None], list[int]]:
-        """Returns (parents by node, parents first; visible nodes) of the scene."""
+        """Returns the parent of each node in the scene, in an order that has parents first, and the list of visible nodes."""
         parents: dict[int, int | None] = {}
         shown_nodes: list[int] = []
         stack: list[tuple[int, int | None, bool]] = [(i, None, True) for i in reversed(self._top())]
@@ -272,7 +276,7 @@ class Nodes:
         self._description.lights += self._lights_on(node, world)
 
     def _show_skinned(self, node: Json, mesh: int, skin: int, name: str) -> bool:
-        """Adds a node's mesh deformed by its skin. Returns False if the skin is unusable, which counts as a fault."""
+        """Adds a node's mesh deformed by its skin. If the skin is unusable, counts a fault and returns False."""
         try:
             found = self._meshes.skinned(mesh, node, self._joints(skin), self._joints_of(skin)[1])
         except DamagedError as fault:
@@ -283,7 +287,7 @@ class Nodes:
         return True
 
     def _lights_on(self, node: Json, world: Matrix, name: str = "") -> list[Light]:
-        """Returns the lights on a node, named `name` or as in the file; an unusable one counts as a fault."""
+        """Returns the lights on a node, called `name` if given; an unusable light is counted as a fault."""
         try:
             return self._read_lights(node, world, name)
         except DamagedError as fault:
@@ -309,7 +313,7 @@ class Nodes:
         ]
 
     def _passed_by(self, node: Json, mesh: int) -> int | None:
-        """Returns the material that replaces a mesh's own if the node is hidden from camera or shadow rays; None otherwise."""
+        """Returns the material that replaces a mesh's own if the node is hidden from camera or shadow rays; otherwise None."""
         rays = node.extension(RAYS)
         if rays is None:
             return None
@@ -317,15 +321,16 @@ class Nodes:
         return self._meshes.with_ray_visibility(mesh, *flags) if any(flags) else None
 
     def _joints_of(self, number: int) -> tuple[list[int], bool]:
-        """Returns a skin's joint nodes, and whether any of them is animated."""
+        """Returns the joint nodes of a skin, and whether any of them is animated."""
         if number not in self._known_joints:
             joints = self._skins[number].indices("joints", self._nodes)
             self._known_joints[number] = joints, not self._moving.nodes.isdisjoint(joints)
         return self._known_joints[number]
 
     def _joints(self, number: int) -> Matrix:
-        """Returns (J, 4, 4) transforms from mesh space to world space, one per joint of a skin; the mesh node's transform is
-        ignored.
+        """Returns (J, 4, 4) transforms from mesh space to world space, one per joint of a skin.
+
+        The transform of the node with the mesh is ignored, as the specification requires.
         """
         if number not in self._carrying:
             self._carrying[number] = self._skin_matrices(self._skins[number], self._joints_of(number)[0])
@@ -345,7 +350,7 @@ class Nodes:
         return matrices
 
     def _unique(self, name: str) -> str:
-        """Returns the name, numbered if an earlier node has the same one."""
+        """Returns the name, with a number appended if an earlier node has the same name."""
         self._names[name] = self._names.get(name, 0) + 1
         return name if self._names[name] == 1 else f"{name} ({self._names[name]})"
 

@@ -1,6 +1,7 @@
-"""The animatable properties of a glTF file: the pointers of KHR_animation_pointer that are supported.
+"""The properties of a glTF file that can be animated here: the supported pointers of KHR_animation_pointer.
 
-Source: glTF 2.0 Asset Object Model, and the README of each extension. Pointers into materials follow from the parameter table.
+Source: glTF 2.0 Asset Object Model, and the README of each extension. Pointers to material properties are derived from the
+parameter table.
 """
 
 from __future__ import annotations
@@ -95,9 +96,9 @@ def template(pointer: str) -> str:
 
 
 def find(root: Any, pointer: str) -> Path | None:
-    """Returns the path of keys that a pointer names, or None if it leads nowhere.
+    """Returns the keys and indices that a pointer consists of; None if the pointer leads nowhere.
 
-    The value itself may be missing, and so may its object if that is an extension.
+    The value itself may be missing, and also the object that contains it if that is an extension.
     """
     path: list[str | int] = []
     at: Any = root

@@ -1,4 +1,4 @@
-"""Points and lines of glTF as small spheres and thin tubes (specification 3.7.2.1)."""
+"""Converts points and lines of glTF to small spheres and thin tubes (specification 3.7.2.1)."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _SIDES = 8
 def thickened(
     name: str, positions: F32, indices: npt.NDArray[np.integer], mode: int, colors: F32 | None, thickness: float
 ) -> Mesh | None:
-    """Returns a mesh of the points or lines, `thickness` wide; None if it has no triangles. Very many points are subsampled.
+    """Returns a mesh of points or lines, `thickness` wide; None if it has no triangles. Very many points are subsampled.
 
-    colors: (V, 4) linear RGBA.
+    mode: the primitive's mode in glTF; colors: (V, 4) linear RGBA, or None.
     """
     radius = thickness / 2
     if mode == _POINTS:

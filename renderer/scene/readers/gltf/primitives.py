@@ -1,4 +1,4 @@
-"""Primitives of glTF meshes, one Mesh each (specification 3.7.2)."""
+"""Reads the primitives of glTF meshes; each becomes one Mesh (specification 3.7.2)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LIST, _STRIP, _FAN = 4, 5, 6
 
 
 class Primitive(NamedTuple):
-    """A primitive's mesh, morph targets, joints and weights."""
+    """A primitive's mesh, morph targets, and joints with weights."""
 
     mesh: Mesh  # its material not yet set
     targets: list[Json]
@@ -41,7 +41,7 @@ def read_primitive(
     thickness: float | None = None,
     uv_sets: tuple[int, ...] = UV_SETS,
 ) -> Primitive | None:
-    """Returns the primitive; None, with a warning, for points and lines without a thickness.
+    """Returns a primitive; None, with a warning, for points and lines if no thickness is given.
 
     uv_sets: numbers of the file's UV sets to read. Raises DamagedError if positions or indices are unusable; other unusable
     attributes are left out.
@@ -122,7 +122,7 @@ def _is_bad(indices: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.bool
 
 
 def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) -> tuple[F32, npt.NDArray[np.integer]]:
-    """Returns positions and triangles without triangles whose vertices are missing or not finite.
+    """Removes triangles whose vertices are missing or not finite; returns the positions and the remaining triangles.
 
     Raises DamagedError if no triangle remains.
     """
@@ -157,7 +157,7 @@ def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) ->
 
 
 class _Attributes:
-    """The arrays of a primitive by name, from accessors or from Draco's compressed block."""
+    """The arrays of a primitive by attribute name, from accessors or from a Draco block."""
 
     def __init__(self, source: Json, accessors: Accessors) -> None:
         found = source.object("attributes")
@@ -174,25 +174,25 @@ class _Attributes:
         return key in self._attributes
 
     def has_bones_beyond(self, count: int) -> bool:
-        """Returns True if there are joints or weights besides the first `count` sets."""
+        """Returns True if there are further sets of joints or weights besides the first `count`."""
         words = (key.partition("_") for key in self._attributes.value)
         return any(kind in ("JOINTS", "WEIGHTS") and number.isdigit() and int(number) >= count for kind, _, number in words)
 
     def bare(self) -> list[int]:
-        """Returns the accessors of positions and indices that are not in Draco's block."""
+        """Returns the indices of the accessors of vertex indices and positions, except those in a Draco block."""
         known = self._accessors.accessors
         found = None if self.indices is not None else self._source.index("indices", known)
         places = None if "POSITION" in self._decoded else self._attributes.index("POSITION", known)
         return [at for at in (found, places) if at is not None]
 
     def positions(self) -> F32 | None:
-        """Returns (V, 3) positions, not necessarily finite; None if absent. Raises DamagedError."""
+        """Returns (V, 3) positions, not necessarily finite; None if absent. Raises DamagedError if they are unusable."""
         if "POSITION" not in self._decoded and "POSITION" in self._attributes:
             self._attributes.integer("POSITION", high=len(self._accessors.accessors))
         return self._values("POSITION", (3,), finite=False)
 
     def get(self, key: str, widths: tuple[int, ...]) -> F32 | None:
-        """Returns (count, width) float32 values, width being one of `widths`; None if absent or unusable."""
+        """Returns the (count, width) float32 values of an attribute, with a width among `widths`; None if absent or unusable."""
         try:
             return self._values(key, widths)
         except DamagedError as fault:
@@ -200,7 +200,10 @@ class _Attributes:
             return None
 
     def of_vertices(self, key: str, widths: tuple[int, ...], count: int) -> F32 | None:
-        """Returns `get`'s values if there are `count` of them, one per vertex; otherwise None, and a fault is counted."""
+        """Returns the values of an attribute if there is one per vertex; otherwise counts a fault and returns None.
+
+        count: number of vertices.
+        """
         values = self.get(key, widths)
         if values is not None and len(values) != count:
             self._attributes.fault(
@@ -262,7 +265,7 @@ def _with_alpha(colors: F32 | None) -> F32 | None:
 
 
 def _triangles(indices: npt.NDArray[np.integer], mode: int) -> npt.NDArray[np.integer]:
-    """Returns (T, 3) vertex indices of a triangle list, strip or fan."""
+    """Returns (T, 3) vertex indices of a triangle list, strip or fan. mode: the primitive's mode in glTF."""
     if mode == _LIST:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3)
     count = max(len(indices) - 2, 0)

@@ -23,7 +23,7 @@ _MOST = 1e12
 
 
 class Profiles:
-    """The IES profiles of one file. Each is read once."""
+    """The IES profiles of one file, each read once."""
 
     def __init__(self, root: Json, accessors: Accessors, files: SceneFiles, shelf: TextureShelf) -> None:
         self._root, self._accessors, self._files, self._shelf = root, accessors, files, shelf
@@ -31,7 +31,9 @@ class Profiles:
         self._profiles = own.objects("lights") if own else []
 
     def light(self, node: Json, name: str, world: Matrix) -> Light | None:
-        """Returns the light on a node; None if there is none or, with a warning, if its profile cannot be read."""
+        """Returns the light with an IES profile on a node; None if the node has none or, with a warning, if the profile is
+        unreadable.
+        """
         source = node.extension(EXTENSION)
         if source is None:
             return None

@@ -1,4 +1,4 @@
-"""A glTF file as a scene, read part by part; and read again at another moment."""
+"""Reads a glTF file as a scene, and updates the animated parts when it is read again at another moment."""
 
 from __future__ import annotations
 
@@ -54,9 +54,10 @@ def read(
     moment: Moment = Moment(),
     thickness: float | None = None,
 ) -> None:
-    """Adds the file's default scene at a moment to the description, with its own materials or those of a variant.
+    """Adds the file's default scene at a moment to the description.
 
-    thickness: of points and lines, which have no surface without one. Raises SceneError.
+    variant: name of the material variant; None for the file's own materials. thickness: width of points and lines; None leaves
+    them out. Raises SceneError if the file cannot be read or the variant or clip does not exist.
     """
     key = ("glTF again", main, variant, moment.clip, thickness)
     is_alone = not description.materials and not description.meshes

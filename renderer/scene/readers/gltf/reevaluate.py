@@ -1,4 +1,4 @@
-"""Re-evaluation of a glTF file at another moment: only animated parts are updated."""
+"""Re-evaluates a glTF file at another moment: only its animated parts are updated."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["Reevaluation"]
 
 
 class Reevaluation:
-    """A file that was read, of which only transforms and shapes are animated.
+    """A file that was read and in which only transforms and shapes are animated.
 
-    Readers and the compiler only append to its lists.
+    Its lists may be shared, since readers and the compiler only append to them.
     """
 
     def __init__(self, animations: Animations, nodes: Nodes, description: SceneDescription) -> None:
@@ -26,9 +26,9 @@ class Reevaluation:
         self._read["still"] = self
 
     def at(self, moment: Moment, description: SceneDescription) -> bool:
-        """Fills an empty description with the file at a moment. Returns False if the file must be read anew.
+        """Fills an empty description with the file at another moment. Returns False if the file must be read again.
 
-        Raises SceneError.
+        Raises SceneError if the moment's clip does not exist or is damaged.
         """
         before = {field.name: getattr(description, field.name) for field in fields(description)}
         for name, value in self._read.items():

@@ -1,7 +1,8 @@
-"""Scattering inside glTF surfaces: two Khronos drafts, and extensions of ours that Blender's files have.
+"""Scattering inside glTF surfaces: two Khronos drafts, and Rayfarm's own extensions in files exported by Blender.
 
 KHR_materials_volume_scatter and KHR_materials_scatter split the attenuation of KHR_materials_volume into scattering and
-absorption. With diffuse transmission the interior is dense, and is rendered as subsurface scattering, as the former advises.
+absorption. With diffuse transmission, the interior is dense and is rendered as subsurface scattering, as the former
+recommends.
 Source: KhronosGroup/glTF, pull requests 2453 and 2579, their READMEs as of June 2026.
 """
 
@@ -32,9 +33,9 @@ _NONE: Vec3 = (0.0, 0.0, 0.0)
 
 
 def read_scatter(source: Json, material: Material, textures: Textures, shelf: TextureShelf, is_thin: bool) -> None:
-    """Sets a material's interior scattering. Call it after all other extensions.
+    """Sets a material's interior scattering. Must be called after all other extensions are read.
 
-    is_thin: whether KHR_materials_volume sets no thickness.
+    is_thin: True if KHR_materials_volume sets no thickness.
     """
     old, new = source.extension(_VOLUME_SCATTER), source.extension(_SCATTER)
     if old:
@@ -71,7 +72,7 @@ def read_scatter(source: Json, material: Material, textures: Textures, shelf: Te
 def _fill(material: Material, multiple: Vec3, g: float) -> None:
     """Splits the volume's attenuation into scattering and absorption.
 
-    multiple: the multiple-scattering albedo; g: the mean cosine.
+    multiple: RGB albedo for multiple scattering; g: mean cosine of the scattering angle.
     """
     if math.isinf(material.attenuation_distance) or not any(multiple):
         return
@@ -95,9 +96,9 @@ def _fill(material: Material, multiple: Vec3, g: float) -> None:
 
 
 def _scatter_in_a_sheet(material: Material, strength: float, color: Vec3, picture: int | None, g: float) -> None:
-    """Sets diffuse transmission of a thin sheet: the fraction `strength` of transmitted light leaves diffusely.
+    """Sets the diffuse transmission of a thin sheet: the fraction `strength` of transmitted light is scattered.
 
-    Of that, (1 + g) / 2 leaves on the far side and the rest on the near side.
+    Of the scattered light, (1 + g) / 2 leaves on the far side and the rest on the near side.
     """
     through = material.transmission * strength
     if through <= 0:

@@ -1,7 +1,7 @@
-"""KHR_materials_pbrSpecularGlossiness, archived by Khronos and still in many models.
+"""KHR_materials_pbrSpecularGlossiness, which Khronos has archived, but many models use.
 
-It becomes a dielectric with the specular colour as reflectance at normal incidence: an index of refraction that reflects
-everything, times the colour of KHR_materials_specular. Khronos gives the same advice for converting models.
+It becomes a dielectric whose reflectance at normal incidence is the specular colour: an index of refraction that reflects
+all light, tinted by the colour of KHR_materials_specular. Khronos recommends the same for converting models.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def read_specular_glossiness(source: Json, material: Material, textures: Texture
 
 
 def _roughness(image: Image, glossiness: float) -> Image:
-    """Returns glTF's roughness texture (channel G) from a glossiness texture (channel A)."""
+    """Returns a roughness texture (channel G, as in glTF) from a glossiness texture (channel A)."""
     rough = 1 - alpha(image) * np.float32(glossiness)
     black = np.zeros_like(rough)
     values = np.dstack([black, rough, black, np.ones_like(rough)])

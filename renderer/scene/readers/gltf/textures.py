@@ -1,4 +1,4 @@
-"""Textures of glTF (specification 3.8): images in files, data URIs or buffer views, samplers, and KHR_texture_transform."""
+"""glTF textures (specification 3.8): images in files, data URIs or buffer views, samplers, and KHR_texture_transform."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _UNSEEN = "occlusionTexture"
 
 
 def uv_sets_of(material: Any) -> tuple[int, ...]:
-    """Returns the UV sets that a material's textures use, two at most. material: its JSON."""
+    """Returns the numbers of the UV sets that a material's textures use, two at most. material: its JSON."""
     used: set[int] = set()
     left = [material]
     while left:
@@ -49,7 +49,7 @@ def uv_sets_of(material: Any) -> tuple[int, ...]:
 
 
 class Textures:
-    """The textures of one file, added to the description at first use."""
+    """The textures of one file, each added to the description at first use."""
 
     def __init__(self, root: Json, accessors: Accessors, files: SceneFiles, shelf: TextureShelf) -> None:
         self._root, self._accessors, self._files, self._shelf = root, accessors, files, shelf
@@ -61,8 +61,8 @@ class Textures:
     def find(self, owner: Json, key: str, user: str, srgb: bool = False) -> int | None:
         """Returns the description's index of the texture under a key of a material or extension; None if absent.
 
-        srgb: whether its colours are sRGB-encoded, as for base colour, emission, specular and sheen colour; others are linear
-        data. An unusable texture counts as a fault of the file.
+        user: name of the material, for warnings. srgb: True for colours, which are sRGB-encoded; False for linear data. An
+        unusable texture is counted as a fault of the file.
         """
         try:
             return self._find(owner, key, user, srgb)

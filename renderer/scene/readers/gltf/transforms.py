@@ -1,4 +1,4 @@
-"""glTF's transforms as 4x4 matrices on column vectors (specification 3.5.3)."""
+"""glTF transforms as 4x4 matrices for column vectors (specification 3.5.3)."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def compose(translation: Matrix, rotation: Matrix, scale: Matrix) -> Matrix:
 
 
 def unit_vector(v: Matrix) -> Matrix:
-    """Returns the vector scaled to length 1."""
+    """Returns the vector scaled to length 1; the zero vector is unchanged."""
     return v / max(float(np.linalg.norm(v)), 1e-300)
 
 
