@@ -1,4 +1,4 @@
-"""Anisotropic roughness as glTF's anisotropy parameters."""
+"""Converts anisotropic roughness to glTF's anisotropy parameters."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 
 __all__ = ["brushed"]
 
-_LEAST = 1e-3  # least alpha
+_LEAST = 1e-3  # minimum alpha
 
 
 def brushed(along: float, across: float) -> dict[str, Any]:
-    """Returns the material fields for microfacets with alpha `along` the tangent and `across` it, each 0..1.
+    """Returns the material fields for a microfacet distribution with alpha `along` the tangent and `across` it, each 0..1.
 
     In the direction of glTF's anisotropy, alpha is interpolated towards 1 by strength squared. Source: KHR_materials_anisotropy.
     """

@@ -1,4 +1,4 @@
-"""Reader for .blend and Alembic files: Blender, in its own process, converts them to our scene format."""
+"""Reads .blend and Alembic files: Blender, in a separate process, converts them to Rayfarm's scene format."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ __all__ = ["read"]
 
 
 class _ConvertedFile:
-    """The scene that Blender exported from a file; its folder is deleted when the object is garbage-collected."""
+    """The scene that Blender exported from a file. Its temporary folder is deleted when the object is garbage-collected."""
 
     def __init__(self, files: SceneFiles, name: str) -> None:
-        """Runs Blender. Raises SceneError."""
+        """Runs Blender on a file of the scene. Raises SceneError if that fails."""
         path = files.path(name)
         root = path.parents[len(Path(name).parts) - 1]
         folder = Path(tempfile.mkdtemp(prefix="rayfarm-blend-"))
@@ -34,7 +34,7 @@ class _ConvertedFile:
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
-    """Adds the file's scene at a moment to the description. Raises SceneError."""
+    """Adds the file's scene at a moment to the description. Raises SceneError if Blender cannot convert the file."""
     written = files.recall(("blend", main), lambda: _ConvertedFile(files, main))
     written.files.read_anew()
     yaml.read(written.files, written.main, description, moment)

@@ -1,4 +1,7 @@
-"""Selects the reader of a file by its format, and converts unexpected errors of readers. Also reads meshes of our scene files."""
+"""Selects the reader of a file by its format, and converts unexpected errors of readers to SceneError.
+
+Also reads the mesh files that Rayfarm's scene files refer to.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +35,11 @@ def read_file(
     moment: Moment = Moment(),
     thickness: float | None = None,
 ) -> Format:
-    """Adds the scene of one file to a description; returns its format.
+    """Adds the scene of one file to a description; returns the file's format.
 
     variant: name of one of the file's material variants, or its number from 0; None for the default.
-    moment: the moment of the file's animation to read. formats: the formats that are accepted. thickness: of the file's points
-    and lines, in the file's unit; None leaves them out. Raises SceneError.
+    formats: the accepted formats. moment: the moment of the file's animation to read. thickness: width of the file's points and
+    lines, in the file's unit; None leaves them out. Raises SceneError if the file cannot be read.
     """
     suffix = PurePosixPath(name).suffix.lower()
     format = next((f for f in formats if f.suffix == suffix), None)

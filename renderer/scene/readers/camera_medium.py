@@ -1,4 +1,4 @@
-"""The medium around a camera: whether it fills a shape or the whole world."""
+"""Sets the world's medium from the medium around the camera."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["fill_world"]
 
 
 def fill_world(description: SceneDescription, found: Medium) -> None:
-    """Sets the first camera's medium as the world's, unless the camera is inside a shape filled with that medium."""
+    """Sets the medium around the first camera as the world's, unless the camera is inside a shape filled with that medium."""
     if not any((*found.sigma_a, *found.sigma_s)):
         return
     if description.cameras and _is_within(description, found, np.array(description.cameras[0].view.eye, np.float64)):
@@ -20,7 +20,7 @@ def fill_world(description: SceneDescription, found: Medium) -> None:
 
 
 def _is_within(description: SceneDescription, found: Medium, eye: np.ndarray) -> bool:
-    """Returns True if a point is within the bounds of a shape filled with the medium `found`."""
+    """Returns True if the point `eye` is within the bounds of a shape filled with the medium `found`."""
     filled = {number for number, made in enumerate(description.materials) if _is_of(made, found)}
     for sphere in description.spheres:
         if sphere.material in filled and float(np.linalg.norm(eye - np.array(sphere.center))) < sphere.radius:

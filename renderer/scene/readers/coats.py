@@ -18,7 +18,7 @@ __all__ = ["dielectric_albedo", "effective_albedo_under_coat", "internal_albedo"
 def dielectric_albedo(ior: float) -> float:
     """Returns the hemispherical albedo, 0..1, of a smooth dielectric under uniform illumination.
 
-    ior: of the far side, at least 1.
+    ior: index of refraction beyond the boundary, at least 1.
     """
     cosine = (np.arange(1024) + 0.5) / 1024
     behind = np.sqrt(1 - (1 - cosine**2) / ior**2)
@@ -28,29 +28,30 @@ def dielectric_albedo(ior: float) -> float:
 
 
 def ior_of(reflectance: float) -> float:
-    """Returns the index of refraction with this reflectance at normal incidence."""
+    """Returns the index of refraction that has this reflectance at normal incidence."""
     root = math.sqrt(min(max(reflectance, 0.0), 0.99))
     return (1 + root) / (1 - root)
 
 
 def pane_ior(ior: float) -> float:
-    """Returns the index of a single surface that reflects as much at normal incidence as a pane of index `ior`, interreflections
-    included.
+    """Returns the index of a single boundary with the same reflectance at normal incidence as a pane, interreflections included.
+
+    ior: the pane's index of refraction.
     """
     once = ((ior - 1) / (ior + 1)) ** 2
     return ior_of(2 * once / (1 + once))
 
 
 def internal_albedo(ior: float) -> float:
-    """Returns the internal albedo, 0..1, of a smooth coat for uniform light from inside it."""
+    """Returns the albedo, 0..1, of a smooth coat's boundary for uniform light from inside the coat."""
     return 1 - (1 - dielectric_albedo(ior)) / ior**2
 
 
 def effective_albedo_under_coat(reflectance: Any, inner: float) -> Any:
     """Returns the effective reflectance of paint under a coat, relative to the light that enters the coat.
 
-    inner: the coat's internal albedo. Source: Pharr, Jakob and Humphreys 2023, 14.3, in the limit of a thin smooth coat; the
-    interreflections between paint and coat form a geometric series.
+    reflectance: of the paint, a tuple or an array; inner: the coat's internal albedo. The interreflections between paint and coat
+    form a geometric series. Source: Pharr, Jakob and Humphreys 2023, 14.3, in the limit of a thin smooth coat.
     """
     values = np.clip(np.asarray(reflectance, np.float32), 0, 1)
     found = (1 - inner) * values / (1 - inner * values)
@@ -61,7 +62,7 @@ def effective_albedo_under_coat(reflectance: Any, inner: float) -> Any:
 
 
 def tint_beneath(material: Material, color: tuple[float, float, float]) -> None:
-    """Tints a material's base colour, specular colour and emission by a coloured clear coat.
+    """Tints a material's base colour, specular colour and emission by the colour of its clear coat.
 
     Source: Autodesk's Standard Surface 1.0.1.
     """

@@ -1,4 +1,4 @@
-"""Reader for Collada: assimp, with trimesh for files that assimp refuses."""
+"""Reads Collada files by assimp, or by trimesh where assimp rejects them."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ _UNREAD: dict[str, str] = {
     "convex_mesh": Sentence("collada-convex-hulls", "convex hulls (convex_mesh) are"),
     "brep": Sentence("collada-breps", "boundary representations (brep) are"),
 }
-_FALL = 0.75  # of Blender's blend: with it our quadratic falloff has the flux of Blender's smoothstep
+_FALL = 0.75  # factor of Blender's blend: makes the flux of our quadratic falloff equal to that of Blender's smoothstep
 _NO_INDEX = re.compile(r"[^0-9\s]")
 _UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']{1,40})[\"']")
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
-    """Adds the file's scene at a moment to the description, in the file's unit. Raises SceneError."""
+    """Adds the file's scene at a moment to the description, in the file's unit. Raises SceneError if the file is damaged."""
     before = {field.name: copy(getattr(description, field.name)) for field in fields(description)}
     data = files.read(main)
     refuse_entities(data, main, doctype_too=False)
@@ -99,7 +99,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
 
 
 class _ExtraData(NamedTuple):
-    """The data read directly from the XML rather than by assimp, by node names and ids."""
+    """The data that are read directly from the XML rather than by assimp, by the names and ids of nodes."""
 
     lenses: dict[str, _Lens]
     lamps: dict[str, _Lamp]
@@ -109,7 +109,10 @@ class _ExtraData(NamedTuple):
 
 
 def _extra_data(data: bytes, main: str) -> _ExtraData:
-    """Returns the data that assimp does not provide. Raises SceneError if nodes contain each other or are too many."""
+    """Returns the data that assimp does not provide.
+
+    Raises SceneError if nodes contain each other, there are too many nodes, or a list of corners is malformed.
+    """
     try:
         root = ElementTree.fromstring(data)
     except ElementTree.ParseError:
@@ -123,7 +126,7 @@ def _extra_data(data: bytes, main: str) -> _ExtraData:
 
 
 def _shapeless(root: ElementTree.Element) -> int:
-    """Returns the number of cameras with a width but neither a height nor an aspect ratio."""
+    """Returns the number of cameras that have a width but neither a height nor an aspect ratio."""
     optics = [
         *root.iterfind(".//{*}library_cameras/{*}camera//{*}perspective"),
         *root.iterfind(".//{*}library_cameras/{*}camera//{*}orthographic"),
@@ -133,7 +136,7 @@ def _shapeless(root: ElementTree.Element) -> int:
 
 
 def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
-    """Raises SceneError if a list of corners has a word that is no index, on which assimp would spend half a minute."""
+    """Raises SceneError if a list of corners contains a word that is not an index, which takes assimp half a minute."""
     for corners in root.iter():
         if str(corners.tag).endswith("}p") or corners.tag == "p":
             text = corners.text or ""
@@ -151,7 +154,10 @@ def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
 
 
 class _Lens(NamedTuple):
-    """A camera's lens. fov: vertical, degrees; height: of an orthographic view; shift_x, shift_y: in picture heights."""
+    """The lens of a camera.
+
+    fov: vertical, in degrees; height: of an orthographic view; shift_x, shift_y: in image heights.
+    """
 
     fov: float | None
     height: float | None
@@ -161,7 +167,7 @@ class _Lens(NamedTuple):
 
 
 def _set_lenses(description: SceneDescription, lenses: dict[str, _Lens]) -> None:
-    """Sets the cameras' lenses from the XML: assimp reads some angles in degrees as radians, and omits other properties."""
+    """Sets the cameras' lenses from the XML, since assimp reads some angles in degrees as radians and omits other properties."""
     for i, camera in enumerate(description.cameras):
         if (lens := lenses.get(camera.name)) is None:
             continue
@@ -174,7 +180,7 @@ def _set_lenses(description: SceneDescription, lenses: dict[str, _Lens]) -> None
 
 
 def _lenses(root: ElementTree.Element) -> dict[str, _Lens]:
-    """Returns the lenses of the cameras on nodes, by node names and ids."""
+    """Returns the lenses of the cameras on nodes, by the nodes' names and ids."""
     by_id = {}
     for camera in root.iterfind(".//{*}library_cameras/{*}camera"):
         if (lens := _lens(camera)) is not None:
@@ -208,21 +214,21 @@ def _lens(camera: ElementTree.Element) -> _Lens | None:
     near = _number(optics.findtext("{*}znear"), below=_FAR) or 0.0
     own = camera.find("{*}extra/{*}technique[@profile='blender']")
     shifts = [0.0, 0.0]
-    if own is not None:  # in units of the picture's longer side
+    if own is not None:  # in units of the image's longer side
         said = (_number(own.findtext(f"{{*}}{key}"), -MAX_SHIFT, MAX_SHIFT) or 0.0 for key in ("shiftx", "shifty"))
         shifts = [min(max(each * max(aspect or _ASPECT, 1.0), -MAX_SHIFT), MAX_SHIFT) for each in said]
     return _Lens(fov, height, near, shifts[0], shifts[1])
 
 
 class _Lamp(NamedTuple):
-    """Blender's own data of a light: its power in watts, and a spot's inner and outer half angle in degrees."""
+    """Blender's own data of a light: its RGB power in watts, and a spot's inner and outer half angles in degrees."""
 
     watts: tuple[float, float, float]
     cone: tuple[float, float]
 
 
 def _set_watts(description: SceneDescription, lamps: dict[str, _Lamp]) -> None:
-    """Sets intensities and cones of lights from Blender's data, as Collada defines neither a unit nor the outer cone angle."""
+    """Sets the intensities and cones of lights from Blender's data, since Collada defines no unit and no outer cone angle."""
     for light in description.lights:
         if (lamp := lamps.get(light.name)) is not None:
             scale = 1.0 if light.kind == "directional" else 1 / (4 * math.pi)
@@ -233,7 +239,7 @@ def _set_watts(description: SceneDescription, lamps: dict[str, _Lamp]) -> None:
 
 
 def _lamps(root: ElementTree.Element) -> dict[str, _Lamp]:
-    """Returns the lights on nodes of a file written by Blender, by node names and ids."""
+    """Returns the lights on nodes in a file written by Blender, by the nodes' names and ids."""
     by_id = {}
     for light in root.iterfind(".//{*}library_lights/{*}light"):
         own = light.find("{*}extra/{*}technique[@profile='blender']")
@@ -266,7 +272,7 @@ def _number(words: str | None, above: float = 0.0, below: float = 180.0) -> floa
 
 
 def _metres(data: bytes) -> float | None:
-    """Returns the file's unit in metres: 1 if not given, None if invalid."""
+    """Returns the file's unit in metres; 1 if not given, None if invalid."""
     said = _UNIT.search(data[:100_000])
     try:
         found = float(said.group(1)) if said else 1.0

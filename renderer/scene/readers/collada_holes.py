@@ -1,5 +1,6 @@
-"""Converts Collada's polygons with holes (<ph>) to simple polygons: a bridge edge, traversed both ways, joins each hole to the
-outline.
+"""Converts Collada's polygons with holes (<ph>) to simple polygons.
+
+A bridge edge, traversed in both directions, joins each hole to the outline.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def _bridge(polygons: ElementTree.Element, mesh: ElementTree.Element) -> int:
 
 
 def _points(vertices: str, mesh: ElementTree.Element) -> F64 | None:
-    """Returns the (V, 3) vertex positions of a mesh, or None."""
+    """Returns the (V, 3) vertex positions of a mesh; None if they are missing. vertices: id of its <vertices> element."""
     by_id = {each.get("id"): each for each in mesh}
     said = by_id.get(vertices)
     source: Any = None
@@ -93,7 +94,7 @@ def _points(vertices: str, mesh: ElementTree.Element) -> F64 | None:
 
 
 def without_holes(points: F64, loops: list[Indices]) -> list[Indices]:
-    """Returns simple loops that cover an outline, `loops[0]`, without the holes in it, the other loops.
+    """Returns simple loops that cover an outline, `loops[0]`, except for the holes in it, the other loops.
 
     points: (n, 3); loops: indices of points.
     """
@@ -112,9 +113,7 @@ def without_holes(points: F64, loops: list[Indices]) -> list[Indices]:
 
 
 def _without_shared_edges(points: F64, loops: list[Indices]) -> list[Indices]:
-    """Returns the loops without edges that two of them traverse in opposite directions; a hole at the outline's edge becomes a
-    notch.
-    """
+    """Removes the edges that two loops traverse in opposite directions; a hole at the outline's edge becomes a notch."""
     _, place = np.unique(points, axis=0, return_inverse=True)
     place = place.reshape(-1)
     left: dict[tuple[int, int], int] = {}
@@ -166,9 +165,9 @@ def _joined(flat: F64, merged: Indices, holes: list[Indices]) -> Indices:
 
 
 def _plane(outline: F64) -> tuple[list[int], F64, F64]:
-    """Returns the coordinate plane best aligned with an outline: two axes, the outline's first corner there, and a sign per axis.
+    """Returns the coordinate plane to project an outline to: two axes, the outline's first corner there, and a sign per axis.
 
-    With the signs applied the outline is counter-clockwise.
+    It is the plane best aligned with the outline. With the signs applied, the outline is counter-clockwise.
     """
     ahead = np.roll(outline, -1, axis=0)
     normal = np.cross(outline - outline[0], ahead - outline[0]).sum(axis=0)
@@ -184,7 +183,10 @@ def _area(loop: F64) -> float:
 
 
 def _bridge_of(flat: F64, merged: Indices, hole: Indices, others: list[Indices]) -> tuple[int, int]:
-    """Returns the positions, in a loop and in a hole, of the nearest two corners whose connection crosses no edge."""
+    """Returns the shortest bridge from a loop to a hole that crosses no edge, as positions in the loop and in the hole.
+
+    merged: the loop; others: further holes. If every bridge crosses an edge, the shortest is returned.
+    """
     apart = np.linalg.norm(flat[merged][:, None] - flat[hole][None], axis=2)
     nearest = np.unravel_index(int(np.argmin(apart)), apart.shape)
     if apart.size > _MOST_PAIRS:
@@ -208,7 +210,10 @@ def _crosses(a: F64, b: F64, begin: F64, end: F64) -> bool:
 
 
 def _is_within(flat: F64, loop: Indices, i: int, to: F64) -> bool:
-    """Returns True if the segment from a corner goes into the loop's interior, where several corners of the loop coincide."""
+    """Returns True if the segment from corner `i` of a loop to a point begins inside the loop.
+
+    This matters where several corners of the loop coincide.
+    """
     here, last, following = flat[loop[i]], flat[loop[i - 1]], flat[loop[(i + 1) % len(loop)]]
     if (to == here).all():
         return True

@@ -1,4 +1,4 @@
-"""Rendering of a part of the film: a narrower view with a shifted lens."""
+"""Renders a part of the film, as a view with a narrower field and a shifted lens."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["Window", "cropped"]
 
 
 class Window(NamedTuple):
-    """The rectangle of film pixels to render; x and y are its upper left corner."""
+    """The rectangle of film pixels to render. x, y: its upper left corner."""
 
     x: int
     y: int
@@ -18,7 +18,10 @@ class Window(NamedTuple):
 
 
 def cropped(fields: dict[str, Any], film: tuple[int, int], window: Window) -> dict[str, Any]:
-    """Returns a view's fields for a window of its film; `film` is (width, height). Panoramas are returned unchanged."""
+    """Returns the fields of a view restricted to a window of its film; those of a panorama are unchanged.
+
+    film: (width, height).
+    """
     if fields.get("projection") == "panorama" or window == (0, 0, *film):
         return fields
     width, height = film
@@ -29,7 +32,7 @@ def cropped(fields: dict[str, Any], film: tuple[int, int], window: Window) -> di
         made["fov"] = min(max(math.degrees(2 * math.atan(half)), 0.01), 179.0)
     if "height" in fields:
         made["height"] = fields["height"] * share
-    # In pixels of the film, whose height is that of the whole picture.
+    # In pixels of the film; shifts are in heights of the whole image.
     right = window.x + window.width / 2 - width / 2
     down = window.y + window.height / 2 - height / 2
     made["shift_x"] = (fields.get("shift_x", 0.0) * height + right) / window.height

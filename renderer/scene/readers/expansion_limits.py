@@ -1,4 +1,7 @@
-"""Limits on files that expand by internal references. They are counted before a library follows them and runs out of memory."""
+"""Limits how far files may expand by internal references.
+
+The expanded elements are counted before a library follows the references and runs out of memory.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +27,8 @@ def check_expansion(
 ) -> int:
     """Returns the number of elements that `root` expands to, each counted once per reference.
 
-    below: returns the elements that one contains or refers to. is_circle_error: whether cycles raise SceneError; False if the
-    library breaks them itself. Also raises SceneError for too many elements or too deep nesting.
+    below: returns the elements that an element contains or refers to. is_circle_error: whether cycles raise SceneError; False if
+    the library breaks cycles itself. Raises SceneError also if there are too many elements or they are nested too deeply.
     """
     sizes: dict[Key, int] = {}
     path: list[tuple[Key, Iterator[Key]]] = [(root, iter(below(root)))]
@@ -77,7 +80,7 @@ def check_expansion(
 
 
 def collada_nodes(root: ElementTree.Element, file: str) -> int:
-    """Returns the number of nodes of a Collada file after expanding library references.
+    """Returns the number of nodes of a Collada file after expansion of library references.
 
     Raises SceneError as `check_expansion` does.
     """
@@ -99,7 +102,10 @@ def collada_nodes(root: ElementTree.Element, file: str) -> int:
 
 
 def x3d_nodes(root: ElementTree.Element, file: str) -> int:
-    """Returns the number of elements of an X3D file after expanding USE references. Raises SceneError."""
+    """Returns the number of elements of an X3D file after expansion of USE references.
+
+    Raises SceneError as `check_expansion` does.
+    """
     known = {name: node for node in root.iter() if (name := node.get("DEF"))}
 
     def below(node: ElementTree.Element) -> Iterator[ElementTree.Element]:

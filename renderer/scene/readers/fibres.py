@@ -1,4 +1,4 @@
-"""Hair fibres as opaque glossy surfaces with the colour of a full head of hair; transmission through fibres is not simulated.
+"""Renders hair fibres as opaque glossy surfaces in the colour of a full head of hair, without transmission through fibres.
 
 Source: Chiang et al., "A practical and controllable hair and fur model for production path tracing", 2016, eq. 9 (absorption and
 colour) and eq. 7 (longitudinal roughness and its variance); d'Eon et al., "An energy-conserving hair reflectance model",
@@ -24,23 +24,29 @@ _EUMELANIN, _PHEOMELANIN = np.array([0.419, 0.697, 1.37]), np.array([0.187, 0.4,
 
 
 def fibre(color: Vec3, along: float, ior: float) -> Material:
-    """Returns the glossy material of a fibre. along: the longitudinal roughness, 0..1."""
+    """Returns the glossy material of a fibre. along: longitudinal roughness, 0..1."""
     rough = clamped(math.sqrt(deviation(clamped(along, 0.0, 1.0))), 0.0, 1.0)
     return Material(kind="metallic_roughness", base_color=unit_color(color), ior=clamped(ior, 1.0, 4.0), roughness=rough)
 
 
 def deviation(beta: float) -> float:
-    """Returns the longitudinal standard deviation, in radians, for a roughness: the square root of Chiang's variance."""
+    """Returns the longitudinal standard deviation, in radians, for a roughness: the square root of the variance in Chiang's eq.
+
+    7.
+    """
     return 0.726 * beta + 0.812 * beta**2 + 3.7 * beta**20
 
 
 def pigments(eumelanin: float, pheomelanin: float) -> F64:
-    """Returns the (3,) absorption coefficients for concentrations of eumelanin and pheomelanin."""
+    """Returns (3,) RGB absorption coefficients for concentrations of eumelanin and pheomelanin."""
     return max(eumelanin, 0.0) * _EUMELANIN + max(pheomelanin, 0.0) * _PHEOMELANIN
 
 
 def color_of(absorption: Any, beta: float) -> Vec3:
-    """Returns the colour of hair whose fibres, of diameter 2, have an absorption coefficient. beta: the azimuthal roughness."""
+    """Returns the colour of hair whose fibres have these absorption coefficients, for a fibre diameter of 2.
+
+    beta: azimuthal roughness.
+    """
     spread = 5.969 - 0.215 * beta + 2.532 * beta**2 - 10.73 * beta**3 + 5.574 * beta**4 + 0.245 * beta**5
     r, g, b = (float(v) for v in np.exp(-np.sqrt(np.maximum(np.asarray(absorption, float), 0.0)) * spread))
     return r, g, b

@@ -1,8 +1,8 @@
-"""Height maps converted to normal maps.
+"""Converts height maps to normal maps.
 
-The map contains slopes for a surface as large as its UV range; the map's strength multiplies slopes and so carries the true
-size. One map therefore serves all meshes with the same height map. Source of bump maps: Blinn, "Simulation of wrinkled
-surfaces", SIGGRAPH 1978.
+The normal map contains slopes for a surface as large as its UV range; the map's strength multiplies the slopes, and so accounts
+for the surface's actual size. One normal map therefore serves all meshes with the same height map. Source: Blinn, "Simulation
+of wrinkled surfaces", SIGGRAPH 1978.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _WITHIN = 3.0  # largest encoded slope, in multiples of the RMS slope; steeper o
 
 
 class Bumps(NamedTuple):
-    """A normal map (texture index) and its strength."""
+    """A normal map, as texture index, and its strength."""
 
     texture: int
     strength: float
 
 
 def spans_of(mesh: Mesh, uv_set: int, place: F64) -> tuple[float, float] | None:
-    """Returns the mean lengths on the mesh, transformed by a (3, 3) matrix, per unit of u and of v; None without UVs."""
+    """Returns the mean lengths on a mesh per unit of u and of v; None without UVs. place: (3, 3) transform of the mesh."""
     uvs = mesh.uvs if uv_set == 0 else mesh.uvs1
     if uvs is None or not len(mesh.triangles):
         return None
@@ -55,9 +55,9 @@ def spans_of(mesh: Mesh, uv_set: int, place: F64) -> tuple[float, float] | None:
 
 
 def _means(p: F64, q: F64, a: F64, b: F64, area: F64) -> tuple[float, float]:
-    """Returns area-weighted mean lengths per unit of u and v.
+    """Returns the area-weighted mean lengths per unit of u and of v.
 
-    p, q: triangle edges; a, b: the same edges in UVs; area: their cross product.
+    p, q: two edges of each triangle; a, b: the same edges in UV space; area: the cross product of a and b.
     """
     along = (p * b[:, 1:2] - q * a[:, 1:2]) / area[:, None]
     down = (q * a[:, :1] - p * b[:, :1]) / area[:, None]
@@ -73,7 +73,7 @@ def rounded(span: float) -> float:
 
 
 class BumpMaps:
-    """The normal maps made from a description's height maps. Each is made once."""
+    """The normal maps made from a description's height maps, each made once."""
 
     def __init__(self, shelf: TextureShelf, channels: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> None:
         """channels: weights of red, green and blue in the height."""
@@ -81,9 +81,9 @@ class BumpMaps:
         self._made: dict[tuple[int, int], tuple[int, float] | None] = {}
 
     def of(self, heights: int, rise: float, spans: tuple[float, float]) -> Bumps | None:
-        """Returns the normal map of a height texture; None if it is flat.
+        """Returns the normal map of a height texture; None if the texture is flat.
 
-        rise: height of the value 1, in the unit of `spans`; spans: lengths from `spans_of`.
+        rise: height that the value 1 represents, in the unit of `spans`; spans: lengths from `spans_of`.
         """
         aspect = min(max(spans[1] / spans[0], 1 / _MOST_ASPECT), _MOST_ASPECT)
         step = round(math.log(aspect) / math.log(_ASPECTS))
@@ -97,7 +97,10 @@ class BumpMaps:
         return Bumps(found[0], min(max(strength, -MOST_STRENGTH), MOST_STRENGTH))
 
     def _make(self, heights: int, step: int) -> tuple[int, float] | None:
-        """Returns a normal map's texture index and the slope that its value 1 represents; None if flat."""
+        """Returns a normal map's texture index, and the slope that its value 1 represents; None if the height texture is flat.
+
+        step: aspect ratio of the spans, in logarithmic steps.
+        """
         texture = self._shelf.texture_of(heights)
         with np.errstate(all="ignore"):
             slopes = _slopes(linear(self._shelf.image_of(heights)) @ self._channels, texture)
@@ -111,7 +114,7 @@ class BumpMaps:
 
 
 def _slopes(height: F32, texture: Texture) -> F32:
-    """Returns the (h, w, 2) derivatives of height by the mesh's u and v, v downwards."""
+    """Returns the (h, w, 2) derivatives of height with respect to the mesh's u and v, v downwards."""
     rows, columns = height.shape
     x = columns * _differences(height, 1, texture.wrap_s == "repeat")
     y = rows * _differences(height, 0, texture.wrap_t == "repeat")
@@ -120,7 +123,7 @@ def _slopes(height: F32, texture: Texture) -> F32:
 
 
 def _differences(height: F32, axis: int, repeats: bool) -> F32:
-    """Returns central differences; one-sided at the edges of a texture that does not repeat."""
+    """Returns central differences between pixels; one-sided at the edges of a texture that does not repeat."""
     if height.shape[axis] == 1:
         return np.zeros_like(height)
     if repeats:
@@ -129,7 +132,7 @@ def _differences(height: F32, axis: int, repeats: bool) -> F32:
 
 
 def _as_normals(heights: Image, slopes: F32) -> Image:
-    """Returns slopes as a glTF normal map, green up, with the bit depth of the heights."""
+    """Returns slopes as a glTF normal map (green up), with the bit depth of the height map."""
     normals = np.stack([-slopes[..., 0], slopes[..., 1], np.ones(slopes.shape[:2], np.float32)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     values = np.concatenate([0.5 + 0.5 * normals, np.ones_like(normals[..., :1])], axis=-1)

@@ -1,9 +1,9 @@
-"""Reader for IES profiles: luminous intensity by direction, in candela.
+"""Reads IES profiles: luminous intensity by direction, in candela.
 
-Source: ANSI/IES LM-63-19 and before it LM-63-1986, -91, -95 and -02. Angles of type C photometry are those of the kind SPHERE in
-renderer/kernel/light/emission_map.py: the axis is the nadir, the plane C0 is to its right, C90 upwards. Types A and B are laid
-out so that (0, 0) is the axis, and positive angles go right and up. Type A has its poles above and below, and horizontal angles
-are longitudes; type B has its poles left and right, and vertical angles are longitudes.
+Source: ANSI/IES LM-63-19, and its predecessors LM-63-1986, -91, -95 and -02. Angles of type C photometry equal those of the
+kind SPHERE in renderer/kernel/light/emission_map.py: the axis is the nadir, the plane C0 is to its right, C90 upwards. In types
+A and B, (0, 0) is the axis, and positive angles go right and up. In type A the poles are above and below, and horizontal angles
+are longitudes; in type B the poles are left and right, and vertical angles are longitudes.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _CANDELA = Sentence("ies-candela", "candela values")
 
 
 class Photometry(NamedTuple):
-    """A profile. Of its tilt only the factors for the upright position are used."""
+    """A parsed profile. Of its tilt data, only the factor for the upright position is used."""
 
     emission: EmissionMap  # candela
     lumens: float
@@ -63,12 +63,12 @@ class Photometry(NamedTuple):
 class _Web(NamedTuple):
     goniometry: Goniometry
     vertical: F64  # (v,) degrees, ascending
-    horizontal: F64  # (h,) likewise
+    horizontal: F64  # (h,) degrees, ascending
     candela: F64  # (h, v)
 
 
 def read_ies(data: bytes, name: str) -> Photometry:
-    """Returns the profile in a file's bytes. Raises SceneError naming the file."""
+    """Parses an IES file. name: of the file, for errors. Raises SceneError if it is damaged or unsupported."""
     notes: list[str] = []
     web = _parsed(data, name, notes)
     emission = _of_type_c(web, name) if web.goniometry == "C" else _of_type_a_or_b(web, name)
@@ -127,7 +127,7 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
         )
     numbers.take(4, _SIZE)
     ballast, other, _ = numbers.take(3, _BALLAST)
-    # In the 2019 standard this field is the file's origin; in earlier ones a factor.
+    # This field is a factor only before the 2019 standard, in which it describes how the file was generated.
     factor *= multiplier * ballast * (1.0 if re.match(r"\s*IES:\s*LM-63-", text, re.IGNORECASE) else other)
     if vertical * horizontal > _MOST_VALUES:
         raise SceneError(
@@ -160,13 +160,13 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
 
 
 class _Numbers:
-    """Reads the numbers of a text in order."""
+    """Reads the numbers of a text in sequence."""
 
     def __init__(self, text: str, name: str) -> None:
         self._words, self._at, self._name = text.replace(",", " ").split(), 0, name
 
     def take(self, count: int, what: str) -> F64:
-        """Returns the next `count` numbers. Raises SceneError."""
+        """Returns the next `count` numbers. what: their name, for errors. Raises SceneError if any is missing or invalid."""
         words = self._words[self._at : self._at + count]
         self._at += count
         if len(words) < count:
@@ -201,7 +201,10 @@ class _Numbers:
             ) from None
 
     def count(self, what: str, how_many: str) -> int:
-        """Returns the next number as a count. what, how_many: what it counts, and what it is called. Raises SceneError."""
+        """Returns the next number as a count. what: the counted items; how_many: name of the count.
+
+        Raises SceneError if it is missing or not a valid count.
+        """
         number = float(self.take(1, how_many)[0])
         if not (0 <= number <= _MOST_VALUES and number == int(number)):
             raise SceneError(
@@ -217,7 +220,7 @@ class _Numbers:
 
 
 def _of_type_c(web: _Web, name: str) -> EmissionMap:
-    """Resamples a type C web at the largest regular steps that include all of its angles."""
+    """Resamples type C intensities at the largest regular steps that include all angles."""
     top, bottom = web.vertical[0], web.vertical[-1]
     if not 0 <= top < bottom <= 180:
         raise SceneError(
@@ -272,7 +275,7 @@ def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
 def _step(angles: F64, most: int) -> float:
     """Returns the largest step, in degrees, whose multiples include all angles.
 
-    If that needs `most` steps or more, returns a finer or equal division that does not.
+    If that takes `most` steps or more, returns the step of a regular division into fewer than `most` steps.
     """
     hundredths = np.rint(np.diff(angles) * _HUNDREDTHS).astype(np.int64)
     step = int(np.gcd.reduce(hundredths)) / _HUNDREDTHS
@@ -283,7 +286,7 @@ def _step(angles: F64, most: int) -> float:
 
 
 def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
-    """Resamples a type A or B web by angles about its axis. Angles that begin at 0 are mirrored."""
+    """Resamples type A or B intensities to angles about the axis; angles that begin at 0 are mirrored."""
     angles = []
     for own, what in ((web.horizontal, _HORIZONTAL_ANGLES), (web.vertical, _VERTICAL_ANGLES)):
         if not -90 <= own[0] <= 0 <= own[-1] <= 90:
@@ -312,7 +315,10 @@ def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
 
 
 def _bilinear(web: _Web, across: F64, above: F64) -> F64:
-    """Returns candela of a type A or B web, bilinear in angles in degrees; 0 outside the web."""
+    """Returns candela of a type A or B profile, interpolated bilinearly; 0 outside its angles.
+
+    across, above: horizontal and vertical angles in degrees.
+    """
     lit = np.ones(across.shape, bool)
     places = []
     for own, wanted in ((web.horizontal, across), (web.vertical, above)):

@@ -1,4 +1,4 @@
-"""Baking of procedural textures: values over the unit square of UVs, v counted from the top."""
+"""Bakes procedural textures over the unit square of UVs, v measured from the top."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ F64 = npt.NDArray[np.float64]
 
 
 class Grid(NamedTuple):
-    """UVs of the pixel centres, (rows, columns) each."""
+    """The UVs of an image's pixel centres, as (rows, columns) arrays of u and of v."""
 
     u: F64
     v: F64
@@ -30,7 +30,10 @@ class Grid(NamedTuple):
 
 
 def grid(size: tuple[int, int] = (SIZE, SIZE), first: int = 0, rows: int | None = None) -> Grid:
-    """Returns the UVs of an image of `size` (columns, rows): all rows, or `rows` rows from `first`."""
+    """Returns the UVs of the pixels of an image.
+
+    size: (columns, rows) of the image; first, rows: the rows to return, default all.
+    """
     columns, height = size
     at = np.arange(first, height if rows is None else first + rows)
     u, v = np.meshgrid((np.arange(columns) + 0.5) / columns, (at + 0.5) / height)
@@ -38,14 +41,14 @@ def grid(size: tuple[int, int] = (SIZE, SIZE), first: int = 0, rows: int | None 
 
 
 def checks(at: Grid, transform: UvTransform) -> npt.NDArray[np.bool_]:
-    """Returns a (rows, columns, 1) checkerboard mask, true where the first of the two textures is visible."""
+    """Returns a (rows, columns, 1) checkerboard mask, True where the first of the two textures is visible."""
     u, v = at.moved(transform)
     odd = (np.floor(u) + np.floor(1 - v)) % 2 != 0
     return np.asarray(~odd[..., None])
 
 
 def looked_up(texture: Texture, pixels: npt.NDArray[np.float32], at: Grid) -> F64:
-    """Returns a texture's (rows, columns, ...) values at UVs, with bilinear or nearest filtering."""
+    """Returns a texture's values at UVs, (rows, columns, channels), with bilinear or nearest filtering."""
     u, v = at.moved(texture.transform)
     height, width = pixels.shape[:2]
     x, y = (_wrapped(each, wrap) for each, wrap in ((u, texture.wrap_s), (v, texture.wrap_t)))

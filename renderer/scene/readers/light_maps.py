@@ -1,4 +1,4 @@
-"""Images and IES profiles as emission by direction of a light."""
+"""Converts images and IES profiles to emission maps, which scale a light's emission by direction."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ _MOST_SIDE = 2048
 
 
 def photometry_of(files: SceneFiles, name: str) -> Photometry:
-    """Returns the profile in a file of the scene, cached. Raises SceneError."""
+    """Returns the IES profile in a file of the scene, cached. Raises SceneError if the file is missing or invalid."""
     return files.recall(("IES", name), lambda: read_ies(files.read(name), name))
 
 
 def projected_map(pixels: F32, half_width: float, half_height: float, kind: EmissionKind = "window") -> EmissionMap:
-    """Returns the emission map of a (h, w, 3) image projected along the axis, upright as seen from the light.
+    """Returns the emission map of an (h, w, 3) image projected along the light's axis, upright as seen from the light.
 
-    half_width, half_height: of the image at distance 1.
+    half_width, half_height: half the image's size at distance 1.
     """
     return EmissionMap(kind, _valid_pixels(pixels), (-half_width, half_width, half_height, -half_height))
 
 
 def all_around(pixels: F32) -> EmissionMap:
-    """Returns the emission map of a (h, w, 3) equirectangular image as seen from the light: the axis points to its top row, and
-    the image's centre is below `up`.
+    """Returns the emission map of an (h, w, 3) equirectangular image, as seen from the light.
 
-    For a light with axis Y and `up` Z, the centre is at -Z, as for an environment.
+    The axis points to the image's top row, and the image's centre is opposite to `up`. For a light with axis Y and `up` Z, the
+    centre is at -Z, as in environment images.
     """
     return EmissionMap("sphere", _valid_pixels(pixels), (-1.5 * math.pi, 0.5 * math.pi, 0.0, math.pi))
 
 
 def _valid_pixels(pixels: F32) -> F32:
-    """Returns pixels without negative and non-finite values, halved until they are within the size limit."""
+    """Returns RGB pixels with negative and non-finite values set to 0, halved in size until they are within the limit."""
     pixels = np.nan_to_num(np.maximum(pixels[..., :3], 0.0), nan=0.0, posinf=0.0, neginf=0.0).astype(np.float32)
     while max(pixels.shape[:2]) > _MOST_SIDE:
         height, width = (n - n % 2 for n in pixels.shape[:2])

@@ -1,4 +1,4 @@
-"""Conversions between an image's stored pixels and linear values."""
+"""Converts between an image's stored pixels and linear values."""
 
 from __future__ import annotations
 
@@ -26,19 +26,22 @@ def linear(image: Image) -> F32:
 
 
 def alpha(image: Image) -> F32:
-    """Returns the (h, w) alpha of an image, 0..1; 1 if it has none."""
+    """Returns (h, w) alpha values, 0..1, of an image; 1 if it has no alpha channel."""
     if image.pixels.shape[2] < 4:
         return np.ones(image.pixels.shape[:2], np.float32)
     return np.asarray(np.clip(image.pixels[..., 3] / np.float32(most(image.pixels)), 0, 1), np.float32)
 
 
 def most(pixels: npt.NDArray[Any]) -> float:
-    """Returns the pixel value that represents 1."""
+    """Returns the pixel value that represents 1: the maximum of an integer type, 1 for floats."""
     return float(np.iinfo(pixels.dtype).max) if np.issubdtype(pixels.dtype, np.integer) else 1.0
 
 
 def codes(image: Image) -> Codes:
-    """Returns an image's RGBA as 8-bit or 16-bit codes, as stored; float pixels as their linear values clamped to 0..1."""
+    """Returns an image's RGBA as 8-bit or 16-bit integers.
+
+    Integer pixels are returned as stored; float pixels as linear values clamped to 0..1, in 16 bits.
+    """
     if image.pixels.dtype != np.float32:
         found: Codes = image.pixels
         return found
@@ -46,7 +49,7 @@ def codes(image: Image) -> Codes:
 
 
 def encoded(values: npt.NDArray[np.floating], *sources: Image, srgb: bool = False) -> Codes:
-    """Returns values in 0..1 as 8-bit codes, or as 16-bit codes if any source image has more than 8 bits.
+    """Returns values in 0..1 as 8-bit integers, or as 16-bit integers if any source image has more than 8 bits.
 
     srgb: whether to sRGB-encode the first three channels.
     """
@@ -59,7 +62,7 @@ def encoded(values: npt.NDArray[np.floating], *sources: Image, srgb: bool = Fals
 
 
 def alike(first: Codes, second: Codes) -> tuple[Codes, Codes]:
-    """Returns two arrays of codes at the same bit depth."""
+    """Returns two integer arrays converted to the same bit depth."""
     if first.dtype == second.dtype:
         return first, second
     a, b = (each if each.dtype == np.uint16 else each.astype(np.uint16) * np.uint16(257) for each in (first, second))

@@ -1,4 +1,4 @@
-"""A mixture of two materials as a single material, where the parameters allow it."""
+"""Represents a mixture of two materials by a single material, where its parameters allow that."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ _HEAD_ON = 0.04  # reflectance at normal incidence for ior 1.5
 
 
 class _Looks(NamedTuple):
-    """A diffuse colour and the reflectance of a gloss over it, at normal incidence and hemispherical. None: no gloss."""
+    """A diffuse colour with a glossy layer over it.
+
+    head_on, all_round: reflectance of the gloss at normal incidence, None without gloss, and its hemispherical albedo.
+    """
 
     matt: np.ndarray
     texture: int | None
@@ -39,9 +42,10 @@ class _Looks(NamedTuple):
 
 
 def mixed(first: Material, second: Material, share: float) -> Material | None:
-    """Returns the mixture of two materials, `share` of the second; None if no single material represents it.
+    """Returns the mixture of two materials; None if no single material represents it. share: weight of the second.
 
-    Supported are paint, plastic and metal: the gloss of one over a diffuse surface, or the same gloss for both.
+    Supported are paint, plastic and metal: gloss in one material over a diffuse surface, or the same gloss in both. A material
+    with opacity 0 makes the other one partly transparent.
     """
     if share <= 0 or share >= 1:
         return second if share >= 1 else first

@@ -1,8 +1,8 @@
 """Complex indices of refraction eta + i k of metals, as (eta, k) at the Rec.709 primaries.
 
-Vacuum-wavelength n and k were averaged with the weights by which Rec.709's red, green and blue follow from a spectrum (CIE 1931
-2 degree observer, as fitted by Wyman, Sloan and Shirley, JCGT 2(2), 2013; equal-energy light is white). The reflectance at
-normal incidence is within 0.04 of that of the measured spectrum, also where gold's red is clamped.
+n and k at vacuum wavelengths were averaged with the weights by which Rec.709's red, green and blue follow from a spectrum (CIE
+1931 2 degree observer, as fitted by Wyman, Sloan and Shirley, JCGT 2(2), 2013; equal-energy light is white). The reflectance at
+normal incidence is within 0.04 of that of the measured spectrum, even where gold's red is clamped.
 tests/renderer/scene/test_metals.py recomputes the average.
 
 Sources, by way of refractiveindex.info: gold, silver, copper: P. B. Johnson, R. W. Christy, Phys. Rev. B 6, 4370 (1972).
@@ -36,6 +36,6 @@ METALS: dict[str, tuple[Vec3, Vec3]] = {
 
 
 def head_on(eta: npt.ArrayLike, k: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Returns the reflectance at normal incidence for indices eta + i k."""
+    """Returns the reflectance at normal incidence for complex indices eta + i k."""
     n, absorbs = np.asarray(eta, np.float64), np.asarray(k, np.float64)
     return np.asarray(((n - 1) ** 2 + absorbs**2) / ((n + 1) ** 2 + absorbs**2))

@@ -1,6 +1,6 @@
-"""Reader for Wavefront's material files (MTL).
+"""Reads Wavefront's material files (MTL).
 
-MTL describes Phong shading; it is converted to the nearest physically based surface. Sources: the Alias/Wavefront
+MTL describes Phong shading, which is converted to the nearest physically based surface. Sources: the Alias/Wavefront
 specification, and its extension for physically based shading by Clara.io (Pr, Pm, Ps, Pc, Pcr, aniso, anisor, norm), which
 Blender and others write.
 """
@@ -27,11 +27,8 @@ __all__ = ["names_of", "read_mtl", "without_comment"]
 _IDLE = ("map_ka", "map_ao", "map_aat", "ka", "km", "illum", "sharpness")
 _GLASS_MODELS = (4, 6, 7, 9)
 _MATTE_MODELS = (0, 1)
-_METAL_MODEL, _SMOOTHEST, _BLENDERS_COATS = (
-    3,
-    1000.0,
-    4.0,
-)  # Blender's: clear coat at a quarter of its strength
+# _BLENDERS_COATS: Blender imports clear coats at a quarter of their strength.
+_METAL_MODEL, _SMOOTHEST, _BLENDERS_COATS = 3, 1000.0, 4.0
 _BY_TABLE = {p.mtl.lower(): p for p in PARAMETERS if p.mtl}
 _BLENDERS = re.compile(r"# Blender \d+\.\d+")  # first line of files written by Blender 3.2 and later
 _COMMENT = re.compile(r"(?:^|\s)#")
@@ -41,7 +38,7 @@ _PHYSICAL = ("pr", "ps", "map_pr", "map_pm", *_BY_TABLE)  # statements of physic
 
 
 def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Material]:
-    """Returns the materials of a file by name. Each statement that cannot be parsed gives a warning."""
+    """Returns the materials of a file by name. Statements that cannot be parsed cause warnings."""
     text = decoded(files.read(name))
     found: dict[str, _Statements] = {}
     current: _Statements | None = None
@@ -57,7 +54,7 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
     bare = Counter(map(without_comment, found))
     made = {}
     for material, statements in found.items():
-        if bare[without_comment(material)] == 1:  # else the apparent comment distinguishes names: Material #25
+        if bare[without_comment(material)] == 1:  # otherwise the apparent comment is part of a name, as in Material #25
             statements.name = without_comment(material)
         made[statements.name] = _material(statements, shade)
         notes.update(statements.notes)
@@ -80,17 +77,17 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
 
 
 def names_of(files: SceneFiles, name: str) -> list[str]:
-    """Returns the names of a file's materials."""
+    """Returns the names of a file's materials, in order."""
     return [value for keyword, value in _lines(decoded(files.read(name))) if keyword == "newmtl"]
 
 
 def without_comment(words: str) -> str:
-    """Returns the line without its trailing comment."""
+    """Returns the line without a trailing comment."""
     return _COMMENT.split(words, maxsplit=1)[0].strip() if "#" in words else words.strip()
 
 
 def _lines(text: str) -> Iterator[tuple[str, str]]:
-    """Yields (keyword in lower case, rest of the line) pairs; a backslash at the end of a line continues it."""
+    """Yields (keyword in lower case, rest of the line) for each line; a backslash at the end of a line continues it."""
     for line in _CONTINUED.sub(" ", text).splitlines():
         keyword, *rest = line.split(None, 1) or [""]
         if keyword and not keyword.startswith("#"):
@@ -98,7 +95,7 @@ def _lines(text: str) -> Iterator[tuple[str, str]]:
 
 
 class _Statements:
-    """The statements of one material: the rest of each line by keyword in lower case."""
+    """The statements of one material, as the rest of each line by its keyword in lower case. Records which are used."""
 
     def __init__(self, name: str, file: str, shelf: TextureShelf, files: SceneFiles) -> None:
         self.name, self.file, self.shelf, self._files = name, file, shelf, files
@@ -139,14 +136,14 @@ class _Statements:
         return next(iter(self.numbers(keyword)), default)
 
     def color(self, keyword: str, default: Vec3, high: float = 1.0) -> Vec3:
-        """Returns a colour from three numbers, or one for grey, clamped to 0..high."""
+        """Returns the colour of a statement with three numbers, or with one for grey, clamped to 0..high."""
         values = self.numbers(keyword)
         if not values:
             return default
         return unit_color(values[:3] if len(values) >= 3 else values[:1] * 3, high)
 
     def map(self, *keywords: str) -> Map | None:
-        """Returns the first of the map statements that names a file, or None."""
+        """Returns the first of these map statements that names a file; None if none does."""
         self._asked |= {*keywords}
         maps = (parse_map(self.values[k], self._is_file) for k in keywords if k in self.values)
         return next((m for m in maps if m is not None), None)
@@ -163,11 +160,11 @@ class _Statements:
         )
 
     def unread(self) -> list[str]:
-        """Returns the map statements that no parameter uses, without those of ambient light, which have no effect here."""
+        """Returns the map statements that no parameter uses, except those that have no effect here."""
         return [keyword for keyword in self._left() if _is_map(keyword)]
 
     def unused(self) -> list[str]:
-        """Returns other statements that no parameter uses and whose values are not neutral."""
+        """Returns the statements other than maps that no parameter uses and whose values are not neutral."""
         return [k for k in self._left() if not _is_map(k) and without_comment(self.values[k]).split() not in _neutral(k)]
 
     def _left(self) -> list[str]:
@@ -179,7 +176,7 @@ def _is_map(keyword: str) -> bool:
 
 
 def _neutral(keyword: str) -> Iterator[list[str]]:
-    """Yields the neutral values of a statement, as words: 1 for opacity; 0 for colours, and 0 or 1 for a filter."""
+    """Yields the neutral values of a statement, as words: 1 for opacity (d), 0 or 1 for a filter (tf), otherwise 0."""
     for value in (1.0,) if keyword == "d" else (0.0, 1.0) if keyword == "tf" else (0.0,):
         for word in (f"{value:g}", *(f"{value:.{digits}f}" for digits in range(1, 9))):
             yield [word]
@@ -226,7 +223,7 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
 
 
 def _choose(said: _Statements, material: Material) -> None:
-    """Sets the physically based surface nearest to the Phong parameters, or to the physically based extension."""
+    """Sets the physically based surface nearest to the Phong parameters, or the one given by the physically based extension."""
     specular, shininess = said.color("ks", (0.0, 0.0, 0.0)), max(said.number("ns", 0.0), 0.0)
     # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
     roughness = unit(said.number("pr", (2 / (shininess + 2)) ** 0.25))
@@ -236,9 +233,9 @@ def _choose(said: _Statements, material: Material) -> None:
 
 
 def _blenders(said: _Statements, material: Material) -> None:
-    """Sets the surface of an MTL written by Blender, read as Blender's own importer does.
+    """Sets the surface of an MTL file written by Blender, as Blender's own importer does.
 
-    Ns is the roughness, Ka the metalness if illum is 3, d the opacity; Tf is transmission if the extension is present.
+    Ns is the roughness, Ka the metalness if illum is 3, d the opacity. Tf is the transmission if the extension is present.
     """
     material.double_sided = True  # Blender's surfaces emit on both sides
     material.kind, is_extended = "metallic_roughness", any(keyword in said.values for keyword in _PHYSICAL)

@@ -48,7 +48,7 @@ _MOST = 1e9  # radiance
 
 
 class Map(NamedTuple):
-    """A map statement: file and options."""
+    """A map statement: the file that it names, and its options."""
 
     file: str
     wrap: Wrap = "repeat"
@@ -56,10 +56,13 @@ class Map(NamedTuple):
     strength: float = 1.0  # -bm
     span: tuple[float, float] = (0.0, 1.0)  # -mm: base and gain; a value x means base + gain x
     channel: str = ""  # -imfchan: r, g, b, m (alpha), l or z
-    unread: tuple[str, ...] = ()  # options that change the picture and are left out
+    unread: tuple[str, ...] = ()  # options that affect the image but are unsupported
 
     def find(self, shelf: TextureShelf, beside: str, user: str, srgb: bool = False) -> int | None:
-        """Returns the texture of the map; None, with a warning, if the file is missing."""
+        """Returns the texture of the map; None, with a warning, if the file is missing.
+
+        beside: the MTL file; user: for warnings.
+        """
         found = shelf.find(self.file, beside, user, srgb, self.wrap, self.transform)
         if self.unread:
             shelf.warn_of_surface(
@@ -84,7 +87,7 @@ def parse_map(value: str, is_file: Callable[[str], bool] = lambda _: True) -> Ma
     """Parses a map statement without its keyword. Returns None if it names no file.
 
     Options precede the file name, as in the specification, or follow it, as some programs write; a comment may follow.
-    is_file: whether a name is that of a file, for names that contain what looks like an option or a comment.
+    is_file: whether a file of this name exists, for names that contain what looks like an option or a comment.
     """
     said = _Options()
     words = value.split()
@@ -105,7 +108,7 @@ def parse_map(value: str, is_file: Callable[[str], bool] = lambda _: True) -> Ma
 
 
 class _Options:
-    """Parser of a map statement's options."""
+    """Parses the options of a map statement."""
 
     def __init__(self) -> None:
         self.scale, self.offset = [1.0, 1.0], [0.0, 0.0]
@@ -114,7 +117,7 @@ class _Options:
         self.unread: list[str] = []
 
     def take(self, words: list[str], at: int) -> int:
-        """Parses the options that begin at an index of `words`; returns the index after the last one."""
+        """Parses the options that begin at an index of `words`; returns the index after the last option."""
         while at < len(words) and words[at].lower() in (*_OPTIONS, *_SEVERAL):
             option = words[at].lower()
             at += 1
@@ -175,7 +178,7 @@ def holds_normals(image: Image) -> bool:
 def with_decal(shelf: TextureShelf, texture: int | None, decal: int, color: Vec3) -> int | None:
     """Returns a texture blended with a colour by a decal: texture * decal + colour * (1 - decal), with the decal's UV lookup.
 
-    Source: the specification of `decal`.
+    Returns the texture unchanged if the decal cannot be read. Source: the specification of `decal`.
     """
     srgb = encode_srgb(np.array(color, np.float32))
 
@@ -190,7 +193,7 @@ def with_decal(shelf: TextureShelf, texture: int | None, decal: int, color: Vec3
 
 
 def with_opacity(shelf: TextureShelf, color: int | None, opacity: int) -> int | None:
-    """Returns a texture with the colour of one (None: white) and the opacity of another, which is its alpha or else its grey."""
+    """Returns the colour of one texture (None: white) with the opacity of another: its alpha, or its grey if it is opaque."""
 
     def make(image: Image, mask: Image) -> Image:
         if color is not None and image.pixels.dtype == np.float32:
@@ -208,7 +211,7 @@ def with_opacity(shelf: TextureShelf, color: int | None, opacity: int) -> int | 
 
 
 def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: int | None) -> int | None:
-    """Returns glTF's metallic-roughness texture (G roughness, B metalness) from two grey ones; 1 for a missing one."""
+    """Returns glTF's metallic-roughness texture (green roughness, blue metalness) from two grey textures; 1 for a missing one."""
     if roughness is None and metal is None:
         return None
 
@@ -226,7 +229,7 @@ def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: 
 
 
 def as_alpha(shelf: TextureShelf, texture: int | None) -> int | None:
-    """Returns a white texture with the alpha of another, or with its grey if it has no alpha."""
+    """Returns a white texture with the alpha of another texture, or with its grey if it is opaque."""
 
     def make(image: Image) -> Image:
         grey = _scalar(image)
@@ -240,7 +243,7 @@ def as_alpha(shelf: TextureShelf, texture: int | None) -> int | None:
 
 
 def inverted(shelf: TextureShelf, texture: int | None) -> int | None:
-    """Returns a data texture with the values 1 - x, such as roughness from glossiness."""
+    """Returns a texture of linear values 1 - x, such as roughness from glossiness."""
 
     def make(image: Image) -> Image:
         pixels = codes(image).copy()
@@ -251,7 +254,7 @@ def inverted(shelf: TextureShelf, texture: int | None) -> int | None:
 
 
 def _channel(image: Image, channel: str) -> Image:
-    """Returns one channel of an image as grey. Float images have no alpha channel and are returned unchanged for it."""
+    """Returns one channel of an image as grey; an image without the channel, as float images without alpha, is unchanged."""
     at = _CHANNELS[channel]
     if at >= image.pixels.shape[2]:
         return image
@@ -263,7 +266,7 @@ def _channel(image: Image, channel: str) -> Image:
 
 
 def _spanned(image: Image, span: tuple[float, float]) -> Image:
-    """Returns an image with linear values base + gain * x; span is (base, gain)."""
+    """Returns an image with the linear values base + gain * x. span: (base, gain)."""
     base, gain = span
     name = f"{image.name} from {base:g} by {gain:g}"
     if image.pixels.dtype == np.float32:

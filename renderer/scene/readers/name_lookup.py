@@ -1,4 +1,4 @@
-"""Lookup of clips, variants and the like by name or number."""
+"""Looks up clips and variants by name or number."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ __all__ = ["number_of"]
 
 
 def number_of(kind: Literal["clip", "variant"], names: list[str], asked: str, file: str) -> int:
-    """Returns the index in `names` of an item given by name or number. Raises SceneError with the list of names."""
+    """Returns the index in `names` of an item requested by name or by number from 0.
+
+    Raises SceneError, with the list of names, if there is none.
+    """
     if asked in names:
         return names.index(asked)
     if asked.isascii() and asked.isdigit() and len(asked) < 10 and int(asked) < len(names):

@@ -1,4 +1,4 @@
-"""Clamping of a file's numbers to valid ranges."""
+"""Clamps a file's numbers to valid ranges."""
 
 from __future__ import annotations
 
@@ -27,6 +27,6 @@ def unit_color(values: Iterable[float], high: float = 1.0) -> Vec3:
 
 
 def blended_cone(outer: float, blend: float) -> float:
-    """Returns a Blender spot's inner half angle in degrees. outer: the outer half angle in degrees; blend: 0..1."""
+    """Returns the inner half angle, in degrees, of a Blender spot. outer: outer half angle in degrees; blend: 0..1."""
     edge = math.cos(math.radians(outer))
     return min(math.degrees(math.acos(min(edge + (1 - edge) * blend, 1.0))), outer)

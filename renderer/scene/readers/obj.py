@@ -1,6 +1,6 @@
-"""Reader for Wavefront OBJ: polygons, groups and materials.
+"""Reads Wavefront OBJ files: polygons, groups and materials.
 
-Makes one mesh per material, with smooth normals if the file has none.
+Makes one mesh per material; if the file has no normals, smooth ones are computed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MAX_BYTES = 400 << 20  # of text; the arrays take about as much again
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's meshes and materials to the description. Raises SceneError."""
+    """Adds the file's meshes and materials to the description. Raises SceneError if the file is damaged or too large."""
     data = files.read(main)
     if len(data) > MAX_BYTES:
         raise SceneError(
@@ -80,7 +80,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     elif said.colors is not None:
         said = said._replace(colors=_scaled(said.colors, main, shelf))
     said = said._replace(positions=in_exact_type(said.positions))
-    said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ counts v from the image's lower edge
+    said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ measures v from the image's lower edge
     if said.lost:
         shelf.warn(
             Sentence(
@@ -124,7 +124,10 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
 
 
 def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
-    """Returns (V, 3) sRGB in 0..1: white for vertices without a colour; colours up to 255 or 65,535 are divided by that."""
+    """Returns (V, 3) sRGB colours in 0..1, white for vertices without a colour.
+
+    If any value exceeds 1, all are divided by 255, or by 65535 if any exceeds 255.
+    """
     bare = np.isnan(colors)
     if count := int(bare.any(axis=1).sum()):
         shelf.warn_of_surface(
@@ -153,7 +156,10 @@ def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
 
 
 def _polypaint(text: bytes, vertices: int) -> F32 | None:
-    """Returns (V, 3) sRGB from ZBrush's comments, mask and RGB in hexadecimal per vertex; None if incomplete."""
+    """Returns (V, 3) sRGB from ZBrush's #MRGB comments; None if incomplete.
+
+    They contain a mask, red, green and blue per vertex, in hexadecimal.
+    """
     digits = b"".join(re.findall(rb"(?m)^#MRGB[ \t]+([0-9a-fA-F]+)", text))
     if len(digits) < 8 * vertices:
         return None
@@ -164,8 +170,8 @@ def _polypaint(text: bytes, vertices: int) -> F32 | None:
 def _rounded(said: Statements, cut: Triangulation, meshes: list[Mesh], triangles: list[npt.NDArray[np.int64]]) -> list[Mesh]:
     """Returns the meshes with missing normals computed.
 
-    With smoothing groups, normals are smooth within each group of an object (`s off` is no group). Otherwise they are smooth over
-    edges with small angles, across materials.
+    In files with smoothing groups, normals are smooth within each group of an object (`s off` is no group). In other files they
+    are smooth over edges with small angles, across materials.
     """
     if all(mesh.normals is not None for mesh in meshes):
         return meshes
@@ -191,7 +197,7 @@ def _rounded(said: Statements, cut: Triangulation, meshes: list[Mesh], triangles
 
 
 def _normalized_numbers(text: bytes) -> bytes:
-    """Returns the text with decimal points for commas, and `nan` for a C runtime's non-numbers such as 1.#QNAN."""
+    """Returns the text with decimal points for commas, and `nan` for the non-numbers of C runtimes, such as 1.#QNAN."""
 
     def line(found: re.Match[bytes]) -> bytes:
         numbers = re.sub(rb"(?<=\d),(?=\d)", b".", found[2])
@@ -203,7 +209,7 @@ def _normalized_numbers(text: bytes) -> bytes:
 
 
 def _faces_by_material(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
-    """Returns the faces of each material by name; None is the key of faces before the first material."""
+    """Returns the indices of each material's faces, by material name; None is the key of faces before the first material."""
     ends = [face for face, _ in said.materials[1:]] + [len(said.starts) - 1]
     stretches: list[tuple[str | None, int, int]] = [(None, 0, said.materials[0][0] if said.materials else ends[0])]
     stretches += [(name, face, end) for (face, name), end in zip(said.materials, ends, strict=False)]
@@ -216,9 +222,9 @@ def _faces_by_material(said: Statements) -> dict[str | None, npt.NDArray[np.int6
 def _groups(
     said: Statements, cut: Triangulation, stretches: list[npt.NDArray[np.int64]]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Returns (T,) triangles sorted by group, and (2 S + 1,) the start of each group.
+    """Sorts triangles into two groups for each of S sets of faces: triangles with normals, and those without.
 
-    Each of the S stretches of faces has two groups: its triangles with normals, and those without.
+    stretches: S arrays of face indices. Returns (T,) triangles sorted by group, and (2 S + 1,) the start of each group.
     """
     begins = np.searchsorted(cut.face, np.arange(len(said.starts)))
     faces = np.concatenate(stretches)
@@ -234,7 +240,7 @@ def _groups(
 def _meshes(
     names: list[str], said: Statements, cut: Triangulation, order: npt.NDArray[np.int64], begins: npt.NDArray[np.int64]
 ) -> list[Mesh]:
-    """Returns a mesh per group of triangles (see `_groups`), vectorised because files have a hundred thousand small groups."""
+    """Returns a mesh per group of triangles (see `_groups`); vectorised, since files may have a hundred thousand small groups."""
     corners = said.corners[cut.triangles[order].reshape(-1)]
     group = np.repeat(np.arange(len(begins) - 1, dtype=np.int32), 3 * np.diff(begins))
     corners[group % 2 == 1, 2] = -1
@@ -262,7 +268,7 @@ def _meshes(
 
 
 def _picked(table: F32, at: I32) -> F32:
-    """Returns rows of a table; zeros for index -1."""
+    """Returns the rows of a table at indices; zeros for the index -1."""
     if not len(table):
         return np.zeros((len(at), table.shape[1]), np.float32)
     return np.where(at[:, None] >= 0, table[np.maximum(at, 0)], np.float32(0))

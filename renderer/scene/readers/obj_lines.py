@@ -1,4 +1,4 @@
-"""Parser of OBJ statements into arrays: one pass over the bytes counts, a second one fills.
+"""Parses OBJ statements into arrays: one pass over the bytes counts the statements, a second one fills the arrays.
 
 Source: Alias/Wavefront, Advanced Visualizer Manual, appendix B1.
 """
@@ -30,7 +30,7 @@ _ABSENT, _LOST = -1, -2  # a corner's UV or normal index: absent, or out of rang
 
 
 class Statements(NamedTuple):
-    """The contents of a file. Indices count from 0; -1 is none."""
+    """The contents of an OBJ file. Indices begin at 0; -1 means none."""
 
     positions: npt.NDArray[Any]  # (V, 3), in the dtype of `exact` (renderer/scene/origin.py); NaN if not finite
     colors: F32 | None  # (V, 3), NaN where a vertex has none
@@ -47,7 +47,10 @@ class Statements(NamedTuple):
 
 
 def parse(data: bytes, file: str) -> Statements:
-    """Parses a file in UTF-8, other bytes escaped as by `surrogateescape`. Raises SceneError with the line of the error."""
+    """Parses a file in UTF-8, with other bytes escaped as by `surrogateescape`.
+
+    Raises SceneError, with the line, for invalid statements.
+    """
     text = np.frombuffer(data, np.uint8)
     counts = _count(text)
     positions, colors = np.empty((counts[_V], 3)), np.empty((counts[_V], 3), np.float32)
@@ -132,7 +135,7 @@ def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -
 
 @device
 def _skip(text: Bytes, i: int) -> int:
-    """Returns the index after blanks; a backslash before the end of a line counts as a blank, together with that end."""
+    """Returns the index of the first non-blank byte at or after `i`; a backslash and the line end after it count as blanks."""
     n = len(text)
     while i < n:
         c = text[i]
@@ -197,7 +200,7 @@ def _keyword(text: Bytes, i: int, end: int) -> int:
 
 @builder
 def _count(text: Bytes) -> Offsets:
-    """Returns the number of each kind of statement; under _OTHER, the number of words in faces."""
+    """Returns the number of statements of each kind; the entry _OTHER is the number of words in faces."""
     found = np.zeros(10, np.int64)
     i = 0
     while i < len(text):
@@ -219,7 +222,7 @@ def _count(text: Bytes) -> Offsets:
 
 @device
 def _is_word_of_no_number(text: Bytes, i: int) -> bool:
-    """Returns True if nan, inf or infinity begins at i, with or without a sign."""
+    """Returns True if nan, inf or infinity begins at `i`, with or without a sign."""
     if i < len(text) and (text[i] == _PLUS or text[i] == _MINUS):
         i += 1
     if i + 2 >= len(text):
@@ -230,7 +233,10 @@ def _is_word_of_no_number(text: Bytes, i: int) -> bool:
 
 @device
 def _row(text: Bytes, i: int, needed: int, wanted: int, row: F64) -> tuple[int, int]:
-    """Reads up to `wanted` numbers of a line into `row`, NaN for those not finite. Returns (code, count of numbers read)."""
+    """Reads up to `wanted` numbers of a line into `row`, with NaN for non-finite ones.
+
+    Returns (error code, count of numbers read).
+    """
     count = 0
     while count < wanted:
         i = _skip(text, i)
@@ -249,7 +255,7 @@ def _row(text: Bytes, i: int, needed: int, wanted: int, row: F64) -> tuple[int, 
 
 @device
 def _integer(text: Bytes, i: int) -> tuple[int, int]:
-    """Returns (integer at i, or 0 if there is none; index after it)."""
+    """Returns (the integer at `i`, or 0 if there is none; the index after it)."""
     n = len(text)
     negative = i < n and text[i] == _MINUS
     if negative or (i < n and text[i] == _PLUS):
@@ -265,7 +271,10 @@ def _integer(text: Bytes, i: int) -> tuple[int, int]:
 def _fill(
     text: Bytes, positions: F64, colors: F32, uvs: F32, normals: F32, corners: I32, starts: Offsets, names: Offsets
 ) -> tuple[int, int, int, int, bool]:
-    """Fills the arrays from the text. Returns (code, index of the error, its value, count, whether any vertex has a colour)."""
+    """Fills the arrays from the text.
+
+    Returns (error code, index of the error, its value, count, whether any vertex has a colour).
+    """
     row = np.zeros(6)
     known = np.zeros(3, np.int64)  # positions, uvs, normals so far
     corner, face, name, colored = 0, 0, 0, False

@@ -1,4 +1,4 @@
-"""Materials of an OBJ file, from its material libraries or from files beside it."""
+"""Finds the materials of an OBJ file, in its material libraries or in other files of its folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _OF_LIGHT = (".exr", ".hdr", ".pic", ".pfm")  # environment maps, not surface te
 
 
 class Materials:
-    """The description's indices of the materials that faces name."""
+    """The description's material indices for the materials that faces name."""
 
     def __init__(
         self, file: str, said: Statements, files: SceneFiles, shelf: TextureShelf, description: SceneDescription
@@ -71,7 +71,7 @@ class Materials:
         self._found.update(read_mtl(self._files, name, self._shelf))
 
     def _libraries(self, words: str) -> list[str]:
-        """Returns the files of a mtllib statement: one whose name may contain spaces, or several."""
+        """Returns the files of a mtllib statement: a single one, whose name may contain spaces, or several."""
         for said in dict.fromkeys((words, without_comment(words))):
             if name := self._files.find(said, self._file):
                 return [name]
@@ -83,7 +83,10 @@ class Materials:
         return [name for name in found.values() if name]
 
     def _guessed(self, said: Statements) -> str | None:
-        """Returns a material file with the OBJ file's name, or the only one beside it if faces name its materials; else None."""
+        """Returns a material file to use if none is named or found; None if there is no candidate.
+
+        Candidates are the file with the OBJ file's name, or the only one in its folder if it defines a material that faces name.
+        """
         beside = self._files.siblings(self._file, (".mtl",))
         stem = case_folded(PurePosixPath(self._file).stem)
         same = [name for name in beside if case_folded(PurePosixPath(name).stem) == stem]
@@ -95,9 +98,9 @@ class Materials:
         return beside[0] if any(without_comment(name) in has for _, name in said.materials) else None
 
     def number(self, name: str | None, meshes: list[Mesh]) -> int:
-        """Returns the description's index of a material.
+        """Returns the description's index of a material; adds the material.
 
-        Glass on meshes that are not closed becomes thin: see docs/scene-format.md.
+        meshes: those with the material. Glass becomes thin on meshes that are not closed: see docs/scene-format.md.
         """
         material = self._found.get(name or "") or self._found.get(without_comment(name or ""))
         if material is None and name and self._found:
@@ -123,7 +126,10 @@ class Materials:
         return len(self._description.materials) - 1
 
     def _in_another_encoding(self, name: str) -> Material | None:
-        """Returns the material whose name matches in another encoding, if only one of the two files is in UTF-8; else None."""
+        """Returns the material whose name matches in another encoding; None if there is none.
+
+        Used if only one of the two files is in UTF-8.
+        """
         if not is_readable(name):
             return next((self._found[text] for _, text in possible_decodings(name) if text in self._found), None)
         others = (key for key in self._found if not is_readable(key))

@@ -1,6 +1,7 @@
-"""Reader for OFF, Geomview's object file format: polygons with the normals, colours and UVs that its prefixes declare.
+"""Reads OFF, Geomview's object file format: polygons with the normals, colours and UVs that its prefixes declare.
 
-Source: the Geomview manual, "OFF: Object File Format". Binary files, and points of other dimensions (4OFF, nOFF), are not read.
+Source: the Geomview manual, "OFF: Object File Format". Binary files, and points of other dimensions (4OFF, nOFF), are not
+supported.
 """
 
 from __future__ import annotations
@@ -48,7 +49,10 @@ class _Faces(NamedTuple):
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's surface or points to the description. Raises SceneError."""
+    """Adds the file's surface or points to the description.
+
+    Raises SceneError if the file is damaged or of an unsupported kind.
+    """
     shelf = TextureShelf(description, files)
     text = _COMMENT.sub("", decoded(files.read(main)))
     found = _HEAD.match(text)
@@ -117,7 +121,7 @@ def _counts(lines: list[str], main: str) -> tuple[int, int]:
 
 
 def _vertices(lines: list[str], count: int, main: str) -> F64:
-    """Returns (V, w) vertex rows. Raises SceneError if their lengths differ."""
+    """Returns (V, w) rows of vertex numbers. Raises SceneError if their lengths differ."""
     words = [line.split() for line in lines]
     width = len(words[0])
     if width < 3 or any(len(row) != width for row in words):
@@ -154,7 +158,7 @@ def _faces(lines: list[str], count: int, main: str) -> _Faces:
 
 
 def _fractions(rows: list[list[str]]) -> F32:
-    """Returns colours in 0..1: rows of integers are divided by 255, others are taken as fractions."""
+    """Returns colours in 0..1: rows of integers are divided by 255 if any exceeds 1; other rows are converted by `fractions`."""
     whole = np.array([all(word.lstrip("+").isdigit() for word in row) for row in rows])
     values = np.array(rows, np.float64)
     found = np.empty(values.shape, np.float32)
@@ -178,7 +182,7 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
         colors, at = fractions(_columns(rows, at, min(width, 4), main)), at + min(width, 4)
     if head.has_uvs:
         uvs, at = _columns(rows, at, 2, main).astype(np.float32), at + 2
-        uvs[:, 1] = 1 - uvs[:, 1]  # counted from the lower edge
+        uvs[:, 1] = 1 - uvs[:, 1]  # OFF measures v from the lower edge
     further = rows.shape[1] - at
     if further in (3, 4) and at == 3 and (rows[:, at:] >= 0).all():
         colors = fractions(rows[:, at:])

@@ -1,4 +1,4 @@
-"""Reader for PLY: surfaces and point clouds, with the property names of common modelling programs and scanners."""
+"""Reads PLY files: surfaces and point clouds, with the property names that common modelling programs and scanners use."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ _FACES, _STRIPS = ("face", "faces"), "tristrips"
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's surface or points to the description. Raises SceneError."""
+    """Adds the file's surface or points to the description. Raises SceneError if the file is damaged."""
     read_data(files.read(main), files, main, description)
 
 
 def read_data(
     data: bytes, files: SceneFiles, main: str, description: SceneDescription, has_pictures: bool = True, attribute: str = ""
 ) -> None:
-    """Adds the surface or points in a file's bytes to the description. Raises SceneError.
+    """Adds the surface or points of a PLY file, given as bytes, to the description. Raises SceneError if the file is damaged.
 
-    has_pictures: whether to read textures; without them the file is one mesh. attribute: a mesh attribute as named by Mitsuba,
-    vertex_NAME or face_NAME, used as colour instead of the file's colours; a mesh that lacks it has no colours.
+    has_pictures: whether to read textures; without them the file becomes one mesh. attribute: a mesh attribute as named by
+    Mitsuba, vertex_NAME or face_NAME, used as colour in place of the file's colours; a mesh without the attribute has no colours.
     """
     shelf = TextureShelf(description, files)
     found = elements(data, main, shelf.warn)
@@ -79,7 +79,7 @@ def read_data(
 def _by_picture(
     vertex: Element, faces: _Faces, named: list[str], main: str, shelf: TextureShelf
 ) -> list[tuple[str | None, npt.NDArray[np.int64] | None]]:
-    """Returns the file's texture images with the triangles that each covers; None for all triangles."""
+    """Returns the file's texture images (None for no image), each with the triangles that it covers; None means all triangles."""
     number = None
     if faces.element is not None and _PICTURE in faces.element.columns:
         number = faces.element.columns[_PICTURE].astype(np.int64)[faces.face]
@@ -114,7 +114,7 @@ def _by_picture(
 
 
 def _positions(vertex: Element) -> Array:
-    """Returns (V, 3) positions in float32, or in float64 if any column has a wider type."""
+    """Returns (V, 3) positions, in float32 if all columns are float32, otherwise in float64."""
     columns = [vertex.columns[name] for name in "xyz"]
     kind = np.float32 if all(column.dtype == np.float32 for column in columns) else np.float64
     return np.stack([column.astype(kind) for column in columns], axis=1)
@@ -123,7 +123,7 @@ def _positions(vertex: Element) -> Array:
 class _Faces:
     """The triangles of a file.
 
-    triangles: (T, 3) vertices; corners: (T, 3) positions in the values of `lists`; face: (T,) row of the element.
+    triangles: (T, 3) vertex indices; corners: (T, 3) indices into the values of `lists`; face: (T,) row of `element`.
     """
 
     def __init__(self, lists: Lists, element: Element | None, triangles: Array, corners: Array, face: Array) -> None:
@@ -197,7 +197,7 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
 
 
 def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
-    """Returns (N, k) columns of the first set of names that the element has completely; None if there is none."""
+    """Returns (N, k) the columns of the first set of names that the element has completely; None if it has none."""
     for each in names:
         if all(name in element.columns for name in each):
             return np.stack([element.columns[name].astype(np.float32) for name in each], axis=1)
@@ -205,7 +205,7 @@ def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
 
 
 def _upright(uvs: F32) -> F32:
-    """Returns UVs with v counted from the top; PLY counts it from the image's lower edge."""
+    """Returns UVs with v measured from the image's upper edge, while PLY measures from the lower."""
     return np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1)
 
 
@@ -225,7 +225,7 @@ def _linear_of(element: Element) -> F32 | None:
 def _colors(element: Element, owner: str, attribute: str, main: str, shelf: TextureShelf) -> F32 | None:
     """Returns (N, 4) linear colours of an element's rows; None without colours.
 
-    attribute: as for `read_data`; owner: its prefix if it belongs to this element.
+    attribute: as for `read_data`; owner: the prefix, vertex or face, of attributes that belong to this element.
     """
     if not attribute:
         return _linear_of(element) if _has(element) else None
@@ -258,8 +258,8 @@ def _colors(element: Element, owner: str, attribute: str, main: str, shelf: Text
 def _channels(element: Element, name: str) -> list[Array] | None:
     """Returns the one or three columns of an attribute; None if there are none.
 
-    Source: Mitsuba's PLY reader. Columns have the attribute's name and a suffix; colours, with suffixes r, g and b, are called
-    NAME_color.
+    Columns are named by the attribute and a suffix; attributes with suffixes r, g and b are called NAME_color.
+    Source: Mitsuba's PLY reader.
     """
     names = [[f"{name}_{suffix}" for suffix in suffixes] for suffixes in _SUFFIXES]
     if name.endswith(_COLORED):
@@ -272,7 +272,7 @@ def _channels(element: Element, name: str) -> list[Array] | None:
 
 
 def _values_of(element: Element) -> F32:
-    """Returns (N, 4) colours in 0..1 in the file's encoding: linear for the names in `_LINEAR`, sRGB for others."""
+    """Returns (N, 4) colours in 0..1 in the file's encoding: linear for the property names in `_LINEAR`, otherwise sRGB."""
     names = next(names for names in (*_COLORS, _LINEAR) if all(name in element.columns for name in names))
     found = np.ones((element.count, 4), np.float32)
     alpha = next((name for name in _ALPHAS if name in element.columns), None)
@@ -285,7 +285,7 @@ def _values_of(element: Element) -> F32:
 
 
 def _splats(vertex: Element) -> npt.NDArray[np.uint8] | None:
-    """Returns (V, 3) sRGB codes of 3D Gaussians, from the view-independent term; None without them."""
+    """Returns (V, 3) sRGB codes of 3D Gaussians, from their view-independent term; None if the file has no Gaussians."""
     terms = _stacked(vertex, (_SPLATS,))
     if terms is None:
         return None

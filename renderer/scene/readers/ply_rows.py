@@ -1,4 +1,4 @@
-"""Parser of PLY elements into columns: text or binary of either byte order, with lists of any length.
+"""Parses PLY elements into columns: text, or binary of either byte order, with lists of any length.
 
 Source: Turk, "The PLY Polygon File Format", 1994.
 """
@@ -45,20 +45,20 @@ _DECIMAL_COMMA = re.compile(rb"(?<=\d),(?=\d)")
 
 @dataclass(frozen=True)
 class Lists:
-    """A list property: the values of all rows, concatenated."""
+    """A list property: the lengths of all rows' lists, and their values, concatenated."""
 
     count: npt.NDArray[np.int64]  # (N,)
     values: Array  # (sum of the counts,)
 
     @property
     def first(self) -> npt.NDArray[np.int64]:
-        """Returns (N,) offsets of each row's list in `values`."""
+        """Returns (N,) the index in `values` of each row's first value."""
         return np.cumsum(self.count) - self.count
 
 
 @dataclass(frozen=True)
 class Element:
-    """The rows of one element: (N,) columns and lists by property names in lower case."""
+    """The rows of one element, as (N,) columns and lists by property names in lower case."""
 
     name: str
     count: int
@@ -77,12 +77,12 @@ _Declared = list[tuple[str, int, list[_Property]]]  # name, count and properties
 
 
 def textures_of(data: bytes) -> list[str]:
-    """Returns the images named in a file's comments, in order."""
+    """Returns the image files named in a file's comments, in order."""
     return [decoded(name).strip() for name in _TEXTURE.findall(as_utf8(data[:_MOST_HEADER]).partition(b"end_header")[0])]
 
 
 def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: None) -> list[Element]:
-    """Returns a file's elements, in order. Raises SceneError."""
+    """Returns a file's elements, in order. Raises SceneError if the file is damaged."""
     data = data if data.startswith(b"ply") else as_utf8(data)
     header = _HEADER.match(data[:_MOST_HEADER])
     if header is None:
@@ -161,7 +161,10 @@ def _cut(file: str, element: str) -> SceneError:
 
 
 def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], None]) -> list[Element]:
-    """Returns the elements of a text file, as one stream of numbers regardless of line ends, unless rows have extra numbers."""
+    """Returns the elements of a text file.
+
+    The text is read as one stream of numbers regardless of line ends, unless rows have surplus numbers.
+    """
     text = _NO_NUMBER.sub(b" nan ", text) if b"#" in text or b"(" in text else text
     commas = 0
     if b"," in text:
@@ -200,7 +203,7 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
 
 
 def _trimmed(lines: list[bytes], declared: _Declared) -> tuple[bytes, int]:
-    """Returns the declared numbers, one row per line, and the number of longer lines; no numbers if lines are not rows."""
+    """Returns the declared numbers and the count of lines with surplus numbers; (b"", 0) if a line is not one row."""
     numbers, longer = list[bytes](), 0
     rows = (line.split() for line in lines if line.strip())
     try:
@@ -226,7 +229,7 @@ class _Bytes:
         self._data, self._at, self._order, self._file = data, at, order, file
 
     def take(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
-        """Returns the columns and lists of the next element."""
+        """Returns the columns and lists of the next element. name: of the element, for errors; count: number of rows."""
         if not count or not properties:
             return _columns(np.zeros(0, self._kind(properties, [])), properties, {})
         counts = self._first_counts(name, properties)
@@ -261,7 +264,7 @@ class _Bytes:
         return length
 
     def _kind(self, properties: list[_Property], counts: list[tuple[int, int]]) -> np.dtype[Any]:
-        """Returns the dtype of rows whose lists have the first row's lengths."""
+        """Returns the dtype of rows whose lists have the given lengths. counts: (property index, length) pairs."""
         lengths, fields = dict(counts), list[Any]()
         for i, each in enumerate(properties):
             if each.count is not None:
@@ -328,7 +331,7 @@ class _Text:
         return self._at == len(self._numbers)
 
     def take(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
-        """Returns the columns and lists of the next element."""
+        """Returns the columns and lists of the next element. name: of the element, for errors; count: number of rows."""
         left = self._numbers[self._at :]
         if count * len(properties) > len(left):
             raise _cut(self._file, name)

@@ -1,4 +1,4 @@
-"""Point clouds: small spheres at the points, all in one mesh."""
+"""Converts point clouds to small spheres at the points, all in one mesh."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _outwards(points: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]) -> 
 
 
 def spacing(points: F32) -> float:
-    """Returns the median distance between sampled points and their nearest neighbours; 0 if all points coincide."""
+    """Returns the median distance from sampled points to their nearest neighbours; 0 if all points coincide."""
     if len(points) < 2:
         return 0.0
     chosen = np.linspace(0, len(points) - 1, min(_SAMPLES, len(points))).astype(np.int64)
@@ -61,9 +61,9 @@ def spacing(points: F32) -> float:
 def sphere_mesh(
     name: str, points: F32, colors: npt.NDArray[np.uint8] | F32 | None, radius: float | None = None
 ) -> tuple[Mesh, float]:
-    """Returns a mesh with a sphere at each point, and the radius of the spheres, by default the points' spacing.
+    """Returns a mesh with a sphere at each of (P, 3) points, and the spheres' radius, by default the spacing of the points.
 
-    colors: (P, 3 or 4) sRGB, 8-bit codes or fractions.
+    colors: (P, 3 or 4) sRGB, as 8-bit integers or fractions, or None.
     """
     corners, faces = _icosahedron() if len(points) <= _FINE else _octahedron()
     extent = float(np.ptp(points, axis=0).max(initial=0.0))
@@ -85,9 +85,9 @@ def add_points(
     description: SceneDescription,
     shelf: TextureShelf,
 ) -> None:
-    """Adds a file's (P, 3) points as spheres with (P, 3 or 4) sRGB colours. Very many points are subsampled.
+    """Adds a file's points to the description, as spheres. Very many points are subsampled.
 
-    Raises SceneError.
+    points: (P, 3); colors: (P, 3 or 4) sRGB, or None; place: (4, 4) transform. Raises SceneError if no point is finite.
     """
     chosen = np.isfinite(points).all(axis=1)
     count = int(chosen.sum())

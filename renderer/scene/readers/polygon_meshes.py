@@ -1,4 +1,4 @@
-"""Functions shared by readers of polygon files: triangulation, per-corner values and colours."""
+"""Functions shared by the readers of polygon files: triangulation, per-corner values and colours."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ Array = npt.NDArray[Any]
 def triangulated(
     counts: Array, corners: Array, positions: npt.NDArray[np.floating], main: str, shelf: TextureShelf
 ) -> Triangulation:
-    """Returns the triangles of polygons (see `triangulate`) without those with non-finite vertices. Warns with their number.
+    """Triangulates polygons (see `triangulate`), without those that have non-finite vertices; warns with their number.
 
-    Raises SceneError if a face names a vertex that does not exist, or if no face remains.
+    counts: corners per polygon; corners: vertex indices of all polygons, concatenated. Raises SceneError if a face refers to a
+    vertex that does not exist, or if no face remains.
     """
     if len(corners) and (corners.min() < 0 or corners.max() >= len(positions)):
         odd = corners.min() if corners.min() < 0 else corners.max()
@@ -91,7 +92,7 @@ def used(mesh: Mesh) -> Mesh:
 
 
 def of_triangles(mesh: Mesh, rows: Any) -> Mesh:
-    """Returns the mesh of some triangles, with only their vertices."""
+    """Returns a mesh of some of the triangles, with only the vertices that these use. rows: index or slice of triangles."""
     at, triangles = used_among(mesh.triangles[rows], len(mesh.positions))
     normals, uvs, uvs1, colors = (
         None if values is None else values[at] for values in (mesh.normals, mesh.uvs, mesh.uvs1, mesh.colors)
@@ -100,7 +101,7 @@ def of_triangles(mesh: Mesh, rows: Any) -> Mesh:
 
 
 def split(mesh: Mesh, uvs: F32 | None, colors: F32 | None) -> Mesh:
-    """Returns the mesh with per-corner values; vertices whose corners differ are duplicated."""
+    """Returns the mesh with per-corner UVs and colours; vertices whose corners differ are duplicated."""
     corners = mesh.triangles.reshape(-1)
     given = [values for values in (uvs, colors) if values is not None]
     first, kind = unique_corners(corners, len(mesh.positions), given)
@@ -115,7 +116,7 @@ def split(mesh: Mesh, uvs: F32 | None, colors: F32 | None) -> Mesh:
 
 
 def fractions(values: Array) -> F32:
-    """Returns colours in 0..1.
+    """Returns colour values as fractions, 0..1.
 
     16-bit integers are divided by their maximum, other integers by 255, floats by 255 if any exceeds 1.
     """

@@ -1,4 +1,4 @@
-"""Replacing values in nested dicts and lists without changing the original."""
+"""Replaces values in nested dicts and lists without changing the original."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Path = tuple[str | int, ...]
 
 
 class Changed:
-    """A copy of nested dicts and lists with some values replaced; only containers on the paths to them are copied."""
+    """A copy of nested dicts and lists with some values replaced. Only the containers on the paths to these values are copied."""
 
     def __init__(self, root: dict[str, Any]) -> None:
         self.root = dict(root)

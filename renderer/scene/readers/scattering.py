@@ -1,4 +1,4 @@
-"""Scattering inside materials: conversion of files' parameters to medium coefficients and subsurface parameters."""
+"""Converts the scattering parameters of files to medium coefficients and subsurface parameters."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ _A, _B = 0.139, 1.17
 
 
 def medium(sigma_a: Iterable[float], sigma_s: Iterable[float], g: float = 0.0, scale: float = 1.0) -> Medium:
-    """Returns a medium with the coefficients times `scale`, clamped to the renderer's limits."""
+    """Returns a medium with the coefficients multiplied by `scale` and clamped to the renderer's limits."""
     absorbed, scattered = (unit_color((max(scale * c, 0.0) for c in each), MOST_DENSE) for each in (sigma_a, sigma_s))
     return Medium(absorbed, scattered, clamped(g, -MOST_FORWARD, MOST_FORWARD))
 
 
 def interior_fields(found: Medium) -> dict[str, Any]:
-    """Returns the material fields for an interior of this medium."""
+    """Returns the material fields of an interior filled with a medium."""
     return {"sigma_a": found.sigma_a, "sigma_s": found.sigma_s, "g": found.g}
 
 
 def attenuating(color: Vec3, depth: float, scatter: Vec3, g: float) -> Medium:
-    """Returns the medium whose transmittance over a depth is `color`, with scattering `scatter` / depth.
+    """Returns the medium with the transmittance `color` over the distance `depth`, and scattering coefficients scatter / depth.
 
     If scattering exceeds extinction, absorption is raised equally in all channels until none is negative.
     Source: Autodesk's Standard Surface 1.0.1, "transmission", and OpenPBR 1.1, "translucent base".
@@ -55,7 +55,7 @@ def attenuating(color: Vec3, depth: float, scatter: Vec3, g: float) -> Medium:
 
 
 def single_albedo(multiple: float, g: float = 0.0) -> float:
-    """Returns the single-scattering albedo of a dense medium with the multiple-scattering albedo `multiple`, 0..1.
+    """Returns the single-scattering albedo of a dense medium from its multiple-scattering albedo, 0..1.
 
     Source: Kulla and Conty, "Revisiting physically based shading at Imageworks", 2017; with g as in KHR_materials_scatter.
     """
@@ -65,7 +65,7 @@ def single_albedo(multiple: float, g: float = 0.0) -> float:
 
 
 def diffuse_reflectance(albedo: Any, ior: float) -> F64:
-    """Returns the diffuse reflectance of a half space beneath an internally reflecting boundary, per light that enters.
+    """Returns the diffuse reflectance of a half space beneath an internally reflecting boundary, per light that enters it.
 
     albedo: reduced single-scattering albedo. Source: Jensen et al., "A practical model for subsurface light transport", 2001,
     eq. 15, with the internal reflection of Egan and Hilgeman.
@@ -77,7 +77,10 @@ def diffuse_reflectance(albedo: Any, ior: float) -> F64:
 
 
 def dense_medium_surface(sigma_a: Vec3, sigma_s: Vec3, ior: float) -> tuple[Vec3, Vec3]:
-    """Returns the colour and the subsurface radius of a dense medium beneath a boundary. sigma_s: reduced scattering."""
+    """Returns the colour and the subsurface radius of a dense medium beneath a boundary.
+
+    sigma_s: reduced scattering coefficients.
+    """
     absorbed, scattered = np.array(sigma_a), np.array(sigma_s)
     total = np.maximum(absorbed + scattered, 1e-12)
     albedo = scattered / total
@@ -85,7 +88,10 @@ def dense_medium_surface(sigma_a: Vec3, sigma_s: Vec3, ior: float) -> tuple[Vec3
 
 
 def seen_through_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
-    """Returns the subsurface radius of the medium with this diffuse reflectance beneath a boundary. path: mean free paths."""
+    """Returns the subsurface radius of a medium that has the diffuse reflectance `color` beneath a boundary.
+
+    path: RGB mean free paths.
+    """
     low, high = np.zeros(3), np.full(3, _MOST_ALBEDO)
     for _ in range(50):
         middle = (low + high) / 2
@@ -95,10 +101,11 @@ def seen_through_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
 
 
 def _radius(albedo: F64, path: F64, ior: float) -> Vec3:
-    """Returns the mean free path of a boundaryless random walk that diffuses light as far as this medium.
+    """Returns the mean free path of a random walk without a boundary that diffuses light as far as this medium does.
 
-    The walk absorbs s^2 at each scattering, s being the similarity of van de Hulst's half space with the reflected colour
-    (renderer/kernel/medium/subsurface.py). The effective transport coefficient is sqrt(3 sigma_a (sigma_a + sigma_s')).
+    The walk absorbs the fraction s^2 at each scattering event, where s is the similarity parameter of van de Hulst's half space
+    with the reflected colour (renderer/kernel/medium/subsurface.py). The effective transport coefficient is
+    sqrt(3 sigma_a (sigma_a + sigma_s')).
     """
     color = diffuse_reflectance(albedo, ior)
     linear = 1 + _A + _B * color

@@ -1,6 +1,6 @@
-"""Built-in meshes of scene files. All face outwards, counter-clockwise, in object space.
+"""Built-in meshes of scene files, in object space. All face outwards, counter-clockwise, as Mitsuba's shapes do.
 
-quad: -1..1 in x and y, towards +Z. disk: radius 1, towards +Z. cube: -1..1. (The conventions of Mitsuba's shapes.)
+quad: -1..1 in x and y, facing +Z. disk: radius 1, facing +Z. cube: -1..1.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ _TWO_TRIANGLES = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
 
 
 def quad(name: str) -> Mesh:
-    """Returns the square; its texture is upright as seen from +Z."""
+    """Returns the square -1..1 in x and y; its texture is upright as seen from +Z."""
     positions = np.column_stack([_CORNERS, np.zeros(4, np.float32)])
     normals = np.tile(np.array([0, 0, 1], np.float32), (4, 1))
     return Mesh(name, positions, _TWO_TRIANGLES, normals, _CORNER_UVS)
 
 
 def disk(name: str, segments: int = 256) -> Mesh:
-    """Returns the disk as a triangle fan; with 256 segments its area is 0.01 % below that of the circle."""
+    """Returns the unit disk as a triangle fan; with 256 segments its area is 0.01 % below that of the circle."""
     angle = np.arange(segments) * (2 * np.pi / segments)
     rim = np.column_stack([np.cos(angle), np.sin(angle)])
     flat = np.concatenate([np.zeros((1, 2)), rim])
@@ -37,7 +37,7 @@ def disk(name: str, segments: int = 256) -> Mesh:
 
 
 def cube(name: str) -> Mesh:
-    """Returns the cube; each face shows the whole texture."""
+    """Returns the cube -1..1; each face shows the whole texture."""
     positions, normals = [], []
     square = np.column_stack([_CORNERS, np.ones(4, np.float32)])
     # Columns of the rotation from +Z to each face's normal.
@@ -56,9 +56,10 @@ def cube(name: str) -> Mesh:
 
 
 def lathe(name: str, profile: list[tuple[float, float]], segments: int = 96) -> Mesh:
-    """Returns the surface of revolution of a profile of (radius, y) points about the Y axis, smooth except at sharp bends.
+    """Returns the surface of revolution about Y of a profile of (radius, y) points, smooth except at sharp bends.
 
-    Faces outwards if the profile goes from bottom to top. u goes once around, v from the last point (0) to the first (1).
+    It faces outwards if the profile goes from bottom to top. u goes once around; v goes from 0 at the last point to 1 at the
+    first.
     """
     points = np.array(profile, np.float64)
     points[:, 0] = np.abs(points[:, 0])

@@ -1,4 +1,4 @@
-"""Skinning of vertices at the precision that their coordinates need."""
+"""Skins vertices at the precision that their coordinates need."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["carried"]
 def carried(*arguments: npt.NDArray[Any], turned: npt.NDArray[Any], bent: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Returns (V, 3) skinned positions, in float64 where `in_exact_type` requires it; fills `turned` and `bent`.
 
-    arguments: those of `carry` before `placed`.
+    arguments: the arguments of `carry` up to `placed`.
     """
     point = arguments[3]
     placed: npt.NDArray[Any] = np.empty((len(point), 3), np.float32)

@@ -1,4 +1,4 @@
-"""Reader for STL: triangles, with colours where a program stores them in the two attribute bytes."""
+"""Reads STL files: triangles, with colours where a program stores these in the two attribute bytes."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _OWN = 1 << 15
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's triangles to the description. Raises SceneError."""
+    """Adds the file's triangles to the description. Raises SceneError if the file is damaged."""
     data = files.read(main)
     if len(data) != _HEAD + _ROW.itemsize * int.from_bytes(data[80:_HEAD], "little"):
         data = as_utf8(data)
     count = _triangles_of(data, main)
     shelf = TextureShelf(description, files)
     if count is None:
-        text, commas = with_decimal_points(readable(decoded(data)))  # non-ASCII names must not stop the parser
+        text, commas = with_decimal_points(readable(decoded(data)))  # the parser fails on non-ASCII names
         if commas:
             shelf.warn(
                 Sentence(
@@ -104,10 +104,11 @@ def _triangles_of(data: bytes, main: str) -> int | None:
 
 
 def _colors(words: npt.NDArray[np.uint16], head: bytes) -> npt.NDArray[np.uint8] | None:
-    """Returns (T, 4) sRGB codes; None without colours.
+    """Returns (T, 4) sRGB codes of the triangles; None without colours.
 
-    Magics stores the object's colour in the header and clears the highest bit of triangles with their own colour, red in the
-    lowest bits; VisCAM and SolidView set the bit, blue in the lowest bits. Other values are ignored.
+    words: (T,) attribute bytes; head: the file's header. Magics stores the object's colour in the header, and clears the highest
+    bit of triangles with their own colour, red in the lowest bits. VisCAM and SolidView set the bit, blue in the lowest bits.
+    Other values are ignored.
     """
     at = head.find(b"COLOR=")
     whole = (255, 255, 255, 255)

@@ -1,4 +1,4 @@
-"""Hair, fur and wire curves as tubes in one mesh."""
+"""Converts hair, fur and wire curves to tubes in one mesh."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def line_of(points: F64, basis: str) -> F64:
 
 
 def together(strands: list[Strand]) -> Mesh:
-    """Returns curves as one mesh of tubes."""
+    """Returns one mesh with a tube for each curve; with many curves, tubes have fewer sides."""
     sides = 12 if len(strands) <= _FEW else 4
     groups: dict[int, list[Strand]] = {}
     for strand in strands:

@@ -1,4 +1,4 @@
-"""Scattering coefficients of named substances per millimetre, by the names of pbrt and Mitsuba 0.6.
+"""Scattering coefficients per millimetre of named substances, by the names in pbrt and Mitsuba 0.6.
 
 Reduced scattering and absorption in red, green and blue; reduced scattering is that of the isotropic medium with the same
 diffusion. Measurements: Jensen, Marschner, Levoy and Hanrahan, "A practical model for subsurface light transport",
@@ -66,8 +66,8 @@ _KNOWN = {name.replace(" ", "").lower(): found for name, found in SUBSTANCES.ite
 
 
 def substance(name: str) -> tuple[Vec3, Vec3] | None:
-    """Returns (reduced scattering, absorption) of a substance per millimetre; None if unknown.
+    """Returns the (reduced scattering, absorption) coefficients per millimetre of a substance; None if it is unknown.
 
-    Spaces, underscores and case are ignored.
+    Spaces, underscores and case in the name are ignored.
     """
     return _KNOWN.get(name.replace(" ", "").replace("_", "").lower())

@@ -1,7 +1,7 @@
-"""Reader for 3MF (3MF Core 1.3, Materials and Properties 1.2, Production 1.1): objects, components, base materials, colours,
-textures.
+"""Reads 3MF files (3MF Core 1.3, Materials and Properties 1.2, Production 1.1).
 
-Coordinates are in the file's own unit, as for STL; 3MF's up axis Z becomes Y.
+Reads objects, components, base materials, colours and textures. Coordinates are in the file's own unit, as for STL; 3MF's up
+axis Z becomes Y.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _WHITE = (255, 255, 255, 255)
 
 @dataclass
 class _Group:
-    """A property group for triangles: `base` names and colours, `color`s, or `texture` coordinates of one image."""
+    """A property group that triangles refer to: base materials, colours, or texture coordinates of one image."""
 
     kind: str
     values: list[Any] = field(default_factory=list)
@@ -62,7 +62,7 @@ class _Group:
 
 @dataclass
 class _Object:
-    """A mesh or a group of components. triangles: v1, v2, v3 and three property indices each; -1 for none."""
+    """A mesh, or a group of components. triangles: v1, v2, v3 and three property indices of each triangle; -1 for none."""
 
     name: str
     type: str
@@ -83,7 +83,7 @@ class _Object:
 
     @property
     def corners(self) -> npt.NDArray[np.int64]:
-        """Returns (T, 3) vertex indices of triangles."""
+        """Returns (T, 3) vertex indices of the triangles."""
         own = np.array(self.triangles, np.int64).reshape(-1, 6)[:, :3]
         return np.concatenate([*(rows.stacked(("v1", "v2", "v3")) for rows in self.rows if "v1" in rows.columns), own])
 
@@ -100,7 +100,7 @@ class _Object:
 
     @property
     def group_of(self) -> tuple[npt.NDArray[np.int64], list[str]]:
-        """Returns (T,) the group index of each triangle, and the groups' names."""
+        """Returns (T,) the property group index of each triangle, and the groups' ids by index."""
         found: list[npt.NDArray[np.int64]] = []
         number: dict[str, int] = {}
         for rows in self.rows:
@@ -205,7 +205,7 @@ class _Model:
     def _take(self, target: str, number: str) -> None:
         """Adds a list that was cut out of the XML to the current object.
 
-        Each list is used once, since a file could repeat its mark.
+        Each list is added at most once, since a file could contain its processing instruction several times.
         """
         rows = self._lists.pop(int(number), None) if target == MARK else None
         if rows is not None and self._object is not None:
@@ -224,7 +224,7 @@ class _Model:
 
 
 def _color(word: str) -> tuple[int, int, int, int] | None:
-    """Returns the sRGB codes of #RRGGBB or #RRGGBBAA; None if malformed."""
+    """Returns the sRGB codes of a colour #RRGGBB or #RRGGBBAA; None if malformed."""
     digits = word.strip().lstrip("#")
     if len(digits) not in (6, 8) or not all(digit in string.hexdigits for digit in digits):
         return None
@@ -233,7 +233,7 @@ def _color(word: str) -> tuple[int, int, int, int] | None:
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the items of the file's build to the description. Raises SceneError."""
+    """Adds the objects in the file's build to the description. Raises SceneError if the file is damaged."""
     _Reader(files, main, description).read()
 
 
@@ -262,7 +262,7 @@ class _Reader:
         self._materials: dict[Any, int] = {}
 
     def read(self) -> None:
-        """Adds all items of the build."""
+        """Adds all items of the build to the description."""
         first = len(self._description.meshes)
         root = self._model(self._root())
         items = root.items or [(root.path, number, np.eye(4)) for number in root.objects]
@@ -311,7 +311,7 @@ class _Reader:
             )
 
     def _check_expansion(self, shown: list[tuple[str, str]]) -> None:
-        """Raises SceneError if nested components expand to too many objects, before any is added."""
+        """Raises SceneError if nested components expand to too many objects. Called before any object is added."""
 
         def below(key: tuple[str, str]) -> list[tuple[str, str]]:
             if key == _BUILD:
@@ -384,9 +384,9 @@ class _Reader:
         return self._models[key]
 
     def _place(self, path: str, number: str, place: F64, depth: int, color: str | None = None, parent: str | None = None) -> None:
-        """Adds an object and its components at a transform.
+        """Adds an object and its components to the description, at a transform.
 
-        color: of the filament of the containing object; parent: the containing object's id.
+        color: filament colour of the containing object; parent: id of the containing object.
         """
         color = (self._filaments.parts if depth else self._filaments.objects).get(number, color)
         model = self._model(path)
@@ -426,7 +426,10 @@ class _Reader:
                 )
 
     def _meshes(self, model: _Model, made: _Object, number: str, plain: int) -> Iterator[int]:
-        """Yields the description's meshes of an object, one per material. plain: the material of triangles without one."""
+        """Adds the meshes of an object, one per material, and yields their indices.
+
+        plain: material of triangles without their own.
+        """
         points, corners = made.points, made.corners
         if corners.min() < 0 or corners.max() >= len(points):
             raise SceneError(
@@ -494,7 +497,7 @@ class _Reader:
             yield self._add(name, points, corners, None, colors, self._material(material.alpha_mode, material))
         else:
             uvs = np.array(said.values, np.float32)[chosen.reshape(-1)]
-            uvs[:, 1] = 1 - uvs[:, 1]  # counted from the lower edge
+            uvs[:, 1] = 1 - uvs[:, 1]  # 3MF measures v from the lower edge
             yield self._add(name, points, corners, uvs, None, self._textured(model, said.texture))
 
     def _textured(self, model: _Model, number: str) -> int:
@@ -514,9 +517,9 @@ class _Reader:
         return self._materials[key]
 
     def _add(self, name: str, points: F32, corners: npt.NDArray[Any], uvs: F32 | None, colors: F32 | None, material: int) -> int:
-        """Adds a mesh of some triangles and returns its index.
+        """Adds a mesh of some triangles, and returns its index.
 
-        uvs and colors are per corner; with them corners share no vertices.
+        corners: (T, 3) vertex indices; uvs and colors: per corner, or None; if given, corners share no vertices.
         """
         if uvs is None and colors is None:
             used, triangles = used_among(corners, len(points))
@@ -529,7 +532,7 @@ class _Reader:
 
 
 def _sorted_out(values: npt.NDArray[np.int64]) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-    """Yields each distinct value, ascending, with the rows that have it."""
+    """Yields each distinct value, ascending, with the indices of the rows that have it."""
     order = np.argsort(values, kind="stable")
     begins = np.flatnonzero(np.diff(values[order], prepend=values.min(initial=0) - 1))
     for begin, end in pairwise([*begins.tolist(), len(order)]):

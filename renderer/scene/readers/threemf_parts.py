@@ -1,4 +1,4 @@
-"""Parts of a 3MF's objects that are not printed: negative volumes, setting modifiers and supports.
+"""Finds the parts of a 3MF's objects that are not printed: negative volumes, setting modifiers and supports.
 
 Sources: 3MF Core 1.3 (types of objects); PrusaSlicer's Slic3r_PE_model.config (volumes: ranges of an object's triangles); Bambu
 Studio's and Orca's model_settings.config (parts of an object, by the ids of its components); Cura's metadata of objects.
@@ -42,10 +42,10 @@ _KINDS: dict[str, str] = {
 
 
 class NotSolid:
-    """The parts of a package that are not solid, and the number left out of each kind."""
+    """The parts of a package that are not solid; counts those left out, by kind."""
 
     def __init__(self, names: Collection[str], read: Callable[[str], bytes], file: str) -> None:
-        """names: files of the package, in lower case; read: returns a file's bytes."""
+        """names: files of the package, in lower case; read: returns a file's bytes; file: name of the package, for errors."""
         self.left_out: Counter[str] = Counter()
         self.is_damaged = False
         self._parts: dict[tuple[str, str], str] = {}  # by object and component
@@ -73,14 +73,17 @@ class NotSolid:
                     self._ranges.setdefault(number, []).append((first, last, kind))
 
     def is_left_out(self, number: str, parent: str | None, type: str, said: Collection[str]) -> bool:
-        """Returns True if an object is not printed; if so, counts it. said: names of its metadata entries that are true."""
+        """Returns True if an object is not printed, and counts it.
+
+        parent: id of the containing object; type: the object's type attribute; said: names of its metadata entries that are true.
+        """
         kind = _TYPES.get(type) or self._parts.get((parent or "", number)) or next(filter(None, map(_kind, said)), None)
         if kind:
             self.left_out[kind] += 1
         return bool(kind)
 
     def shown(self, number: str, count: int) -> npt.NDArray[np.bool_] | None:
-        """Returns (count,) whether each triangle of an object is solid; None if all are."""
+        """Returns (count,) True for the triangles of an object that are solid; None if all are solid."""
         if number not in self._ranges:
             return None
         found = np.ones(count, bool)

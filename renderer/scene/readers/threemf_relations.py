@@ -1,4 +1,4 @@
-"""Relationships of a part of a 3MF package to other parts (ECMA-376 part 2)."""
+"""Reads the relationships of a part of a 3MF package to other parts (ECMA-376 part 2)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["relations_of"]
 
 
 def relations_of(data: bytes) -> list[tuple[str, str]]:
-    """Returns (target, type) pairs of a part's relationships."""
+    """Returns (target, type) pairs of a part's relationships; empty if the XML is damaged."""
     found: list[tuple[str, str]] = []
     parser = expat.ParserCreate()
 

@@ -1,7 +1,7 @@
-"""Fast parser for 3MF's long lists of vertices and triangles: uniformly written rows need no XML parser.
+"""Parses 3MF's long lists of vertices and triangles quickly: uniformly written rows need no XML parser.
 
-Such a list is cut out of the XML, and a processing instruction with its number is left in its place. The XML parser then reports
-where the list belongs, whatever surrounds it: empty lists, lists with attributes, comments that contain lists.
+Such a list is cut out of the XML and replaced by a processing instruction with its number. The XML parser then reports where the
+list belongs, also next to empty lists, lists with attributes, and comments that contain lists.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _MOST_ROW = 1000  # bytes
 
 
 class Rows(NamedTuple):
-    """Columns of a list by attribute names, all of the same length."""
+    """The columns of a list by attribute name, all of the same length."""
 
     columns: dict[str, npt.NDArray[Any]]
 
@@ -39,14 +39,14 @@ class Rows(NamedTuple):
         return len(next(iter(self.columns.values())))
 
     def stacked(self, names: tuple[str, ...]) -> npt.NDArray[Any]:
-        """Returns (N, len(names)) values. Raises KeyError if a column is missing."""
+        """Returns (N, len(names)) values of several columns. Raises KeyError if a column is missing."""
         return np.stack([self.columns[name] for name in names], axis=1)
 
 
 def cut_out(data: bytes) -> tuple[bytes, list[Rows]]:
-    """Returns a part's XML without its lists of vertices and triangles, and those lists by number.
+    """Returns a part's XML without its lists of vertices and triangles, and these lists by number.
 
-    A list with differently written rows is left in the XML.
+    Lists whose rows are not written uniformly remain in the XML.
     """
     text = np.frombuffer(data, np.uint8)
     found: list[Rows] = []
@@ -86,7 +86,10 @@ def _rows(data: bytes, text: npt.NDArray[np.uint8], begin: int, end: int, tag: b
 
 
 def _row_pattern(row: bytes, tag: bytes) -> tuple[list[str], list[bytes]] | None:
-    """Returns the attributes of a list's first row and the text before, between and after their values; None if it is no row."""
+    """Returns the attribute names of a list's first row, and the text between their values; None if it is not such a row.
+
+    The text includes that before the first value and after the last.
+    """
     names: list[bytes] = []
     words: list[bytes] = []
     pattern, at = _OPENING, 0
@@ -104,7 +107,10 @@ def _row_pattern(row: bytes, tag: bytes) -> tuple[list[str], list[bytes]] | None
 
 
 def transform_of(words: str) -> npt.NDArray[np.float64]:
-    """Returns the (4, 4) matrix on column vectors from 3MF's twelve numbers, which are for row vectors."""
+    """Returns the (4, 4) matrix for column vectors from 3MF's twelve numbers, which are for row vectors.
+
+    Raises ValueError if malformed.
+    """
     found = np.eye(4)
     if words.strip():
         numbers = [float(word) for word in words.split()]

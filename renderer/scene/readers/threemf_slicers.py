@@ -1,7 +1,7 @@
-"""Filament colours of a 3MF's objects, from the configuration files of Bambu Studio, Orca and PrusaSlicer.
+"""Reads the filament colours of a 3MF's objects from the configuration files of Bambu Studio, Orca and PrusaSlicer.
 
-Metadata/model_settings.config has the extruder, from 1, of each object and part; project_settings.config has the colour of each
-filament. PrusaSlicer's files are Slic3r_PE_model.config and Slic3r_PE.config.
+Metadata/model_settings.config has the extruder number, from 1, of each object and part; project_settings.config has the colour
+of each filament. PrusaSlicer's corresponding files are Slic3r_PE_model.config and Slic3r_PE.config.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _EXTRUDERS = re.compile(r"(?m)^; (?:extruder|filament)_colour = (.+)$")
 
 
 class Filaments(NamedTuple):
-    """Colours as #RRGGBB, of objects and of parts of objects, by ids."""
+    """Filament colours as #RRGGBB, by the ids of objects and of parts of objects."""
 
     objects: dict[str, str] = {}  # noqa: RUF012 - never written to
     parts: dict[str, str] = {}  # noqa: RUF012
@@ -33,7 +33,10 @@ class Filaments(NamedTuple):
 
 
 def filaments_of(names: Collection[str], read: Callable[[str], bytes], file: str) -> Filaments:
-    """Returns the filament colours of a package. names: its files, in lower case. Damaged files have none."""
+    """Returns the filament colours of a package; none if a configuration file is damaged.
+
+    names: the package's files, in lower case; read: returns a file's bytes; file: name of the package, for errors.
+    """
     model = next((name for name in MODELS if name in names), None)
     if model is None:
         return Filaments()

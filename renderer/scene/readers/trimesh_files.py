@@ -1,4 +1,4 @@
-"""Formats read by trimesh: text STL and Collada, with scene graph, materials and textures."""
+"""Reads formats by trimesh: text STL and Collada, with scene graph, materials and textures."""
 
 from __future__ import annotations
 
@@ -36,12 +36,15 @@ logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # our own errors and wa
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's scene to the description. Raises SceneError."""
+    """Adds the file's scene to the description. Raises SceneError if the file is damaged."""
     read_data(files.read(main), PurePosixPath(main).suffix.lower(), files, main, description)
 
 
 def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the scene in a file's bytes to the description. suffix: of its format. Raises SceneError."""
+    """Adds the scene of a file, given as bytes, to the description. suffix: of the file's name.
+
+    Raises SceneError if it is damaged.
+    """
     if suffix == ".dae":
         refuse_entities(data, main)
     shelf = TextureShelf(description, files)
@@ -99,7 +102,7 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
 
 
 def _points(geometry: Any) -> F32 | None:
-    """Returns the points of geometry without faces; None for a surface."""
+    """Returns (P, 3) points of a geometry without faces; None for a surface."""
     if isinstance(geometry, trimesh.PointCloud) or (isinstance(geometry, trimesh.Trimesh) and len(geometry.faces) == 0):
         points = in_exact_type(np.asarray(geometry.vertices))
         return points if points.ndim == 2 and points.shape[1] == 3 and len(points) else None
@@ -129,7 +132,7 @@ def _mesh(name: str, geometry: Any, main: str, shelf: TextureShelf) -> Mesh:
     if uvs is not None:
         uvs = np.asarray(uvs, np.float32)
         if uvs.ndim == 2 and len(uvs) == len(positions) and uvs.shape[1] >= 2:
-            mesh.uvs = np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))  # trimesh counts v from the lower edge
+            mesh.uvs = np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))  # trimesh: v from the lower edge
     return used(_coloured(mesh, geometry.visual, whole))
 
 
@@ -195,9 +198,9 @@ def _texture(image: Any, shelf: TextureShelf) -> int | None:
 
 
 class _Resolver(trimesh.resolvers.Resolver):
-    """Resolves trimesh's texture requests with one-pixel images that contain the file's name.
+    """Answers trimesh's texture requests with one-pixel images that contain the file's name.
 
-    Textures are decoded later by renderer/image/read.py, with its limits, rather than by trimesh.
+    So textures are decoded later by renderer/image/read.py, with its limits, rather than by trimesh.
     """
 
     KEY = "rayfarm-file"

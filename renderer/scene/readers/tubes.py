@@ -1,4 +1,4 @@
-"""Curves as tubes of triangles."""
+"""Converts curves to tubes of triangles."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ BASES = {
 
 
 def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
-    """Returns (samples, count) weights of the control points, and (samples, varying) weights of values at segment ends."""
+    """Returns the interpolation weights of a curve: (samples, count) for its control points, and (samples, varying) for values at
+    segment ends.
+
+    count: control points; basis: linear or a key of BASES; wrap: nonperiodic, periodic or pinned, as in USD.
+    """
     if basis == "linear":
         closed = wrap == "periodic" and count > 2
         lines = np.eye(count)
@@ -58,7 +62,10 @@ def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
 
 
 def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int) -> tuple[F64, F64, F64 | None, npt.NDArray[np.int64]]:
-    """Returns (positions, normals, colours, triangles) of tubes around (N, S, 3) polylines, with flat ends."""
+    """Returns (positions, normals, colours, triangles) of tubes around (N, S, 3) polylines, with flat ends.
+
+    radii: (N, S); colors: (N, S, 3) or None; sides: number of sides of each tube.
+    """
     count, samples = lines.shape[:2]
     tangents = np.empty_like(lines)
     tangents[:, 1:-1] = lines[:, 2:] - lines[:, :-2]

@@ -1,4 +1,4 @@
-"""Resampling of equirectangular images under rotation or reflection of the sphere."""
+"""Resamples equirectangular images under a rotation or reflection of the sphere."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def seen_upright(image: Image, turn: Matrix, least_height: int = 1) -> Image:
 
 
 def _mixed(pixels: npt.NDArray[Any], row: npt.NDArray[Any], column: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    """Returns bilinear samples; columns wrap around."""
+    """Returns bilinear samples of pixels at fractional rows and columns; columns wrap around."""
     height, width = pixels.shape[:2]
     above, left = np.floor(row).astype(int), np.floor(column).astype(int)
     down, right = (row - above)[..., None], (column - left)[..., None]

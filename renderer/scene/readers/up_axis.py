@@ -1,7 +1,7 @@
-"""The up axis of files: rotations to Y up as 4 x 4 matrices of column vectors, and a guess where a file states no axis.
+"""Rotates files to Y up, and guesses the up axis of files that do not state it.
 
-OBJ, PLY, STL and OFF files state none. By custom STL has Z up and the others Y. A model contradicts the custom if it evidently
-stands on another axis: it has a flat bottom at the origin's height there, and none along the customary axis.
+OBJ, PLY, STL and OFF files state no up axis. By convention STL has Z up and the others Y. A model contradicts the convention if
+it stands on the other axis: it has a flat bottom at the origin's height there, and none along the conventional axis.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ ROTATIONS = {
 
 _LEVEL = 0.01  # thickness of a bottom, relative to the model's height
 _LEVEL_NORMAL = 0.95  # cosine between a bottom's normal, of either side, and the up axis
-_STANDS = 0.3  # share of the footprint's box that a bottom fills at least
-_HANGS = 0.1  # and at most, for the model not to stand on it
+_STANDS = 0.3  # minimum fraction of the footprint's box that the bottom of a standing model covers
+_HANGS = 0.1  # maximum fraction covered if the model does not stand on that axis
 _GROUNDED = 0.05  # distance of a bottom from the origin's height, relative to the model's height
 
 
 def turn_up(file: str, format: Format, asked: str | None, description: SceneDescription, guesses: bool = True) -> None:
-    """Rotates the content of a file that states no up axis to Y up, and sets `up_axis`.
+    """Rotates the content of a file that states no up axis to Y up, and sets the description's `up_axis`.
 
-    asked: a key of ROTATIONS; None: the format's custom, or with `guesses` the axis on which the model stands, with a warning.
-    Raises SceneError if the axis is unknown or the format states its own.
+    asked: a key of ROTATIONS. None means the format's conventional axis or, with `guesses`, the axis on which the model stands,
+    with a warning. Raises SceneError if the axis is unknown or the format states its own.
     """
     if asked is not None and asked not in ROTATIONS:
         raise SceneError(
@@ -85,7 +85,7 @@ def turn_up(file: str, format: Format, asked: str | None, description: SceneDesc
 
 
 def guess_up(description: SceneDescription, custom: str) -> str:
-    """Returns the axis of the file, "y" or "z", on which its model stands; the custom one if neither or both have a bottom."""
+    """Returns the axis of the file, "y" or "z", on which its model stands; `custom` if it stands on neither or both."""
     other = {"y": "z", "z": "y"}[custom]
     in_file = ROTATIONS[custom][:3, :3]  # multiplied from the right: the inverse rotation
     low, high = np.sort(bounds_of(description) @ in_file, axis=0)
@@ -101,7 +101,7 @@ def guess_up(description: SceneDescription, custom: str) -> str:
     middle = corners.mean(axis=1)
 
     def bottom(axis: int) -> float:
-        """Returns the share of the footprint's box that the lowest level triangles fill."""
+        """Returns the fraction of the footprint's box that the lowest horizontal triangles cover."""
         lowest = middle[:, axis] - low[axis] < _LEVEL * extent[axis]
         level = np.abs(normal[:, axis]) > _LEVEL_NORMAL * area
         return float(0.5 * area[lowest & level].sum() / np.delete(extent, axis).prod())
@@ -110,7 +110,7 @@ def guess_up(description: SceneDescription, custom: str) -> str:
 
 
 def _corners(description: SceneDescription) -> F64:
-    """Returns the (T, 3, 3) corners of all triangles in world space."""
+    """Returns the (T, 3, 3) corners of all triangles, in world space."""
     found = [np.zeros((0, 3, 3))]
     for each in description.instances:
         mesh, place = description.meshes[each.mesh], each.transform
