@@ -1,6 +1,6 @@
-"""Mitsuba's BSDFs as materials.
+"""Converts Mitsuba's BSDFs to materials.
 
-Roughness is the square root of Mitsuba's alpha; indices of refraction are relative to the exterior's.
+Roughness is the square root of Mitsuba's alpha; indices of refraction are relative to that of the exterior.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def _no_spans() -> None:
 
 
 class Bsdfs:
-    """Adds materials to a description. The same BSDF with the same emission has the same index."""
+    """Adds materials to a description. The same BSDF with the same emission gets the same index."""
 
     def __init__(self, document: Document, textures: Textures, media: Media, description: SceneDescription) -> None:
         self._document, self._textures, self._media, self._description = document, textures, media, description
@@ -81,7 +81,7 @@ class Bsdfs:
         self.inside_out: set[int] = set()  # materials with a lower index inside: their exterior is the filled side
 
     def material(self, shape: Element, spans: Spans = _no_spans) -> int:
-        """Returns the index of a shape's material: its BSDF with the emission of its area emitter.
+        """Returns the material index of a shape, whose material combines its BSDF with the emission of its area emitter.
 
         spans: returns the lengths per unit of UV (height_maps.py); called only for bump maps.
         """
@@ -355,7 +355,7 @@ class Bsdfs:
         return replace(made, normal_texture=found.texture, normal_scale=found.strength)
 
     def _rough(self, source: Element, default: float, brushes: bool = False) -> dict[str, Any]:
-        """Returns microfacet distribution and roughness as material fields. brushes: whether the BSDF supports anisotropy."""
+        """Returns the microfacet distribution and roughness as material fields. brushes: whether the BSDF supports anisotropy."""
         named = str(source.get("distribution", "beckmann"))
         if named not in ("ggx", "beckmann"):
             self._document.ignore(
@@ -400,7 +400,7 @@ class Bsdfs:
 
 
 def _bumps_within(source: Element) -> Element | None:
-    """Returns the bump map that wraps a BSDF, or None."""
+    """Returns the bump map among the wrappers of a BSDF; None if there is none."""
     found: Element | None = source
     for _ in range(_MAX_NESTED):
         if found is None or found.type == "bumpmap" or found.type not in _WRAPPERS:

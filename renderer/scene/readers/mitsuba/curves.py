@@ -1,4 +1,4 @@
-"""Mitsuba's curves: a text file of `x y z radius` lines, with an empty line between curves.
+"""Reads Mitsuba's curves: a text file of `x y z radius` lines, with an empty line between curves.
 
 Source: Mitsuba 3's documentation, plugin "bsplinecurve".
 """
@@ -19,9 +19,9 @@ CURVES = {"bsplinecurve": 4, "linearcurve": 2}  # minimum number of points by ty
 
 
 def mesh_of_curves(kind: str, data: bytes, name: str, world: Matrix) -> Mesh:
-    """Returns the curves of a file as tubes in the world. Raises SceneError.
+    """Returns the curves of a file as tubes in world space. kind: bsplinecurve or linearcurve; world: (4, 4) transform.
 
-    As in Mitsuba, points are transformed and radii are not.
+    As in Mitsuba, points are transformed and radii are not. Raises SceneError if the file is malformed.
     """
     strands: list[Strand] = []
     for block in _blocks(data.decode("utf-8", "replace"), name):

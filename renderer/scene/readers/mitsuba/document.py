@@ -49,7 +49,7 @@ MAX_DEPTH = 60
 
 @dataclass(eq=False)
 class Element:
-    """An object of the scene: `tag` (shape, bsdf, ...), the `type` of its plugin, and `name`, its role in its parent."""
+    """An object of the scene. tag: shape, bsdf and so on; type: its plugin; name: its role in its parent."""
 
     tag: str
     type: str
@@ -61,16 +61,19 @@ class Element:
     used: set[str] = field(default_factory=set)
 
     def take(self) -> None:
-        """Marks an object as used, even if none of its properties is read."""
+        """Marks the object as used, even if none of its properties is read."""
         self.used.add("")
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Returns a property's value and marks the property as used."""
+        """Returns a property's value, and marks the property as used."""
         self.used.add(name)
         return self.values.get(name, default)
 
     def number(self, name: str, default: float) -> float:
-        """Returns a property as a number, whatever its type in the file; the mean of a colour. Raises SceneError."""
+        """Returns a property as a number, whatever its type in the file; the mean of a colour.
+
+        Raises SceneError for other text.
+        """
         found = self.get(name, default)
         if isinstance(found, np.ndarray):
             return float(found.mean())
@@ -95,12 +98,12 @@ class Element:
         return found if isinstance(found, bool) else str(found).strip().lower() == "true"
 
     def matrix(self, name: str = "to_world") -> Matrix:
-        """Returns a transform; the identity if absent."""
+        """Returns a transform property; the identity if absent."""
         found = self.get(name)
         return found if isinstance(found, np.ndarray) and found.shape == (4, 4) else np.eye(4)
 
     def of(self, *tags: str) -> list[Element]:
-        """Returns the child objects with these tags."""
+        """Returns the child objects with any of these tags."""
         return [child for child in self.children if child.tag in tags]
 
     def child(self, name: str) -> Element | None:
@@ -110,19 +113,19 @@ class Element:
 
     @property
     def what(self) -> str:
-        """Returns a description of the object for messages."""
+        """The object's tag, id and type, for messages."""
         return f"{self.tag} {self.id!r} ({self.type})" if self.id else f"{self.tag} ({self.type})"
 
 
 class _Attributes(dict[str, str]):
-    """The attributes of a value; records which were read."""
+    """The attributes of an XML element; records which of them were read."""
 
     def __init__(self, written: Mapping[str, str]) -> None:
         super().__init__(written)
         self.asked = {"name", "id", "value"}
 
     def get(self, key: str, default: Any = None) -> Any:
-        """Returns an attribute, or the default."""
+        """Returns an attribute, or the default if it is absent."""
         self.asked.add(key)
         return super().get(key, default)
 
@@ -132,12 +135,12 @@ class _Attributes(dict[str, str]):
 
 
 def _is_object(part: ElementTree.Element) -> bool:
-    """Returns True if an element is an object; a spectrum is one if it names a plugin, otherwise a value."""
+    """Returns True if an XML element is an object, not a value. A spectrum is an object if it names a plugin."""
     return bool(part.get("type")) if part.tag == "spectrum" else _OLD_NAMES.get(part.tag, part.tag) in _OBJECTS
 
 
 class Document:
-    """Parses a file and its includes. Raises SceneError if it is no scene or exceeds the limits."""
+    """Parses a file and its includes. Raises SceneError if the file is not a scene or exceeds the limits."""
 
     def __init__(self, files: SceneFiles, main: str, description: SceneDescription) -> None:
         self.files, self.main = files, main
@@ -164,16 +167,16 @@ class Document:
             made.children[at] = self._referred(wanted, name, where)
 
     def warn(self, sentence: str) -> None:
-        """Adds a warning, unless it was added before."""
+        """Adds a warning, unless the same one was added before."""
         self._warned.add(sentence)
 
     def ignore(self, what: str) -> None:
-        """Counts unsupported content."""
+        """Counts an occurrence of unsupported content. what: the sentence to warn with."""
         self._ignored[what] += 1
 
     @property
     def ignored(self) -> list[str]:
-        """Returns the unsupported content found so far."""
+        """Returns the sentences about unsupported content found so far."""
         return list(self._ignored)
 
     def say_ignored(self) -> None:
@@ -243,7 +246,7 @@ class Document:
         return made
 
     def _parts(self, source: ElementTree.Element, file: str) -> Iterator[tuple[ElementTree.Element, str]]:
-        """Yields an element's children with their files; includes are replaced by the children of the included file."""
+        """Yields the children of an element and the file of each. An include is replaced by the children of the included file."""
         for part in source:
             if part.tag != "include":
                 yield part, file
@@ -308,7 +311,7 @@ class Document:
         self._by_id[name] = self._by_id[wanted]
 
     def _left_of(self, part: ElementTree.Element, known: Container[str]) -> None:
-        """Counts unknown attributes of an element."""
+        """Counts the unknown attributes of an element as ignored."""
         for key in part.keys():  # noqa: SIM118 - an element is no dict
             if key not in known:
                 self.ignore(
@@ -375,7 +378,7 @@ class Document:
         return self.files.read(found).decode("utf-8", "replace")
 
     def _text(self, source: ElementTree.Element, key: str, file: str) -> str:
-        """Returns an attribute with $names replaced by their defaults."""
+        """Returns an attribute with $names replaced by their default values."""
         text = source.get(key, "")
         if "$" not in text:
             return text
@@ -397,5 +400,5 @@ class Document:
         return re.sub(r"\$(?:\{(\w+)\}|(\w+))", default, text)
 
     def _key(self, name: str) -> str:
-        """Returns a property's name in Mitsuba 3's spelling: toWorld of 0.6 is to_world."""
+        """Returns a property's name in Mitsuba 3's spelling: toWorld in version 0.6 becomes to_world."""
         return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower() if getattr(self, "is_old", False) else name

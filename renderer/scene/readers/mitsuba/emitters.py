@@ -1,4 +1,4 @@
-"""Lights without a surface, and environment light."""
+"""Converts emitters: lights without a surface, and environment light."""
 
 from __future__ import annotations
 
@@ -60,12 +60,16 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
 
 
 def _placed(light: Light, world: np.ndarray) -> Light:
-    """Returns the light with its position and axes in the world: it emits along +Z, with +Y up."""
+    """Returns the light with its position and axes in world space: it emits along +Z, with +Y up."""
     return replace(light, position=_vec(world[:3, 3]), direction=_vec(_unit(world[:3, 2])), up=_vec(_unit(world[:3, 1])))
 
 
 def _through_a_slide(source: Element, document: Document, shelf: TextureShelf, outer: float) -> tuple[Vec3, EmissionMap | None]:
-    """Returns a spot's colour and its texture, which fills the square around its cone: first column at -X, first row at -Y."""
+    """Returns a spot's colour and the emission map of its texture, or None.
+
+    The texture fills the square around the spot's cone: its first column is at -X, its first row at -Y. outer: half angle in
+    degrees.
+    """
     color, number = Textures(document, shelf).color(source, "texture", 1.0)
     if number is None:
         return color, None
@@ -76,7 +80,10 @@ def _through_a_slide(source: Element, document: Document, shelf: TextureShelf, o
 
 
 def _projector(source: Element, name: str, document: Document, shelf: TextureShelf) -> Light:
-    """Returns a projector: its image is the irradiance, divided by pi, of the plane at distance 1, upright as seen along +Z."""
+    """Returns a projector as a point light with an emission map.
+
+    Its image is the irradiance, divided by pi, of the plane at distance 1, upright as seen along +Z.
+    """
     color, number = Textures(document, shelf).color(source, "irradiance", 1.0)
     pixels = np.ones((1, 1, 3), np.float32) if number is None else _pixels(source, number, document, shelf)
     height, width = pixels.shape[:2]
@@ -141,7 +148,7 @@ def _image(source: Element, document: Document, shelf: TextureShelf, description
         _surround(Environment(image=upright, strength=strength), source, document, description)
         return
     angle = math.degrees(math.atan2(z[0] - x[2], z[2] + x[0]))
-    # The centre of Mitsuba's image is at +Z, of ours at -Z.
+    # The centre of Mitsuba's image is at +Z; that of an environment image is at -Z.
     _surround(Environment(image=image, strength=strength, rotation=(angle - 180.0) % 360), source, document, description)
 
 

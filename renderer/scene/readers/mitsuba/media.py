@@ -1,4 +1,4 @@
-"""Mitsuba's media: inside shapes, and around the sensor."""
+"""Mitsuba's media, inside shapes and around the sensor."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SCATTERING_SKIN = ("dipole", "multipole", "singlescatter", "adipole")  # Mitsub
 
 
 class Media:
-    """The media of a document's shapes."""
+    """The media of a document's shapes, each read once."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -31,9 +31,9 @@ class Media:
         self._unsaid = False  # whether any glass names no medium
 
     def inside(self, shape: Element, is_inside_out: bool) -> Medium | None:
-        """Returns the medium inside a shape; None if it names none, or only the exterior one.
+        """Returns the medium inside a shape; None if the shape has no media.
 
-        is_inside_out: whether the shape's exterior is the filled side.
+        is_inside_out: whether the shape's exterior is the filled side. A shape with only an exterior medium is empty inside.
         """
         media = {child.name: child for child in shape.of("medium")}
         if not media:
@@ -48,7 +48,10 @@ class Media:
         return found
 
     def fill(self, made: Material, found: Medium | None, shape: Element) -> Material:
-        """Returns a shape's material with the medium inside it."""
+        """Returns a shape's material filled with the medium inside the shape.
+
+        found: that medium, None if the shape names none.
+        """
         lets_through = made.kind in ("glass", "interface") or made.transmission > 0
         if found is None:
             self._unsaid |= made.kind == "glass" and not made.thin
@@ -68,7 +71,7 @@ class Media:
         return made
 
     def surround(self, description: SceneDescription) -> None:
-        """Sets the world's medium if the first sensor is in one. Call it after all shapes are added."""
+        """Sets the world's medium to the one around the first sensor. Must be called after all shapes are added."""
         sensor = next(iter(self._document.scene.of("sensor")), None)
         around = None if sensor is None else next(iter(sensor.of("medium")), None)
         found = NOTHING if around is None else self._of(around)
@@ -167,7 +170,7 @@ class Media:
         return rgb(constant)
 
     def _direction(self, source: Element) -> float:
-        """Returns the mean cosine of the phase function."""
+        """Returns the mean cosine of the medium's phase function."""
         phase = next(iter(source.of("phase")), None)
         if phase is not None:
             phase.take()
@@ -187,7 +190,7 @@ class Media:
 
 
 def constant_volume(source: Element) -> object | None:
-    """Returns the value of a constant volume or texture; None for others."""
+    """Returns the value of a constant volume or texture; None if it varies."""
     if source.type == "constvolume":
         inner = source.child("value")
         return source.get("value", 1.0) if inner is None else constant_of(inner)

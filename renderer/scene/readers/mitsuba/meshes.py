@@ -1,4 +1,4 @@
-"""Meshes in object space, from files and analytic shapes."""
+"""Meshes of shapes in object space, from files and analytic shapes."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ FORMULAS = ("rectangle", "cube", "disk", "cylinder")
 
 
 def meshes_of(shape: Element, document: Document, attribute: str = "") -> list[tuple[Mesh, np.ndarray]]:
-    """Returns the shape's meshes, each with its transform to the shape's space. Raises SceneError.
+    """Returns the meshes of a shape, each with its (4, 4) transform to the shape's space.
 
-    attribute: mesh attribute used as colour, such as face_heat; empty for the file's own colours. Meshes without it have no
-    colours.
+    attribute: mesh attribute used as colour, such as face_heat; empty for the file's own colours. Meshes without the attribute
+    have no colours. Raises SceneError if the shape's file is missing or invalid.
     """
     name = shape.id or shape.type
     if shape.type == "rectangle":
@@ -51,7 +51,7 @@ def meshes_of(shape: Element, document: Document, attribute: str = "") -> list[t
 
 
 def file_of(shape: Element, document: Document) -> str:
-    """Returns the name of a shape's file. Raises SceneError if it is missing."""
+    """Returns the name of a shape's file. Raises SceneError if the file is missing."""
     wanted = str(shape.get("filename", ""))
     name = document.files.find(wanted, shape.file)
     if name is None:
@@ -82,7 +82,7 @@ def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[M
     if shape.type == "obj" and not shape.flag("flip_tex_coords", True):
         _flip(part)
     if shape.type == "ply" and not shape.flag("flip_tex_coords", False):
-        _flip(part)  # Mitsuba uses v unchanged, other programs count it from the bottom
+        _flip(part)  # Mitsuba uses v unchanged, other programs measure it from the bottom
     for sentence in part.warnings if shape.type == "ply" else ():  # Mitsuba ignores OBJ's materials
         document.warn(sentence)
     has_normals = re.search(_NORMALS[shape.type], document.files.read(name)) is not None
@@ -95,7 +95,7 @@ def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[M
 
 
 def _as_written(colors: np.ndarray) -> np.ndarray:
-    """Returns colours decoded as sRGB in the file's encoding again, since Mitsuba reads them as linear."""
+    """Encodes colours as sRGB again, as in the file, since Mitsuba reads them as linear."""
     return np.column_stack([encode_srgb(colors[:, :3]), colors[:, 3]]).astype(np.float32)
 
 
@@ -107,20 +107,22 @@ def _flip(part: SceneDescription) -> None:
 
 
 def _shaded(mesh: Mesh, shape: Element, has_normals: bool) -> Mesh:
-    """Returns the mesh with Mitsuba's normals: face normals if requested, else the file's, else smooth over all edges."""
+    """Returns the mesh with Mitsuba's normals: face normals if requested, otherwise the file's; without these, smooth over all
+    edges.
+    """
     if shape.flag("face_normals", False):
         return replace(mesh, normals=None)
     return mesh if has_normals else smoothed(replace(mesh, normals=None), _EVERY_EDGE)
 
 
 def turned(mesh: Mesh) -> Mesh:
-    """Returns the mesh with reversed winding and normals."""
+    """Returns the mesh with reversed winding and negated normals."""
     normals = None if mesh.normals is None else -mesh.normals
     return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
 
 
 def wound_to_normals(mesh: Mesh) -> Mesh:
-    """Returns the mesh with triangles reversed if they oppose their vertex normals, along which Mitsuba's lights emit."""
+    """Reverses the triangles that face against their vertex normals, since Mitsuba's lights emit along these normals."""
     if mesh.normals is None:
         return mesh
     a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
@@ -134,7 +136,7 @@ def wound_to_normals(mesh: Mesh) -> Mesh:
 
 
 def _between(shape: Element) -> np.ndarray:
-    """Returns the transform of a cylinder between its two points. Raises SceneError."""
+    """Returns the transform of a cylinder between its two points. Raises SceneError if its length or radius is 0."""
     p0, p1 = (np.asarray(shape.get(key, default), float) for key, default in (("p0", (0, 0, 0)), ("p1", (0, 0, 1))))
     radius = shape.number("radius", 1.0)
     axis = p1 - p0

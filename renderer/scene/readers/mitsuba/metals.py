@@ -1,8 +1,8 @@
-"""Conductors by Mitsuba's names: the indices eta + i k at red, green and blue of its RGB mode.
+"""Conductors by Mitsuba's names: indices eta + i k at red, green and blue, as in its RGB mode.
 
 Mitsuba converts measured eta and k to linear sRGB as if they were light, so they differ from those of
-`renderer/scene/readers/metals.py`, which are normalised to white. Read from Mitsuba 3.9's own parameters;
-tests/peers/test_mitsuba_files.py reads them again.
+`renderer/scene/readers/metals.py`, which are normalised to white. Read from Mitsuba 3.9's parameters;
+tests/peers/test_mitsuba_files.py compares them with these.
 """
 
 from __future__ import annotations

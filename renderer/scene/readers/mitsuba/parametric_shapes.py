@@ -1,6 +1,7 @@
 """Mitsuba's analytic shapes as meshes with Mitsuba's UVs; an image's first row is at v = 0.
 
-Tangents define the frame of normal maps; Mitsuba's is right-handed whichever way v goes. Source: its documentation of shapes.
+Tangents define the frame of normal maps, which in Mitsuba is right-handed for either direction of v. Source: Mitsuba's
+documentation of shapes.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def cube(name: str) -> Mesh:
 
 
 def disk(name: str) -> Mesh:
-    """Returns the disk of radius 1, facing +Z; u goes from the centre to the rim, v once around."""
+    """Returns the disk of radius 1, facing +Z; u increases from the centre to the rim, v once around."""
     turn = np.arange(_SEGMENTS + 1) / _SEGMENTS
     rim = np.column_stack([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn), np.zeros(len(turn))])
     rim[-1] = rim[0]
@@ -65,20 +66,20 @@ def disk(name: str) -> Mesh:
 
 
 def tube(name: str) -> Mesh:
-    """Returns an open cylinder of radius 1 about Z, from 0 to 1, facing outwards; v goes up."""
+    """Returns an open cylinder of radius 1 about Z, from z = 0 to 1, facing outwards; v increases upwards."""
     mesh = _upright(shapes.lathe(name, [(1.0, 0.0), (1.0, 1.0)], _TUBE))
     assert mesh.uvs is not None
     return replace(mesh, uvs=np.column_stack([mesh.uvs[:, 0], 1 - mesh.uvs[:, 1]]).astype(np.float32))
 
 
 def sphere(name: str) -> Mesh:
-    """Returns the sphere of radius 1; v goes down from the pole at +Z."""
+    """Returns the sphere of radius 1; v increases from the pole at +Z downwards."""
     turns = np.linspace(-np.pi / 2, np.pi / 2, _RINGS + 1)
     return _upright(shapes.lathe(name, [(float(np.cos(t)), float(np.sin(t))) for t in turns], 2 * _RINGS))
 
 
 def _upright(mesh: Mesh) -> Mesh:
-    """Returns the mesh rotated from the Y to the Z axis, with u starting at +X."""
+    """Returns a mesh about the Y axis rotated to the Z axis, with u starting at +X."""
     assert mesh.uvs is not None
     normals = None if mesh.normals is None else np.ascontiguousarray(mesh.normals @ _Y_TO_Z.T)
     uvs = (mesh.uvs - np.array([0.25, 0], np.float32)).astype(np.float32)
@@ -86,5 +87,5 @@ def _upright(mesh: Mesh) -> Mesh:
 
 
 def _held(mesh: Mesh, along: npt.NDArray[np.float32]) -> Mesh:
-    """Returns the mesh with tangents along u, completed to a right-handed frame."""
+    """Returns the mesh with the tangents `along`, which with the normals form right-handed frames."""
     return replace(mesh, tangents=np.column_stack([along, np.ones(len(along))]).astype(np.float32))

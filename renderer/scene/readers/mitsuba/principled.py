@@ -1,4 +1,4 @@
-"""Mitsuba's principled BSDFs (Burley 2012 and 2015) as metallic-roughness materials."""
+"""Converts Mitsuba's principled BSDFs (Burley 2012 and 2015) to metallic-roughness materials."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHEEN, _SHEEN_ROUGHNESS = 0.5, 0.3
 
 
 def principled(source: Element, textures: Textures, document: Document) -> Material:
-    """The material of a `principled` or `principledthin`."""
+    """Returns the material of a `principled` or `principledthin` BSDF."""
     color, texture = textures.color(source, "base_color", 0.5)
     number = textures.number
     # Burley's specular 0.5 is an index of 1.5: F0 = 0.08 * specular.

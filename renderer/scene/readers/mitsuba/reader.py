@@ -1,4 +1,4 @@
-"""Reader of a Mitsuba scene."""
+"""Reads a Mitsuba scene."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["read"]
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's scene to the description. Raises SceneError."""
+    """Adds the scene of a Mitsuba file to the description. Raises SceneError if the file is invalid."""
     document = Document(files, main, description)
     shelf = TextureShelf(description, files)
     media = Media(document)

@@ -1,4 +1,4 @@
-"""Cameras, and settings from film, sampler and integrator."""
+"""Converts cameras, and the render settings in film, sampler and integrator."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _DIAGONAL_MM = math.hypot(36, 24)
 
 
 def add_sensor(source: Element, document: Document, description: SceneDescription) -> None:
-    """Adds a camera; the scene's settings come from the first one's film and sampler."""
+    """Adds a camera. The film and sampler of the first camera determine the scene's settings."""
     width, height, window = _film(source, document, description, is_first=not description.cameras)
     world = source.matrix()
     eye, forward, up = world[:3, 3], world[:3, 2], world[:3, 1]
@@ -67,7 +67,10 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
 
 
 def vertical_fov(source: Element, width: int, height: int) -> float:
-    """Returns the vertical field of view in degrees; by default that of a 50 mm lens on 35 mm film."""
+    """Returns the vertical field of view in degrees; by default that of a 50 mm lens on 35 mm film.
+
+    width, height: of the image in pixels. Raises SceneError if the sensor's fov_axis is unknown.
+    """
     ratio = width / height
     fov = source.get("fov")
     axis = str(source.get("fov_axis", "x"))
@@ -97,7 +100,7 @@ def vertical_fov(source: Element, width: int, height: int) -> float:
 
 
 def _millimetres(source: Element) -> float:
-    """Returns a sensor's focal length in millimetres. Raises SceneError."""
+    """Returns a sensor's focal length in millimetres. Raises SceneError if it is not a positive length."""
     written = str(source.get("focal_length", "50mm"))
     try:
         found = float(written.strip().removesuffix("mm"))
@@ -117,7 +120,10 @@ def _millimetres(source: Element) -> float:
 
 
 def _film(source: Element, document: Document, description: SceneDescription, is_first: bool) -> tuple[int, int, Window]:
-    """Returns the film's width, height and crop window. is_first: whether to take the scene's settings from it."""
+    """Returns the film's width, height and crop window.
+
+    is_first: whether to set the scene's settings from the film and sampler.
+    """
     film = next(iter(source.of("film")), None)
     sampler = next(iter(source.of("sampler")), None)
     named = next(iter(film.of("rfilter")), None) if film is not None else None
@@ -209,7 +215,7 @@ def _window(film: Element, width: int, height: int) -> Window:
 
 
 def add_integrator(source: Element, document: Document, description: SceneDescription) -> None:
-    """Sets the integrator's settings."""
+    """Sets the scene's integrator and its settings."""
     inner = next(iter(source.of("integrator")), None)
     source.take()
     if inner is not None:
@@ -231,7 +237,7 @@ def add_integrator(source: Element, document: Document, description: SceneDescri
 
 
 def note_far_clipping(source: Element, document: Document, description: SceneDescription) -> None:
-    """Adds a note if a camera's far clipping distance would cut off part of the scene."""
+    """Adds a note if a camera's far clipping distance, which is ignored, would cut off part of the scene."""
     far = source.number("far_clip", 1e4)
     eye, forward = source.matrix()[:3, 3], source.matrix()[:3, 2]
     forward = forward / max(float(np.linalg.norm(forward)), 1e-300)

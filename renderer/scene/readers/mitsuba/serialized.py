@@ -1,4 +1,4 @@
-"""Reader for Mitsuba's own mesh format .serialized, versions 3 and 4. Source: Mitsuba 3's documentation, plugin "serialized"."""
+"""Reads Mitsuba's own mesh format .serialized, versions 3 and 4. Source: Mitsuba 3's documentation, plugin "serialized"."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MAX_UNPACKED = 4 << 30
 
 
 def read_serialized(data: bytes, name: str, index: int) -> Mesh:
-    """Returns the mesh with an index. Raises SceneError if the file is damaged or has no such mesh."""
+    """Returns the mesh with this index in the file. Raises SceneError if the file is damaged or has fewer meshes."""
     damaged = SceneError(
         Sentence("mitsuba-serialized-damaged", "{name}: is damaged, or not a Mitsuba mesh file; export it again", name=name)
     )

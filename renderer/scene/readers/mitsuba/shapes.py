@@ -1,4 +1,4 @@
-"""Shapes in the world with their materials, and instances of shape groups."""
+"""Adds shapes with their materials to the world, and instances of shape groups."""
 
 from __future__ import annotations
 
@@ -35,11 +35,14 @@ class Shapes:
         self._meshes: dict[int, list[tuple[int, Matrix]]] = {}  # (mesh index, transform) by shape
 
     def check_expansion(self) -> None:
-        """Raises SceneError if nested groups expand to too many shapes, before any is added."""
+        """Raises SceneError if nested groups expand to too many shapes. Called before any shape is added."""
         check_expansion(self._document.scene, _shown, self._document.main)
 
     def add(self, shape: Element, place: Matrix | None = None, depth: int = 0) -> None:
-        """Adds a shape at the transform of its group. Raises SceneError."""
+        """Adds a shape. place: (4, 4) transform of the group that contains it.
+
+        Raises SceneError if it is invalid or nested too deeply.
+        """
         if depth > _MAX_NESTED:
             raise SceneError(
                 Sentence(
@@ -163,7 +166,7 @@ class Shapes:
 
 @functools.cache
 def _unit_ball() -> Mesh:
-    """Returns a sphere for measuring UV spans; it is not rendered."""
+    """Returns a sphere mesh for measuring UV spans; it is not rendered."""
     return sphere("sphere")
 
 
@@ -172,7 +175,7 @@ def _spans(mesh: Mesh, place: Matrix) -> Callable[[], tuple[float, float] | None
 
 
 def _shown(thing: Element) -> Iterator[Element]:
-    """Yields the shapes that a shape or scene contains."""
+    """Yields the shapes that a scene, an instance or a merged shape contains."""
     if thing.type == "instance":
         for group in thing.of("shape"):
             yield from group.of("shape")

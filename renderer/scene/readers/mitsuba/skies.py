@@ -1,7 +1,7 @@
-"""Mitsuba's sky and sun, rendered with our own sky model at the brightness of Mitsuba's.
+"""Converts Mitsuba's sky and sun to Rayfarm's sky model, at the brightness of Mitsuba's.
 
-Mitsuba's turbidity of 3 is our dust of 1. Both sky and sun are tinted so that the irradiance of a level plane matches
-Mitsuba 3.9: sky within 9 % per channel, with the sun at 10 to 85 degrees; sun within 3 % from 30 degrees on.
+Mitsuba's turbidity of 3 corresponds to a dust parameter of 1. Sky and sun are tinted so that the irradiance of a horizontal
+plane matches Mitsuba 3.9: the sky within 9 % per channel with the sun at 10 to 85 degrees, the sun within 3 % from 30 degrees.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _F64 = npt.NDArray[np.float64]
 
 
 def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[Environment | None, Light | None]:
-    """Returns the sky of an emitter, black below the horizon, and its sun; None for either that it lacks."""
+    """Returns the sky of an emitter, black below the horizon, and its sun. Each is None if the emitter does not have it."""
     world = source.matrix()[:3, :3]
     up = _unit(world @ ((0.0, 1.0, 0.0) if document.is_old else (0.0, 0.0, 1.0)))
     document.ignore(
@@ -86,7 +86,7 @@ def _sun(sky: Sky, towards: _F64, strength: float, name: str) -> Light | None:
 
 
 def _across(up: _F64) -> _F64:
-    """Returns a horizontal direction."""
+    """Returns a horizontal unit direction. up: unit vector."""
     other = np.array((0.0, 0.0, -1.0) if abs(up[2]) < 0.9 else (0.0, 1.0, 0.0))
     return _unit(other - up * float(other @ up))
 

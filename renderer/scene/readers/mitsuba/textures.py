@@ -1,4 +1,4 @@
-"""Mitsuba's textures."""
+"""Converts Mitsuba's textures."""
 
 from __future__ import annotations
 
@@ -25,14 +25,17 @@ _LUMINANCE = np.array([0.212671, 0.715160, 0.072169], np.float32)
 
 
 class Textures:
-    """Looks up colours and numbers that may be textured."""
+    """Looks up colour and number properties that may be textured."""
 
     def __init__(self, document: Document, shelf: TextureShelf) -> None:
         self._document, self.shelf = document, shelf
         self.attribute = ""  # mesh attribute last used as colour; empty: none
 
     def color(self, owner: Element, name: str, default: float | Vec3 = 0.5, is_light: bool = False) -> tuple[Vec3, int | None]:
-        """Returns a colour, and the texture multiplied by it or None."""
+        """Returns a colour, and the index of the texture that multiplies it or None.
+
+        is_light: whether the colour is a radiance rather than a reflectance.
+        """
         texture = owner.child(name)
         if texture is None:
             return rgb(owner.get(name, default), is_light), None
@@ -58,7 +61,7 @@ class Textures:
         return (WHITE, number) if number is not None else (rgb(default, is_light), None)
 
     def number(self, owner: Element, name: str, default: float) -> float:
-        """Returns a number; the mean, with a note, of a texture."""
+        """Returns a property as a number; for a texture its mean, with a note."""
         texture = owner.child(name)
         if texture is None:
             return owner.number(name, default)
@@ -79,7 +82,7 @@ class Textures:
         return float(linear(self.shelf.image_of(image)).mean())
 
     def amount(self, owner: Element, name: str, default: float, power: float = 1.0) -> tuple[float, int | None]:
-        """Returns a number raised to a power, and the grey texture multiplied by it or None."""
+        """Returns a number raised to a power, and the index of the grey texture that multiplies it or None."""
         texture = owner.child(name)
         if texture is None or constant_of(texture) is not None:
             return max(self.number(owner, name, default), 0.0) ** power, None
@@ -87,7 +90,7 @@ class Textures:
         return (1.0, found) if found is not None else (default**power, None)
 
     def coated(self, color: Vec3, texture: int | None, inner: float) -> tuple[Vec3, int | None]:
-        """Returns a colour and its texture as the effective reflectance under a coat.
+        """Returns a colour and its texture, converted to the effective reflectance of paint under a coat.
 
         inner: the coat's internal albedo.
         """
@@ -104,7 +107,7 @@ class Textures:
         return WHITE, self.shelf.derived_texture(texture, f"under a coat of {inner} by {color}", make)
 
     def scaled(self, color: Vec3, texture: int | None, factor: float) -> tuple[Vec3, int | None]:
-        """Returns a colour and its texture times a factor, clamped to 1."""
+        """Returns a colour and its texture multiplied by a factor, clamped to 1."""
         if texture is None:
             r, g, b = (unit(v * factor) for v in color)
             return (r, g, b), None
@@ -117,7 +120,7 @@ class Textures:
         return WHITE, self.shelf.derived_texture(texture, f"by {factor}", make)
 
     def roughness_and_metal(self, roughness: int | None, metal: int | None) -> int | None:
-        """Returns glTF's metallic-roughness texture from two grey ones; white for None."""
+        """Returns glTF's metallic-roughness texture from two grey textures; None means white."""
         if roughness is not None and metal is not None and not self._lie_alike(roughness, metal):
             self._document.ignore(
                 Sentence("mitsuba-metallic-texture-placement", "The texture of metallic is placed like that of roughness")
@@ -125,7 +128,7 @@ class Textures:
         return with_roughness_and_metal(self.shelf, roughness, metal)
 
     def cut_out(self, color: int | None, opacity: int) -> int | None:
-        """Returns a colour texture (white for None) with the brightness of another as alpha."""
+        """Returns a colour texture (None: white) with the brightness of another texture as alpha."""
         if color is not None and not self._lie_alike(color, opacity):
             self._document.ignore(
                 Sentence("mitsuba-mask-texture-placement", "The texture of a mask is placed like that of the colour beneath it")
@@ -134,7 +137,7 @@ class Textures:
         return with_opacity(self.shelf, color, opacity if grey is None else grey)
 
     def _grey(self, texture: int | None, power: float = 1.0) -> int | None:
-        """Returns a grey texture with another's brightness raised to a power."""
+        """Returns a grey texture with another texture's brightness raised to a power."""
 
         def make(image: Image) -> Image:
             bright = np.clip(linear(image) @ _LUMINANCE, 0, 1) ** power
@@ -148,7 +151,10 @@ class Textures:
         return (a.wrap_s, a.wrap_t, a.transform) == (b.wrap_s, b.wrap_t, b.transform)
 
     def texture(self, source: Element, is_color: bool) -> int | None:
-        """Returns the index of a texture; None if its plugin is not supported."""
+        """Returns the index of the texture of a plugin; None, with a note, if the plugin is not supported.
+
+        is_color: False for data.
+        """
         transform = _uv(source.get("to_uv", _spread(source)))
         if source.type == "bitmap":
             return self._bitmap(source, is_color, transform)
@@ -212,14 +218,14 @@ class Textures:
 
 
 def _spread(source: Element) -> Matrix:
-    """Returns Mitsuba 0.6's UV transform: scale, then offset."""
+    """Returns the UV transform of Mitsuba 0.6's texture properties: scale, then offset."""
     found = np.diag([source.number("uscale", 1.0), source.number("vscale", 1.0), 1.0, 1.0])
     found[:2, 3] = source.number("uoffset", 0.0), source.number("voffset", 0.0)
     return found
 
 
 def _uv(matrix: Any) -> UvTransform:
-    """Returns a UV transform from a 3x3 matrix, or from x and y of a 4x4 one."""
+    """Returns a UV transform from a 3x3 matrix, or from x and y of a 4x4 matrix."""
     if not isinstance(matrix, np.ndarray):
         return IDENTITY_UV_TRANSFORM
     found: Matrix = matrix
@@ -230,7 +236,7 @@ def _uv(matrix: Any) -> UvTransform:
 
 
 def constant_of(source: Element) -> Any:
-    """Returns the constant value or spectrum of a plugin; None if it varies. Raises SceneError."""
+    """Returns the constant value or spectrum of a plugin; None if it varies. Raises SceneError if a spectrum is malformed."""
     if source.type == "uniform":
         return Spectrum.even(source.number("value", 1.0))
     if source.type in ("srgb", "rawconstant"):
@@ -254,7 +260,7 @@ def constant_of(source: Element) -> Any:
 
 
 def radiance_of(owner: Element, name: str) -> Vec3:
-    """Returns the emission of a light without a surface; white if not set. Raises SceneError."""
+    """Returns the emission of a light without a surface; white if not set. Raises SceneError if a spectrum is malformed."""
     child = owner.child(name)
     found = None if child is None else constant_of(child)
     return rgb(owner.get(name, 1.0) if found is None else found, is_light=True)

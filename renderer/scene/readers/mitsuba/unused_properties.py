@@ -1,4 +1,4 @@
-"""Notes about properties of plugins, and child objects, that were never read."""
+"""Notes the properties of plugins, and the child objects, that were never read."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ _SHOWN = ("shape", "emitter", "sensor", "integrator")  # rendered children of a 
 
 
 def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
-    """Yields a sentence for each unread property or object. sentences: those already issued, whose subjects are skipped."""
+    """Yields a sentence for each unread property or object.
+
+    sentences: those already issued; the objects that they are about are skipped.
+    """
     noted = [each for each in sentences if isinstance(each, Sentence) and "what" in each.params]
     said = {str(each.params["what"]) for each in noted if each.startswith(str(each.params["what"]))}
     unread = {str(each.params["what"]) for each in noted if each.code in _UNREAD}

@@ -1,4 +1,4 @@
-"""Values of Mitsuba's files: numbers, colours, spectra and transforms."""
+"""Parses the values of Mitsuba's files: numbers, colours, spectra and transforms."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class Spectrum:
         self.wavelengths, self.values = np.array(wavelengths, float)[order], np.array(values, float)[order]
 
     def rgb(self, is_light: bool) -> Vec3:
-        """Returns linear Rec.709.
+        """Returns the colour of the spectrum in linear Rec.709.
 
-        is_light: whether the spectrum is a radiance, normalised by the luminance of an equal-energy light of 1; otherwise it is a
-        reflectance in 0..1, relative to white.
+        is_light: whether the spectrum is a radiance, normalised so that equal-energy light of 1 has a luminance of 1; otherwise
+        it is a reflectance in 0..1, relative to white.
         """
         if not is_light and (self.values == self.values[0]).all():
             return (float(self.values[0]),) * 3
@@ -58,12 +58,12 @@ class Spectrum:
 
     @property
     def mean(self) -> float:
-        """Returns the mean over the given wavelengths."""
+        """Mean over the given wavelengths."""
         return float(self.values.mean())
 
     @classmethod
     def even(cls, value: float) -> Spectrum:
-        """Returns a spectrum constant over wavelengths: grey as a reflectance, warmer than Rec.709's white as a light."""
+        """Returns a spectrum that is constant over wavelengths: grey as a reflectance, warmer than Rec.709's white as a light."""
         return cls((300.0, 900.0), (value, value))
 
 
@@ -82,14 +82,17 @@ def _cached_matching(key: bytes) -> F64:
 
 
 def _matching(at: F64) -> F64:
-    """Returns the CIE 1931 colour matching functions. Source: Wyman, Sloan and Shirley, JCGT 2(2), 2013, multi-lobe fit."""
+    """Returns (3, W) the CIE 1931 colour matching functions at wavelengths in nanometres.
+
+    Source: Wyman, Sloan and Shirley, JCGT 2(2), 2013, multi-lobe fit.
+    """
     return _cached_matching(at.tobytes())
 
 
 def planck(kelvin: float, scale: float = 1.0) -> Spectrum:
     """Returns the radiance of a black body, in W / (m^2 sr nm), times `scale`.
 
-    Raises ValueError for a temperature out of range.
+    Raises ValueError if the temperature is out of range.
     """
     if not 1 <= kelvin <= 1e6:
         raise ValueError(
@@ -106,7 +109,7 @@ def planck(kelvin: float, scale: float = 1.0) -> Spectrum:
 
 
 def rgb(found: Any, is_light: bool = False) -> Vec3:
-    """Returns a colour from three numbers, one for grey, or a spectrum."""
+    """Returns a linear RGB colour from three numbers, one number for grey, or a spectrum. is_light: as for `Spectrum.rgb`."""
     if isinstance(found, Spectrum):
         return found.rgb(is_light)
     r, g, b = np.broadcast_to(np.asarray(found, float).reshape(-1), (3,))
@@ -114,9 +117,9 @@ def rgb(found: Any, is_light: bool = False) -> Vec3:
 
 
 def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Callable[[str], str]) -> Any:
-    """Returns the value of an element. curve: returns the text of a spectrum's file.
+    """Returns the value of an XML element. steps: of a transform; curve: returns the text of a spectrum's file.
 
-    Raises ValueError with part of a sentence.
+    Raises ValueError, whose message continues a sentence about the element, if the value is malformed.
     """
     text = written.get("value", "").strip()
     if tag in ("float", "integer"):
@@ -141,7 +144,10 @@ def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Ca
 
 
 def numbers(text: str, count: int | None = None) -> F64:
-    """Returns the numbers of a text. count: how many there must be. Raises ValueError with part of a sentence."""
+    """Returns the numbers in a text. count: their required number, or None.
+
+    Raises ValueError, whose message continues a sentence about the element, if they are malformed.
+    """
     parts = [part for part in re.split(r"[\s,]+", text.strip()) if part]
     try:
         found = np.array([float(part) for part in parts])
@@ -217,7 +223,7 @@ def _malformed_spectrum(text: str) -> str:
 
 
 def _transform(steps: Sequence[Step]) -> Matrix:
-    """Returns the product of transform steps, each applied after the previous ones."""
+    """Returns the (4, 4) product of transform steps, each applied after the previous ones."""
     found = np.eye(4)
     for tag, written in steps:
         found = _step(tag.lower(), written) @ found
@@ -270,7 +276,10 @@ def _step(tag: str, written: Mapping[str, str]) -> Matrix:
 
 
 def _look_at(origin: F64, target: F64, up: F64) -> Matrix:
-    """Returns a camera's transform. Mitsuba's camera looks along +Z, and +X is to its left. Raises ValueError."""
+    """Returns a camera's transform to world space. Mitsuba's camera looks along +Z, with +X to its left.
+
+    Raises ValueError if the direction is zero or parallel to up.
+    """
     forward = target - origin
     left = np.cross(up, forward)
     if np.linalg.norm(forward) == 0 or np.linalg.norm(left) == 0:
