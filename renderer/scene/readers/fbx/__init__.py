@@ -1,9 +1,9 @@
-"""Reader for FBX files, binary and text, of all versions that ufbx supports.
+"""Reader of FBX files, binary and text, of all versions that ufbx supports.
 
 layout.py    structures of ufbx's C interface
-library.py   access to ufbx, and its lists as arrays
-animation.py animation stacks, and which elements move
-meshes.py    polygons as triangles, one mesh per material
+library.py   access to ufbx, and conversion of its lists to arrays
+animation.py animation stacks, and the elements that they animate
+meshes.py    triangulation of polygons, one mesh per material
 shapes.py    blend shapes and skins
 materials.py Lambert, Phong and physically based materials; textures.py their images
 lights.py    lights and cameras; targets.py their targets

@@ -1,4 +1,4 @@
-"""FBX animation stacks as clips, and the elements that each of them moves."""
+"""FBX animation stacks as clips, and the elements that each of them animates."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from renderer.scene.readers.name_lookup import number_of
 
 __all__ = ["Stacks"]
 
-_STILL = 1e-9  # of a curve's values, by which rounding alone differs
+_STILL = 1e-9  # relative range of a curve's values that rounding can cause
 
 
 class Stacks:
-    """The animation stacks of a scene."""
+    """The animation stacks of a scene, as clips."""
 
     def __init__(self, opened: FbxScene, name: str) -> None:
         self._opened, self._file = opened, name
         scene = opened.scene
-        # Blender shows the first that moves anything; files of Mixamo and 3ds Max begin with an empty one.
+        # Stacks that animate nothing come last: files of Mixamo and 3ds Max begin with one; Blender skips it too.
         stacks = pointed(scene.stacks, layout.AnimStack)
         self._stacks = (
             sorted(stacks, key=lambda stack: next(_moved(int(stack.anim)), None) is None) if len(stacks) > 1 else stacks
@@ -30,7 +30,10 @@ class Stacks:
         self.clips = [Clip(text(s.name) or f"animation {i}", s.begin, s.end) for i, s in enumerate(self._stacks)]
 
     def played(self, moment: Moment) -> int | None:
-        """Returns the animation to evaluate; None without one. Raises SceneError if the requested clip does not exist."""
+        """Returns the animation to evaluate at a moment, None without one.
+
+        Raises SceneError if the moment's clip does not exist.
+        """
         names = [clip.name for clip in self.clips]
         if moment.clip == ALL_CLIPS and ALL_CLIPS not in names and len(names) > 1:
             return self._together(self._stacks)
@@ -46,10 +49,10 @@ class Stacks:
         return self._opened.combined_animation([int(layer.typed_id) for layer in layers], self._file)
 
     def shown(self, anim: int, evaluated: FbxScene, seconds: float) -> dict[int, bool]:
-        """Returns the visibility of nodes by id where animation layers set it: the topmost curve of a weighted layer decides.
+        """Returns the visibility, by node id, of the nodes whose visibility animation layers set.
 
-        Maya evaluates visibility, as all booleans, in override mode whatever the layer's mode (Autodesk, "Animation layer
-        modes"); ufbx adds and mixes the layers' values.
+        The topmost curve of a layer with a weight decides. Maya evaluates visibility, as all booleans, in override mode whatever
+        the layer's mode (Autodesk, "Animation layer modes"), while ufbx adds and mixes the layers' values.
         """
         layers = pointed(layout.Anim.from_address(anim).layers, layout.AnimLayer)
         weights = {layer.element_id: layer.weight for layer in pointed(evaluated.scene.layers, layout.AnimLayer)}
@@ -70,12 +73,12 @@ class Stacks:
         return found
 
     def moving(self, anim: int | None) -> set[int]:
-        """Returns the ids of elements with a property that changes over time."""
+        """Returns the ids of the elements with a property that changes over time."""
         return set(_moved(anim))
 
 
 def _active_layers(stack: Any) -> list[Any]:
-    """Returns the layers of a stack that are evaluated: those with solo, or without any, all that are not muted."""
+    """Returns the layers of a stack that are evaluated: those set to solo or, if there are none, all that are not muted."""
     layers = pointed(stack.layers, layout.AnimLayer)
     return [layer for layer in layers if is_set(layer, b"Solo")] or [layer for layer in layers if not is_set(layer, b"Mute")]
 

@@ -1,6 +1,6 @@
-"""Structures of ufbx's C interface (ufbx.h, 0.21) for ctypes, as far as they are used here.
+"""The structures of ufbx's C interface (ufbx.h, 0.21) for ctypes, as far as they are used here.
 
-A field called `_` only fills space. Lists and strings are a pointer and a count; the type of a list's elements is given where it
+A field called `_` is unused. Lists and strings are a pointer and a count; the type of a list's elements is given where the list
 is read.
 """
 
@@ -49,7 +49,7 @@ __all__ = [
 
 
 class List(ctypes.Structure):
-    """ufbx's list; strings and blobs have the same layout."""
+    """ufbx's list type; strings and blobs have the same layout."""
 
     _fields_ = (("data", ctypes.c_void_p), ("count", ctypes.c_size_t))
 
@@ -69,7 +69,7 @@ _KINDS: dict[str, Any] = {
 
 
 def _fields(text: str) -> list[tuple[str, Any]]:
-    """Returns the ctypes fields of a text of "name:kind", where kind may end in a count; each `_` gets a name of its own."""
+    """Parses "name:kind" words into ctypes fields. A kind may end in an array length; each `_` gets a unique name."""
     found: list[tuple[str, Any]] = []
     for word in text.split():
         name, _, kind = word.partition(":")
@@ -80,7 +80,7 @@ def _fields(text: str) -> list[tuple[str, Any]]:
 
 
 def _structure(name: str, text: str, base: type[ctypes.Structure] = ctypes.Structure) -> Any:
-    """Returns a ctypes structure by its fields, whose kinds may be structures defined before it."""
+    """Defines a ctypes structure from its fields, whose kinds may be structures defined before it."""
     made = type(name, (base,), {"_fields_": _fields(text)})
     _KINDS[name] = made
     return made

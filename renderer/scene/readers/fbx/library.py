@@ -1,7 +1,7 @@
-"""The C library of the wheel `ufbx`, called through ctypes.
+"""The C library of the package `ufbx`, called through ctypes.
 
-The wheel's Python objects are not used: in 0.0.5 they return elements without counting the reference, so that a second access
-reads freed memory. The C library exports its whole interface and has no such fault.
+The package's Python objects are not used: in version 0.0.5 they return elements without counting the reference, so that a
+second access reads freed memory. The C library exports its whole interface and has no such fault.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ __all__ = [
     "value_at",
 ]
 
-_KNOWN = range(21_000, 22_000)  # 0.21: versions whose structures layout.py has
+_KNOWN = range(21_000, 22_000)  # 0.21: the versions whose structures layout.py describes
 _OUT_OF_MEMORY = {5, 6, 7}  # ufbx_error_type: memory, memory limit, allocation limit
 _RIGHT_Y_FRONT = (0, 2, 4)  # +X to the right, +Y up, +Z to the front
 _DEPTH = 1000
 _FBX = 1
-_AS_WRITTEN = 5  # ufbx_unicode_error_handling: strings are what the file has
+_AS_WRITTEN = 5  # ufbx_unicode_error_handling: strings are returned as in the file
 _TURNS = (b"RotationOrder", b"PreRotation", b"PostRotation")
 
 
@@ -100,7 +100,7 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
 
 
 class FbxScene:
-    """A scene in ufbx's memory, which is freed with this object; arrays that were copied from it remain valid."""
+    """A scene in ufbx's memory, which is freed with this object. Arrays that were copied from the scene remain valid."""
 
     def __init__(self, pointer: Any) -> None:
         self._pointer = pointer
@@ -114,7 +114,10 @@ class FbxScene:
 
     @classmethod
     def of(cls, data: bytes, name: str) -> FbxScene:
-        """Parses a file's bytes, in metres with Y up. Opens no other file. Raises SceneError."""
+        """Parses a file's bytes into a scene in metres with Y up. Opens no other file.
+
+        Raises SceneError if the file is damaged, MemoryError if memory is exhausted.
+        """
         options = layout.LoadOptions()
         options.blender_pbr = True
         options.connect_broken = options.make_normals = options.normalize = options.clean_skin_weights = True
@@ -128,15 +131,18 @@ class FbxScene:
         return cls(found) if found else _failed(error, name)
 
     def at(self, anim: int, seconds: float, name: str) -> FbxScene:
-        """Returns the scene evaluated at a time of an animation. Raises SceneError."""
+        """Returns the scene evaluated at a time of an animation. Raises SceneError if that fails.
+
+        name: of the file, for errors.
+        """
         options, error = layout.EvaluateOptions(), layout.Error()
         found = _library().ufbx_evaluate_scene(self._pointer, anim, seconds, ctypes.byref(options), ctypes.byref(error))
         return FbxScene(found) if found else _failed(error, name)
 
     def combined_animation(self, layers: list[int], name: str) -> int:
-        """Returns the address of an animation made of these layers of the scene, the last on top, following RotationActive.
+        """Returns the address of an animation that combines layers of the scene, the last on top, and respects RotationActive.
 
-        Raises SceneError.
+        Raises SceneError if ufbx cannot create it.
         """
         key = tuple(layers)
         if key not in self._made:
@@ -157,9 +163,9 @@ class FbxScene:
 
     @functools.cached_property
     def unturned(self) -> list[int]:
-        """Ids of nodes whose rotation order, pre- and post-rotation the FBX SDK ignores and this version of ufbx applies.
+        """Ids of the nodes whose rotation order, pre- and post-rotation the FBX SDK ignores, but this version of ufbx applies.
 
-        ufbx follows RotationActive and RotationSpaceForLimitOnly since 0.23.
+        Since 0.23, ufbx itself respects RotationActive and RotationSpaceForLimitOnly.
         """
         return [
             node.element_id
@@ -222,12 +228,12 @@ def at(kind: Any, address: int | None) -> Any:
 
 
 def each(values: Any, kind: Any) -> list[Any]:
-    """Returns the structures stored in a list."""
+    """Returns the structures stored in a list of the library."""
     return [kind.from_address(values.data + i * ctypes.sizeof(kind)) for i in range(values.count)] if values.data else []
 
 
 def pointed(values: Any, kind: Any, most: int | None = None) -> list[Any]:
-    """Returns the structures that a list of pointers refers to, at most the first `most`."""
+    """Returns the structures that a list of pointers refers to, at most the first `most`; null pointers are skipped."""
     if not values.data:
         return []
     count = values.count if most is None else min(values.count, most)
@@ -236,12 +242,12 @@ def pointed(values: Any, kind: Any, most: int | None = None) -> list[Any]:
 
 
 def array(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
-    """Returns a copy of a list of numbers, (N,) or (N, width)."""
+    """Returns a copy of a list of numbers, as (N,) or (N, width)."""
     return list_view(values, dtype, width).copy()
 
 
 def list_view(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
-    """Returns a view of a list of numbers, (N,) or (N, width), valid while the scene exists."""
+    """Returns a view of a list of numbers, as (N,) or (N, width). It is valid only while the scene exists."""
     item = np.dtype(dtype).itemsize * width
     if not values.data or not values.count:
         return np.zeros((0, width) if width > 1 else 0, dtype)
@@ -267,10 +273,13 @@ def number_of(element: Any, name: bytes) -> float:
 
 
 def is_visible(node: Any) -> bool:
-    """Returns True if a node is visible. Files before FBX 6 store a percentage, which ufbx 0.21 does not take for a number."""
+    """Returns True if a node is visible.
+
+    Files before FBX 6 store a percentage, which ufbx 0.21 does not convert.
+    """
     return bool(node.visible) or abs(number_of(node, b"Visibility")) >= 1
 
 
 def value_at(curve: int, seconds: float) -> float:
-    """Returns the value of an animation curve, given by its address, at a time."""
+    """Returns the value of an animation curve, given by its address, at a time in seconds."""
     return float(_library().ufbx_evaluate_curve(curve, seconds, 0.0))

@@ -1,8 +1,8 @@
 """Lights and cameras of FBX files.
 
-FBX gives lights a colour and a percentage, without a unit. Blender writes watts (for a sun, per square metre), which are taken as
-such. Otherwise a directional light of 100 % makes a white surface white; a light with quadratic decay does so at a distance of
-one unit of the file, and a light without decay, which is not physical, at the centre of the scene.
+FBX gives lights a colour and a percentage, without a unit. Blender writes watts (for a sun, watts per square metre), which are
+used as such. In other files, a directional light of 100 % makes a white surface white; a light with quadratic decay does so at a
+distance of one unit of the file, and a light without decay, which is not physical, at the centre of the scene.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _QUADRATIC = 2
 _MAX = 1e12
 _FAR = 1e9
 _INCH = 25.4  # millimetres
-AREA_SIDE = 1.0  # metres, of an area light that is not scaled: FBX does not say
+AREA_SIDE = 1.0  # metres, of an unscaled area light; FBX does not store the size
 
 
 def is_area(light: Any) -> bool:
@@ -41,7 +41,11 @@ def _color(light: Any, scale: float) -> Vec3:
 
 
 def read_light(light: Any, name: str, world: F64, by_blender: bool, unit: float, middle: F64) -> Light:
-    """Returns a point, spot or directional light. unit: metres per unit of the file. middle: centre of the visible geometry."""
+    """Returns a point, spot or directional light.
+
+    world: (4, 4) transform of its node; by_blender: whether Blender wrote the file; unit: metres per unit of the file; middle:
+    centre of the visible geometry.
+    """
     towards = world[:3, :3] @ np.array(light.direction)
     length = float(np.linalg.norm(towards))
     x, y, z = (float(c) for c in (towards / length if length > 0 else (0.0, -1.0, 0.0)))
@@ -59,22 +63,22 @@ def read_light(light: Any, name: str, world: F64, by_blender: bool, unit: float,
     outer = clamped(light.outer_angle / 2, 0.01, 90.0)
     inner = clamped(light.inner_angle / 2, 0.0, outer)
     spot = Light("spot", _color(light, scale), position, (x, y, z), inner_cone=inner, outer_cone=outer, name=name)
-    if by_blender:  # its exporter writes the share of the angle that is not blended, where it means one of the cosine
+    if by_blender:  # its exporter stores the blend as a fraction of the angle; it is one of the cosine
         spot.inner_cone, spot.falloff = blended_cone(outer, 1 - inner / outer), "smooth"
     return spot
 
 
 def area_material(light: Any, name: str, world: F64, by_blender: bool) -> Material:
-    """Returns the emissive material of an area light's square."""
+    """Returns the emissive material of the square that represents an area light."""
     side = upright_square(light, world)[:3, :2]
     area = float(np.linalg.norm(np.cross(side[:, 0], side[:, 1]))) * 4
     emission = _color(light, 1 / (math.pi * max(area, 1e-12)) if by_blender else 1.0)
-    # Blender's own are no bodies, and hidden from its camera unless told; others do not say.
+    # Blender's area lights are invisible to its camera by default, and rays pass through them.
     return Material(name, base_color=(0.0, 0.0, 0.0), emission=emission, lamp=by_blender, unseen=by_blender)
 
 
 def upright_square(light: Any, world: F64) -> F64:
-    """Returns the transform of the square -1..1 in x and y, facing +Z, that stands for an area light."""
+    """Returns the transform of the square -1..1 in x and y, facing +Z, that represents an area light."""
     z = np.array(light.direction, np.float64)
     x = np.cross((0.0, 0.0, 1.0) if abs(z[2]) < 0.9 else (1.0, 0.0, 0.0), z)
     x /= max(float(np.linalg.norm(x)), 1e-12)
@@ -88,11 +92,10 @@ def upright_square(light: Any, world: F64) -> F64:
 def read_camera(
     camera: Any, world: F64, film_offset: tuple[float, float] = (0.0, 0.0), near: float = 0.0, tall: float = 1.0
 ) -> View:
-    """Returns the view of a camera, which looks along +X of its node with +Y up; its scale is ignored. Raises SettingsError if it
-    sees nothing.
+    """Returns the view of a camera, which looks along its node's +X with +Y up; the node's scale is ignored.
 
-    film_offset: in inches. near: distance of the near clipping plane in metres. tall: height of an orthographic picture in
-    metres.
+    film_offset: in inches; near: distance of the near clipping plane in metres; tall: height of an orthographic view in metres.
+    Raises SettingsError if the view is invalid.
     """
     near = clamped(float(np.nan_to_num(near)), 0.0, _FAR)
     eye, forward, up = world[:3, 3], _unit(world[:3, 0]), _unit(world[:3, 1])
@@ -102,7 +105,7 @@ def read_camera(
     if camera.projection == 1:
         return View(a, b, c, projection="orthographic", height=abs(tall), near=near)  # type: ignore[arg-type]
     fov = clamped(float(np.nan_to_num(camera.fov[1])) or 40.0, 0.01, 179.0)
-    height = 2 * math.tan(math.radians(fov) / 2) * max(float(np.nan_to_num(camera.focal_mm)), 1e-6) / _INCH  # of the film
+    height = 2 * math.tan(math.radians(fov) / 2) * max(float(np.nan_to_num(camera.focal_mm)), 1e-6) / _INCH  # of the film, inches
     x, y = (clamped(float(np.nan_to_num(each)) / height, -MAX_SHIFT, MAX_SHIFT) for each in film_offset)
     return View(a, b, c, fov, shift_x=x, shift_y=y, near=near)  # type: ignore[arg-type]
 

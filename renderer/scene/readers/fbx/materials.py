@@ -1,5 +1,6 @@
-"""FBX materials as ours: Lambert and Phong as published; the physically based materials of 3ds Max, Arnold, Maya, OpenPBR, glTF
-and Blender by the common parameters that ufbx maps them to.
+"""Converts FBX materials: Lambert and Phong as published, physically based ones by ufbx's common parameters.
+
+ufbx maps the materials of 3ds Max, Arnold, Maya, OpenPBR, glTF and Blender to these parameters.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ __all__ = ["Materials"]
 
 _UNKNOWN, _LAMBERT, _PHONG = 0, 1, 2
 _BLENDER, _PLASTIC = 11, 0.25
-_BY_ABBE = (3, 4, 9)  # ufbx_shader_type: OSL's and Arnold's standard surface and OpenPBR give Abbe's number
+_BY_ABBE = (3, 4, 9)  # ufbx_shader_type: OSL's and Arnold's standard surface, and OpenPBR, store an Abbe number
 _MAX_RADIANCE = 1e9
 _MOST_SCATTER = 1e6
 _LEFT_OUT = {
@@ -42,15 +43,15 @@ _FEATURES = {name: 2 * i for i, name in enumerate(layout.FEATURES)}
 
 
 class Materials:
-    """The description's materials, by those of the file. unit: metres per unit of the file."""
+    """Converts materials of the file to materials of the description, each once. unit: metres per unit of the file."""
 
     def __init__(self, pictures: Pictures, shelf: TextureShelf, materials: list[Material], unit: float) -> None:
         self._pictures, self._shelf, self._materials, self._unit = pictures, shelf, materials, unit
         self._known: dict[int, int] = {}
-        self.guessed: Counter[str] = Counter()  # what is read as something else, or left out
+        self.guessed: Counter[str] = Counter()  # counts of assumptions and omissions, by sentence
 
     def number(self, source: Any | None) -> int:
-        """Returns the description's index of a material of the file; None stands for surfaces without a material."""
+        """Returns the description's index of a material of the file. None stands for surfaces without a material."""
         key = -1 if source is None else int(source.element_id)
         if key not in self._known:
             self._materials.append(Material() if source is None else self._read(source))
@@ -64,7 +65,7 @@ class Materials:
         material.base_color = said.color("base_color", "base_factor", (0.8, 0.8, 0.8))
         material.base_color_texture = said.texture("base_color", srgb=True)
         if material.base_color_texture is not None:
-            # A texture takes the colour's place; the factor stays.
+            # A texture replaces the colour; the factor still applies.
             factor = unit(said.value("base_factor", 1.0))
             material.base_color = (factor, factor, factor)
         self._emission(said, material)
@@ -90,7 +91,7 @@ class Materials:
 
     def _emission(self, said: _MaterialValues, material: Material) -> None:
         material.emission = said.color("emission_color", "emission_factor", (0.0, 0.0, 0.0), _MAX_RADIANCE)
-        material.double_sided = True  # FBX's surfaces have two sides, as those of the programs that write it
+        material.double_sided = True  # surfaces are two-sided in FBX and in the programs that write it
         texture = said.texture("emission_color", srgb=True)
         factor = said.value("emission_factor", 1.0)
         if texture is not None and factor > 0:
@@ -117,7 +118,7 @@ class Materials:
     def _opacity(self, said: _MaterialValues, material: Material) -> None:
         is_old = said.source.shader in (_UNKNOWN, _LAMBERT, _PHONG)
         opacity = 1 - max(said.fbx_color("transparency_color", "transparency_factor")) if is_old else said.opacity()
-        if opacity < 1 and not (is_old and opacity == 0):  # 0 is written by exporters that mean the opposite
+        if opacity < 1 and not (is_old and opacity == 0):  # some exporters write 0 for opaque
             material.opacity, material.alpha_mode = opacity, "blend"
         elif opacity < 1:
             self.guessed[Sentence("fbx-opacity-zero", "materials of opacity 0, read as opaque")] += 1
@@ -151,7 +152,7 @@ class Materials:
         material.specular_texture = as_alpha(self._shelf, said.texture("specular_factor"))
         material.specular = 1.0 if material.specular_texture is not None else unit(said.value("specular_factor", 1.0))
         if said.source.shader == _BLENDER:
-            # Its exporter writes 0.25 for the 4 % that plastics reflect, where ufbx has no term for it.
+            # Blender's exporter writes 0.25 for a reflectance of 4 %; ufbx does not convert that.
             level = said.fbx_value("specular_factor", _PLASTIC) if material.specular_texture is None else _PLASTIC
             material.specular = unit(level / _PLASTIC)
         material.specular_color_texture = said.texture("specular_color", srgb=True)
@@ -183,7 +184,7 @@ class Materials:
                 level = unit(said.value("sheen_factor", 1.0))
                 material.sheen_color = (level, level, level)
             material.sheen_roughness = unit(said.value("sheen_roughness", 0.3))
-        film = said.value("thin_film_factor", 1.0)  # Arnold's has a thickness alone
+        film = said.value("thin_film_factor", 1.0)  # Arnold's has only a thickness
         if film > 0 and said.value("thin_film_thickness", 0.0) > 0:
             thickness = clamped(said.value("thin_film_thickness", 0.0), 0.0, 1e5)
             material.iridescence = unit(film)
@@ -191,7 +192,7 @@ class Materials:
             material.iridescence_ior = clamped(said.value("thin_film_ior", 1.4), 1.0, 5.0)
 
     def _fill(self, said: _MaterialValues, material: Material, tint: Vec3, depth: float) -> None:
-        """Sets the medium inside glass. tint: transmittance at `depth` metres."""
+        """Sets the medium inside glass. tint: transmittance over `depth` metres."""
         scatter = said.color("transmission_scatter", None, (0.0, 0.0, 0.0), _MOST_SCATTER)
         if max(scatter) <= 0:
             material.attenuation_color, material.attenuation_distance = tint, depth
@@ -200,7 +201,7 @@ class Materials:
         material.sigma_a, material.sigma_s, material.g = found.sigma_a, found.sigma_s, found.g
 
     def _subsurface(self, said: _MaterialValues, material: Material) -> None:
-        """Sets subsurface scattering; its colour and the base colour are one colour here."""
+        """Sets the subsurface scattering, and mixes its colour into the base colour, since a material has one colour for both."""
         share = unit(said.value("subsurface_factor", 0.0))
         if share <= 0 or said.feature("thin_walled"):
             return
@@ -244,7 +245,7 @@ class Materials:
 
 
 class _MaterialValues:
-    """The properties of one material, with a record of which were read."""
+    """The properties of one material; records which of its textures were read."""
 
     def __init__(self, source: Any, name: str, pictures: Pictures) -> None:
         self.source, self._name, self._pictures = source, name, pictures
@@ -254,7 +255,7 @@ class _MaterialValues:
         return bool(self.source.features[_FEATURES[name]])
 
     def has(self, name: str) -> bool:
-        """Returns True if a map has a texture or a number other than 0."""
+        """Returns True if a map has a texture or a value other than 0."""
         found = self.source.pbr[_PBR[name]]
         return bool(found.texture and found.texture_enabled) or bool(found.has_value and any(list(found.value)[:3]))
 
@@ -269,7 +270,7 @@ class _MaterialValues:
         return value if math.isfinite(value) else default
 
     def roughness(self, of: str, default: float) -> float:
-        """Returns the roughness of the surface, or of the layer `of`, also where the file stores glossiness."""
+        """Returns the roughness of the surface, or of a layer such as `coat_`; converts it if the file stores glossiness."""
         gloss = f"{of}glossiness"
         if self.feature(f"{of}roughness_as_glossiness") and self.source.pbr[_PBR[gloss]].has_value:
             return unit(1 - self.value(gloss, 1 - default))
@@ -298,7 +299,7 @@ class _MaterialValues:
         )
 
     def unread(self) -> list[str]:
-        """Returns the properties whose textures were not read; ambient occlusion is left out on purpose."""
+        """Returns the properties whose textures were not read, except ambient occlusion and those with their own note."""
         silent = [self.source.pbr[_PBR[name]].texture for name in (*_LEFT_OUT, "ambient_occlusion")]
         silent += [self.source.fbx[_FBX[name]].texture for name in ("displacement", "ambient_color", "ambient_factor")]
         known = self._read | {int(texture or 0) for texture in silent}

@@ -1,4 +1,4 @@
-"""FBX polygons as triangles: equal corners share a vertex, and each material gets a mesh."""
+"""Triangulates FBX polygons: equal corners share a vertex, and each material gets a mesh."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ U32 = npt.NDArray[np.uint32]
 
 
 class Part(NamedTuple):
-    """The part of a mesh with one material: its vertices, and the file's points that they come from."""
+    """The part of a mesh with one material: its vertices, and the file's point that each vertex comes from."""
 
-    slot: int  # among the materials of the node
+    slot: int  # index among the node's materials
     point: npt.NDArray[np.int64]  # (V,)
     triangles: I32  # (T, 3)
     normals: F32 | None
@@ -55,7 +55,7 @@ def parts_of(mesh: Any) -> tuple[list[Part], int]:
         normals, uvs, uvs1, colors = (None if values is None else values[at] for values in given)
         for each_uvs in (uvs, uvs1):
             if each_uvs is not None:
-                each_uvs[:, 1] = 1 - each_uvs[:, 1]  # counted from the lower edge
+                each_uvs[:, 1] = 1 - each_uvs[:, 1]  # FBX measures v from the lower edge
         if colors is not None and (colors == 1).all():
             colors = None
         found.append(Part(number, points[at].astype(np.int64), triangles.astype(np.int32), normals, uvs, uvs1, colors))
@@ -63,7 +63,7 @@ def parts_of(mesh: Any) -> tuple[list[Part], int]:
 
 
 def _by_slot(slots: U32, face: npt.NDArray[np.int64]) -> Iterator[tuple[int, Any]]:
-    """Yields each material slot in use and its triangles. face: (T,) the face of each triangle."""
+    """Yields each material slot in use with its triangles, as indices or a slice. face: (T,) the face of each triangle."""
     if not len(slots):
         yield 0, slice(None)
         return
@@ -78,7 +78,7 @@ def _by_slot(slots: U32, face: npt.NDArray[np.int64]) -> Iterator[tuple[int, Any
 
 
 def _at_corners(vertex: Any, width: int) -> F32 | None:
-    """Returns the (C, width) values at the corners of a mesh's faces; None without any."""
+    """Returns the (C, width) values of an attribute at the corners of a mesh's faces; None if the mesh lacks it."""
     if not vertex.exists:
         return None
     values = list_view(vertex.values, np.float64, width).astype(np.float32)
@@ -86,7 +86,10 @@ def _at_corners(vertex: Any, width: int) -> F32 | None:
 
 
 def _triangles(mesh: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], int]:
-    """Returns (T, 3) corners, (T,) the face of each triangle, and the number of concave faces that could not be triangulated."""
+    """Triangulates the visible faces of a mesh.
+
+    Returns (T, 3) corner indices, (T,) the face of each triangle, and the number of concave faces that could not be triangulated.
+    """
     faces = array(mesh.faces, np.uint32, 2).astype(np.int64)
     holes = array(mesh.face_hole, np.uint8)
     shown = np.flatnonzero(holes == 0) if len(holes) == len(faces) else np.arange(len(faces))

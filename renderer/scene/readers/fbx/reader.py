@@ -1,4 +1,4 @@
-"""Conversion of an FBX file at a moment to a scene, in metres with Y up."""
+"""Converts an FBX file at a moment to a scene, in metres with Y up."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from renderer.sentences import Sentence, count_of, with_count
 
 __all__ = ["read"]
 
-_VIEW = np.array((1.0, 0.0, 0.0))  # along which a camera looks
+_VIEW = np.array((1.0, 0.0, 0.0))  # the direction in which a camera looks
 _BLENDER = (2, 3)  # ufbx_exporter
 _LOD_GROUP = 16  # ufbx_element_type
 _SMOOTH = (2, 3)  # ufbx_subdivision_display_mode
@@ -60,7 +60,10 @@ MAX_INSTANCES = 500_000
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
-    """Adds the file's scene at a moment to the description. Raises SceneError."""
+    """Adds the file's scene at a moment to the description.
+
+    Raises SceneError if the file is damaged or the clip does not exist.
+    """
     opened = files.recall(("FBX", main), lambda: FbxScene.of(files.read(main), main))
     if opened.scene.nodes.count > MAX_NODES:
         raise SceneError(
@@ -88,7 +91,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
 
 
 class _Reader:
-    """Converts one scene of the library."""
+    """Converts a scene of the library to a description."""
 
     def __init__(
         self,
@@ -99,7 +102,7 @@ class _Reader:
         moving: set[int],
         visible: dict[int, bool],
     ) -> None:
-        self._visible = visible  # of nodes by id, where that is not the node's own
+        self._visible = visible  # visibility of nodes by id, if animation overrides it
         self._files, self._main, self._description, self._opened, self._moving = files, main, description, opened, moving
         scene = opened.scene
         self._scene = scene
@@ -110,7 +113,7 @@ class _Reader:
         self._numbers: dict[tuple[int, int], int] = {}
         self._names: Counter[str] = Counter()
         self._odd: Counter[str] = Counter()
-        self._restless: set[int] = set()  # nodes by id that are elsewhere at another moment
+        self._restless: set[int] = set()  # ids of nodes that move
 
     def read(self) -> None:
         """Adds all meshes, lights and cameras to the description."""
@@ -130,7 +133,7 @@ class _Reader:
         self._warn()
 
     def _shown(self, nodes: list[Any]) -> tuple[set[int], set[int]]:
-        """Returns the ids of visible nodes and of nodes that move. Parents come before their children."""
+        """Returns the ids of the visible nodes, and those of the nodes that move. nodes: in an order that has parents first."""
         shown: set[int] = set()
         restless: set[int] = set()
         for node in nodes:
@@ -196,7 +199,7 @@ class _Reader:
                     found = _mesh(name, part, points, part.normals)
                 found.material = material
                 if found.colors is not None and self._description.materials[material].base_color_texture is not None:
-                    found.colors = None  # a mask for a game or a tool: no program that writes FBX has it tint a texture
+                    found.colors = None  # they are masks for games or tools: no program that writes FBX tints textures by them
                     self._odd[Sentence("fbx-vertex-colours-textured", "vertex colours of textured meshes")] += 1
                 self._description.meshes.append(found)
                 self._numbers[key] = len(self._description.meshes) - 1
@@ -231,7 +234,7 @@ class _Reader:
         return made
 
     def _deforms(self, mesh: Any, skins: list[Any], moves: bool) -> bool:
-        """Returns True if a mesh's vertices change over time."""
+        """Returns True if a mesh's vertices change over time. moves: whether its node moves."""
         channels = [
             c for blend in pointed(mesh.blends, layout.BlendDeformer) for c in pointed(blend.channels, layout.BlendChannel)
         ]
@@ -255,7 +258,7 @@ class _Reader:
             self._odd[Sentence("fbx-loose-edges-points", "loose edges and points of meshes")] += mesh.num_lines + mesh.num_points
 
     def _middle(self, first: int) -> npt.NDArray[np.float64]:
-        """Returns the centre of the bounding box of the visible geometry."""
+        """Returns the centre of the bounding box of the visible geometry. first: index of the file's first instance."""
         corners = []
         for instance in self._description.instances[first:]:
             points = self._description.meshes[instance.mesh].positions
@@ -295,7 +298,7 @@ class _Reader:
                 ] += 1
 
     def _area_light(self, light: Any, name: str, world: npt.NDArray[np.float64], moves: bool) -> None:
-        # Scaled to metres by the root, where the node does not undo that: the square is a unit of the file's.
+        # The root scales to metres unless the node undoes that, so the square's side is one unit of the file.
         self._description.materials.append(lights.area_material(light, name, world, self._by_blender))
         mesh = quad(name)
         mesh.material = len(self._description.materials) - 1
@@ -321,7 +324,7 @@ class _Reader:
             camera = at(layout.Camera, node.camera)
             offset = number_of(camera, b"FilmOffsetX"), number_of(camera, b"FilmOffsetY")
             unit = float(self._scene.settings.unit)
-            near = number_of(camera, b"NearPlane") * unit  # 0 where the file does not say
+            near = number_of(camera, b"NearPlane") * unit  # 0 if not stored
             tall = float(camera.orthographic[1]) * (1.0 if self._by_blender else unit)
             view = lights.read_camera(camera, world, offset, near, tall)
             if number_of(camera, b"Roll"):
@@ -355,7 +358,7 @@ class _Reader:
         return name if self._names[name] == 1 else f"{name} ({self._names[name]})"
 
     def _warn(self) -> None:
-        """Adds warnings, with counts, for content of the file that the scene lacks."""
+        """Adds warnings, with counts, for content of the file that is not fully supported."""
         for key, words in _LEFT_OUT.items():
             count = getattr(self._scene, key).count
             if count:

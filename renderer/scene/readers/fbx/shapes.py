@@ -1,4 +1,4 @@
-"""Deformation of FBX meshes: blend shapes, then skins."""
+"""Deforms FBX meshes, first by blend shapes, then by skins."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ __all__ = ["Skin", "blended", "turned_with"]
 
 F64 = npt.NDArray[np.float64]
 
-MOST_JOINTS = 16  # of a vertex; those that weigh most come first
+MOST_JOINTS = 16  # per vertex, in order of descending weight
 
 
 def blended(mesh: Any) -> tuple[F64, F64 | None]:
-    """Returns the (P, 3) points of a mesh with its blend shapes applied, and the (P, 3) offsets of its normals or None."""
+    """Returns (P, 3) points of a mesh with its blend shapes applied, and the (P, 3) offsets of its normals or None."""
     points = array(mesh.vertices, np.float64, 3).copy()
     turned: F64 | None = None
     for deformer in pointed(mesh.blends, layout.BlendDeformer):
@@ -45,7 +45,10 @@ def blended(mesh: Any) -> tuple[F64, F64 | None]:
 
 
 def turned_with(part: Part, before: F64, after: F64) -> F32 | None:
-    """Returns a part's normals after its points moved from `before` to `after`: rotated as the surface is at each vertex."""
+    """Returns a part's normals after the mesh's points moved from `before` to `after`.
+
+    Each normal changes by as much as the smooth normal of the surface there.
+    """
     if part.normals is None or np.array_equal(before, after):
         return part.normals
     old, new = (_smooth(points[part.point], part) for points in (before, after))
@@ -53,7 +56,7 @@ def turned_with(part: Part, before: F64, after: F64) -> F32 | None:
 
 
 def _smooth(positions: F64, part: Part) -> F64:
-    """Returns (V, 3) unit normals: the mean over each vertex's triangles, weighted by their angles."""
+    """Returns (V, 3) unit normals: the mean of each vertex's triangle normals, weighted by the angles at the vertex."""
     faces = face_normals(positions, part.triangles)
     length = np.linalg.norm(faces, axis=1, keepdims=True)
     unit = np.divide(faces, length, out=np.zeros_like(faces), where=length > 0)
@@ -66,12 +69,12 @@ def _smooth(positions: F64, part: Part) -> F64:
 
 
 class Skin:
-    """Joints and weights of a mesh's points. Points without weights stay with the mesh's node."""
+    """The joints and weights of a mesh's points. Points without weights follow the mesh's node."""
 
     def __init__(self, deformer: Any) -> None:
         clusters = pointed(deformer.clusters, layout.SkinCluster)
-        rows = array(deformer.vertices, np.uint32, 4)  # begin, count, and a float64
-        weights = array(deformer.weights, np.uint32, 4)  # cluster, nothing, and a float64
+        rows = array(deformer.vertices, np.uint32, 4)  # columns: begin, count, a float64
+        weights = array(deformer.weights, np.uint32, 4)  # columns: cluster, unused, a float64
         begin, count = rows[:, 0].astype(np.int64), np.minimum(rows[:, 1].astype(np.int64), MOST_JOINTS)
         width = int(count.max(initial=0)) + 1
         self._rest = len(clusters)
@@ -86,12 +89,12 @@ class Skin:
 
     @staticmethod
     def places(deformer: Any, node: F64) -> F64:
-        """Returns (J + 1, 4, 4) transforms from the mesh to the world, by each joint and last by the mesh's node."""
+        """Returns (J + 1, 4, 4) transforms from mesh to world space: one for each joint, and last that of the mesh's node."""
         clusters = pointed(deformer.clusters, layout.SkinCluster)
         return np.stack([*(matrix(cluster.geometry_to_world) for cluster in clusters), node])
 
     def deformed(self, part: Part, points: F64, normals: F32 | None, places: F64) -> tuple[npt.NDArray[Any], F32 | None]:
-        """Returns a part's positions and normals in world space."""
+        """Returns a part's positions and normals in world space. places: transforms from `places`."""
         none = np.zeros((0, 3), np.float32)
         old = none if normals is None else normals
         turned = np.empty(old.shape, np.float32)

@@ -1,4 +1,4 @@
-"""FBX cameras and lights with a target node, which replaces their own rotation."""
+"""Orients FBX cameras and lights to their target node, which replaces their own rotation."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from renderer.scene.readers.fbx.library import at, each, matrix, pointed, text
 __all__ = ["aimed"]
 
 F64 = npt.NDArray[np.float64]
-_NEAR = math.cos(math.radians(0.5))  # who looks there already is left as it is, with its roll
+_NEAR = math.cos(math.radians(0.5))  # nodes that point within 0.5 degrees of the target retain their rotation, and so their roll
 
 
 def aimed(node: Any, scene: Any, world: F64, along: F64) -> F64:
-    """Returns a node's transform with its axis `along` rotated to its target; for a camera's axis, +X, it stays upright."""
+    """Returns a node's transform rotated so that its axis `along` points to the node's target; unchanged without a target.
+
+    Cameras, whose axis is +X, remain upright.
+    """
     target = _target(node, scene)
     if target is None:
         return world
@@ -50,7 +53,7 @@ def _target(node: Any, scene: Any) -> F64 | None:
 
 
 def _turn(a: F64, b: F64) -> F64:
-    """Returns the shortest rotation of one direction to another."""
+    """Returns the (3, 3) shortest rotation from unit direction `a` to `b`."""
     axis, cosine = np.cross(a, b), float(a @ b)
     if cosine < -1 + 1e-9:
         other = np.eye(3)[int(np.argmin(np.abs(a)))]

@@ -1,4 +1,4 @@
-"""Images of FBX materials, embedded in the file or beside it."""
+"""Reads the images of FBX materials, embedded in the file or in separate files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FILE, _LAYERED = 0, 1
 
 
 class Pictures:
-    """The description's textures, by those of the file, with the UV set that each names."""
+    """Maps each texture of the file to a texture of the description, with the UV set that the texture names."""
 
     def __init__(self, scene: Any, main: str, files: SceneFiles, shelf: TextureShelf, by_blender: bool = False) -> None:
         self._main, self._files, self._shelf, self._by_blender = main, files, shelf, by_blender
@@ -36,7 +36,10 @@ class Pictures:
                 self._sets.setdefault(text(uv_set.name), i)
 
     def find(self, address: int | None, user: str, srgb: bool) -> int | None:
-        """Returns the index of the texture at an address; None, with a warning, if it is missing."""
+        """Returns the description's index of the texture at an address; None, with a warning, if its image is missing.
+
+        user: the material named in warnings. srgb: whether the image is sRGB-encoded.
+        """
         if not address:
             return None
         source = layout.Texture.from_address(address)
@@ -80,7 +83,7 @@ class Pictures:
 
 
 def _transform(picture: Any, by_blender: bool) -> UvTransform:
-    """Returns the transform of UVs counted from the upper edge: t = M (u, 1 - v), and then 1 - t."""
+    """Returns the transform of UVs with v measured from the upper edge: t = M (u, 1 - v), and then 1 - t."""
     if not picture.has_transform:
         return IDENTITY_UV_TRANSFORM
     m = matrix(picture.uv_to_texture)
@@ -95,9 +98,9 @@ def _transform(picture: Any, by_blender: bool) -> UvTransform:
 
 
 def _as_blender_means(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Returns the matrix of Blender's Mapping node: t = R S uv + T.
+    """Returns the matrix of Blender's Mapping node: t = R S uv + T, with R in radians.
 
-    Blender's exporter writes T, S and R in radians, where FBX means degrees and t = S R (uv - T).
+    Blender's exporter writes these T, S and R into FBX's fields, which mean degrees and t = S R (uv - T).
     """
     scale = [math.copysign(math.hypot(*m[k, :2]), m[k, k]) for k in (0, 1)]
     if not all(scale):
