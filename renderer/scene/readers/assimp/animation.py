@@ -1,4 +1,4 @@
-"""Evaluation of assimp's animations: the transform of each node at a moment."""
+"""Evaluates assimp's animations: the transform of each node at a moment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ F64 = npt.NDArray[np.float64]
 
 
 class Movement:
-    """The world transforms of a file's nodes at a moment, and the set of animated nodes."""
+    """The world transforms of a file's nodes at a moment, and the indices of animated nodes."""
 
     def __init__(self, imported: Imported, moment: Moment, fps: float, file: str) -> None:
         animations = imported.animations
@@ -53,7 +53,7 @@ class Movement:
 
 
 def _sane(times: F64, values: F64) -> tuple[F64, F64]:
-    """Returns keys sorted by time."""
+    """Returns the keys sorted by time."""
     order = np.argsort(times, kind="stable")
     return times[order], values[order]
 
@@ -65,7 +65,7 @@ def _moves(channel: Channel) -> bool:
 
 
 def _parts(matrix: F64) -> tuple[list[float], F64, list[float]]:
-    """Returns translation, rotation and scale of a matrix."""
+    """Returns the translation, rotation and scale of a matrix; a reflection becomes a negative x scale."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if np.linalg.det(matrix[:3, :3]) < 0:
         scale[0] = -scale[0]

@@ -1,9 +1,9 @@
-"""Exact import of text files with coordinates far from the origin, which assimp reads as float32.
+"""Imports text files with coordinates far from the origin exactly, while assimp reads them as float32.
 
 Float32 rounds coordinates of a map projection (1e5 ... 6e6) to as little as 0.5. Numbers of a file that are close together and
-far from zero, such as all northings, form a cluster. The file is imported once as it is, and once with the clusters' centres
+far from zero, such as all northings, form a cluster. The file is imported once unchanged, and once with the clusters' centres
 subtracted. A comparison shows which axis of a mesh, node, light or camera belongs to which cluster; the second import then
-has the exact coordinates about the centre. All data other than positions is taken from the first.
+has the exact coordinates relative to the centre. All data other than positions are taken from the first import.
 """
 
 from __future__ import annotations
@@ -48,7 +48,10 @@ _ALIKE = 0.3
 
 
 def import_exactly(data: bytes, name: str) -> Imported:
-    """Returns the contents of a file as `import_file` does, with far coordinates in float64. Raises SceneError."""
+    """Returns the contents of a file as `import_file` does, but with far coordinates in float64.
+
+    Raises SceneError if the file cannot be imported.
+    """
     found = import_file(data, name)
     if PurePosixPath(name).suffix.lower() not in _TEXT:
         return found
@@ -72,7 +75,7 @@ def import_exactly(data: bytes, name: str) -> Imported:
 
 
 def _about_centres(data: bytes) -> tuple[bytes, F64]:
-    """Returns (the text with each far number reduced by its cluster's centre, the centres (n,))."""
+    """Subtracts from each far number in a text the centre of its cluster. Returns the text, and (n,) the centres."""
     indices = [match.span() for match in _INDICES.finditer(data)]
     starts = np.array([first for first, _ in indices], np.int64)
     ends = np.array([end for _, end in indices], np.int64)
@@ -105,7 +108,10 @@ def _about_centres(data: bytes) -> tuple[bytes, F64]:
 
 
 def _offset(found: Points, near: Points, centres: F64) -> F64 | None:
-    """Returns the offset subtracted from points (n, 3), per axis 0 or a centre; None if the two sets are not the same points."""
+    """Returns the offset that the second import subtracted from points, per axis 0 or a centre; None if the points do not match.
+
+    found, near: (n, 3) points of the first and the second import.
+    """
     if not (np.isfinite(found).all() and np.isfinite(near).all()) or not (len(found) and len(near)):
         return None
     boxes = [np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64) for points in (found, near)]
@@ -129,14 +135,14 @@ def _node(found: Node, near: Node, centres: F64) -> Node:
     if offset is None or not offset.any():
         return found
     local = found.local.copy()
-    if np.abs(found.local[:3, :3] - near.local[:3, :3]).max() <= _ALIKE:  # a view of a far target is exact only in the second
+    if np.abs(found.local[:3, :3] - near.local[:3, :3]).max() <= _ALIKE:  # rotation to a far target: exact in `near` only
         local[:3, :3] = near.local[:3, :3]
     local[:3, 3] = near.local[:3, 3] + offset
     return replace(found, local=local)
 
 
 def _seen(found: Any, near: Any, centres: F64, directions: tuple[str, ...]) -> Any:
-    """Returns a light or camera at its exact position."""
+    """Returns a light or camera at its exact position. directions: names of its fields to take from `near`."""
     offset = _offset(found.position[None], near.position[None], centres)
     if offset is None or not offset.any():
         return found

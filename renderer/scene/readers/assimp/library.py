@@ -1,4 +1,4 @@
-"""Binding to assimp's C interface from the wheel `assimp-py`, whose Python objects lack animation, cameras and lights.
+"""A binding to assimp's C interface in the package `assimp-py`, whose Python objects lack animation, cameras and lights.
 
 A file is passed as bytes, so that assimp opens no other file. Results are copied, and assimp's memory is freed.
 """
@@ -27,13 +27,13 @@ F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
 
 _INCOMPLETE = 0x1  # scene flag
-_KNOWN = (5, 6)  # major versions with the structures below
+_KNOWN = (5, 6)  # major versions that have the structures below
 _JOIN, _INVALID, _UVS = 0x2, 0x20000, 0x40000
 _STEPS = _JOIN | _INVALID | _UVS
 _POINTS, _LINES, _TRIANGLES, _POLYGONS = 1, 2, 4, 8  # aiPrimitiveType
 MAX_NODES = 200_000
-# Settings that stop importers from opening a second file. In memory there is one file, which assimp returns under every
-# name: an SMD file was read again as a list of animations, once for each of its lines.
+# Settings that keep importers from opening a second file. In memory there is only one file, which assimp returns for every
+# name: without these settings, an SMD file is read again as a list of animations, once for each of its lines.
 _SETTINGS = {b"IMPORT_SMD_LOAD_ANIMATION_LIST": 0, b"IMPORT_MD5_NO_ANIM_AUTOLOAD": 1}
 
 # Logged warnings and errors that do not affect the image.
@@ -106,7 +106,7 @@ _Log = _structure(("callback", _Said), ("user", _p))
 
 @dataclass
 class Node:
-    """A node. parent: index of an earlier node, -1 for the root."""
+    """A node of the hierarchy. parent: index of an earlier node, -1 for the root."""
 
     name: str
     parent: int
@@ -116,7 +116,7 @@ class Node:
 
 @dataclass
 class Bone:
-    """The vertices and weights that a node deforms; offset: (4, 4) from mesh space to the node's space."""
+    """The vertices that a node deforms, and their weights. offset: (4, 4) from mesh space to the node's space."""
 
     node: str
     offset: F64
@@ -142,9 +142,9 @@ class Shape:
 
 @dataclass
 class Lamp:
-    """A light on the node of its name. kind: 1 directional, 2 point, 3 spot, 4 ambient, 5 area.
+    """A light. node: name of the node it is on; kind: 1 directional, 2 point, 3 spot, 4 ambient, 5 area.
 
-    Angles are full angles in radians.
+    Inner and outer are a spot's full angles in radians; linear and quadratic are attenuation coefficients.
     """
 
     node: str
@@ -160,7 +160,7 @@ class Lamp:
 
 @dataclass
 class Camera:
-    """A camera on the node of its name. fov: horizontal, radians; aspect and width are 0 if not set."""
+    """A camera. node: name of the node it is on; fov: horizontal, in radians; aspect and width are 0 if not set."""
 
     node: str
     position: F64
@@ -173,7 +173,7 @@ class Camera:
 
 @dataclass
 class Channel:
-    """The animation of a node: keys by time in seconds. turns: quaternions x y z w."""
+    """The animation of a node: translations, rotations (quaternions x y z w) and scales, each as key times (s) and values."""
 
     node: str
     places: tuple[F64, F64]
@@ -183,7 +183,7 @@ class Channel:
 
 @dataclass
 class Animation:
-    """An animation. others: number of mesh and morph channels, which are not supported."""
+    """An animation clip. others: number of mesh and morph channels, which are not supported."""
 
     name: str
     seconds: float
@@ -234,7 +234,10 @@ def _library() -> Any:
 
 
 def import_file(data: bytes, name: str) -> Imported:
-    """Returns the contents of a file from its bytes; the name's suffix is its format. Raises SceneError."""
+    """Imports a file, given as bytes; the suffix of its name determines the format.
+
+    Raises SceneError if it cannot be imported.
+    """
     if not data:
         raise SceneError(Sentence("file-empty", "{name}: is empty; export it again", name=name))
     library = _library()
@@ -326,7 +329,7 @@ def _copied(scene: Any, name: str) -> Imported:
 
 
 def _pointed(address: int | None, count: int, kind: Any) -> list[Any]:
-    """Returns the structures in a table of pointers."""
+    """Returns the structures that a table of pointers refers to; null pointers are skipped."""
     if not address or not count:
         return []
     table = (ctypes.c_void_p * count).from_address(address)
@@ -422,7 +425,7 @@ def _material(material: Any) -> dict[tuple[str, int], Any]:
 
 
 def _texture(texture: Any) -> tuple[str, bytes]:
-    """Returns the name and bytes of an embedded texture; the bytes of uncompressed pixels are empty."""
+    """Returns the name and bytes of an embedded texture; the bytes are empty for uncompressed pixels, which are not supported."""
     size = texture.width if texture.height == 0 else 0
     return str(texture.name), ctypes.string_at(texture.data, size) if texture.data and size else b""
 

@@ -1,4 +1,4 @@
-"""Conversion of assimp's materials."""
+"""Converts assimp's materials."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ _NEUTRAL = {  # neutral values of unread properties; 0 for others
 
 
 class _MaterialProperties(dict[tuple[str, int], Any]):
-    """The properties of a material; records which were read."""
+    """The properties of a material; records which of them were read."""
 
     def __init__(self, said: dict[tuple[str, int], Any]) -> None:
         super().__init__(said)
         self._asked: set[tuple[str, int]] = set()
 
     def get(self, key: tuple[str, int], default: Any = None) -> Any:
-        """Returns a property's value, or the default."""
+        """Returns a property's value, or the default if it is absent."""
         self._asked.add(key)
         return super().get(key, default)
 
@@ -77,7 +77,7 @@ class _MaterialProperties(dict[tuple[str, int], Any]):
         return super().__contains__(key)
 
     def left(self) -> list[str]:
-        """Returns the names of unread properties that affect the image."""
+        """Returns the names of the unread properties that affect the image."""
         found = []
         for (key, kind), value in self.items():
             name = key.rpartition(".")[2]
@@ -92,7 +92,7 @@ class _MaterialProperties(dict[tuple[str, int], Any]):
 
 
 class Materials:
-    """The description's materials by the file's indices."""
+    """Converts materials of the file to materials of the description, each once."""
 
     def __init__(self, imported: Imported, main: str, files: SceneFiles, shelf: TextureShelf, materials: list[Material]) -> None:
         self._imported, self._main, self._files, self._shelf, self._materials = imported, main, files, shelf, materials
@@ -101,7 +101,7 @@ class Materials:
         self._inside = {name: i for i, (name, _) in reversed(list(enumerate(imported.textures)))}
 
     def number(self, source: int) -> int:
-        """Returns the description's index of one of the file's materials."""
+        """Returns the description's index of a material of the file. source: its index in the file."""
         if source not in self._known:
             sources = self._imported.materials
             self._materials.append(self._read(_MaterialProperties(sources[source])) if 0 <= source < len(sources) else Material())
@@ -217,7 +217,10 @@ class Materials:
 
 
 def _transform(given: Any, is_x3d: bool) -> UvTransform:
-    """Returns a UV transform from assimp's offset, scale and rotation about the centre (X3D: about the corner, offset first)."""
+    """Returns a UV transform from assimp's offset, scale and rotation.
+
+    Scale comes first, then rotation about the centre, then offset; in X3D, offset, rotation about the corner, scale.
+    """
     if not isinstance(given, np.ndarray) or len(given) < 5 or not np.isfinite(given[:5]).all():
         return IDENTITY_UV_TRANSFORM
     x, y, wide, high, turn = (float(v) for v in given[:5])

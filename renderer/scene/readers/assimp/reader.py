@@ -1,4 +1,4 @@
-"""Reader of a file that assimp opens, at a moment."""
+"""Reads a file that assimp supports, at a moment."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = ["read"]
 F64 = npt.NDArray[np.float64]
 
 _DIRECTIONAL, _POINT, _SPOT, _AMBIENT = 1, 2, 3, 4
-_ASPECT = 16 / 9  # of cameras without one
+_ASPECT = 16 / 9  # of cameras without an aspect ratio
 _MOST = 1e12
 _TEXT = (".ac", ".ac3d", ".ase", ".dxf", ".md5mesh", ".nff", ".ogex", ".smd", ".x")  # text formats whose importers require UTF-8
 
@@ -48,7 +48,7 @@ def read(
     scale: float = 1.0,
     change: Callable[[bytes], bytes] = bytes,
 ) -> None:
-    """Adds the file's scene at a moment to the description. Raises SceneError.
+    """Adds the file's scene at a moment to the description. Raises SceneError if the file cannot be imported.
 
     scale: factor of all lengths; change: preprocesses the file's bytes.
     """
@@ -73,7 +73,7 @@ def _opened(files: SceneFiles, main: str, scale: float, change: Callable[[bytes]
 
 
 class _Reader:
-    """Adds the contents of a file to a description."""
+    """Adds the contents of an imported file to a description."""
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class _Reader:
         self._odd: Counter[str] = Counter()
 
     def read(self) -> None:
-        """Adds all contents."""
+        """Adds all meshes, lights and cameras to the description."""
         first = len(self._description.instances)
         for i, node in enumerate(self._imported.nodes):
             shapes = [number for number in node.meshes if number in self._imported.meshes]
@@ -155,7 +155,7 @@ class _Reader:
         self._description.instances.append(Instance(known, world, name=name, moves=moves))
 
     def _make(self, numbers: list[int]) -> None:
-        """Adds the meshes of a node, which are parts of one surface with different materials."""
+        """Adds the meshes of a node, which are the parts of one surface with different materials."""
         new = [number for number in numbers if number not in self._numbers]
         if not new:
             return
@@ -213,7 +213,7 @@ class _Reader:
         return found
 
     def _middle(self, first: int) -> F64:
-        """Returns the centre of the bounding box of the instances from `first`."""
+        """Returns the centre of the bounding box of the instances, beginning with index `first`."""
         corners = []
         for instance in self._description.instances[first:]:
             points = self._description.meshes[instance.mesh].positions

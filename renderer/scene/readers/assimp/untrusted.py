@@ -1,4 +1,4 @@
-"""Checks before assimp opens a file: references and packages that would expand until memory runs out."""
+"""Rejects files that would expand until memory runs out, by references or compression, before assimp opens them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _XML = (".dae", ".x3d", ".xgl", ".amf", ".irrmesh")
 
 
 def refuse_expanding_files(data: bytes, main: str) -> None:
-    """Raises SceneError if a file must not be opened."""
+    """Raises SceneError if a file declares XML entities, has too many nested references, or is a zip bomb."""
     suffix = PurePosixPath(main).suffix.lower()
     if suffix in _XML:
         refuse_entities(data, main, doctype_too=False)

@@ -22,14 +22,14 @@ _NUMBERS = ("fov", "height", "aperture", "near", "shift_x", "shift_y")
 
 
 def moved(view: View, source: dict[str, Any], time: float) -> View:
-    """Returns the view of a camera at a time in seconds, rotated if it is on a turntable."""
+    """Returns the view of a camera at a time in seconds, rotated about its target if the camera is on a turntable."""
     return orbit(view, time / source["turntable"]) if "turntable" in source else view
 
 
 def between(views: Sequence[View], seconds: float, time: float, document: Yaml, path: Path) -> View:
-    """Returns the view at a time of a camera that moves smoothly through views, the first at 0 and the last at `seconds`.
+    """Returns the view at a time of a camera that moves smoothly through views, the first at 0, the last at `seconds`.
 
-    Raises SceneError if the views cannot be interpolated.
+    time: in seconds; path: of the camera, for errors. Raises SceneError if the views cannot be interpolated.
     """
     first = views[0]
     if any(view.projection != first.projection for view in views):

@@ -1,4 +1,4 @@
-"""Shapes of a scene file: built-in shapes, mesh files, and groups."""
+"""Reads the shapes of a scene file: built-in shapes, mesh files, and groups."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MAX_PLACES = 1_000_000  # instances of shapes; nested groups could expand to bil
 
 
 class Shapes:
-    """Adds shapes to a description. materials: the description's indices by name."""
+    """Adds shapes to a description. materials: the description's material indices by name."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class Shapes:
         ] = {}  # cache of mesh files
         self._triangles = 0
         self._places = 0
-        self.clips: list[Clip] = []  # of the mesh files used
+        self.clips: list[Clip] = []  # clips of the mesh files
 
     def _has_animated_surface(self, material: str) -> bool:
         """Returns True if a material's emission or anisotropy may be animated."""
@@ -69,7 +69,8 @@ class Shapes:
     def add(self, source: dict[str, Any], path: Path, parents: list[Place] | None = None, moves: bool = False) -> None:
         """Adds the shape at a path: each of its instances, at each transform in `parents`.
 
-        moves: whether the parent is animated.
+        parents: names and world transforms of the containing group's instances; None at the top level. moves: whether they are
+        animated.
         """
         whole, fields = self._moving.is_animated(path), self._moving.animated_fields(path)
         moves = moves or whole or not fields.isdisjoint(("transform", "instances", "material", "center", "radius"))
@@ -170,7 +171,10 @@ class Shapes:
         return smoothed(mesh) if source.get("smooth", False) else mesh
 
     def _table(self, rows: list[Any], width: int, path: Path) -> npt.NDArray[np.float64]:
-        """Returns an (N, width) array of rows. Checked here rather than by the schema, which takes far longer for each number."""
+        """Returns an (N, width) array of rows of numbers.
+
+        They are checked here, not by the schema, which takes far longer per number. Raises SceneError for an invalid row.
+        """
         for i, row in enumerate(rows):
             if not isinstance(row, list) or len(row) != width or not all(type(v) in (int, float) for v in row):
                 raise self._document.error(
@@ -231,7 +235,7 @@ class Shapes:
             for mesh in self._description.meshes[first:]:
                 mesh.deforms |= deforms
         moves = moves or material in self._restless
-        self._count(len(placed) * max(len(self._parts[key]) - 1, 0), path)  # one per place is already counted
+        self._count(len(placed) * max(len(self._parts[key]) - 1, 0), path)  # the first instance at each place is already counted
         for called, place in placed:
             self._description.instances += [
                 replace(

@@ -1,7 +1,7 @@
 """Keyframes of a scene file: evaluates its data at a moment, so that no other module handles time.
 
-Any value may be replaced by `{keys: [[seconds, value], ...], curve: linear}`. Values may be structures of the same form, such as
-a transform's operations: each number in them is interpolated separately.
+Any value may be replaced by `{keys: [[seconds, value], ...], curve: linear}`. Values may be structures of equal form, such as
+a transform's operations; each number in them is interpolated separately.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ Maker = Callable[[npt.NDArray[np.float64]], Curve]  # curve through rows of valu
 
 
 class AnimatedPaths(NamedTuple):
-    """The animated paths of a file."""
+    """The paths of a file's animated values, and for each path that leads to them, the animated fields there."""
 
     paths: set[Path]
     below: dict[Path, set[str | int]]
 
     def animated_fields(self, path: Path) -> set[str | int]:
-        """Returns the fields of the value at a path that are animated, wholly or in part."""
+        """Returns the fields of the value at a path that are animated, completely or in part."""
         return self.below.get(path, set())
 
     def is_animated(self, path: Path) -> bool:
@@ -47,7 +47,7 @@ class AnimatedPaths(NamedTuple):
 
 
 class Keys(NamedTuple):
-    """The animated values of a scene file, and their time range in seconds."""
+    """The animated values of a scene file, and the range of their keys in seconds."""
 
     tracks: dict[Path, Track]
     start: float
@@ -60,7 +60,7 @@ class Keys(NamedTuple):
         return bool(self.tracks or self.patterns)
 
     def moving(self) -> AnimatedPaths:
-        """Returns the animated paths."""
+        """Returns the paths of all animated values."""
         paths = {*self.tracks, *self.patterns}
         below: dict[Path, set[str | int]] = {}
         for path in paths:
@@ -79,7 +79,7 @@ class Keys(NamedTuple):
 
 
 def find_keys(document: Yaml) -> Keys:
-    """Returns all keyframes of a file. Raises SceneError with the line of invalid ones."""
+    """Returns all keyframes of a file. Raises SceneError, with the line, for invalid keyframes."""
     tracks: dict[Path, Track] = {}
     ends: list[float] = []
     for path, source in _found(document.data, ()):
@@ -104,7 +104,7 @@ def _found(value: Any, path: Path) -> list[tuple[Path, dict[str, Any]]]:
 
 
 def _value_at(data: Any, path: Path) -> Any:
-    """Returns the value at a path."""
+    """Returns the value at a path in nested dicts and lists."""
     for key in path:
         data = data[key]
     return data
@@ -154,7 +154,10 @@ def _jumping(times: npt.NDArray[np.float64], values: list[Any]) -> Track:
 
 
 def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
-    """Returns the interpolation of values of the same form: numbers, vectors, colours, or dicts and lists of these."""
+    """Returns a function that interpolates values of equal form: numbers, vectors, colours, or dicts and lists of these.
+
+    Values that cannot be interpolated raise SceneError unless all are equal.
+    """
     first = values[0]
     if all(value == first and type(value) is type(first) for value in values):
         return lambda time: first
@@ -189,7 +192,7 @@ def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
 
 
 def _vectors(values: list[Any]) -> list[list[float]] | None:
-    """Returns the values as vectors of one length, numbers repeated; None if they are not numeric."""
+    """Returns the values as vectors of equal length, with single numbers repeated; None if they are not numeric."""
     rows = [list(color(v)) if isinstance(v, str) and _COLOR.fullmatch(v) else v for v in values]
     widths = {len(row) for row in rows if isinstance(row, list)}
     if len(widths) != 1 or not all(_is_number(row) or (isinstance(row, list) and all(map(_is_number, row))) for row in rows):

@@ -1,4 +1,4 @@
-"""Lights of a scene file without a surface, its environment, and its global medium."""
+"""Reads a scene file's lights without a surface, its environment, and its global medium."""
 
 from __future__ import annotations
 
@@ -49,13 +49,16 @@ _WIDEST = 89.0  # maximum half angle of an image in degrees
 
 
 class Lights:
-    """Reads a scene file's lights, and their images and IES profiles."""
+    """Reads a scene file's lights, with their images and IES profiles."""
 
     def __init__(self, document: Yaml, files: SceneFiles, shelf: TextureShelf, description: SceneDescription) -> None:
         self._document, self._files, self._shelf, self._description = document, files, shelf, description
 
     def read(self, source: dict[str, Any], index: int, path: Path) -> Light:
-        """Returns a light. index: its index in `lights`. Raises SceneError for fields that its type lacks or requires."""
+        """Returns a light. index: its index in `lights`, for its default name.
+
+        Raises SceneError if a field is required by the light's type and missing, or has no meaning for it.
+        """
         kind, document = source["type"], self._document
         for key in source:
             if key not in _FIELDS[kind]:
@@ -89,7 +92,7 @@ class Lights:
         return self._shaped(light, source, path)
 
     def _shaped(self, light: Light, source: dict[str, Any], path: Path) -> Light:
-        """Returns the light with the emission of its image or profile."""
+        """Returns the light with the emission map of its image or IES profile."""
         kind, document = source["type"], self._document
         if "profile" in source and "picture" in source:
             raise document.error(
@@ -156,9 +159,9 @@ class Lights:
 
 
 def _thrown(pixels: F32, kind: str, half: float) -> EmissionMap:
-    """Returns a light image's emission map: a spot's fills its cone by the smaller side, a projector's lights a wall evenly.
+    """Returns the emission map of a light's image. half: tangent of the half angle.
 
-    half: tangent of the half angle.
+    A spot's image fills the cone with its smaller side. A projector's image illuminates a plane evenly.
     """
     height, width = pixels.shape[:2]
     if kind == "projector":
@@ -187,7 +190,7 @@ def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Pat
 
 
 def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, shelf: TextureShelf) -> Environment:
-    """Returns the environment from the file's `environment`."""
+    """Returns the environment described by the file's `environment`. Raises SceneError if it is invalid."""
     if sum(name in source for name in ("image", "sky", "preset")) > 1:
         raise document.error(
             ("environment",), Sentence("environment-source-choice", "has more than one of image, sky and preset; give one")
@@ -226,5 +229,5 @@ def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, 
 
 
 def read_medium(source: dict[str, Any]) -> Medium:
-    """Returns the medium from the file's `medium`."""
+    """Returns the medium described by the file's `medium`."""
     return Medium(radiance(source.get("sigma_a", 0)), radiance(source.get("sigma_s", 0)), float(source.get("g", 0)))

@@ -1,4 +1,4 @@
-"""YAML as plain data with the line of every value, for error messages."""
+"""Parses YAML to plain data and records the line of every value, for error messages."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?$")
 
 
 class Yaml:
-    """Plain data (dict, list, str, int, float, bool, None) with the line of each value."""
+    """Plain data (dict, list, str, int, float, bool, None), and the line of each value."""
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -41,13 +41,13 @@ class Yaml:
         self._taken: set[int] = set()
 
     def holding(self, data: Any) -> Yaml:
-        """Returns a copy with other data, whose lines are those of the original's values."""
+        """Returns a copy with other data; errors about it use the lines of the original's values."""
         other = copy(self)
         other.data = data
         return other
 
     def error(self, path: Path, what: str) -> SceneError:
-        """Returns the error for the value at a path, with file, line and field."""
+        """Returns an error about the value at a path, with file, line and field. what: the fault, such as "is not a number"."""
         at = path
         while at and at not in self._lines:
             at = at[:-1]
@@ -63,7 +63,7 @@ class Yaml:
         )
 
     def take(self, node: yaml.Node, path: Path) -> Any:
-        """Returns the plain data of a node, and records its lines. Raises SceneError."""
+        """Converts a YAML node to plain data, and records its lines. Raises SceneError for invalid values and exceeded limits."""
         self._count += 1
         if self._count > MAX_VALUES:
             raise SceneError(
@@ -148,7 +148,7 @@ class Yaml:
 
 
 def parse(data: bytes, file: str) -> Yaml:
-    """Parses a file with one document. Raises SceneError with the line of a syntax error, and for files beyond the limits."""
+    """Parses a file with one document. Raises SceneError, with the line, for a syntax error, and if a limit is exceeded."""
     if len(data) > MAX_BYTES:
         raise SceneError(
             Sentence(

@@ -1,4 +1,4 @@
-"""Materials of a scene file: field names and values, and the fields of each kind."""
+"""Reads the materials of a scene file: field names and values, and the fields of each kind."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _OWN = _FIELDS["metallic_roughness"] - frozenset.intersection(*map(_FIELDS.__get
 
 
 def read_material(name: str, source: dict[str, Any], textures: Textures, document: Yaml, path: Path) -> Material:
-    """Returns the material under a name. Raises SceneError for fields that its kind lacks."""
+    """Returns a material. Raises SceneError for fields that have no meaning for its kind. name: of the material in the file."""
     kind: MaterialKind = source.get("kind") or _kind_of(source)
     for key in source:
         if key not in _FIELDS[kind]:

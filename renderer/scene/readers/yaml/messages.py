@@ -1,4 +1,4 @@
-"""Sentences with codes for the messages of the YAML parser and of the schema's validator."""
+"""Codes and sentences for the messages of the YAML parser and of the schema validator."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ _TYPES: dict[str, str] = {
 
 
 def yaml_fault(error: yaml.MarkedYAMLError) -> str:
-    """Returns what the parser says; an unknown message as it is."""
+    """Returns the sentence for an error of the YAML parser; an unknown message is returned unchanged."""
     text = error.problem or error.context or ""
     return _OF_YAML.get(text, text)
 
 
 def schema_fault(error: Any) -> str:
-    """Returns what is wrong with a value, from an error of jsonschema; an unknown one as it is."""
+    """Returns the sentence for an error of the schema validator; an unknown message is returned unchanged."""
     value, wanted = error.instance, error.validator_value
     shown = json.dumps(value, ensure_ascii=False, default=str)
     shown = shown if len(shown) <= _MOST_SHOWN else f"{shown[:_MOST_SHOWN]}..."

@@ -1,4 +1,4 @@
-"""Reader of a scene file: checks it against the schema, then reads its parts."""
+"""Reads a scene file: checks it against the schema, then reads its parts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = ["read"]
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
-    """Adds the file's scene at a moment to the description. Raises SceneError with line and field."""
+    """Adds the file's scene at a moment to the description. Raises SceneError, with line and field, if the file is invalid."""
     if moment.clip is not None:
         raise SceneError(
             Sentence(
@@ -83,7 +83,10 @@ def _parsed(data: bytes, main: str) -> tuple[Yaml, Keys]:
 
 
 def _fps(document: Yaml) -> float:
-    """Returns frames per second; an invalid value is left to the schema check."""
+    """Returns the file's frames per second, or the default; values of a wrong type are reported later, by the schema check.
+
+    Raises SceneError if the number is out of range.
+    """
     found = document.data.get("fps") if isinstance(document.data, dict) else None
     if not isinstance(found, int | float) or isinstance(found, bool):
         return DEFAULT_FPS
@@ -103,7 +106,7 @@ def _add_defaults(settings: dict[str, Any], document: Yaml, description: SceneDe
 
 
 def _add_cameras(sources: list[dict[str, Any]], time: float, document: Yaml, description: SceneDescription) -> list[float]:
-    """Adds the cameras at a time; returns the end times of camera moves."""
+    """Adds the cameras at a time in seconds; returns the durations of their moves, in seconds."""
     views: dict[str, View | None] = {}
     for i, source in enumerate(sources):
         name = source.get("name", f"camera {i}")
@@ -138,11 +141,14 @@ def _named(names: list[str], views: dict[str, View | None], document: Yaml, came
 
 @functools.cache
 def _validator() -> Any:
-    return jsonschema.Draft202012Validator(schema())  # a test checks the schema, which takes a quarter of a second
+    return jsonschema.Draft202012Validator(schema())  # not checked here, which takes 0.25 s; a test does
 
 
 def _check(files: SceneFiles, main: str, document: Yaml, moving: AnimatedPaths) -> None:
-    """Checks a document against the schema: once as a whole, at other moments only animated parts. Raises SceneError."""
+    """Checks a document against the schema: completely the first time, at other moments only its animated parts.
+
+    Raises SceneError for the first fault.
+    """
 
     def held() -> Yaml:
         _validate(document, document.data, {})
@@ -153,9 +159,9 @@ def _check(files: SceneFiles, main: str, document: Yaml, moving: AnimatedPaths) 
 
 
 def _part_of(data: dict[str, Any], moving: AnimatedPaths) -> tuple[dict[str, Any], dict[str, list[int]]]:
-    """Returns the animated parts of a document and, by list, the indices of the items left in it.
+    """Returns the animated parts of a document, and for each list the indices of the items that remain in it.
 
-    No list or object is left empty.
+    Each list and object retains at least one item, since the schema may require that.
     """
     part: dict[str, Any] = {}
     places: dict[str, list[int]] = {}

@@ -1,9 +1,9 @@
-"""The JSON schema that scene files are checked against: schema.json, with what other modules declare filled in.
+"""The JSON schema of scene files: schema.json, completed by the declarations of other modules.
 
-Declared elsewhere are the settings and the lens (renderer/settings.py, renderer/view.py), material parameters and kinds
+These declare the settings and the lens (renderer/settings.py, renderer/view.py), material parameters and kinds
 (renderer/scene/material.py), lights (renderer/scene/description.py), blend operations (renderer/kernel/material/blend.py) and
 light presets (renderer/presets.py).
-`python docs/settings_table.py` writes the whole, with descriptions, to docs/scene-schema.json.
+`python docs/settings_table.py` writes the complete schema, with descriptions, to docs/scene-schema.json.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ def filled_in(
     materials: Mapping[str, str] = MappingProxyType({}),
     lights: Mapping[str, str] = MappingProxyType({}),
 ) -> Json:
-    """Returns the document with the declared parts in their places.
+    """Returns the schema document with the declarations of other modules inserted.
 
-    settings: those a file may hold; materials, lights: descriptions of their parameters by name.
+    settings: those that a file may contain; materials, lights: descriptions of their parameters by name.
     """
     defs = document["$defs"]
     document["properties"]["settings"]["properties"] = {name: each.json_schema() for name, each in settings.items()}
@@ -68,17 +68,17 @@ def filled_in(
 
 
 def schema() -> Json:
-    """Returns the schema that scene files are checked against; parameters of materials and lights have no descriptions."""
+    """Returns the schema that scene files are checked against, without descriptions of material and light parameters."""
     return filled_in(json.loads(template_text()))
 
 
 def template_text() -> str:
-    """Returns schema.json: the part of the schema that is declared nowhere else."""
+    """Returns the text of schema.json, the part of the schema that no other module declares."""
     return files("renderer.scene").joinpath("schema.json").read_text()
 
 
 def material_properties(descriptions: Mapping[str, str] = MappingProxyType({})) -> Json:
-    """Returns the schemas of a material's fields by their names in scene files. descriptions: by parameter name."""
+    """Returns the schemas of a material's fields, by their names in scene files. descriptions: by parameter name."""
     found: Json = {}
     for parameter in PARAMETERS:
         for other, same in SPELLINGS.items():

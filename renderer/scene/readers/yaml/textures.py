@@ -1,4 +1,4 @@
-"""Textures of a scene file: image files, and generated patterns."""
+"""Reads the textures of a scene file: image files, and generated patterns."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Textures:
     def find(self, name: str, path: Path, srgb: bool) -> int | None:
         """Returns the description's index of a texture; None if its image is missing. Raises SceneError for an unknown name.
 
-        srgb: whether the texture is used for colours; its own `encoding` has precedence.
+        srgb: whether the texture is used for colours; the texture's own `encoding` takes precedence.
         """
         source = self._sources.get(name)
         if source is None:
@@ -58,7 +58,10 @@ class Textures:
         )
 
     def stack(self, entries: str | list[Any], path: Path, srgb: bool) -> int | None:
-        """Returns the texture of a name or of a list of layers, the lowest first. Layers whose image is missing are left out."""
+        """Returns the texture with a name, or of a list of layers from the lowest up.
+
+        Layers whose image is missing are left out.
+        """
         if isinstance(entries, str):
             return self.find(entries, path, srgb)
         if not isinstance(entries[0], str):

@@ -1,4 +1,4 @@
-"""Transforms of a scene file: lists of operations, applied in the order written."""
+"""Transforms of a scene file: lists of operations, applied in the order in which they are written."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matrix:
-    """Returns the 4x4 matrix for column vectors of a list of operations. Raises SceneError for an axis of length 0."""
+    """Returns the 4x4 matrix, for column vectors, of a list of operations. Raises SceneError if an operation is invalid."""
     result = np.eye(4)
     for i, operation in enumerate(operations):
         ((kind, value),) = operation.items()
@@ -56,7 +56,7 @@ def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matr
 
 
 def joined(outer: Matrix, inner: Matrix, document: Yaml, path: Path) -> Matrix:
-    """Returns `inner` followed by `outer`. Raises SceneError if the product overflows."""
+    """Returns the transform that applies `inner`, then `outer`. Raises SceneError if the product overflows."""
     with np.errstate(over="ignore", invalid="ignore"):
         place = product(outer, inner)
     if not np.isfinite(place).all():
@@ -68,7 +68,7 @@ def joined(outer: Matrix, inner: Matrix, document: Yaml, path: Path) -> Matrix:
 
 
 def uniform_scale(transform: Matrix) -> float | None:
-    """Returns the scale factor of a transform; None if it is not uniform."""
+    """Returns the uniform scale factor of a transform; None if its scale is not uniform."""
     gram = product(transform[:3, :3].T, transform[:3, :3])
     square = float(np.trace(gram)) / 3
     return float(np.sqrt(square)) if np.allclose(gram, square * np.eye(3), atol=1e-6 * max(square, 1e-30)) else None

@@ -1,4 +1,4 @@
-"""Values of a scene file: colours, vectors, declared parameters."""
+"""Converts values of a scene file: colours, vectors, declared parameters."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def vec3(values: Any) -> Vec3:
 
 
 def radiance(value: Any) -> Vec3:
-    """Returns linear RGB from three numbers, or from one for grey."""
+    """Returns linear RGB from three numbers, or from a single number as grey."""
     return vec3(value if isinstance(value, list | tuple) else [value] * 3)
 
 
 def color(value: Any) -> Vec3:
-    """Returns linear RGB from numbers, or from sRGB as '#rrggbb'."""
+    """Returns linear RGB from three linear numbers, a single number as grey, or sRGB as '#rrggbb'."""
     if not isinstance(value, str):
         return radiance(value)
     encoded = [int(value[i : i + 2], 16) / 255 for i in (1, 3, 5)]
@@ -31,7 +31,7 @@ def color(value: Any) -> Vec3:
 
 
 def value_of(parameter: Parameter, value: Any) -> Any:
-    """Returns the value of a declared parameter, other than a texture, from a valid value of a file."""
+    """Returns the value of a declared parameter, other than a texture, from a file's value that the schema accepts."""
     match parameter.form:
         case "color":
             return color(value)
@@ -47,5 +47,5 @@ def value_of(parameter: Parameter, value: Any) -> Any:
 
 
 def srgb_bytes(linear: Vec3) -> list[int]:
-    """Returns the nearest 8-bit sRGB codes."""
+    """Returns the nearest 8-bit sRGB codes of a linear colour."""
     return [round(255 * (12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055)) for c in linear]
