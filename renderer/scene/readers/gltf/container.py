@@ -157,7 +157,7 @@ class Json:
         return float(value)
 
     def vector(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """Returns the list of finite numbers under a key, if it has as many as the default."""
+        """Returns the list of numbers under a key; the default unless it has the same length and all numbers are finite."""
         values = self.value.get(key, default)
         good = isinstance(values, list | tuple) and len(values) == len(default)
         if not good or not all(map(_is_finite, values)):

@@ -107,7 +107,7 @@ class Meshes:
         return self._materials.with_ray_visibility(self._meshes[number].material, unseen, shadeless)
 
     def refracts(self, index: int) -> bool:
-        """Returns True if a part of a mesh transmits light in a way that depends on whether the mesh is closed."""
+        """Returns True if a part of a mesh transmits light, so that its material depends on whether the mesh is closed."""
         return any(m is not None and self._materials.depends_on_mesh(m) for _, m in self._primitives(index))
 
     def _primitives(self, index: int) -> list[tuple[Primitive, int | None]]:

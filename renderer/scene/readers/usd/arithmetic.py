@@ -39,8 +39,8 @@ def _node(kind: str) -> str:
 def calculated(kind: str, shelf: TextureShelf, said: Callable[[str], Input]) -> Input | None:
     """Returns the output of an arithmetic node.
 
-    said: returns an input of the node by name. Returns None if the node is not arithmetic, or if it has textures with different
-    UV mappings.
+    said: returns an input of the node by name. Returns None if the node is not arithmetic, or if its textures have
+    different UV mappings.
     """
     if not calculates(kind):
         return None

@@ -221,7 +221,7 @@ def _with_profile(
 
 
 def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
-    """Returns an attribute's number at a time; the default if it has none or it is not finite."""
+    """Returns the number in an attribute at a time; the default if the value is missing or not finite."""
     value = attribute.Get(time)
     return default if value is None or not math.isfinite(value) else float(value)
 

@@ -1,4 +1,4 @@
-"""Returns primvars as numpy arrays, optionally per corner of a mesh."""
+"""Reads primvars as numpy arrays, optionally per corner of a mesh."""
 
 from __future__ import annotations
 

@@ -171,7 +171,10 @@ def grey(shelf: TextureShelf, taken: TextureInput) -> int | None:
 
 
 def colored(shelf: TextureShelf, taken: TextureInput, most: float = 1.0) -> tuple[tuple[float, float, float], int | None]:
-    """Returns an RGB factor and a texture whose product is the texture input's colour. most: upper limit of the factor."""
+    """Returns an RGB factor and a texture whose product is the colour of a texture input.
+
+    most: upper limit of the factor.
+    """
     red, green, blue = taken.scale[:3]
     lightest, darkest = max(red, green, blue), min(red, green, blue)
     if taken.channel == "rgb" and max(map(abs, taken.bias[:3])) < 1e-6 and darkest >= 0 and lightest <= most:
