@@ -24,7 +24,7 @@ _RAYLEIGH_HEIGHT, _MIE_HEIGHT = 8_000.0, 1_200.0
 _OZONE_MIDDLE, _OZONE_HALF = 25e3, 15e3
 _MIE_SCATTERING, _MIE_EXTINCTION = 2.0e-5, 2.2e-5  # at the ground, per metre, for all wavelengths
 _ASYMMETRY = 0.76
-_SUN_RADIUS = np.radians(0.27)  # over which the earth's shadow fades
+_SUN_RADIUS = np.radians(0.27)  # the earth's shadow fades over this angle
 
 _MICRONS = np.arange(0.38, 0.73, 0.02)
 _RAYLEIGH = 1.24062e-6 * _MICRONS**-4.0  # Bruneton's fit of Penndorf 1957, per metre at the ground
@@ -48,7 +48,10 @@ class Air(NamedTuple):
 
 
 def _observer_curves() -> np.ndarray:
-    """Returns the CIE 1931 x, y, z at the wavelengths, (18, 3): the fit of Wyman, Sloan & Shirley, JCGT 2(2), 2013."""
+    """Returns the CIE 1931 colour matching functions x, y, z at the 18 wavelengths, (18, 3).
+
+    Source: the fit of Wyman, Sloan & Shirley, JCGT 2(2), 2013.
+    """
 
     def bell(center: float, below: float, above: float) -> np.ndarray:
         nm = _MICRONS * 1000 - center
@@ -61,8 +64,9 @@ def _observer_curves() -> np.ndarray:
 
 
 def _to_rgb() -> np.ndarray:
-    """Returns the matrix (18, 3) from the sun's transmitted fraction per wavelength to linear Rec.709; unattenuated, its
-    luminance is pi.
+    """Returns the matrix (18, 3) from the transmitted fraction of sunlight per wavelength to linear Rec.709.
+
+    Its luminance is pi for unattenuated sunlight.
     """
     planck = _MICRONS**-5.0 / np.expm1(14_387.77 / (_MICRONS * 5_778))
     xyz = _observer_curves() * planck[:, None]
@@ -81,14 +85,18 @@ def _densities(height: np.ndarray) -> np.ndarray:
 
 
 def _to_top(radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    """Returns the distance to the top of the atmosphere, in metres."""
+    """Returns the distance in metres from a point to the top of the atmosphere.
+
+    radius: the point's distance to the earth's centre; cosine: of the zenith angle of the direction.
+    """
     along = radius * cosine
     return -along + np.sqrt(np.maximum(along * along + _TOP**2 - radius * radius, 0))
 
 
 def _column(radius: np.ndarray, cosine: np.ndarray, steps: int = 16) -> np.ndarray:
-    """Returns densities integrated from a point to the top of the atmosphere, (..., 3); the steps grow along the ray, as air
-    thins.
+    """Returns densities integrated from a point to the top of the atmosphere, (..., 3).
+
+    The steps grow along the ray, since air gets thinner.
     """
     edge = np.linspace(0, 1, steps + 1) ** 2
     length = _to_top(radius, cosine)
@@ -101,24 +109,27 @@ def _column(radius: np.ndarray, cosine: np.ndarray, steps: int = 16) -> np.ndarr
 
 
 def _thickness(air: Air, column: np.ndarray) -> np.ndarray:
-    """Returns the optical thickness of such a column at each wavelength, (..., 18)."""
+    """Returns the optical thickness at each wavelength, (..., 18), of the integrated densities of `_column`."""
     molecules, dust, ozone = (column[..., k, None] for k in range(3))
     return molecules * (air.molecules * _RAYLEIGH) + dust * (air.dust * _MIE_EXTINCTION) + ozone * (air.ozone * _OZONE)
 
 
 def transmitted(air: Air, elevation: float) -> np.ndarray:
-    """Returns the direct sunlight at the ground for a sun's elevation in radians: irradiance facing it, (3,) linear Rec.709."""
+    """Returns the irradiance (3,) of direct sunlight on a surface at the ground that faces the sun, in linear Rec.709.
+
+    elevation: of the sun, in radians.
+    """
     column = _column(np.array(_EARTH + _EYE), np.array(np.sin(elevation)), steps=64)
     return np.asarray(np.maximum(np.exp(-_thickness(air, column)) @ _RGB, 0))
 
 
 def rayleigh_phase(cosine: np.ndarray) -> np.ndarray:
-    """Returns the Rayleigh phase function, per steradian, of the cosine of the angle to the sun."""
+    """Returns the Rayleigh phase function, per steradian. cosine: of the angle to the sun."""
     return 3 / (16 * np.pi) * (1 + cosine * cosine)
 
 
 def mie_phase(cosine: np.ndarray) -> np.ndarray:
-    """Returns the phase function of dust, per steradian (Cornette & Shanks 1992), of the cosine of the angle to the sun."""
+    """Returns the phase function of dust, per steradian (Cornette & Shanks 1992). cosine: of the angle to the sun."""
     g = _ASYMMETRY
     scale = 3 / (8 * np.pi) * (1 - g * g) / (2 + g * g)
     return scale * (1 + cosine * cosine) / (1 + g * g - 2 * g * cosine) ** 1.5
@@ -129,8 +140,9 @@ def scattered(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns the light towards an observer on the ground: scattered once by molecules, once by dust, and more than once.
 
-    The first two are without their phase function. ground: its albedo; sun: its elevation; elevation (...), above 0, and azimuth
-    (...) of the viewing directions, relative to the sun's: radians. Each result is (..., 3), linear Rec.709.
+    The first two are not yet multiplied by their phase functions. ground: albedo of the ground. Angles in radians: sun: elevation
+    of the sun; elevation (...), above 0, and azimuth (...), relative to the sun's, of the viewing directions. Each result is
+    (..., 3), linear Rec.709.
     """
     start = _EARTH + _EYE
     up = np.sin(elevation)
@@ -159,9 +171,10 @@ class _Step(NamedTuple):
 def _along(
     start: np.ndarray, up: np.ndarray, sun_up: np.ndarray, towards_sun: np.ndarray, length: np.ndarray, steps: int
 ) -> Iterator[_Step]:
-    """Yields a ray's integration steps, of growing length.
+    """Yields the integration steps of a ray; their length grows along it.
 
-    Cosines: of the ray's and the sun's zenith angle at its start, and between both.
+    up, sun_up: cosines of the zenith angles of the ray and of the sun at the ray's start; towards_sun: cosine of the angle
+    between ray and sun.
     """
     edge = np.linspace(0, 1, steps + 1) ** 2
     passed = np.zeros((*length.shape, 3))
@@ -177,7 +190,7 @@ def _along(
 
 
 def _sunlight(air: Air, radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    """Returns the fraction of direct sunlight that arrives, per wavelength, (..., 18): 0 in the earth's shadow."""
+    """Returns the fraction of direct sunlight that arrives at a point, per wavelength, (..., 18): 0 in the earth's shadow."""
     horizon = -np.sqrt(np.maximum(1 - (_EARTH / radius) ** 2, 0))
     risen = np.clip(0.5 + (np.arcsin(np.clip(cosine, -1, 1)) - np.arcsin(horizon)) / (2 * _SUN_RADIUS), 0, 1)
     return np.asarray(np.exp(-_thickness(air, _column(radius, np.maximum(cosine, horizon)))) * risen[..., None])
@@ -190,9 +203,9 @@ def _scattering(air: Air, density: np.ndarray) -> np.ndarray:
 
 @functools.lru_cache(maxsize=4)  # independent of the sun's position
 def _scattered_again(air: Air, ground: float, steps: int = 12) -> np.ndarray:
-    """Returns the isotropic radiance of multiply scattered light by height and sun elevation: (heights, suns, 18).
+    """Returns the radiance of multiply scattered light, assumed isotropic, by height and sun elevation: (heights, suns, 18).
 
-    Computed from second-order scattering with a uniform phase function, times 1 / (1 - f), the sum of all further orders.
+    Second-order scattering with a uniform phase function times 1 / (1 - f), the sum of all further orders.
     """
     cosines, weights = np.polynomial.legendre.leggauss(8)
     azimuth = (np.arange(4) + 0.5) * np.pi / 4

@@ -1,7 +1,7 @@
 """Separates coincident faces back to back: two triangles with the same corners and opposite orientations.
 
-A ray hits both at the same distance, and rounding would decide between them. Each is offset a little towards its own front, so
-that every viewer sees the one facing them, whatever their order in the file.
+A ray hits both at the same distance, and rounding would decide between them. Each is offset a little towards its own front:
+a viewer on either side sees the face with its front towards them, whatever the order in the file.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ _HALF = np.uint64(32)
 def separate_coincident(
     position: F32, triangle: I32, material: I32, attributes: Sequence[F32], begins: Sequence[int] = ()
 ) -> F32:
-    """Returns the vertices (V, 3), offset where coincident faces back to back look different.
+    """Returns the vertices (V, 3), with an offset where coincident faces back to back look different.
 
-    triangle: (T, 3). material: (T,). attributes: (V, n) each, further attributes that affect the look of vertices. begins: the
-    first triangles of further spaces: triangles in different spaces are never coincident.
+    triangle: (T, 3). material: (T,). attributes: (V, n) each, vertex attributes that affect the look, such as colours. begins:
+    the first triangle of each further coordinate space; triangles in different spaces are never coincident.
     """
     attributes = [each for each in attributes if len(each) and (each != each[0]).any()]
     if len(triangle) < 2 or (not attributes and material.min() == material.max()):
@@ -56,7 +56,7 @@ def separate_coincident(
 
 
 def _repeated(position: F32, triangle: I32, begins: Sequence[int]) -> I64:
-    """Returns candidates for triangles with the corners of another one, in any order; includes a few false positives."""
+    """Returns the triangles with the same three corners, in any order, as another one; includes a few false positives."""
     vertex = np.zeros(len(position), np.uint64)
     for axis in range(3):
         bits = (position[:, axis] + np.float32(0)).view(np.uint32) * _HASH_FACTORS[axis]
@@ -71,19 +71,19 @@ def _repeated(position: F32, triangle: I32, begins: Sequence[int]) -> I64:
 
 
 def _places(corners: npt.NDArray[np.float64], space: I64) -> I64:
-    """Returns (N,) numbers that are equal for triangles of one space with the same corners."""
+    """Returns (N,) numbers, equal for triangles of one space with the same corners in any order."""
     order = np.lexsort(corners.transpose(2, 0, 1), axis=1)
     return _numbered([np.take_along_axis(corners, order[..., None], axis=1).reshape(len(corners), 9), space])
 
 
 def _numbered(columns: Sequence[npt.NDArray[np.generic]]) -> I64:
-    """Returns (N,) numbers that are equal where all columns are."""
+    """Returns (N,) numbers, equal for rows that are equal in all columns."""
     _, number = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
     return number.reshape(-1)
 
 
 def _facing_away(place: I64, normal: npt.NDArray[np.float64], look: I64) -> npt.NDArray[np.bool_]:
-    """Returns (N,) which triangles coincide with one of a different look and opposite orientation."""
+    """Returns a mask (N,) of triangles that coincide with one of opposite orientation and a different look."""
     count = int(place.max()) + 1
     first = np.full(count, len(place))
     np.minimum.at(first, place, np.arange(len(place)))

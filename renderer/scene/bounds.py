@@ -11,7 +11,7 @@ __all__ = ["bounds_of"]
 
 
 def bounds_of(description: SceneDescription) -> npt.NDArray[np.float64]:
-    """Returns the world-space bounds (2, 3) of all triangles and spheres. There has to be one."""
+    """Returns the world-space bounds (2, 3) of all triangles and spheres. The description must have at least one."""
     points = [np.zeros((0, 3))]
     for each in description.instances:
         mesh = description.meshes[each.mesh]

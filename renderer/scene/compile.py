@@ -53,12 +53,11 @@ def compile_scene(
     threads: int | None = None,
     kept: ShotCache | None = None,
 ) -> CompiledScene:
-    """Returns the compiled scene, every array C-contiguous and read-only.
+    """Returns the compiled scene; every array is C-contiguous and read-only.
 
-    progress: called with each step as a phrase and the fraction done, 0..1. brute: without a working BVH, see `build`.
-    threads: None for one per core; the scene does not depend on it. kept: cache of the same shot at another time, whose compiled
-    scene must no longer be in use; the result does not depend on it either.
-    Raises SceneError if the scene is empty or too large.
+    progress: called with the name of each step and the fraction done, 0..1. brute: without a working BVH, see `build`. threads:
+    number of threads; None: one per core. kept: cache of compiled parts of another frame of the same shot, whose compiled scene
+    must no longer be in use. Neither threads nor kept changes the result. Raises SceneError if the scene is empty or too large.
     """
     with Team(threads) as team:
         own = ShotCache() if kept is None or brute else kept
@@ -206,7 +205,10 @@ def _part_offsets(stood: PlacedGeometry, laid: AssembledBvh, environment: tuple[
 
 
 def _rows_to_check(stood: PlacedGeometry, laid: AssembledBvh, scene: CompiledScene, kept: ShotCache) -> dict[str, np.ndarray]:
-    """Returns the rows to check of arrays that were checked for another frame; those not listed in full."""
+    """Returns array name -> rows that still have to be checked, since the others were checked for an earlier frame.
+
+    Arrays that are not listed have to be checked in full.
+    """
     if not kept.is_unchanged(
         "checked", (*stood.sections[:2], *laid.node[1:4], *laid.packet[1:4], *stood.joined.first_triangle[:3])
     ):
@@ -222,9 +224,9 @@ def _rows_to_check(stood: PlacedGeometry, laid: AssembledBvh, scene: CompiledSce
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
     """Returns a JSON-ready summary of a scene: cameras, counts, bounds, animations, variants, warnings, defaults.
 
-    cameras: the file's own, then always one named "auto" that frames the scene; `views` of those that move while
-    the shutter is open, as RenderSettings has them. up: the up direction. fps: the file's own, else 24. clips: its animations,
-    with the seconds of their first and last key. objects, materials: their names by number; the film's OBJECT and MATERIAL planes
+    cameras: the file's own, then always one named "auto" that frames the scene; `views`, for cameras that move while the shutter
+    is open, in the form of RenderSettings. up: the up direction. fps: the file's own, else 24. clips: its animations, with the
+    times of their first and last key in seconds. objects, materials: names by number; the OBJECT and MATERIAL planes of the film
     hold number + 1.
     """
     floor = description.subject is not None  # one mesh of two flat triangles, six vertices
@@ -261,10 +263,9 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
 
 
 def summarise_again(description: SceneDescription, compiled: CompiledScene, before: dict[str, Any]) -> dict[str, Any]:
-    """Returns the summary for another frame of a shot in which only transforms and shapes change; before: the summary of one
-    frame.
+    """Returns the summary of another frame of a shot in which only transforms and shapes change.
 
-    The camera named "auto" frames the bounds only, without looking at the vertices.
+    before: the summary of one frame. Here the camera "auto" frames the bounds of the geometry, not its vertices.
     """
     low, high = _bounds(compiled)
     corners = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)], np.float64)
@@ -283,13 +284,16 @@ def camera_names(description: SceneDescription) -> list[str]:
 
 
 def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.ndarray) -> list[dict[str, Any]]:
-    """Returns the cameras as `summarise` has them. bounds: (2, 3) corners of all geometry; points: (N, 3) that "auto" frames."""
+    """Returns the cameras in the form used by `summarise`.
+
+    bounds: (2, 3) corners of all geometry. points: (N, 3) that the camera "auto" frames.
+    """
     cameras = [*_aimed_cameras(description, bounds), Camera(AUTO_CAMERA, frame(points, description.up))]
     return [_camera_dict(camera) for camera in cameras]
 
 
 def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
-    """Returns the file's own cameras, as in `summarise`."""
+    """Returns the cameras of the file, with the orbit targets used in `summarise`."""
     return _aimed_cameras(description, _bounds(compiled))
 
 
@@ -302,13 +306,13 @@ def _aimed_cameras(description: SceneDescription, bounds: np.ndarray) -> list[Ca
 
 
 def _camera_dict(camera: Camera) -> dict[str, Any]:
-    """Returns a camera as JSON. views: of a camera that moves while the shutter is open, as RenderSettings has them."""
+    """Returns a camera as JSON, with `views` if it moves while the shutter is open."""
     still = {"name": camera.name, "view": _view_dict(camera.view)}
     return {**still, "views": [_view_dict(view) for view in camera.keys]} if camera.keys else still
 
 
 def _of_kind(stood: PlacedGeometry, flag: int) -> np.ndarray:
-    """Returns (T + S,) which primitives have a material with that flag."""
+    """Returns a mask (T + S,) of the triangles and spheres whose material has the flag."""
     is_of = stood.packed.material_flags & flag != 0
     geometry = stood.joined.geometry
     return np.concatenate([by_triangle(geometry, is_of[geometry.material]), is_of[stood.sphere_material]])
@@ -324,7 +328,10 @@ def _suns(primitive: I32, kind: I32, bodies: int) -> I32:
 
 
 def _dark_lamps(description: SceneDescription, emitted: np.ndarray) -> int:
-    """Returns the number of emissive triangles without area; static ones are removed earlier, when they are placed."""
+    """Returns the number of emissive triangles without area, which therefore emit nothing.
+
+    Counts those of the description, since static ones are no longer in the compiled geometry.
+    """
     count = 0
     for instance in description.instances:
         mesh = description.meshes[instance.mesh]
@@ -343,7 +350,7 @@ def _parts(geometry: Geometry, emitting: np.ndarray) -> I32:
 
 
 def _padding_triangles(compiled: CompiledScene) -> int:
-    """Returns the number of padding triangles that only fill a page."""
+    """Returns the number of padding triangles, which only fill up memory pages."""
     first = np.searchsorted(compiled.triangle[:, 3], np.arange(len(compiled.part) + 1))
     return int(np.diff(first)[compiled.part[:, PART_OBJECT] == NO_PLACEMENT].sum())
 
@@ -369,14 +376,17 @@ def _visible_points(compiled: CompiledScene) -> np.ndarray:
 
 
 def _tree_corners(compiled: CompiledScene, root: int) -> np.ndarray:
-    """Returns the corners of the topmost eight boxes of an instance's tree, in its own space."""
+    """Returns the corners of the up to eight child boxes of an instance's root node, (n, 3), in the instance's own space."""
     node = compiled.bvh.node[root]
     boxes = [node[:6, lane].reshape(3, 2) for lane in np.flatnonzero(node[0] <= node[1])]
     return np.array([np.where(which, box[:, 1], box[:, 0]) for box in boxes for which in np.ndindex(2, 2, 2)]).reshape(-1, 3)
 
 
 def _aimed(view: View, bounds: np.ndarray) -> View:
-    """Returns the view with its target moved along the line of sight next to the scene's centre, as a useful orbit centre."""
+    """Returns the view with its target moved along the line of sight to the point nearest to the scene's centre.
+
+    That makes the target a useful centre for orbiting. The focus distance stays the same.
+    """
     eye, target = np.array(view.eye), np.array(view.target)
     forward = (target - eye) / np.linalg.norm(target - eye)
     distance = float((bounds.mean(axis=0) - eye) @ forward)

@@ -58,7 +58,7 @@ def save(scene: CompiledScene, path: Path) -> None:
 def load(path: Path, find: Find | None = None) -> CompiledScene:
     """Loads a scene written by `save`, or by renderer.scene.compiled_parts.Saver, as read-only views of the files.
 
-    find: returns the path of a manifest's part; None: next to the manifest.
+    find: returns the path of a part that a manifest lists; None: the parts are in the manifest's folder.
 
     Raises SceneError if the file is damaged, truncated, or not a compiled scene; OSError if it cannot be opened.
     """

@@ -1,9 +1,9 @@
-"""Stores a compiled scene as a manifest of parts: files named by the hash of their content, so that parts that frames of a shot
-share are stored, sent and mapped once.
+"""Stores a compiled scene as a manifest and parts: files named by the hash of their content.
 
-The manifest is JSON: the parts' hashes and sizes, and for each array its shape and consecutive pieces (part, offset, bytes). A
-part consists of pieces, each starting at a page boundary. An array of several pieces is mapped file by file into one contiguous
-address range: all processes of a machine share one copy of each part.
+Parts that several frames of a shot share are stored, sent and mapped once. The manifest is JSON: the parts' hashes and sizes,
+and for each array its shape and consecutive pieces (part, offset, bytes). A part consists of pieces, each starting at a page
+boundary. An array of several pieces is mapped file by file into one contiguous address range: all processes of a machine share
+one copy of each part.
 """
 
 from __future__ import annotations
@@ -68,16 +68,18 @@ class Part(NamedTuple):
 
 
 class Saver:
-    """Writes the frames of one shot into a folder: manifests, and each part once, under its hash."""
+    """Writes the frames of one shot into a folder: a manifest per frame, and each part once, in a file named by its hash."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._known: dict[str, tuple[tuple[object, ...], Part]] = {}  # parts reused between frames: by what they were made from
+        self._known: dict[
+            str, tuple[tuple[object, ...], Part]
+        ] = {}  # reused parts, with the objects they were made from
 
     def save(self, scene: CompiledScene, cuts: PartOffsets, folder: Path | None = None) -> Path:
-        """Writes the scene's manifest, and the parts not written yet, into another folder if one is given.
+        """Writes the scene's manifest and those parts that are not written yet; returns the manifest's path.
 
-        Returns the manifest's path.
+        folder: None: the Saver's folder.
         """
         folder = folder or self._folder
         arrays = flat(scene)
@@ -103,7 +105,7 @@ class Saver:
         return _manifest(arrays, parts, pieces, folder)
 
     def prune(self, manifest: Path) -> None:
-        """Removes files from the folder that neither this manifest nor a later frame needs."""
+        """Removes the files in the folder that neither this manifest nor a later frame needs."""
         kept = {manifest.name, *(part.sha256 for part in parts_of(manifest)), *(part.sha256 for _, part in self._known.values())}
         for path in self._folder.iterdir():
             if path.name not in kept:
@@ -111,9 +113,10 @@ class Saver:
 
 
 def save_changed(data: bytes, scene: CompiledScene, names: Collection[str], folder: Path) -> Path:
-    """Writes the manifest and new parts of a scene that differs from another's (data) in these arrays only.
+    """Writes the manifest, and the new parts, of a scene of which only the arrays `names` differ from an already stored scene.
 
-    Writes the same bytes as a Saver would. Returns the manifest's path. Raises SceneError if the other manifest is damaged.
+    data: the manifest of the stored scene. Writes the same bytes as Saver.save. Returns the new manifest's path. Raises
+    SceneError if `data` is damaged.
     """
     parts, known = _read(data)
     arrays = flat(scene)
@@ -171,7 +174,10 @@ def _are(known: tuple[object, ...], heads: tuple[object, ...]) -> bool:
 
 
 def _slices(arrays: dict[str, Array], cuts: PartOffsets) -> dict[str, dict[str, Array]]:
-    """Returns the rows of each array in each part. Arrays without a part of their own are in the first, which every frame has."""
+    """Returns part name -> array name -> rows of that array in the part.
+
+    Arrays that no other part contains are in the part "top", which every frame has.
+    """
     parts: dict[str, dict[str, Array]] = {"top": {"bvh.node": arrays["bvh.node"][: cuts.node[1]]}}
     for i, name in enumerate(("still", "bodies", "loose")):
         node, packet = slice(cuts.node[i + 1], cuts.node[i + 2]), slice(cuts.packet[i + 1], cuts.packet[i + 2])
@@ -194,7 +200,7 @@ def _slices(arrays: dict[str, Array], cuts: PartOffsets) -> dict[str, dict[str, 
 
 
 def parts_of(path: Path) -> list[Part]:
-    """Returns the parts that a manifest lists; none for a scene in one file. Raises SceneError if it is damaged."""
+    """Returns the parts that a manifest lists; empty for a scene in one file. Raises SceneError if the manifest is damaged."""
     with path.open("rb") as file:
         if file.read(1) != MANIFEST_STARTS:
             return []
@@ -203,9 +209,9 @@ def parts_of(path: Path) -> list[Part]:
 
 
 def load_parts(data: bytes, find: Find) -> CompiledScene:
-    """Loads the scene of a manifest, as read-only views of its parts' files.
+    """Loads the scene of a manifest (data), as read-only views of its parts' files. find: returns the path of a part's file.
 
-    Raises SceneError if any of it is damaged; OSError.
+    Raises SceneError if the manifest or a part is damaged; OSError if a file cannot be opened.
     """
     parts, arrays = _read(data)
     files = [find(*part) for part in parts]
@@ -254,7 +260,7 @@ def _read(data: bytes) -> tuple[list[Part], dict[str, tuple[tuple[int, ...], lis
 
 
 def _mapped(pieces: list[tuple[int, int, int]], parts: list[Part], files: list[Path]) -> Any:
-    """Maps the pieces consecutively, as one read-only buffer."""
+    """Returns a read-only buffer in which the files' pieces are mapped consecutively."""
     if not pieces:
         return bytes(8)
     if len(pieces) == 1 and _maps_over is not None:
@@ -276,7 +282,10 @@ def _mapped(pieces: list[tuple[int, int, int]], parts: list[Part], files: list[P
 
 
 def _mapper() -> Callable[[int, int, int, int], int] | None:
-    """Returns the C library's mmap with a fixed address, which Python's does not offer. None where pages are larger."""
+    """Returns the C library's mmap, which can map at a fixed address; Python's mmap cannot.
+
+    None on systems without it, or with pages larger than those of the parts.
+    """
     if mmap.ALLOCATIONGRANULARITY > PAGE or not hasattr(mmap, "MAP_SHARED"):
         return None
     function = ctypes.CDLL(None, use_errno=True).mmap
@@ -291,9 +300,9 @@ _seen: dict[tuple[str, str, int, int], Array] = {}
 
 
 def _extremes_of(name: str, array: Array, parts: list[Part], pieces: list[tuple[int, int, int]]) -> Iterator[Array]:
-    """Yields, for each piece of an array, rows with the extreme indices: all of it is valid if they are.
+    """Yields, for each piece of an array, its rows with the smallest and largest indices.
 
-    Computed once per process.
+    If these are within range, all rows are. Computed once per piece and process.
     """
     begin = 0
     row = array[:1].nbytes

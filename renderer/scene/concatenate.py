@@ -1,7 +1,7 @@
 """Concatenates sections of geometry into the arrays that the kernel reads.
 
-Each section starts at a page boundary of each array, so that its file can be mapped after the others'
-(renderer/scene/compiled_parts.py); the padding before it holds no geometry.
+In each array each section starts at a page boundary, so that the sections' files can be mapped consecutively
+(renderer/scene/compiled_parts.py). The padding before it contains no geometry.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ __all__ = ["Joined", "join"]
 Array = npt.NDArray[Any]
 
 _WIDTHS = {"position": 3, "normal": 3, "uv": 2, "uv1": 2, "color": 4, "tangent": 4}
-_ROW_BYTES = 4  # of the narrowest vertex or triangle array: what ends at a page boundary there does so in all
+_ROW_BYTES = 4  # of the narrowest vertex or triangle array: rows that end at a page boundary there do so in all arrays
 
 
 class Joined(NamedTuple):
-    """The concatenated geometry and the start index of each section; the last of these numbers are the ends."""
+    """The concatenated geometry. first_vertex, first_triangle: the start index of each section, followed by the total number."""
 
     geometry: Geometry
     triangle: I32  # (T, 4): each with its part
@@ -35,7 +35,10 @@ class Joined(NamedTuple):
 
 
 def join(sections: Sequence[Section], has_uvs: bool, kept: ShotCache) -> Joined:
-    """Concatenates the sections; all but the last are cached from frame to frame. has_uvs: whether anything has a texture."""
+    """Concatenates the sections. has_uvs: whether any material has a texture; otherwise UVs are omitted.
+
+    kept: cache, in which all sections but the last are reused from frame to frame.
+    """
     parts = [section.geometry for section in sections]
     vertex, triangle = (_starts([len(getattr(p, name)) for p in parts]) for name in ("position", "triangle"))
     parting, first_part = _parting(parts, triangle)
@@ -73,7 +76,7 @@ def _starts(lengths: Sequence[int]) -> tuple[int, ...]:
 
 
 def _parting(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dict[str, Any], list[int]]:
-    """Returns the first triangle, the material and the object of each part, and the index of each section's first part."""
+    """Returns the columns first (triangle), material and object of all parts, and the index of each section's first part."""
     first, material, object, number = [], [], [], []
     count = 0
     for part, start, end in zip(parts, starts, starts[1:], strict=False):
@@ -90,7 +93,10 @@ def _parting(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dict[str
 
 
 def _filled(part: Geometry, name: str) -> Array | float:
-    """Returns an array of a section, or neutral values if it has none but others do: for the second UVs, the first."""
+    """Returns an attribute array of a section, or the value that replaces it if the section has none and others do.
+
+    The second UVs are replaced by the first, colours by 1, all others by 0.
+    """
     found: Array = getattr(part, name)
     if len(found):
         return found

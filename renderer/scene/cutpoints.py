@@ -8,13 +8,13 @@ from renderer.scene.description import F32, I32
 
 __all__ = ["cutpoints"]
 
-_INTERVALS = 4  # of the cdf to one of the table's: with fewer more loads than one are needed, with more the table is large
+_INTERVALS = 4  # cdf intervals per table entry: more entries make the table large, fewer require more than one load
 
 
 def cutpoints(cdf: F32) -> I32:
-    """Returns the cdf interval that contains the lower end of each of C equal parts of [0, 1): cdf (..., N + 1), result (..., C).
+    """Returns, for each of C equal parts of [0, 1), the cdf interval that contains the part's lower end.
 
-    C is a power of two, so that a number's part is found without rounding.
+    cdf: (..., N + 1); result (..., C). C is a power of two, so that the part of a number is found without rounding.
     """
     count = cdf.shape[-1] - 1
     parts = 1 << max(0, (count - 1).bit_length() - (_INTERVALS - 1).bit_length())

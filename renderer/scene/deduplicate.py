@@ -17,9 +17,10 @@ I32 = npt.NDArray[np.int32]
 
 
 def unique_rows(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Returns the first row of each distinct kind, (U,), and the kind of each row, (N,), of an (N, K) table of numbers.
+    """Returns the index of the first row of each distinct kind, (U,), and the kind of each row, (N,), of a table (N, K).
 
-    As numpy.unique along axis 0, in the same order, and about ten times as fast: it sorts columns instead of comparing rows.
+    Equivalent to numpy.unique along axis 0, in the same order, and about ten times as fast: it sorts by columns instead of
+    comparing rows.
     """
     if len(table) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -32,7 +33,10 @@ def unique_rows(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDA
 
 
 def unique_threes(table: npt.NDArray[Any]) -> tuple[I32, I32]:
-    """As `unique_rows`, for (N, 3) 32-bit numbers, but faster: compared by their bits, kinds in order of first occurrence."""
+    """Returns the same as `unique_rows` for (N, 3) 32-bit numbers, but faster.
+
+    Rows are compared by their bits; kinds are in order of first occurrence.
+    """
     bits = np.ascontiguousarray(table).view(np.uint32)
     slots = np.full(1 << max(2 * len(bits) - 1, 1).bit_length(), -1, np.int32)
     first, kind = np.empty(len(bits), np.int32), np.empty(len(bits), np.int32)
@@ -42,11 +46,11 @@ def unique_threes(table: npt.NDArray[Any]) -> tuple[I32, I32]:
 
 
 def unique_corners(point: npt.NDArray[Any], points: int, values: list[npt.NDArray[np.float32]]) -> tuple[I32, I32]:
-    """Merges corners with equal point and values into vertices: returns each vertex's first corner, (U,), and each corner's
-    vertex, (C,).
+    """Merges corners of faces with equal point and values into vertices.
 
-    point: (C,) numbers below `points`. values: (C, w) each. Vertices are in order of first occurrence. Where very many corners
-    share a point, some equal ones are not merged.
+    Returns the first corner of each vertex, (U,), and the vertex of each corner, (C,). Vertices are in order of first occurrence.
+    point: (C,) numbers below `points`. values: (C, w) each. Where very many corners share a point, some equal ones are not
+    merged.
     """
     count = len(point)
     table = np.concatenate([np.zeros((count, 0), np.float32), *values], axis=1)
@@ -58,9 +62,9 @@ def unique_corners(point: npt.NDArray[Any], points: int, values: list[npt.NDArra
 
 
 def used_among(numbers: npt.NDArray[Any], count: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
-    """Returns which of 0 ... count - 1 occur in `numbers`, ascending, and the position of each of the numbers among those.
+    """Returns the distinct `numbers`, ascending, and the position of each element of `numbers` in that list.
 
-    For few numbers, takes time in proportion to them only.
+    All are in 0 ... count - 1. If they are few compared with count, the time depends on their number only.
     """
     if 8 * numbers.size < count:
         few, at = np.unique(numbers, return_inverse=True)

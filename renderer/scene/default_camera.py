@@ -32,8 +32,8 @@ def frame(points: npt.NDArray[np.floating], up: Vec3 = (0.0, 1.0, 0.0)) -> View:
     right /= np.linalg.norm(right)
     above = np.cross(back, right)
 
-    # For a fixed orientation the nearest eye that sees every point has a closed form on each axis: the points bound the
-    # frustum's two planes, and where these meet is the eye.
+    # For a fixed orientation the nearest eye that sees every point has a closed form on each axis: the points determine the
+    # two planes of the frustum, and the eye is on their intersection.
     tall = np.tan(np.radians(FOV / 2)) / MARGIN
     depth = points @ back
     eye_depth, at = -np.inf, []

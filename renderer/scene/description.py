@@ -61,9 +61,9 @@ UvTransform = tuple[float, float, float, float, float, float]
 
 @dataclass
 class Image:
-    """Pixels (h, w, 4) uint8 or uint16 (colour is sRGB-encoded where `srgb`), or (h, w, 3 or 4) float32, linear, for HDR.
+    """An image: pixels (h, w, 4) uint8 or uint16 (colours sRGB-encoded if `srgb`), or (h, w, 3 or 4) float32, linear, for HDR.
 
-    Alpha is straight. Floats of an image that is not `srgb` are data (normals, heights, roughness).
+    Alpha is straight. Float pixels of an image that is not `srgb` are data (normals, heights, roughness).
     """
 
     name: str
@@ -73,10 +73,10 @@ class Image:
 
 @dataclass(frozen=True)
 class TextureLayer:
-    """A texture layer composited over another texture, with its own lookup; it has no layers itself.
+    """A texture with its own lookup that is composited over another texture; it has no layers itself.
 
-    `blend` is computed in linear light (kernel/material/blend.py), and mixed with the layers beneath by the layer's alpha times
-    `strength`: 0 ... 1. Surface colours are clamped at 1; emission is not.
+    `blend` is computed in linear light (kernel/material/blend.py). The result is mixed with the layers beneath by the layer's
+    alpha times `strength`, 0 ... 1. Surface colours are clamped at 1; emission is not.
     """
 
     texture: int
@@ -89,8 +89,8 @@ class Texture:
     """An image with wrap modes and a lookup. UV (0, 0) is the image's upper left corner, as in glTF.
 
     transform: the rows of the 2x3 matrix applied to the UVs of set `uv_set`.
-    layers: composited on top, the lowest first; the texture's alpha is unaffected.
-    keys: the transform at equal steps while the shutter is open, first to last; empty if constant.
+    layers: composited on top, the lowest first; they do not affect the texture's alpha.
+    keys: the transform at equal steps from the shutter's opening to its closing; empty if constant.
     """
 
     image: int
@@ -115,17 +115,17 @@ class Mesh:
     material: int = 0
     uvs1: F32 | None = None  # (V, 2), the second set
     colors: F32 | None = None  # (V, 4) linear RGBA, multiplies the base colour
-    tangents: F32 | None = None  # (V, 4), w the bitangent's sign, as glTF has them; None: from the UVs, where needed
+    tangents: F32 | None = None  # (V, 4) as in glTF, w is the bitangent's sign; None: computed from the UVs if needed
     deforms: bool = False  # whether its vertices differ at another time
     keys: tuple[tuple[npt.NDArray[Any], F32 | None], ...] = ()  # positions and normals, as Instance.keys
 
 
 @dataclass
 class Instance:
-    """A mesh placed in the world by a 4x4 matrix on column vectors; `material`, if given, replaces the mesh's.
+    """A mesh placed in the world by a 4x4 matrix on column vectors. material: replaces the mesh's if not None.
 
-    keys: the transforms of an instance that moves while the shutter is open, at equal steps from opening to closing; at least 2.
-    `transform` is then the one in the middle.
+    keys: the transforms at equal steps from the shutter's opening to its closing, at least 2; empty if the instance does not
+    move. With keys, `transform` is the one in the middle.
     """
 
     mesh: int
@@ -144,29 +144,28 @@ class Sphere:
     radius: float
     material: int = 0
     name: str = "sphere"
-    guide: bool = False  # whether `sampling: mixture` aims at it, as at a light
+    guide: bool = False  # whether `sampling: mixture` samples directions towards it, as towards a light
     moves: bool = False  # whether it differs at another time
     keys: tuple[tuple[Vec3, float], ...] = ()  # centres and radii, as Instance.keys
 
 
 @dataclass(frozen=True, eq=False)
 class EmissionMap:
-    """An angular map that multiplies a light's intensity by direction; renderer/kernel/light/emission_map.py defines the
-    coordinates.
+    """An angular map of factors for a punctual light's intensity; renderer/kernel/light/emission_map.py defines its coordinates.
 
-    edges: left, right, top, bottom; for a sphere in radians, where left and right are 2 pi apart and top is at least 0; for a
-    window or a screen in the plane at distance 1, to the right and up. The intensity is 0 outside the edges.
+    edges: left, right, top, bottom. For a sphere: radians, where left and right are 2 pi apart and top is at least 0. For a
+    window or a screen: coordinates to the right and up in the plane at distance 1. The intensity is 0 outside the edges.
     """
 
     kind: EmissionKind
     values: F32  # (h, w, 3) linear, 0 or more, rows from the top
     edges: tuple[float, float, float, float]
-    # Of a sphere: whether its first and last row lie at the edges and its first column at the left one, instead of each in the
-    # middle of its share.
+    # For a sphere: whether the first and last rows are at the edges, and the first column at the left edge, instead of each row and
+    # column in the middle of its cell.
     at_edges: bool = False
 
 
-# Types of lights in scene files, by which parameters they take. A projector is a point that emits a picture.
+# Types of lights in scene files, by the parameters they have. A projector is a point light that emits a picture.
 _PLACED = ("point", "spot", "projector")
 _CONES = ("spot",)
 _DISTANT = ("directional",)
@@ -174,13 +173,14 @@ _DISTANT = ("directional",)
 
 @dataclass
 class Light:
-    """A punctual light: it illuminates, but camera and scattered rays do not hit it, unless it is a sun.
+    """A punctual light: it illuminates, but camera rays and scattered rays do not hit it, unless it is a sun.
 
     Parameters declared by functions of renderer/scene/parameters.py are read from scene files as declared.
 
     intensity: radiant intensity (point, spot: radiance units times area) or irradiance at normal incidence (directional).
     radius (point, spot) and angle (directional: the angular diameter in degrees, 0.53 for the sun) soften its shadows.
-    emission (point, spot): multiplies it; its axis is `direction`, and its up vector `up`, projected perpendicular to that.
+    emission (point, spot): map that multiplies the intensity; the map's axis is `direction`, and its up vector is `up`, projected
+    perpendicular to the axis.
     """
 
     kind: LightKind
@@ -215,7 +215,7 @@ LIGHT_PARAMETERS = parameters_of(Light)
 class Sky:
     """A clear sky and its sun (renderer/scene/atmosphere.py). Angles in degrees.
 
-    A white surface that faces the sun outside the atmosphere has radiance 1; on the ground at noon it is about as bright.
+    Scale: a white surface that faces the sun outside the atmosphere has radiance 1, and nearly as much on the ground at noon.
     """
 
     sun_elevation: float = 45.0  # -90 ... 90, above the horizon
@@ -230,10 +230,10 @@ class Sky:
 
 @dataclass
 class Environment:
-    """Infinitely distant light: `color` radiance, multiplied by an equirectangular image or a sky if given.
+    """Infinitely distant light: `color` is radiance, multiplied by an equirectangular image or a sky if given.
 
-    The image's middle column is towards -Z and its top row is up (+Y) before `rotation`, in degrees about +Y
-    (counter-clockwise seen from above). `image` indexes SceneDescription.images (float32 pixels).
+    image: index into SceneDescription.images (float32 pixels); its middle column is towards -Z and its top row is up (+Y).
+    rotation: degrees about +Y, counter-clockwise seen from above.
     """
 
     color: Vec3 = (1.0, 1.0, 1.0)
@@ -247,8 +247,8 @@ class Environment:
 class Medium:
     """The medium that fills the world outside all objects: fog, haze, water. The insides of objects are given by their materials.
 
-    sigma_a, sigma_s: absorption and scattering coefficients, rgb per scene unit, from 0 to MOST_DENSE. g: Henyey-Greenstein's
-    mean cosine, -MOST_FORWARD ... MOST_FORWARD (renderer/scene/material.py).
+    sigma_a, sigma_s: absorption and scattering coefficients, rgb per scene unit, from 0 to MOST_DENSE. g: mean cosine of the
+    Henyey-Greenstein phase function, -MOST_FORWARD ... MOST_FORWARD (renderer/scene/material.py).
     """
 
     sigma_a: Vec3 = (0.0, 0.0, 0.0)
@@ -258,7 +258,10 @@ class Medium:
 
 @dataclass
 class Camera:
-    """A named view. keys: as Instance.keys."""
+    """A named view.
+
+    keys: the views at equal steps from the shutter's opening to its closing; empty if the camera does not move.
+    """
 
     name: str
     view: View
@@ -266,14 +269,14 @@ class Camera:
 
 
 class SurfaceNote(Sentence):
-    """A warning of how a surface looks, which is idle where another material replaces it."""
+    """A warning about a material's look. It is dropped if the material is replaced by another one."""
 
     __slots__ = ()
 
 
 @dataclass
 class SceneDescription:
-    """A whole scene. `defaults` holds settings that the file requests (width, height, spp, max_depth, integrator)."""
+    """A whole scene. defaults: render settings that the file requests (width, height, spp, max_depth, integrator)."""
 
     name: str = "scene"
     meshes: list[Mesh] = field(default_factory=list)
@@ -288,15 +291,15 @@ class SceneDescription:
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)
     up_axis: str | None = None  # the axis of the file that became Y, if its format states none: one of renderer.formats.UP_AXES
-    subject: npt.NDArray[np.float64] | None = None  # bounds (2, 3) of what is not the studio's floor; None: without such a floor
+    subject: npt.NDArray[np.float64] | None = None  # bounds (2, 3) without the added floor; None: no floor was added
     studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's
     defaults: dict[str, Any] = field(default_factory=dict)
     clips: list[Clip] = field(default_factory=list)  # the file's animations; the request selects clip and time
     fps: float = DEFAULT_FPS  # the file's
     moves: bool = False  # whether another time may show something else
     keys: int = 0  # number of keys of moving objects while the shutter is open; 0: nothing moves
-    # An object that descriptions of several moments share, where they differ in cameras, lights without a body and what is marked
-    # as moving alone: places of instances, and vertices of meshes that deform.
+    # An object shared by the descriptions of several moments that differ only in cameras, lights without a body, and properties
+    # marked as moving: transforms of instances, and vertices of meshes that deform.
     still: object | None = None
     variants: list[str] = field(default_factory=list)  # the file's material variants; selected when it is read
     warnings: list[str] = field(default_factory=list)  # sentences that a user can act on

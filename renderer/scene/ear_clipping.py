@@ -1,8 +1,8 @@
 """Triangulates a polygon by ear clipping.
 
-Source: Meisters 1975; only reflex corners can lie in an ear (Eberly, "Triangulation by Ear Clipping"). Polygons that touch
-themselves, such as those with a bridge to a hole, pass through a point more than once: corners coincident with an ear's own
-corners do not block it.
+Source: Meisters 1975. Only reflex corners can be inside an ear (Eberly, "Triangulation by Ear Clipping"). Polygons that touch
+themselves, such as those with a bridge to a hole, pass through a point more than once: a corner at the same point as a corner
+of the ear does not block the ear.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ __all__ = ["EarClipper"]
 F64 = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 _MOST_WORK = 100_000  # examined corners: some seconds
-_AT_ONCE = 500  # reflex corners that are tested in the time of one call
-_NOISE = 1e-13  # of the square of the polygon's size: areas below are 0
+_AT_ONCE = 500  # reflex corners whose test takes as long as the call itself
+_NOISE = 1e-13  # relative to the square of the polygon's size: smaller areas are taken as 0
 _CLEAN, _TOUCHING, _ANY = range(3)  # how strictly an ear is tested
 
 
 class EarClipper:
-    """Clips polygons within a total work limit; once `are_blunt`, later polygons are to be triangulated as fans."""
+    """Clips polygons until a limit on the total work is reached; `are_blunt` is then True: triangulate later polygons as fans."""
 
     def __init__(self) -> None:
         self._left = float(_MOST_WORK)
         self.are_blunt = False
 
     def cut(self, place: F64) -> npt.NDArray[np.int64]:
-        """Returns the (n - 2, 3) triangles of one polygon with (n, 3) corners."""
+        """Returns the (n - 2, 3) triangles of one polygon. place: (n, 3) corners."""
         flat = flattened(place)
         count = len(flat)
         noise = _NOISE * float(np.ptp(flat, axis=0).max(initial=0.0)) ** 2
@@ -70,7 +70,7 @@ class EarClipper:
 
 
 def flattened(place: F64) -> F64:
-    """Projects the corners onto the two axes in which the polygon is largest, counter-clockwise: (n, 2)."""
+    """Returns the corners, (n, 2), projected onto the two axes in which the polygon is largest, counter-clockwise."""
     ahead = np.roll(place, -1, axis=0)
     normal = np.cross(place - place[0], ahead - place[0]).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))
@@ -80,7 +80,11 @@ def flattened(place: F64) -> F64:
 
 
 def _is_ear(flat: F64, bends: npt.NDArray[np.int64], corners: tuple[int, int, int], turn: float, strictness: int) -> bool:
-    """Whether a corner may be clipped. Not clean are ears whose edges other corners touch, and corners without an area."""
+    """Returns True if a corner may be clipped as an ear.
+
+    Strictness: by default no other corner may be inside the ear or on its edges; `_TOUCHING` allows corners on edges and ears
+    without area; `_ANY` allows every corner.
+    """
     if strictness == _ANY:
         return True
     if turn <= 0:

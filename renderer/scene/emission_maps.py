@@ -21,13 +21,13 @@ F64 = npt.NDArray[np.float64]
 _KINDS = {"sphere": SPHERE, "window": WINDOW, "screen": SCREEN}
 _MOST_TEXELS = 1 << 28  # of all maps together: 3 GiB
 _AROUND = 1e9  # columns: beyond any angle
-_SLACK = 1e-3  # of a row, by which float32 may miss a pole
+_SLACK = 1e-3  # rows, by which float32 may miss a pole
 _FINE = 64  # least side of the grid over which projected images are integrated
 _NO_EDGE = 1e-9
 
 
 class EmissionTables(NamedTuple):
-    """The emission-map tables of CompiledScene, and the flux that lights are chosen by."""
+    """The emission-map tables of CompiledScene, and the flux of each map, by which lights are chosen."""
 
     map: I32  # (E, 4)
     window: F32  # (E, 8)
@@ -70,7 +70,7 @@ def tabulate_emission(maps: Sequence[EmissionMap]) -> EmissionTables:
 
 
 def emission_frames(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32:
-    """Returns (n, 4), for each light the vector to the right of its axis and its map's number, or -1; no rows without maps."""
+    """Returns (n, 4): the vector to the right of each light's axis, and the number of its map or -1; no rows without maps."""
     if not maps:
         return np.zeros((0, 4), np.float32)
     number = {id(each): k for k, each in enumerate(maps)}
@@ -79,7 +79,7 @@ def emission_frames(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32
 
 
 def flux_of(emission: EmissionMap) -> F64:
-    """Returns the integral of a map over all directions, (3,): the flux of a light of intensity 1."""
+    """Returns the integral of a map over all directions, (3,): the flux of a light of intensity 1 with this map."""
     values = emission.values.astype(np.float64)
     if emission.kind == "sphere":
         return np.asarray(2 * math.pi * _row_weights(emission) @ values.mean(axis=1))
@@ -94,7 +94,10 @@ def flux_of(emission: EmissionMap) -> F64:
 
 
 def _window(emission: EmissionMap) -> tuple[float, ...]:
-    """Returns scale and offset from coordinates to columns and rows, and the range of valid columns and rows."""
+    """Returns the linear mapping from the map's coordinates to columns and rows, and the range of valid columns and rows.
+
+    Eight numbers: scale and offset of the column, scale and offset of the row, first and last column, first and last row.
+    """
     left, right, top, bottom = emission.edges
     height, width = emission.values.shape[:2]
     if emission.at_edges:
@@ -107,16 +110,19 @@ def _window(emission: EmissionMap) -> tuple[float, ...]:
 
 
 def _row_weights(emission: EmissionMap) -> F64:
-    """Returns each row's weight, (h,): the integral of its linear interpolation kernel times the sine of the polar angle."""
+    """Returns each row's weight in the integral of the map, (h,).
+
+    A weight is the integral of the row's linear interpolation kernel times the sine of the polar angle.
+    """
     top, bottom = emission.edges[2:]
     rows = emission.values.shape[0]
     if rows == 1:
         return np.array([math.cos(top) - math.cos(bottom)])
     step = (bottom - top) / (rows - 1 if emission.at_edges else rows)
     at = top + step * (np.arange(rows) + (0.0 if emission.at_edges else 0.5))
-    before = -np.cos(at) + (np.sin(at) - np.sin(at - step)) / step  # of the slope up to each row, and of that down from it
+    before = -np.cos(at) + (np.sin(at) - np.sin(at - step)) / step  # integrals of the kernel's rising part, and (`after`) of its falling part
     after = np.cos(at) - (np.sin(at + step) - np.sin(at)) / step
-    before[0] = math.cos(top) - math.cos(at[0])  # 0 where the first row lies at the edge
+    before[0] = math.cos(top) - math.cos(at[0])  # 0 if the first row is at the edge
     after[-1] = math.cos(at[-1]) - math.cos(bottom)
     return np.asarray(before + after)
 
@@ -135,7 +141,7 @@ def _middles(start: float, end: float, count: int) -> F64:
 
 
 def _right(direction: Vec3, up: Vec3) -> F64:
-    """Returns the unit vector (3,) to the right of an observer looking along `direction` with `up` above."""
+    """Returns the unit vector (3,) to the right of an observer who looks along `direction`, with `up` upwards."""
     forward = np.array(direction, np.float64)
     forward = forward / max(float(np.linalg.norm(forward)), 1e-300)
     for above in (np.array(up, np.float64), np.array((0.0, 0.0, -1.0)), np.array((0.0, 1.0, 0.0))):

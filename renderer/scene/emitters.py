@@ -1,4 +1,4 @@
-"""Computes how much the primitives of a scene emit, including textures."""
+"""Computes how much light the primitives of a scene emit, including their textures."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from renderer.scene.material_packing import Packed
 
 __all__ = ["emitting_triangles", "is_uniform_emitter"]
 
-_SPREAD = 0.05  # of a mesh's light is assumed uniform over its triangles: a mean over few points may miss a bright texel
+_SPREAD = (
+    0.05  # fraction of a mesh's light spread evenly over its triangles: a mean over few points may miss a bright texel
+)
 
 
 def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
-    """Returns the emitting triangles of a geometry and their emission, including textures."""
+    """Returns the emitting triangles of a geometry and the luminance that each emits, including its texture."""
     bright = np.flatnonzero((packed.emitted[geometry.material] > 0) & (geometry.object != NO_PLACEMENT))
     ranges = [np.arange(geometry.first[p], geometry.first[p + 1]) for p in bright]
     triangle = np.concatenate([np.zeros(0, np.int64), *ranges])
@@ -44,7 +46,7 @@ def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
 
 
 def is_uniform_emitter(packed: Packed, geometry: Geometry) -> npt.NDArray[np.bool_]:
-    """Whether each material, (M,), emits equally at every point: no texture, alpha or vertex colours."""
+    """Returns a mask (M,) of the materials that emit equally at every point: no texture, alpha or vertex colours."""
     if len(geometry.color):
         return np.zeros(len(packed.material_flags), bool)
     return packed.material_flags & (rows.TEXTURED | rows.TRANSPARENT) == 0

@@ -1,4 +1,4 @@
-"""Tables of the environment: its radiance, and the cdfs by which the kernel samples it."""
+"""Tables of the environment: its radiance, and the cdfs from which the kernel samples it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
 
 
 class EnvironmentTables(NamedTuple):
-    """The environment tables of CompiledScene, without the selection probability, and values derived from the cdfs."""
+    """The environment tables of CompiledScene without the selection probability, and values derived from the cdfs."""
 
     radiance: F32  # (H, W, 3)
     marginal: F32  # (H + 1,)
@@ -47,7 +47,7 @@ class EnvironmentTables(NamedTuple):
     sun: np.ndarray  # (8,): direction 3, 1 - cos of the half angle, radiance 3, share of the samples; zeros without a sun
 
     def frame(self, chance: float) -> F32:
-        """Returns CompiledScene's environment_frame, for a probability of choosing the environment over the lights."""
+        """Returns CompiledScene.environment_frame. chance: the probability of sampling the environment rather than a light."""
         sine, cosine = sin_cos(self.rotation)
         return np.array([cosine, sine, self.mean, chance, *self.sun], np.float32)
 
@@ -61,9 +61,9 @@ def _solid_angles(height: int) -> F64:
 def tabulate_environment(description: SceneDescription) -> EnvironmentTables:
     """Returns the environment's radiance and its cdfs: over rows by weight times solid angle, then over columns by weight.
 
-    (1, 1, 3) if it is constant, zeros if there is none. A texel's weight is the excess of its luminance over the mean: BSDF
-    sampling handles the rest well, and together they have half the variance (measured on the studio). Source: Karlik et al., MIS
-    Compensation, 2019; PBRT 4ed, 12.5. Raises SceneError if a sky's parameters are invalid.
+    The radiance is (1, 1, 3) if constant, zeros if there is no environment. A texel's weight is the excess of its luminance over
+    the mean: BSDF sampling handles the constant rest well, and the two together have half the variance (measured on the studio).
+    Source: Karlik et al., MIS Compensation, 2019; PBRT 4ed, 12.5. Raises SceneError if a sky's parameters are invalid.
     """
     source = description.environment
     no_sun = np.zeros(8)
@@ -99,7 +99,7 @@ def _radiance(description: SceneDescription, source: Environment, color: np.ndar
 
 
 def _with_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> EnvironmentTables:
-    """Adds the sun to the tables of the sky whose image it shines through."""
+    """Returns the tables of a sky with its sun added."""
     x, y, z = sun.direction
     sine, cosine = sin_cos(tables.rotation)
     direction = (x * cosine + z * sine, y, z * cosine - x * sine)
@@ -117,7 +117,7 @@ def _with_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> Environ
 def with_environment_changed(
     scene: CompiledScene, color: tuple[float, float, float] | None, strength: float, rotation: float = 0.0
 ) -> CompiledScene:
-    """Returns the scene with its environment in another colour (None: its own) and strength, rotated by further degrees.
+    """Returns the scene with its environment rotated by further degrees, in another colour (None: unchanged) and strength.
 
     The scene's file is unchanged: only small arrays are replaced.
     """
@@ -146,9 +146,9 @@ def with_environment_changed(
 
 
 def environment_sampled_fully(scene: CompiledScene) -> CompiledScene:
-    """Returns the scene with an environment that light sampling covers completely, without BSDF sampling.
+    """Returns the scene with cdfs by which light sampling alone covers the whole environment, for use without BSDF sampling.
 
-    A texel's weight is the luminance of the brightest texel around, since lookups are bilinear, not its excess over the mean.
+    A texel's weight is the maximum luminance of it and its neighbours, since lookups are bilinear, not the excess over the mean.
     """
     bright = luminance(scene.environment.astype(np.float64))
     height, width = bright.shape
@@ -162,8 +162,8 @@ def environment_sampled_fully(scene: CompiledScene) -> CompiledScene:
 def without_environment_sampling(scene: CompiledScene) -> CompiledScene:
     """Returns the scene without light sampling of its environment if that is constant and has no sun.
 
-    BSDF sampling finds a constant environment without noise except from occlusion, so a further uniform sample with its own
-    shadow ray would add more noise than it removes. If some objects are invisible to shadow rays only, both are needed.
+    BSDF sampling finds a constant environment without noise except from occlusion; a further uniform sample with its own shadow
+    ray would add more noise than it removes. If some objects are invisible to shadow rays only, both are kept.
     """
     frame = scene.environment_frame
     has_sun = frame[7] > 0
@@ -176,7 +176,7 @@ def without_environment_sampling(scene: CompiledScene) -> CompiledScene:
 
 
 def search_tables(marginal: F32, conditional: F32) -> dict[str, Any]:
-    """Returns CompiledScene's search tables for sampling an environment with these cdfs, read-only."""
+    """Returns CompiledScene's search tables for sampling an environment with these cdfs: field name -> read-only array."""
     tables = {
         "environment_marginal": marginal,
         "environment_conditional": conditional,
@@ -189,10 +189,11 @@ def search_tables(marginal: F32, conditional: F32) -> dict[str, Any]:
 
 
 def choose_environment(environment: EnvironmentTables, lights_power: float, bounds: F32) -> float:
-    """Returns the probability of sampling the environment rather than a light: by power into the scene, with a minimum for each.
+    """Returns the probability of sampling the environment rather than a light: by power into the scene, clamped to 0.1 ... 0.8.
 
-    A disk as large as the scene's bounding sphere receives pi * (pi R^2) * mean radiance from the environment. Of that only
-    the part counts that BSDF sampling finds badly: a uniform sky is better left to it, and MIS weights both correctly.
+    The environment sends a power of pi * (pi R^2) * mean radiance through a disk as large as the scene's bounding sphere. It is
+    multiplied by `contrast`, the part that BSDF sampling finds badly; a uniform sky is better left to BSDF sampling. MIS weights
+    both correctly. 0 without an environment, 1 without lights.
     """
     if environment.mean <= 0:
         return 0.0
@@ -203,7 +204,7 @@ def choose_environment(environment: EnvironmentTables, lights_power: float, boun
 
 
 def are_accents(lights_power: float, bounds: F32) -> bool:
-    """Returns True if the lights contribute less than a twentieth of what a sky of radiance 1 would."""
+    """Returns True if the lights have less than a twentieth of the power that a sky of radiance 1 would send into the scene."""
     return lights_power < 0.05 * _sky_power(bounds)
 
 

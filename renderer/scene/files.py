@@ -1,7 +1,7 @@
-"""Access to a scene's folder, and nothing outside it: the only way by which readers open files.
+"""Access to a scene's folder and nothing outside it: the only way by which readers open files.
 
-Scenes are untrusted. Every name in them is resolved below the folder; absolute paths, `..` and symbolic links that lead out of
-it never open anything.
+Scenes are untrusted. Every file name is resolved below the folder; absolute paths, `..` and symbolic links that lead out of it
+are never opened.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ MAX_FILE_BYTES = 2 << 30
 MAX_DATA_URI_BYTES = 256 << 20
 MAX_SEARCHED = 20_000  # files searched for one that is not at its stated path
 _MOST_CHARACTERS = 4096  # of a reference: no system has a longer path
-_MOST_PARTS = 64  # of a reference, the last ones: the rest of a longer path is of another machine
+_MOST_PARTS = 64  # only the last parts of a reference are used: earlier ones are directories of another machine
 
 Made = TypeVar("Made")
 
 
 class SceneFiles:
-    """Files below one folder, by names relative to it with forward slashes.
+    """The files below one folder. Their names are relative to it, with forward slashes.
 
     environment: the name of an uploaded environment image that is not part of the scene.
     """
@@ -61,16 +61,19 @@ class SceneFiles:
         self.is_numbered = False  # whether the name of any file read contains the frame's number
 
     def read_anew(self) -> None:
-        """Begins reading another frame: drops entries that the last one did not use, so that numbered files do not accumulate."""
+        """Begins reading another frame.
+
+        Drops cached values that the last frame did not use, so that numbered files do not accumulate.
+        """
         self._made = {key: made for key, made in self._made.items() if key in self._used}
         self._used = set()
         self._found.clear()
         self._listed.clear()
 
     def recall(self, key: Hashable, make: Callable[[], Made]) -> Made:
-        """Returns the value cached under `key` for the last frame, else `make()`: data that no frame changes is read once.
+        """Returns the value cached under `key`, else the result of `make()`: data that is the same in all frames is read once.
 
-        Callers must not modify it. None is not cached.
+        Callers must not modify the value. None is not cached.
         """
         self._used.add(key)
         if key not in self._made:
@@ -82,18 +85,24 @@ class SceneFiles:
         return found
 
     def keep(self, key: Hashable, made: Any) -> None:
-        """Stores a value for `known`."""
+        """Caches a value, to be retrieved by `known`."""
         self._used.add(key)
         self._made[key] = made
 
     def known(self, key: Hashable) -> Any:
-        """Returns the value stored for the last frame; None if there is none. Also keeps the values it was made from."""
+        """Returns the value cached under `key`, None if there is none.
+
+        A hit preserves all other cached values for the next frame.
+        """
         if key in self._made:
             self._used = set(self._made)
         return self._made.get(key)
 
     def path(self, name: str) -> Path:
-        """Returns a file's path, for libraries that open it themselves. Raises SceneError as `read` does."""
+        """Returns a file's path, for libraries that open the file themselves.
+
+        Raises SceneError under the conditions of `read`.
+        """
         path = self._inside(name)
         if path is None:
             raise SceneError(
@@ -134,8 +143,9 @@ class SceneFiles:
             ) from error
 
     def at_frame(self, pattern: str, frame: float, beside: str) -> str:
-        """Returns the file name of a pattern at a frame, with the frame number in place of #; unchanged if a file has that very
-        name.
+        """Returns the file name at a frame: `pattern` with the frame number in place of #.
+
+        Returns the pattern unchanged if a file has that very name. beside: the scene file that the pattern is relative to.
         """
         if "#" not in PurePosixPath(pattern).name or self.find(pattern, beside) is not None:
             return pattern
@@ -143,17 +153,18 @@ class SceneFiles:
         return str(PurePosixPath(pattern).with_name(frame_name(PurePosixPath(pattern).name, int(frame))))
 
     def frames_of(self, pattern: str) -> list[int]:
-        """Returns the frames for which the pattern has files."""
+        """Returns the frame numbers for which the pattern has files."""
         folder = self._inside(str(PurePosixPath(pattern).parent))
         if "#" not in PurePosixPath(pattern).name or folder is None or not folder.is_dir():
             return []
         return numbers_of(PurePosixPath(pattern).name, [path.name for path in folder.iterdir()])
 
     def find(self, reference: str, beside: str) -> str | None:
-        """Returns the name of the file that a scene file `beside` refers to, or None.
+        """Returns the name of the file to which `reference`, found in the scene file `beside`, refers; None if there is none.
 
         Handles references as written by authoring tools: backslashes, another machine's directories, wrong case, quotes. Tries
-        the whole path below `beside`'s folder and below the root, then ever fewer of its folders, then its bare name anywhere.
+        the whole path below the folder of `beside` and below the root, then with fewer and fewer of its leading directories, then
+        the bare name in any folder.
         """
         key = (reference, str(PurePosixPath(beside).parent))
         if key not in self._found:
@@ -161,7 +172,7 @@ class SceneFiles:
         return self._found[key]
 
     def _decoded(self, reference: str, home: str) -> str | None:
-        """Returns the file of a reference that is not UTF-8, by the first encoding that yields an existing file."""
+        """Returns the file of a reference that is not UTF-8, by the first encoding in which the name exists; else None."""
         if is_readable(reference):
             return None
         for encoding, text in possible_decodings(reference):
@@ -178,7 +189,7 @@ class SceneFiles:
         direct = _joined(home, parts)
         if ".." in parts and direct is not None and (found := self._match(PurePosixPath(), direct)):
             return found
-        while ".." in parts:  # `a/../b` is `b`; a leading `..` leads to what only the author's machine has
+        while ".." in parts:  # `a/../b` is `b`; a leading `..` leads to files that only the author's machine has
             i = parts.index("..")
             del parts[max(i - 1, 0) : i + 1]
         parts = parts[-_MOST_PARTS:]
@@ -190,12 +201,12 @@ class SceneFiles:
         return self._search(parts[-1]) if parts else None
 
     def is_outside(self, reference: str, beside: str) -> bool:
-        """Returns True if a relative reference of a scene file leads out of the folder."""
+        """Returns True if a relative reference in the scene file `beside` leads out of the folder."""
         parts = [part for part in reference.replace("\\", "/").split("/") if part not in ("", ".")]
         return _joined(PurePosixPath(beside).parent, parts) is None
 
     def resolve_uri(self, uri: str, beside: str) -> str | None:
-        """Returns `find` of a URI (glTF, Collada), without file:. None for other schemes.
+        """Returns the file name for a URI (glTF, Collada), as `find` does, after removing file:. None for other schemes.
 
         Tries the URI as written, then with percent escapes decoded, then both without query and fragment.
         """
@@ -208,7 +219,7 @@ class SceneFiles:
         return next((found for name in tried if (found := self.find(name, beside)) is not None), None)
 
     def siblings(self, beside: str, suffixes: tuple[str, ...]) -> list[str]:
-        """Returns the names of regular files in the same folder that end in one of the suffixes, sorted."""
+        """Returns the names of regular files in the folder of `beside` that end in one of the suffixes, sorted."""
         home = PurePosixPath(beside).parent
         folder = self._inside(str(home))
         if folder is None:
@@ -240,7 +251,10 @@ class SceneFiles:
         return str(here) if self._is_file(str(here)) else None
 
     def _names_in(self, name: str) -> dict[str, list[str]]:
-        """Returns a folder's content by case-folded name: listed once, since a file may refer to a hundred thousand textures."""
+        """Returns a folder's files by case-folded name.
+
+        A folder is listed once, since a file may refer to a hundred thousand textures.
+        """
         if name not in self._listed:
             found: dict[str, list[str]] = {}
             folder = self._inside(name)
@@ -256,7 +270,7 @@ class SceneFiles:
 
     @functools.cached_property
     def _by_name(self) -> dict[str, str]:
-        """Returns the first file of each bare name, case-folded, among the first MAX_SEARCHED."""
+        """Returns case-folded bare name -> first file of that name, among the first MAX_SEARCHED files of all folders."""
         found: dict[str, str] = {}
         seen = 0
         for folder, folders, files in os.walk(self._root):
@@ -282,7 +296,7 @@ def case_folded(name: str) -> str:
 
 
 def _joined(home: PurePosixPath, parts: list[str]) -> list[str] | None:
-    """Returns the parts of a path below a folder, with `..` resolved; None if they lead out of the scene."""
+    """Returns the parts of a path relative to the folder `home`, with `..` resolved; None if they lead out of the scene."""
     found = list(home.parts)
     for part in parts:
         if part != "..":

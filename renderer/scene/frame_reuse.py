@@ -15,7 +15,7 @@ __all__ = ["PartOffsets", "ShotCache"]
 Made = TypeVar("Made")
 Array = npt.NDArray[Any]
 
-_SLACK = 8  # spare room of an eighth in arrays whose end may grow; it takes no memory until used
+_SLACK = 8  # arrays whose end may grow get 1/8 spare rows, which take no memory until used
 
 
 class _Entry(NamedTuple):
@@ -25,19 +25,23 @@ class _Entry(NamedTuple):
 
 
 class PartOffsets(NamedTuple):
-    """The offsets of a compiled scene's parts in its arrays, and the objects each was made from: equal objects, equal bytes."""
+    """The offsets of a compiled scene's parts in its arrays.
 
-    vertex: tuple[int, ...]  # static, bodies, loose; the last number is the end
+    heads: part name -> the objects that the part was made from, for parts that the next frame may reuse. Identical objects give
+    equal bytes.
+    """
+
+    vertex: tuple[int, ...]  # start of static, bodies and loose geometry, then the end
     triangle: tuple[int, ...]
-    node: tuple[int, ...]  # the top, then those
-    packet: tuple[int, ...]  # no top
+    node: tuple[int, ...]  # start of the top tree, then as `vertex`
+    packet: tuple[int, ...]  # as `vertex`: the top tree has none
     heads: dict[str, tuple[object, ...]]  # of the parts that may be reused by the next frame
 
 
 class ShotCache:
     """The cache of one shot's compiled parts. Its results depend on the requested key only, not on the order of requests.
 
-    Returned arrays are valid until the next frame is compiled: their changing ends are overwritten in place.
+    Returned arrays are valid until the next frame is compiled, which overwrites their ends in place.
     """
 
     def __init__(self) -> None:
@@ -54,9 +58,10 @@ class ShotCache:
         self._used = set()
 
     def recall(self, slot: Hashable, key: Callable[[], Any], make: Callable[[], Made], token: object | None = None) -> Made:
-        """Returns the value cached for an equal key, else `make()`. An identical `token` implies an equal key, without comparing.
+        """Returns the value cached in `slot` if its key is equal, else the result of `make()`.
 
-        Callers must not modify it.
+        token: if it is the same object as in the last call, the keys are taken as equal without comparing them. Callers must not
+        modify the value.
         """
         self._used.add(slot)
         entry = self._entries.get(slot)
@@ -73,12 +78,15 @@ class ShotCache:
         return made
 
     def is_unchanged(self, what: str, heads: tuple[object, ...]) -> bool:
-        """Returns True if `heads` (cached objects and numbers) are the same as in the last call for `what`; stores them."""
+        """Returns True if `heads` (cached objects and numbers) are the same as in the last call with this `what`; stores them."""
         known, self._heads[what] = self._heads.get(what), heads
         return known is not None and _are(known, heads)
 
     def room(self, name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]) -> tuple[Array, bool]:
-        """Returns an array to fill, and whether it already holds the data made from `heads` (cached objects and numbers)."""
+        """Returns an array of `length` rows, and whether it already holds the data made from `heads`.
+
+        heads: cached objects and numbers. If False, the caller must fill the array.
+        """
         buffer = self._buffers.get(name)
         known = self._heads.get(name, ())
         is_there = _are(known, heads)

@@ -1,4 +1,4 @@
-"""Collects all instances' triangles in one list: in world space, or once in their own space."""
+"""Collects the triangles of all instances in one list, in world space or in the space of a shared tree."""
 
 from __future__ import annotations
 
@@ -46,17 +46,16 @@ MAX_TRIANGLES = 20_000_000
 NO_PLACEMENT = -2
 MIN_BATCH_INSTANCES = 8  # number of small instances that is worth a batch
 _FEW_KEYS = 5
-_MOST_POINTS = 2_000_000  # instances times vertices that are transformed one by one
+_MOST_POINTS = 2_000_000  # instances times vertices up to which vertices are transformed for the bounds, instead of boxes
 
 F64 = npt.NDArray[np.float64]
 
 
 class Geometry(NamedTuple):
-    """Triangles, as in CompiledScene, in three parts: static ones of the world, those of shared trees, and ones rebuilt per
-    frame.
+    """Triangles, as in CompiledScene, in three sections: static ones in world space, those of shared trees, and per-frame ones.
 
-    Shared trees are stored once, in their own space (first those of static instances, then of moving ones). Each part starts at a
-    page boundary, so padding triangles and vertices may lie in between (renderer/bvh/subtrees.py).
+    Shared trees are stored once, in their own space (first those of static instances, then of moving ones). Each section starts
+    at a page boundary, so padding triangles and vertices may be in between (renderer/bvh/subtrees.py).
     """
 
     position: F32  # (V, 3)
@@ -73,12 +72,12 @@ class Geometry(NamedTuple):
 
 
 def by_triangle(geometry: Geometry, of_part: np.ndarray) -> np.ndarray:
-    """Returns (T,): for each triangle the value of its part."""
+    """Returns (T,): the value of each triangle's part. of_part: (P,)."""
     return np.repeat(of_part, np.diff(geometry.first))
 
 
 class Placement(NamedTuple):
-    """The placements of groups: first the static ones."""
+    """The placements of all groups; those of static instances come first."""
 
     group: I32  # (I,) of each instance
     still: int  # number of static instances
@@ -89,7 +88,7 @@ class Placement(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Consecutive triangles of one material and object, or of several."""
+    """Consecutive triangles that were placed together: of one material and object, or several such runs."""
 
     placed: Placed
     material: list[int]
@@ -98,12 +97,12 @@ class _Part(NamedTuple):
 
 
 class Section(NamedTuple):
-    """Separately built triangles with their own numbering: the world's, then those of trees."""
+    """Separately built geometry with its own triangle numbers: first the world-space triangles, then those of each tree."""
 
     geometry: Geometry
     world: int  # the number of world parts
     trees: tuple[tuple[int, int], ...]  # the triangles of each tree
-    corners: tuple[F64, ...]  # (n, 3): points that bound the world's triangles, then for each tree those of its own, in its space
+    corners: tuple[F64, ...]  # (n, 3) points that bound the world-space triangles, then those of each tree in its own space
 
 
 def build_static(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
@@ -118,8 +117,9 @@ def build_bodies(description: SceneDescription, sharing: Sharing, team: Team) ->
 
 
 def build_per_frame(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
-    """Builds the section of world-space geometry that is placed for each frame; with keys, if any moves while the shutter is
-    open.
+    """Builds the section of geometry that is placed in world space again for each frame.
+
+    It has keys if any of it moves while the shutter is open.
     """
     parts = [_world_space_copy(description, n, objects[n], team, whole=True) for n in sharing.loose]
     parts = _over_the_shutter(description, sharing.loose, parts, team)
@@ -131,7 +131,7 @@ def build_per_frame(description: SceneDescription, sharing: Sharing, objects: Se
 
 
 def _section(world: list[_Part], trees: list[list[_Part]], team: Team, apart: bool = False) -> Section:
-    """Builds a section. apart: whether coincident faces back to back are separated."""
+    """Builds a section from world-space parts and trees. apart: whether coincident faces back to back are separated."""
     geometry = _concatenated(world + [part for tree in trees for part in tree])
     ends = np.cumsum([_count_triangles(world), *(map(_count_triangles, trees))]).tolist()
     if apart:
@@ -144,7 +144,7 @@ def _section(world: list[_Part], trees: list[list[_Part]], team: Team, apart: bo
 
 
 def _corners_of(position: F32, triangle: I32, first: int, end: int, team: Team) -> F64:
-    """Returns the bounds of triangles: least and greatest coordinates, (2, 3); (0, 3) if there are none."""
+    """Returns the bounds of the triangles first ... end: minimum and maximum coordinates, (2, 3); (0, 3) if there are none."""
     parts = parts_of(first, end, PART)
     corner = np.empty((len(parts), 2, 3), np.float32)
     team.each(lambda job: find_corners(position, triangle, *job[0], job[1]), zip(parts, corner, strict=True))
@@ -174,7 +174,7 @@ def flatten(description: SceneDescription) -> Geometry:
 
 
 def check_size(description: SceneDescription, sharing: Sharing) -> None:
-    """Raises SceneError if there are more than MAX_TRIANGLES."""
+    """Raises SceneError if the scene has more than MAX_TRIANGLES triangles."""
     meshes = [description.meshes[description.instances[n].mesh] for n in sharing.copied + sharing.loose]
     meshes += [description.meshes[m] for group in sharing.groups + sharing.bodies for m in group.meshes]
     triangles, vertices = sum(len(m.triangles) for m in meshes), sum(len(m.positions) for m in meshes)
@@ -203,7 +203,7 @@ def check_size(description: SceneDescription, sharing: Sharing) -> None:
 
 
 def _world_space_copy(description: SceneDescription, number: int, object: int, team: Team, whole: bool = False) -> _Part:
-    """Copies an instance into world space."""
+    """Copies an instance into world space. whole: keeps triangles without area."""
     instance = description.instances[number]
     mesh = description.meshes[instance.mesh]
     material = mesh.material if instance.material is None else instance.material
@@ -215,7 +215,7 @@ def _part(found: Placed, material: int, object: int) -> _Part:
 
 
 def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequence[int], team: Team) -> list[_Part]:
-    """Copies instances into world space; consecutive small ones in one call."""
+    """Copies instances into world space; consecutive small ones in one batch."""
     found: list[_Part] = []
     for is_small, run in groupby(numbers, lambda n: _is_small(description, n)):
         some = list(run)
@@ -225,7 +225,7 @@ def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequ
 
 
 def _is_small(description: SceneDescription, number: int) -> bool:
-    """Returns True if an instance is small enough to be placed in a batch; see `placed_together`."""
+    """Returns True if an instance is small enough to be placed in a batch by `placed_together`."""
     instance = description.instances[number]
     mesh = description.meshes[instance.mesh]
     material = description.materials[mesh.material if instance.material is None else instance.material]
@@ -244,9 +244,9 @@ def _copy_small_instances(description: SceneDescription, numbers: list[int], obj
 
 
 def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: list[_Part], team: Team) -> list[_Part]:
-    """Places moving geometry, with vertices at the shutter's keys if any of it moves while the shutter is open.
+    """Returns the parts with their vertices at the shutter's keys, if any of them moves while the shutter is open.
 
-    Rotating geometry has all keys, since vertices move linearly between them; geometry that only deforms has few.
+    Rotating geometry uses all keys, since vertices move linearly between keys; geometry that only deforms uses few.
     """
     shown = [description.instances[n] for n in numbers]
     meshes = [description.meshes[instance.mesh] for instance in shown]
@@ -263,7 +263,7 @@ def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: 
 
 
 def keys_step(description: SceneDescription) -> int:
-    """Returns the stride of the shutter's keys used for linearly interpolated vertices: every n-th is one."""
+    """Returns the step n at which keys are used for linearly interpolated vertices: every n-th key of the shutter."""
     straight = any(is_linearly_keyed(description, instance) for instance in description.instances)
     turns = straight or any(sphere.keys for sphere in description.spheres)
     few = (description.keys - 1) % (_FEW_KEYS - 1) == 0
@@ -271,7 +271,7 @@ def keys_step(description: SceneDescription) -> int:
 
 
 def _group(description: SceneDescription, group: Group, team: Team) -> list[_Part]:
-    """Builds a group in its own space."""
+    """Builds the parts of a group in the group's own space."""
     parts = []
     own = [description.instances[n].material for n in group.instances]
     for m in group.meshes:
@@ -287,7 +287,10 @@ def _count_triangles(parts: Sequence[_Part]) -> int:
 
 
 def _concatenated(parts: Sequence[_Part]) -> Geometry:
-    """Concatenates the parts. Attributes that some parts lack get neutral values; the second UVs, the first."""
+    """Concatenates the parts.
+
+    Attributes that some parts lack get neutral values; missing second UVs are copied from the first.
+    """
     parting = (
         np.cumsum([0, *(length for part in parts for length in part.length)], dtype=np.int32),
         np.array([material for part in parts for material in part.material], np.int32),
@@ -326,8 +329,9 @@ def _concatenated(parts: Sequence[_Part]) -> Geometry:
 
 
 def still_corners(still: Section, placement: Placement) -> list[F64]:
-    """Returns (n, 3) world-space points whose bounds contain all static geometry: tight except for many instances of large
-    groups.
+    """Returns (n, 3) world-space points whose bounds contain all static geometry.
+
+    The bounds are tight, except for many instances of large groups, of which the transformed boxes are used.
     """
     points = [still.corners[0]]
     for g, (a, b) in enumerate(still.trees):
@@ -340,7 +344,7 @@ def still_corners(still: Section, placement: Placement) -> list[F64]:
 
 
 def moving_corners(still: Section, bodies: Section, loose: Section, placement: Placement) -> list[F64]:
-    """Returns the same for moving geometry; a body is replaced by its box."""
+    """Returns (n, 3) world-space points whose bounds contain all moving geometry; of a body, its transformed bounds."""
     points = [loose.corners[0]]
     for g in range(len(bodies.trees)):
         shown = placement.to_world[placement.still :][placement.group[placement.still :] == g + len(still.trees)]
@@ -349,14 +353,14 @@ def moving_corners(still: Section, bodies: Section, loose: Section, placement: P
 
 
 def _box_corners(corners: F64) -> F64:
-    """Returns all corners of the box between two points: (8, 3), or (0, 3) if empty."""
+    """Returns the eight corners (8, 3) of the box between two points (2, 3); (0, 3) if empty."""
     return np.array([np.where(which, corners[1], corners[0]) for which in np.ndindex(2, 2, 2)]) if len(corners) else corners
 
 
 def _transformed_bounds(shape: F64, shown: F64) -> list[F64]:
-    """Returns the bounds of transformed points: least and greatest coordinates.
+    """Returns the bounds (2, 3) of the points `shape` under the transforms `shown` together; empty without points or transforms.
 
-    Without BLAS, whose last bits depend on the processor.
+    Computed without BLAS, whose last bits depend on the processor.
     """
     if not len(shape) or not len(shown):
         return []

@@ -1,4 +1,4 @@
-"""The primitives that `sampling: mixture` aims directions at: lights, and spheres that the scene marks."""
+"""The primitives towards which `sampling: mixture` samples directions: lights, and spheres that the scene marks."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from renderer.scene.description import F32, I32
 
 __all__ = ["MAX_GUIDES", "list_guides"]
 
-MAX_GUIDES = 64  # the density of each is evaluated at each bounce
+MAX_GUIDES = 64  # at each bounce the pdf of every target is evaluated
 
 
 def list_guides(marked: list[bool], light_primitive: I32, second: I32, light_cdf: F32, triangles: int) -> I32:
-    """Returns the target primitives, (G,) i32: the marked spheres, then the strongest emitting primitives; MAX_GUIDES at most.
+    """Returns the target primitives, (G,) i32: the marked spheres, then the strongest emitting primitives; at most MAX_GUIDES.
 
-    marked: for each sphere; light_primitive, light_cdf: as in CompiledScene; second: each light's second triangle, or -1.
-    Punctual lights are no targets.
+    marked: whether each sphere is marked. light_primitive, light_cdf: as in CompiledScene. second: each light's second triangle,
+    or -1. Punctual lights are no targets.
     """
     spheres = triangles + np.flatnonzero(marked).astype(np.int32)
     bodies = light_primitive < triangles + len(marked)

@@ -1,8 +1,9 @@
 """Decides which meshes are stored once and instanced, and which are copied into world space.
 
-A copy in world space is traced faster (its boxes are tight, no ray is transformed); an instance costs no memory: so few instances
-of small meshes are copied, and many or large ones are not. Moving meshes are always stored once, in their own space, so that
-another frame changes their transform alone; except that deforming or emitting ones are placed in world space for each frame.
+A copy in world space is traced faster (its boxes are tight, and rays need no transform); an instance costs no memory. So small
+meshes with few instances are copied; large meshes and those with many instances are not. Moving meshes are always stored once,
+in their own space, so that another frame changes their transform only; deforming or emitting ones are placed in world space for
+each frame.
 """
 
 from __future__ import annotations
@@ -27,21 +28,21 @@ __all__ = [
     "plan_static_instancing",
 ]
 
-_MIN_TREE_TRIANGLES = 8  # triangles: too few for a separate tree
-_MIN_SAVED_TRIANGLES = 30_000  # triangles that copying would add, from which on a mesh is stored once
-_LARGE = 2_000_000  # triangles of all copies together, from which on everything is stored once
+_MIN_TREE_TRIANGLES = 8  # triangles: fewer are not worth a separate tree
+_MIN_SAVED_TRIANGLES = 30_000  # a mesh is stored once if copying would add at least so many triangles
+_LARGE = 2_000_000  # from so many triangles of all copies on, every repeated mesh is stored once
 _CONDITION = 1e6  # transforms of a higher condition number are too imprecise for rays
 
 
 class Group(NamedTuple):
-    """Meshes that are always placed together, and so form one tree, with their placements."""
+    """Meshes that are always placed together and so share one tree, with their placements."""
 
     meshes: list[int]
-    instances: list[int]  # of the first mesh; those of the other meshes differ in the mesh only
+    instances: list[int]  # of the first mesh; those of the others are equal except for their mesh
 
 
 class Sharing(NamedTuple):
-    """How a scene's instances are stored. The first two fields are the same for all frames."""
+    """How a scene's instances are stored. copied and groups are the same for all frames."""
 
     copied: list[int]  # the instances to place in world space one by one
     groups: list[Group]
@@ -58,7 +59,7 @@ class StaticSharing(NamedTuple):
 
 
 def plan_instancing(description: SceneDescription) -> Sharing:
-    """Decides for every instance. Emitting ones are always copied, since light sampling works in world space."""
+    """Decides how each instance is stored. Emitting ones are always copied, since light sampling works in world space."""
     standing = plan_static_instancing(description)
     return Sharing(standing.copied, standing.groups, *plan_moving_instances(description, standing.movers))
 
@@ -78,7 +79,7 @@ def plan_static_instancing(description: SceneDescription) -> StaticSharing:
 
 
 def plan_moving_instances(description: SceneDescription, movers: list[int]) -> tuple[list[Group], list[int]]:
-    """Divides moving instances into rigid bodies and geometry placed for each frame."""
+    """Divides moving instances into rigid bodies and indices of instances to be placed in world space for each frame."""
     instances = description.instances
     sane = _are_invertible([instances[n] for n in movers])
     bodily = [
@@ -91,14 +92,20 @@ def plan_moving_instances(description: SceneDescription, movers: list[int]) -> t
 
 
 def is_linearly_keyed(description: SceneDescription, instance: Instance) -> bool:
-    """Whether it moves while the shutter is open with linearly interpolated vertices: deforming or emitting geometry does."""
+    """Returns True if the instance moves while the shutter is open and its vertices are interpolated linearly between keys.
+
+    That is the case for deforming and for emitting geometry.
+    """
     mesh = description.meshes[instance.mesh]
     material = description.materials[mesh.material if instance.material is None else instance.material]
     return bool(instance.keys) and (mesh.deforms or bool(mesh.keys) or is_placed_per_frame(material))
 
 
 def is_placed_per_frame(material: Material) -> bool:
-    """Whether instances of a material are placed in world space: emitters, and materials that some kinds of rays ignore."""
+    """Returns True if moving instances of the material are placed in world space for each frame.
+
+    True for emitters, and for materials that some kinds of rays ignore.
+    """
     return max(material.emission) > 0 or material.lamp or material.unseen or material.shadeless
 
 
@@ -109,7 +116,7 @@ def _is_placed_per_frame(description: SceneDescription, number: int) -> bool:
 
 
 def _repeated(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:
-    """Returns the groups of static instances worth storing once."""
+    """Returns the groups of static instances that are worth storing once."""
     placed: dict[int, list[int]] = {}
     for number in fit:
         placed.setdefault(description.instances[number].mesh, []).append(number)
@@ -134,7 +141,7 @@ def _repeated(description: SceneDescription, objects: list[int], still: list[int
 
 
 def _bodies(description: SceneDescription, movers: list[int]) -> list[Group]:
-    """Groups moving instances into bodies: those of one name and one transform, such as the primitives of a glTF node."""
+    """Groups moving instances of the same name and transform into rigid bodies: the primitives of a glTF node, for example."""
     parts: dict[tuple[object, ...], list[int]] = {}
     for number in movers:
         instance = description.instances[number]
@@ -148,7 +155,7 @@ def _bodies(description: SceneDescription, movers: list[int]) -> list[Group]:
 
 
 def _are_invertible(instances: list[Instance]) -> npt.NDArray[np.bool_]:
-    """Whether each instance's transform, (I,), is well enough conditioned to transform rays into its space."""
+    """Returns a mask (I,): whether each instance's transform is conditioned well enough to transform rays into its space."""
     places = [each for i in instances for each in (i.transform, *i.keys)]
     most, least = scale_range(np.array([np.asarray(place, np.float64)[:3] for place in places]).reshape(-1, 3, 4)).T
     first = np.cumsum([0] + [1 + len(i.keys) for i in instances])[:-1]

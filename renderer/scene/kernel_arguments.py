@@ -11,7 +11,7 @@ __all__ = ["read_only"]
 
 
 def read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Returns a read-only view of the array, or a copy if it is not C-contiguous, so that the compiler sees one type only."""
+    """Returns a read-only view of the array, or a copy if it is not C-contiguous: Numba then compiles for one array type only."""
     view = np.require(array, requirements=["C", "A"]).view()
     view.flags.writeable = False
     return view

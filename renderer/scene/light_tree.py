@@ -14,7 +14,7 @@ __all__ = ["LightBounds", "LightTree", "build_light_tree"]
 
 
 class LightBounds(NamedTuple):
-    """The bounds of L lights: position, emission directions and power."""
+    """The bounds of L lights: positions, emission directions and power."""
 
     center: np.ndarray  # (L, 3); of a distant light, its axis
     radius: np.ndarray  # (L,) of a bounding sphere; -1: infinitely far

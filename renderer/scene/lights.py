@@ -1,4 +1,4 @@
-"""Lists the lights, emitting primitives and punctual ones, and tabulates the probabilities of choosing one."""
+"""Lists the lights (emitting primitives and punctual lights), and tabulates the probability of choosing each."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from renderer.scene.punctual import Punctual
 
 __all__ = ["TREE_FROM", "Emitters", "LightList", "cumulative", "emitters_with_area", "list_lights", "with_light_choice"]
 
-TREE_FROM = 3  # lights; for two triangles that form no parallelogram, the descent costs more than it saves (docs/speed-notes.md)
+TREE_FROM = 3  # lights; for two single triangles the tree costs more than it saves (docs/speed-notes.md)
 _BETWEEN_KEYS = 0.1  # radians, by which a normal may deviate further between two keys
 _SPREAD = 0.01  # fraction of the choices by power that are uniform over all lights
 
@@ -31,14 +31,14 @@ class Emitters(NamedTuple):
 
 
 class LightList(NamedTuple):
-    """The light tables of CompiledScene, and the sum of all powers in units of luminance."""
+    """The light tables of CompiledScene, and the sum of the powers of all lights, as luminance."""
 
     primitive: I32  # (L,)
     cdf: F32  # (L + 1,)
     area: F32  # (L,)
-    parallelogram: F32  # (L, PARALLELOGRAM), or no rows where no light is one
-    second: I32  # (L,) the other triangle of one, else -1
-    triangle_light: I32  # (T,), or no rows where no triangle emits
+    parallelogram: F32  # (L, PARALLELOGRAM), or no rows if no light is one
+    second: I32  # (L,) the second triangle of a parallelogram, else -1
+    triangle_light: I32  # (T,), or no rows if no triangle emits
     sphere_light: I32  # (S,)
     node: F32  # (Y, LIGHT_ROWS, 8)
     power: float
@@ -55,14 +55,14 @@ def list_lights(
     punctual: Punctual,
     sphere_keys: F32 = np.zeros((0, 0, 4), np.float32),
 ) -> LightList:
-    """Lists the primitives with emissive materials, and the punctual lights, numbered in the order of the light tree if there is
-    one.
+    """Lists the primitives with emissive materials and the punctual lights, in the order of the light tree if there is one.
 
-    emitted: (M,) mean luminance of all sides of each material; double_sided: (M,) bool; even: (M,) whether a material emits
-    equally at every point, where two triangles that form a parallelogram count as one light. By power, the probability of a light
-    is its own (a primitive's: pi * area * radiance) over the sum of all, except for one choice in a hundred: else float32 would
-    never choose a candle among a stadium's lamps. sphere_keys: (K or 0, Z, 4) of the last spheres while the shutter is open; for
-    moving lights, powers and bounds are the maxima.
+    emitted: (M,) mean luminance of all sides of each material. double_sided: (M,) bool. even: (M,) whether a material emits
+    equally at every point; two such triangles that form a parallelogram are one light. sphere_keys: (K or 0, Z, 4) of the last
+    spheres while the shutter is open; for moving lights, powers and bounds are the maxima.
+
+    The cdf is by power (of a primitive: pi * area * radiance), mixed with a uniform choice of probability 0.01: otherwise float32
+    would never choose a candle among a stadium's lamps.
     """
     lamps = _lamps(emitters, even, geometry)
     emitters, pairs = lamps.emitters, lamps.pairs
@@ -115,14 +115,14 @@ def list_lights(
 
 
 class _AreaLights(NamedTuple):
-    """Emitting triangles; of pairs that form parallelograms only the first."""
+    """Emitting triangles. A pair that forms a parallelogram is represented by its first triangle."""
 
     emitters: Emitters
     corners: np.ndarray  # (K, n, 4, 3) at the keys of the shutter; a triangle's last one twice
-    most: np.ndarray  # (n,) the greatest areas while the shutter is open
-    pairs: npt.NDArray[np.int64]  # (m,) which of them are parallelograms,
-    second: npt.NDArray[np.int64]  # (m,) their second triangles
-    shapes: np.ndarray  # (m, 4, 3) and corners, as of `pair`
+    most: np.ndarray  # (n,) maximum areas while the shutter is open
+    pairs: npt.NDArray[np.int64]  # (m,) indices of the emitters that are parallelograms
+    second: npt.NDArray[np.int64]  # (m,) second triangles of these
+    shapes: np.ndarray  # (m, 4, 3) corners of these, from `pair`
 
 
 def _lamps(emitters: Emitters, even: npt.NDArray[np.bool_], geometry: Geometry) -> _AreaLights:
@@ -148,7 +148,7 @@ def emitters_with_area(emitters: Emitters, geometry: Geometry) -> Emitters:
 def with_light_choice(scene: CompiledScene, light_choice: str) -> CompiledScene:
     """Returns the scene with lights chosen as specified by RenderSettings.light_choice.
 
-    The environment keeps its probability if lights are chosen by power, and counts as one light among the others if uniformly.
+    If lights are chosen by power, the environment keeps its probability; if uniformly, it is one of the lights.
     """
     if light_choice == "tree":
         return scene
@@ -165,18 +165,21 @@ def with_light_choice(scene: CompiledScene, light_choice: str) -> CompiledScene:
 
 
 def _area_normals(corners: np.ndarray) -> np.ndarray:
-    """Returns normals of (..., 3, 3) corners, of length twice the area."""
+    """Returns the normals of triangles with (..., 3, 3) corners; their length is twice the area."""
     return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
 
 
 def _may_form_one_light(emitters: Emitters, even: npt.NDArray[np.bool_], over: np.ndarray) -> npt.NDArray[np.bool_]:
-    """Returns (n - 1,) whether an emitting triangle and the next one may form one light: both static, of one uniform material."""
+    """Returns a mask (n - 1,): whether an emitting triangle and the next one may form one light.
+
+    Both must be static and have the same material, which must emit equally at every point.
+    """
     still = (over == over[0]).all(axis=(0, 2, 3)) & even[emitters.material]
     return still[:-1] & still[1:] & (emitters.material[:-1] == emitters.material[1:])
 
 
 def _over_the_shutter(geometry: Geometry, triangles: np.ndarray) -> np.ndarray:
-    """Returns (K, n, 3, 3) corners of triangles at all keys of the shutter; one key if no vertex moves."""
+    """Returns the corners (K, n, 3, 3) of triangles at all keys of the shutter; K = 1 if no vertex moves."""
     corners = geometry.position[geometry.triangle[triangles]].astype(np.float64)
     if not len(geometry.keys):
         return corners[None]
@@ -188,7 +191,7 @@ def _over_the_shutter(geometry: Geometry, triangles: np.ndarray) -> np.ndarray:
 
 
 def _spheres_over_the_shutter(sphere: F32, spheres: np.ndarray, keys: F32) -> np.ndarray:
-    """Returns (K, n, 4) centres and radii of these spheres at all keys; one key if none moves."""
+    """Returns centres and radii (K, n, 4) of these spheres at all keys of the shutter; K = 1 if none moves."""
     found = np.repeat(sphere[None, spheres].astype(np.float64), max(len(keys), 1), axis=0)
     if len(keys):
         number = spheres - (len(sphere) - keys.shape[1])
@@ -197,9 +200,9 @@ def _spheres_over_the_shutter(sphere: F32, spheres: np.ndarray, keys: F32) -> np
 
 
 def _triangle_bounds(corners: np.ndarray, intensity: np.ndarray, both: np.ndarray) -> LightBounds:
-    """Returns bounds of triangles or parallelograms, (K, n, 4, 3) corners (a triangle's last one twice), over all keys.
+    """Returns bounds of triangles or parallelograms over all keys: of positions, and of deviations from the first key's normal.
 
-    They contain all positions and the maximum deviation of normals from the first key's.
+    corners: (K, n, 4, 3); the fourth corner of a triangle repeats its last. both: whether both sides emit.
     """
     center = (corners.min(axis=(0, 2)) + corners.max(axis=(0, 2))) / 2
     radius = np.linalg.norm(corners - center[:, None], axis=3).max(axis=(0, 2))
@@ -215,7 +218,7 @@ def _triangle_bounds(corners: np.ndarray, intensity: np.ndarray, both: np.ndarra
 
 
 def _sphere_bounds(balls: np.ndarray, intensity: np.ndarray) -> LightBounds:
-    """Returns bounds of spheres, (K, n, 4) centres and radii, over all keys."""
+    """Returns bounds of spheres over all keys. balls: (K, n, 4) centres and radii."""
     center, radius = balls[0, :, :3], balls[0, :, 3]
     if len(balls) > 1:
         center = (balls[:, :, :3].min(axis=0) + balls[:, :, :3].max(axis=0)) / 2

@@ -1,4 +1,4 @@
-"""Loads a scene: from a folder of untrusted files to a SceneDescription."""
+"""Loads a scene: reads a folder of untrusted files into a SceneDescription."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _REASONS = 3  # warnings, or meshes, that a sentence lists
 
 
 class Shot:
-    """An animated scene: data that no frame changes is read from its files once. For the arguments, see `read`.
+    """An animated scene. Reads data that is the same in all frames from its files once. For the arguments, see `read`.
 
     main may be a pattern such as smoke.####.obj, with one file per frame.
     """
@@ -60,11 +60,14 @@ class Shot:
 
     @property
     def start(self) -> float:
-        """Returns the first frame: 0, or for numbered files the first that exists."""
+        """The first frame: 0, or for numbered files the first frame that exists."""
         return float(next(iter(self._files.frames_of(self._main)), 0))
 
     def at(self, moment: Moment = _START) -> SceneDescription:
-        """Returns the scene at a moment, independently of earlier calls. Raises SceneError, as `read` does."""
+        """Returns the scene at a moment; the result does not depend on earlier calls.
+
+        Raises SceneError under the conditions of `read`.
+        """
         description = self._read(moment)
         is_lit = description.environment is not None or _emits(description)
         if self._environment is not None:
@@ -77,7 +80,7 @@ class Shot:
         return description
 
     def _box_at_start(self, moment: Moment, description: SceneDescription) -> F64:
-        """Returns the bounds of a shot at its beginning, so that the floor stays where it is while things move."""
+        """Returns the bounds of the shot's first frame, which determine the floor's height: it must not move with the scene."""
         if not description.moves:
             return bounds_of(description)
         if moment.clip not in self._boxes:
@@ -86,7 +89,7 @@ class Shot:
         return self._boxes[moment.clip]
 
     def _read(self, moment: Moment) -> SceneDescription:
-        """Returns the scene at a moment with the lights of its file alone."""
+        """Returns the scene at a moment as its file describes it, without default lighting."""
         self._files.read_anew()
         main = self._files.at_frame(self._main, moment.frame, ".")
         description = SceneDescription(name=PurePosixPath(main).stem, moves=main != self._main)
@@ -120,7 +123,10 @@ class Shot:
         self._check_attributes(main, description, known)
 
     def _check_attributes(self, main: str, description: SceneDescription, known: dict[int, F32]) -> None:
-        """Removes mesh attributes with non-finite values, and warns with their count."""
+        """Removes mesh attributes with non-finite values, and adds a warning with their count.
+
+        known: attributes that were checked before, by identity.
+        """
         left_out: dict[str, list[str]] = {}
         for mesh in description.meshes:
             for name in _ATTRIBUTES:
@@ -145,10 +151,10 @@ class Shot:
             )
 
     def over_shutter(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
-        """Returns the scene while the shutter is open, with keys for moving objects.
+        """Returns the scene while the shutter is open, with keys for moving objects; without a shutter, the scene at the moment.
 
-        asked: the requested shutter settings; missing ones are the file's. Without a shutter, the scene at the moment. Raises
-        SceneError.
+        asked: the requested shutter settings; those that are missing are taken from the file. Raises SceneError if a moment
+        cannot be read.
         """
         if asked.get("shutter") == 0:
             return self.at(moment)
@@ -164,7 +170,8 @@ class Shot:
     def between_frames(self, moment: Moment = _START) -> SceneDescription:
         """Returns the scene from the previous frame to the next, with three keys for moving objects: the input of motion vectors.
 
-        If a neighbouring frame is empty or cannot be read, the scene at the moment. Raises SceneError.
+        If a neighbouring frame is empty or cannot be read, returns the scene at the moment. Raises SceneError if that cannot be
+        read.
         """
         try:
             return self.over_shutter(moment, dict(zip(SHUTTER, (BETWEEN.length, BETWEEN.at, BETWEEN.keys), strict=True)))
@@ -172,7 +179,7 @@ class Shot:
             return self.at(moment)
 
     def _beside(self, moment: Moment, frames: float) -> SceneDescription | None:
-        """Returns the scene at the moment with another frame's numbered files; None if these do not exist."""
+        """Returns the scene at the moment, read from the files numbered `frames` frames later; None if these cannot be read."""
         if moment.frame + frames < 0:
             return None
         try:
@@ -190,23 +197,26 @@ def read(
     up: str | None = None,
     floor: str | None = None,
 ) -> SceneDescription:
-    """Reads the scene in file `main` of a folder; names are relative to the folder, with forward slashes.
+    """Reads the scene in file `main` of a folder. Names are relative to the folder, with forward slashes.
 
-    environment: replaces the scene's own environment: an HDR image of the folder, a sky's "sky:ELEVATION[,AZIMUTH]"
-    (renderer/scene/sky.py), or a preset's name (renderer/presets.py). variant: of a glTF file's materials, by name or index from
-    0. moment: the time of an animated scene; by default its beginning. up: the axis of an OBJ, PLY, STL or OFF file that becomes
-    Y (renderer/scene/readers/up_axis.py); None: a guess. floor: "on", or "auto" for scenes whose file has no light, adds a floor
-    below the scene that takes its shadows.
+    environment: replaces the scene's environment: an HDR image of the folder, a sky "sky:ELEVATION[,AZIMUTH]"
+    (renderer/scene/sky.py), or the name of a preset (renderer/presets.py). variant: a material variant of a glTF file, by name or
+    index from 0. moment: the time of an animated scene; by default its beginning. up: the axis of an OBJ, PLY, STL or OFF file
+    that becomes Y (renderer/scene/readers/up_axis.py); None: a guess. floor: "on", or "auto" for scenes whose file has no light:
+    adds a floor below the scene, on which its shadows fall.
 
-    A scene without any light gets studio lighting, with a warning; so does, when compiled, a model whose lights are only accents
-    (a car's tail lights), unless it is one of our own scene files, whose author specifies the lighting. Nothing outside the
-    folder is opened. Raises SceneError with a sentence that names the file and says what to do.
+    A scene without any light gets studio lighting, with a warning. So does, at compile time, a model whose lights are only
+    accents (a car's tail lights), except in our own scene format, whose author specifies the lighting. Nothing outside the folder
+    is opened. Raises SceneError with a sentence that names the file and a remedy.
     """
     return Shot(folder, main, environment, variant, up, floor).at(moment)
 
 
 def environment_light(files: SceneFiles, name: str, description: SceneDescription) -> None:
-    """Replaces a scene's environment. name: as for `read`. Raises SceneError."""
+    """Replaces a scene's environment by `name`, which has the form of `read`'s environment.
+
+    Raises SceneError if it is invalid.
+    """
     if is_named(name):
         light_by_name(name, description)
         return

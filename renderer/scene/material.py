@@ -74,18 +74,19 @@ ALL_REFLECTING_IOR = 1000.0  # reflects 0.996 at normal incidence
 class Material:
     """A surface. `base_color` is reflectance (diffuse, mirror), tint (glass), kd (blinn_phong) or glTF's base colour.
 
-    Textures multiply their factors, in glTF's packing; the channel is named beside each. The kinds use these parameters:
+    Textures multiply their factors, with channels packed as in glTF; a comment at each texture names its channel. Parameters by
+    kind:
 
     diffuse: base_color, subsurface. mirror: base_color. glass: base_color, ior, roughness, dispersion, attenuation, sigma_a,
     sigma_s, g. conductor: eta, k, roughness, anisotropy. blinn_phong: base_color (kd), specular_color (ks), shininess. unlit:
     base_color is shown unshaded. metallic_roughness: all from metallic to subsurface_anisotropy, as defined by glTF 2.0 and its
-    KHR_materials extensions where they define it. plastic, paint under a rough coat: base_color, ior, roughness, specular,
-    specular_color, nonlinear. interface: no surface at all, but the boundary of a medium: attenuation, sigma_a, sigma_s, g.
+    KHR_materials extensions where these define them. plastic (paint under a rough coat): base_color, ior, roughness, specular,
+    specular_color, nonlinear. interface: no surface, only the boundary of a medium: attenuation, sigma_a, sigma_s, g.
     distribution: for kinds with a roughness.
 
-    emission: radiance; emission_texture multiplies it. Emitted from the front face (counter-clockwise side, or a sphere's
-    outside), and from the back face too if `double_sided`. Scattering is the same from both sides in any case. thin: transmits
-    without refraction, as a pane or a soap film does; otherwise the inside of the mesh is filled with the material.
+    emission: radiance, multiplied by emission_texture. Emitted from the front face (counter-clockwise side, or a sphere's
+    outside), and from the back face too if `double_sided`. Scattering is the same on both sides in any case. thin: transmits
+    without refraction, like a pane or a soap film; otherwise the inside of the mesh is filled with the material.
     """
 
     name: str = "default"
@@ -214,7 +215,7 @@ PARAMETERS = parameters_of(Material)
 
 
 def check(material: Material) -> None:
-    """Raises SceneError if a parameter is outside the table's range, which the reader should have ensured."""
+    """Raises SceneError if a parameter is outside its range, which the reader should have prevented."""
     for parameter in PARAMETERS:
         value = getattr(material, parameter.name)
         fault = None if value is parameter.default else parameter.fault(value)
@@ -231,9 +232,7 @@ def check(material: Material) -> None:
 
 
 def derived_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:
-    """Returns the columns of a material's row whose values differ from its parameters, or are computed from them: (first column,
-    values).
-    """
+    """Returns the columns of a material's row that are not plain copies of parameters: (first column, values)."""
     if m.kind == "glass":  # a principled surface that transmits everything
         white = (1.0, 1.0, 1.0)
         return [(rows.METALLIC, (0.0,)), (rows.TRANSMISSION, (1.0,)), (rows.SPECULAR, (1.0,)), (rows.SPECULAR_COLOR, white)]

@@ -26,8 +26,9 @@ _LEAST_BRUSHED = 0.031  # more than `SMOOTH_GLASS`; its square is less than `MIN
 
 
 class Packed(NamedTuple):
-    """The material tables of CompiledScene, and each material's mean emitted luminance, including texture and both sides if both
-    emit.
+    """The material tables of CompiledScene, and the mean luminance that each material emits.
+
+    The luminance includes the texture, and both sides if both emit.
     """
 
     material_kind: I32
@@ -46,8 +47,8 @@ class Packed(NamedTuple):
 def pack(description: SceneDescription) -> Packed:
     """Packs the materials and the textures that they use.
 
-    Raises SceneError if there are too many texels, a parameter is out of range, or a slot for one texture is given a stack of
-    layers.
+    Raises SceneError if there are too many texels, a parameter is out of range, or a texture with layers is used by a slot that
+    does not support them.
     """
     texels = Texels(description)
     count = len(description.materials)
@@ -98,10 +99,10 @@ def _roughness(m: Material) -> float:
 
 
 def _own_roughness(m: Material) -> float:
-    """Returns a material's roughness for kernels: brushed metal is rough along its scratches, so never a mirror, however smooth
-    across.
+    """Returns a material's roughness for kernels.
 
-    The lobe is unchanged: both are below the smoothest possible (`MIN_ALPHA`).
+    Brushed metal is rough along its scratches and so never treated as a mirror, however smooth it is across them. The lobe is
+    unchanged: both values are below the smoothest possible (`MIN_ALPHA`).
     """
     brushed = m.kind == "conductor" and m.anisotropy != 0
     return max(_roughness(m), _LEAST_BRUSHED) if brushed else _roughness(m)
@@ -147,7 +148,7 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
 
 
 def _columns(materials: list[Material], emission: np.ndarray, absorbing: np.ndarray) -> F32:
-    """Returns the table (M, COLUMNS), filled column by column: files have a hundred thousand materials."""
+    """Returns the material table (M, COLUMNS). Filled column by column for speed: files have a hundred thousand materials."""
     found = np.zeros((len(materials), rows.COLUMNS), np.float32)
 
     def put(column: int, values: list[Any] | np.ndarray) -> None:

@@ -18,12 +18,12 @@ _LEAST_COLOR = 1e-6  # minimum transmitted colour of volumes, so that absorption
 
 
 class Media(NamedTuple):
-    """The media tables of CompiledScene. If nothing scatters, and only glass absorbs, they hold the world's row only.
+    """The media tables of CompiledScene. If nothing scatters and only glass absorbs, the only row is the world's medium.
 
-    Kernels without media then compute the absorption.
+    Kernels compiled without media then compute the absorption in glass.
     """
 
-    medium: F32  # (m, MEDIUM_COLUMNS): the world's first, each other one once
+    medium: F32  # (m, MEDIUM_COLUMNS): first the world's, then each distinct one
     material_medium: I32  # (M,): the row of a material's interior; -1 for those that have none
 
 
@@ -90,9 +90,9 @@ def _check(world: Medium) -> None:
 
 
 def absorption(materials: list[Material]) -> np.ndarray:
-    """Returns the absorption coefficients of the inside, (M, 3) per unit length, from sigma_a and attenuation.
+    """Returns the absorption coefficients of the materials' insides, (M, 3) per unit length: sigma_a plus that of `attenuation`.
 
-    White light is attenuated to attenuation_color after attenuation_distance.
+    Attenuation: white light has the colour attenuation_color after attenuation_distance.
     """
     color = np.array([m.attenuation_color for m in materials], np.float64).reshape(-1, 3)
     distance = np.array([m.attenuation_distance for m in materials], np.float64)
@@ -101,12 +101,12 @@ def absorption(materials: list[Material]) -> np.ndarray:
 
 
 def _key(row: np.ndarray) -> bytes:
-    """Returns a key that is equal for equal media: g is ignored without scattering."""
+    """Returns a key that is equal for equal media. Without scattering, g is ignored."""
     return (row if row[rows.SIGMA_S : rows.SIGMA_S + 3].any() else row[: rows.SIGMA_S]).tobytes()
 
 
 def _has_inside(m: Material) -> bool:
-    """Returns True if a surface bounds an interior, which transmitted light enters."""
+    """Returns True if the material's surface bounds an interior that transmitted light enters."""
     if m.kind == "interface":
         return True
     if m.thin or m.kind not in ("glass", "metallic_roughness"):

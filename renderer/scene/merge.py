@@ -1,4 +1,4 @@
-"""Merges one description into another: appends its lists, offsets its indices."""
+"""Merges one description into another: appends its lists and offsets its indices."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ __all__ = ["merge"]
 
 
 def merge(part: SceneDescription, whole: SceneDescription, material: int | None = None) -> list[Instance]:
-    """Adds `part`'s meshes to `whole`; `material`, an index into the whole's, replaces their own.
+    """Adds the meshes of `part` to `whole`, with all that they refer to; returns instances that place them as in `part`.
 
-    Returns instances that place them as in the part, not yet in the whole's list. Ignores the part's lights, cameras and
-    environment.
+    The instances are not added to `whole`. material: index of a material of `whole` that replaces the meshes' own. Lights,
+    cameras and environment of `part` are ignored.
     """
     images, textures, materials, meshes = (len(x) for x in (whole.images, whole.textures, whole.materials, whole.meshes))
     idle = SurfaceNote if material is not None else ()

@@ -1,4 +1,4 @@
-"""Places many small meshes at once, since separate calls would take far longer than the work."""
+"""Places many small meshes in one call: separate calls would take far longer than the work itself."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ MOST_VERTICES = 2000  # of a small mesh
 def placed_together(
     meshes: Sequence[Mesh], transforms: Sequence[npt.NDArray[np.float64]]
 ) -> tuple[Placed, npt.NDArray[np.int64]] | None:
-    """Transforms and concatenates meshes, each as `placed` does; also returns the number of triangles of each.
+    """Transforms and concatenates meshes as `placed` does for each; also returns each mesh's number of triangles.
 
-    All must have normals, vertices and triangles, and no material that needs tangents. Returns None if one of them needs
-    `placed`: its positions exceed float32, or a normal has no direction.
+    All meshes must have normals, vertices and triangles, and no material that needs tangents. Returns None if one of them has to
+    be placed by `placed`: its positions exceed float32, or a normal has length zero.
     """
     matrix = np.array([np.asarray(each, np.float64) for each in transforms])
     start = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
@@ -62,7 +62,7 @@ def placed_together(
 
 
 def _joined_attribute(name: str, meshes: Sequence[Mesh], start: npt.NDArray[np.int64], whole: F32) -> F32:
-    """Returns the attribute values (V, w) of the meshes that have them, written over the given defaults."""
+    """Returns an attribute of all meshes, (V, w): `whole`, the default values, overwritten for those meshes that have it."""
     for mesh, begin, end in zip(meshes, start.tolist(), start[1:].tolist(), strict=False):
         values = getattr(mesh, name)
         if values is not None:

@@ -1,4 +1,4 @@
-"""Motion while the shutter is open, as the kernel reads it: keys of instances, spheres and punctual lights."""
+"""Motion while the shutter is open, in the kernel's form: keys of instances, spheres and punctual lights."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ _STANDS_STILL = np.zeros((0, KEY_COLUMNS))
 
 
 def instance_keys(description: SceneDescription, placement: Placement) -> list[F64]:
-    """Returns each moving group instance's keys, (K, KEY_COLUMNS), none for a static one; empty if all are static."""
+    """Returns the keys of each moving group's instances, (K, KEY_COLUMNS); an empty list if no transform changes.
+
+    The entry of an instance that does not move while the shutter is open has no keys.
+    """
     shown = [description.instances[n] for n in placement.number[placement.still :]]
     moving = [i for i, instance in enumerate(shown) if instance.keys]
     if not moving:
@@ -38,7 +41,7 @@ def instance_keys(description: SceneDescription, placement: Placement) -> list[F
 
 
 def scale_ranges(description: SceneDescription, placement: Placement) -> F64:
-    """Returns the greatest and least scale, (I, 2), of each instance's transform at any time of the shutter."""
+    """Returns the maximum and minimum scale, (I, 2), of each instance's transform while the shutter is open."""
     found = scale_range(placement.to_world)
     for i, number in enumerate(placement.number):
         if keys := description.instances[number].keys:
@@ -48,7 +51,10 @@ def scale_ranges(description: SceneDescription, placement: Placement) -> F64:
 
 
 def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
-    """Returns centres and radii (K, Z, 4) of these spheres; no keys if nothing moves between linear keys."""
+    """Returns centres and radii (K, Z, 4) of these spheres at linearly interpolated keys.
+
+    Empty if neither spheres nor vertices move while the shutter is open.
+    """
     balls = [description.spheres[n] for n in numbers]
     loose = [mesh for mesh in description.meshes if mesh.keys]
     if not any(ball.keys for ball in balls) and not (balls and loose):
@@ -59,17 +65,17 @@ def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
 
 
 def punctual_keys(lights: Sequence[Light]) -> F32:
-    """Returns the rows (J, 12) of the lights that shine, all keys of a light consecutive; empty if all are static."""
+    """Returns the rows (J, 12) of all lights that emit, with all keys of a light consecutive; empty if all lights are static."""
     return np.array([row for over in _over_keys(lights) for row in light_rows(over)], np.float32).reshape(-1, 12)
 
 
 def emission_frame_keys(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32:
-    """Returns the lights' rows of `emission_frames`, (J, 4), in the same order; empty without maps."""
+    """Returns the emission frames (J, 4) of these lights, in the order of `punctual_keys`; empty without maps."""
     return emission_frames([each for over in _over_keys(lights) for each in over], maps)
 
 
 def _over_keys(lights: Sequence[Light]) -> list[Sequence[Light]]:
-    """Returns each light with non-zero intensity at all keys, with the map of the middle one."""
+    """Returns, for each light that emits, the light at all keys; the emission map is that of the middle of the shutter."""
     lights = [light for light in lights if is_emitting(light)]
     keys = max((len(light.keys) for light in lights), default=0)
     return [[replace(each, emission=light.emission) for each in light.keys] or [light] * keys for light in lights]

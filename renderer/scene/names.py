@@ -15,9 +15,9 @@ __all__ = ["make_readable"]
 
 
 def make_readable(description: SceneDescription, files: SceneFiles, main: str) -> None:
-    """Decodes bytes that are not UTF-8 in a description's names and warnings, and warns with their count.
+    """Decodes bytes that are not UTF-8 in a description's names and warnings, and adds a warning with their count.
 
-    Uses the encoding in which such names led to existing files, else Latin-1.
+    Uses the encoding by which such names matched existing files, else Latin-1.
     """
     common = files.encodings.most_common(1)
     encoding = common[0][0] if common else None

@@ -23,7 +23,7 @@ F64 = npt.NDArray[np.float64]
 
 
 def face_normals(positions: npt.NDArray[np.floating], triangles: I32) -> F64:
-    """Returns (T, 3) face normals of length twice the triangle's area, towards the counter-clockwise side."""
+    """Returns (T, 3) face normals: of length twice the triangle's area, pointing to its counter-clockwise side."""
     a, b, c = (positions[triangles[:, k]].astype(np.float64) for k in range(3))
     return np.cross(b - a, c - a)
 
@@ -31,8 +31,8 @@ def face_normals(positions: npt.NDArray[np.floating], triangles: I32) -> F64:
 def cofactors(transform: F64) -> F64:
     """Returns the cofactor matrix (..., 3, 3) of a (..., 4, 4) transform, which transforms normals up to their length.
 
-    det(M) M^-T, which exists for singular M too. A reflection reverses a triangle's winding; callers swap it back, so that the
-    outside stays the outside, and the sign of det is removed here.
+    It is |det(M)| M^-T, and exists for singular M too. A reflection reverses a triangle's winding; callers swap it back, so that
+    the outside remains outside, and therefore the sign of det is omitted.
     """
     x, y, z = (transform[..., :3, k] for k in range(3))
     matrix = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-1)
@@ -41,10 +41,11 @@ def cofactors(transform: F64) -> F64:
 
 
 def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
-    """Returns the mesh with normals: smooth over edges that bend by less than the crease angle, sharp elsewhere.
+    """Returns the mesh with computed normals: smooth across edges whose faces differ by less than the crease angle, else sharp.
 
-    Each corner's normal is the mean of the faces at its position within the crease angle of its own, weighted by their angles
-    there, so that it does not depend on how a polygon was triangulated. Source: Thuermer and Wuethrich 1998.
+    A corner's normal is the mean of the normals of all faces at that position within the crease angle of the corner's own face,
+    weighted by the faces' angles there, so that it does not depend on a polygon's triangulation. Source: Thuermer and Wuethrich
+    1998.
     """
     return smoothed_together([mesh], crease_degrees)[0]
 
@@ -52,10 +53,10 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
 def smoothed_together(
     meshes: Sequence[Mesh], crease_degrees: float = CREASE_DEGREES, surfaces: Sequence[int | I32] | None = None
 ) -> list[Mesh]:
-    """Smooths several meshes as `smoothed` does, in one batch: files have a hundred thousand small ones.
+    """Smooths several meshes as `smoothed` does, in one batch, since files have a hundred thousand small ones.
 
-    surfaces: for each mesh, or each of its triangles, the number of the surface that it belongs to. Triangles of one surface are
-    smooth across meshes too, as for a sphere of two materials; by default each mesh is one surface.
+    surfaces: for each mesh, or for each of its triangles, the number of its surface. Triangles of one surface are smooth across
+    meshes too, such as a sphere of two materials. By default each mesh is one surface.
     """
     found = list(meshes)
     bare = [i for i, mesh in enumerate(meshes) if mesh.normals is None and len(mesh.triangles)]
@@ -133,7 +134,7 @@ def _joined(arrays: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
 
 
 def corner_angles(positions: F32, triangles: I32) -> F64:
-    """Returns the angles of triangles, (T, 3) in radians; 0 in triangles without area."""
+    """Returns the angles at the corners of triangles, (T, 3) in radians; 0 for triangles without area."""
     corners = positions[triangles].astype(np.float64)
     to_next = np.roll(corners, -1, axis=1) - corners
     to_last = np.roll(corners, 1, axis=1) - corners

@@ -1,4 +1,4 @@
-"""Assigns the numbers of the object id AOV to a scene's instances and spheres, with their names."""
+"""Assigns the numbers of the object ID AOV to a scene's instances and spheres, with their names."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Objects(NamedTuple):
 
 
 def number_objects(description: SceneDescription) -> Objects:
-    """Numbers the objects: instances of one name are one object; an unnamed one is a separate object, named after its mesh.
+    """Numbers the objects: all instances of one name are one object.
 
-    Each sphere is a separate object.
+    Each unnamed instance is an object, named after its mesh, and so is each sphere.
     """
     names: list[str] = []
     known: dict[str, int] = {}

@@ -1,8 +1,8 @@
-"""Chooses the point of the world that is the origin of a compiled scene's coordinates.
+"""Chooses the world-space point that is the origin of a compiled scene's coordinates.
 
 Float32 has 24 bits. Coordinates of a map projection or of the geocentric system (1e5 ... 6e6) leave too few of them for the shape
-of a house. A scene that is far from the world's origin relative to its size is compiled about its own centre, with differences
-computed in float64. All other scenes keep the world's origin, and so their coordinates to the bit.
+of a house. A scene that is far from the world's origin relative to its size is compiled relative to its own centre, with
+differences computed in float64. All other scenes keep the world's origin, and so the same bits of their coordinates.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ __all__ = [
 F64 = npt.NDArray[np.float64]
 
 _FAR = 16.0  # relative to a scene's size: beyond, a float32 coordinate is wrong by up to 1e-6 of the size
-_STRAYS_FAR = 4096.0  # relative to the size of the middle four fifths, if there are outliers
+_STRAYS_FAR = 4096.0  # the same, for the size without outliers (10th to 90th percentile)
 _SAMPLES = 4096
 _WORLD = np.zeros(3)
 _MOST_FIXED = 2.0**62
@@ -52,10 +52,9 @@ def split_offset(points: npt.NDArray[Any]) -> tuple[F32, F64]:
 
 
 def origin_of(description: SceneDescription, kept: ShotCache | None = None) -> F64:
-    """Returns the origin (3,) of the compiled scene: the centre of static geometry if that is far away relative to its size, else
-    zero.
+    """Returns the origin (3,) of the compiled scene: the static geometry's centre if far away relative to its size, else zero.
 
-    Only a scene in which everything moves has different origins in different frames. kept: cache of the same shot.
+    Only scenes in which everything moves have different origins in different frames. kept: cache of the shot.
     """
     kept = kept or ShotCache()
 
@@ -70,7 +69,10 @@ def origin_of(description: SceneDescription, kept: ShotCache | None = None) -> F
 
 
 def _origin(points: F64) -> F64:
-    """Returns the centre of all points, or of their middle four fifths, if it is far from zero for their size; else zero."""
+    """Returns the centre of the points if it is far from zero relative to their size, else zero.
+
+    Tests all points first, then those between the 10th and the 90th percentile, so that strays do not matter.
+    """
     finite = np.isfinite(points).all(axis=1)
     points = points if finite.all() else points[finite]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -82,8 +84,9 @@ def _origin(points: F64) -> F64:
 
 
 def _centre(points: F64, far: float) -> F64:
-    """Returns the centre of the points' box, rounded to 1/256 of its size, if it is over `far` box sizes from the origin, else
-    zero.
+    """Returns the centre of the points' bounding box if it is more than `far` box sizes from the origin, else zero.
+
+    It is rounded to about 1/256 of the box size.
     """
     if not len(points):
         return _WORLD
@@ -96,14 +99,17 @@ def _centre(points: F64, far: float) -> F64:
 
 
 def _samples(description: SceneDescription, moving: bool) -> F64:
-    """Samples points at equal steps over the triangles of all static (or moving) instances, and boxes of such spheres."""
+    """Returns points (N, 3) sampled at equal steps over the triangles of all instances, and box corners of spheres.
+
+    moving: selects the moving instances and spheres, else the static ones.
+    """
     meshes = description.meshes
     shown = [i for i in description.instances if (i.moves or meshes[i.mesh].deforms) == moving and len(meshes[i.mesh].triangles)]
     ends = np.cumsum([len(meshes[i.mesh].triangles) for i in shown])
     count = int(ends[-1]) if shown else 0
     wanted = np.arange(0, count, max(1, -(-count // _SAMPLES)))
     places = np.searchsorted(ends, wanted, "right")
-    # Instances of few triangles, such as a ground of two, count for the scene's size.
+    # Also samples instances of few triangles, such as a ground of two, since they determine the scene's size.
     firsts = np.arange(0, len(shown), max(1, -(-len(shown) // _SAMPLES)))
     points = [_corners(description, shown[n], np.zeros(1, np.int64)) for n in firsts.tolist()]
     for n in np.unique(places).tolist():
@@ -122,9 +128,9 @@ def _corners(description: SceneDescription, instance: Instance, triangles: npt.N
 
 
 def relative_to_origin(description: SceneDescription, origin: F64, kept: ShotCache | None = None) -> SceneDescription:
-    """Returns the description with float32 meshes, and with instances, spheres and lights relative to another origin.
+    """Returns the description relative to another origin: instances, spheres, lights, and meshes in float32.
 
-    Cameras are unchanged. kept: cache of the same shot.
+    Cameras are unchanged. kept: cache of the shot.
     """
     far = [n for n, mesh in enumerate(description.meshes) if mesh.positions.dtype != np.float32]
     if not origin.any() and not far:
@@ -172,7 +178,7 @@ def _point(point: Sequence[float], origin: F64) -> Vec3:
 
 
 def settings_relative_to_origin(settings: RenderSettings, origin: F64) -> RenderSettings:
-    """Returns the settings with their views relative to a compiled scene's origin."""
+    """Returns the settings with their views relative to the compiled scene's origin."""
     if not origin.any():
         return settings
     view, *views = (_view(each, origin) for each in (settings.view, *settings.views))
@@ -180,7 +186,7 @@ def settings_relative_to_origin(settings: RenderSettings, origin: F64) -> Render
 
 
 def fixed_point_origin(origin: F64, film_exponent: int) -> tuple[int, int, int]:
-    """Returns an origin in the film's fixed point."""
+    """Returns the origin as integers in units of 2^-film_exponent, the film's fixed point."""
     if not origin.any():
         return 0, 0, 0
     x, y, z = (int(v) for v in np.rint(np.clip(origin * 2.0**film_exponent, -_MOST_FIXED, _MOST_FIXED)))

@@ -1,4 +1,4 @@
-"""Finds pairs of triangles that form parallelograms, as most area lights do: each is one light, sampled by contribution."""
+"""Finds pairs of triangles that form parallelograms, as most area lights do. Each pair is one light."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from renderer.scene.description import F32
 __all__ = ["pair", "tabulate_parallelograms"]
 
 _CLOSED = 1e-6  # relative tolerance of a parallelogram's fourth corner
-_THIN = 1e-3  # relative to the product of the edges' lengths, the least area: thinner ones' reciprocal edges would be too long
-_ERROR = 32 * 2.0**-24  # as of a triangle's points, renderer/kernel/surface/surface.py
+_THIN = 1e-3  # minimum area relative to the product of the edge lengths: below it, the reciprocal edges would be too long
+_ERROR = 32 * 2.0**-24  # the same as for points of triangles in renderer/kernel/surface/surface.py
 
 
 def pair(corners: np.ndarray, alike: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int64], np.ndarray]:
-    """Returns the first triangles of pairs of consecutive triangles that form parallelograms, and the parallelograms.
+    """Finds pairs of consecutive triangles that form parallelograms: returns their first triangles, and the parallelograms.
 
-    corners: (n, 3, 3); alike: (n - 1,) whether a triangle and the next one emit equally at every point. Returns
-    (m,) int64, no two consecutive, and (m, 4, 3) float64: a corner, its two neighbours, and the opposite one, the first three in
-    the first triangle's orientation. Both have the same front.
+    corners: (n, 3, 3). alike: (n - 1,), whether a triangle and the next one emit equally at every point. Returns (m,) int64, no
+    two consecutive, and (m, 4, 3) float64: a corner, its two neighbours, and the opposite corner. The first three are in the
+    first triangle's orientation; both triangles have the same front.
     """
     if len(corners) < 2:
         return np.zeros(0, np.int64), np.zeros((0, 4, 3))
@@ -44,16 +44,16 @@ def pair(corners: np.ndarray, alike: npt.NDArray[np.bool_]) -> tuple[npt.NDArray
 
 
 def _alternate(found: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    """Returns every other index of each run of True, starting with its first."""
+    """Returns the indices of every other True in each run of True, starting with the run's first."""
     number = np.arange(len(found))
     start = np.maximum.accumulate(np.where(found, -1, number))  # the last False, before the run
     return np.flatnonzero(found & ((number - start) % 2 == 1))
 
 
 def tabulate_parallelograms(which: npt.NDArray[np.int64], shapes: np.ndarray, lights: int) -> F32:
-    """Returns CompiledScene's light_parallelogram. which: (m,) lights that are parallelograms; shapes: from `pair`.
+    """Returns CompiledScene.light_parallelogram; no rows if no light is a parallelogram.
 
-    No rows if none is.
+    which: (m,) indices of the lights that are parallelograms. shapes: their corners from `pair`. lights: number of all lights.
     """
     if not len(which):
         return np.zeros((0, PARALLELOGRAM), np.float32)

@@ -1,7 +1,7 @@
-"""Declares a material's parameters once: type, range, table column, and names in file formats.
+"""Declares each parameter of a material once: type, range, table column, and names in file formats.
 
-renderer/scene/material.py has the table. Scenes are checked and packed by it, readers find their fields in it, and the scene
-file's schema is generated from it (renderer/scene/readers/yaml/schema.py).
+renderer/scene/material.py has the table. It is used to check and pack scenes, to find a parameter's field in a file, and to
+generate the scene file's schema (renderer/scene/readers/yaml/schema.py).
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ _KEY = "parameter"
 class Parameter:
     """One parameter of a material.
 
-    column, slot: of `material` and `material_texture` (renderer/arrays/rows.py); None if packing does more than copy it.
-    kinds: the kinds that use it. in_file: its name in scene files. gltf: its path in a glTF material, through objects and
-    extensions, if the reader only copies it. mtl: likewise for Wavefront's materials.
+    column, slot: index in `material` or `material_texture` (renderer/arrays/rows.py); None if packing does more than copy it.
+    kinds: the material kinds that use it. in_file: its name in scene files. gltf: its path in a glTF material, through objects
+    and extensions, if the reader only copies it. mtl: its name in MTL files, likewise.
     """
 
     name: str
@@ -63,14 +63,14 @@ class Parameter:
     gltf: str | None = None
     mtl: str | None = None
     srgb: bool = False  # for textures: whether their colours are sRGB-encoded
-    layered: bool = True  # for textures: whether the slot takes a stack of layers
+    layered: bool = True  # for textures: whether the slot supports layers
 
     def clamped(self, value: float) -> float:
-        """Returns the nearest valid number."""
+        """Returns the number clamped to the parameter's range."""
         return min(max(value, self.low), self.high)
 
     def fault(self, value: Any) -> str | None:
-        """Returns what is wrong with a value, as the end of a sentence; None if it is valid."""
+        """Returns what is wrong with a value, worded as the end of a sentence; None if the value is valid."""
         if value is None and self.default is None:
             return None
         if self.form == "texture":
@@ -123,7 +123,7 @@ def number(
     form: Literal["number", "degrees"] = "number",
     **more: Any,
 ) -> Any:
-    """Declares a number from low to high; in form `degrees` it is in radians here and in degrees in scene files."""
+    """Declares a number from low to high. Form `degrees`: stored in radians, written in degrees in scene files."""
     return _field(form, default, None, kinds, column=column, low=low, high=high, **more)
 
 
@@ -133,7 +133,7 @@ def flag(column: int | None = None, kinds: tuple[str, ...] = PRINCIPLED, **more:
 
 
 def choice(default: str, choices: tuple[str, ...], kinds: tuple[str, ...] = SURFACES, **more: Any) -> Any:
-    """Declares a choice from names."""
+    """Declares a choice from a list of names."""
     return _field("choice", default, None, kinds, choices=choices, **more)
 
 
@@ -146,12 +146,12 @@ def color(
     form: Literal["color", "radiance", "triple"] = "color",
     **more: Any,
 ) -> Any:
-    """Declares three numbers, grey by default: a colour, a radiance, or another quantity per primary."""
+    """Declares three numbers, grey by default: a colour, a radiance, or another quantity per colour channel."""
     return _field(form, (default,) * 3, in_file, kinds, column=column, low=0.0, high=high, **more)
 
 
 def values(low: float, high: float, column: int, most: float, **more: Any) -> Any:
-    """Declares the two end values between which a texture interpolates; each from 0 to `most`."""
+    """Declares a pair of numbers between which a texture interpolates; each is from 0 to `most`."""
     return _field("pair", (low, high), None, PRINCIPLED, column=column, low=0.0, high=most, **more)
 
 
@@ -161,7 +161,7 @@ def texture(slot: int | None, kinds: tuple[str, ...] = PRINCIPLED, in_file: str 
 
 
 def parameters_of(table: type) -> tuple[Parameter, ...]:
-    """Returns the parameters that a dataclass declares, in order."""
+    """Returns the parameters declared by the fields of a dataclass, in order."""
     found = []
     for each in fields(table):
         of: Callable[[str], Parameter] | None = each.metadata.get(_KEY)

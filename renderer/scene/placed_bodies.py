@@ -1,4 +1,4 @@
-"""Places a scene's geometry: which of it is cached from frame to frame, which is new, and its bounds."""
+"""Places a scene's geometry: reuses cached sections from frame to frame, builds the others, and computes the bounds."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ __all__ = ["PlacedGeometry", "place_geometry"]
 
 
 class PlacedGeometry(NamedTuple):
-    """All placed geometry of a scene."""
+    """All placed geometry of a scene, its materials and its bounds."""
 
     sections: tuple[Section, Section, Section]  # static, rigid moving bodies, loose
     joined: Joined
@@ -48,7 +48,10 @@ class PlacedGeometry(NamedTuple):
 
 
 def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -> PlacedGeometry:
-    """Places meshes and spheres. Raises SceneError if there are none or too many, or positions exceed the range of float32."""
+    """Places meshes and spheres, reusing sections cached in `kept`.
+
+    Raises SceneError if there are none or too many, or positions exceed the range of float32.
+    """
     token = description.still
     numbers = kept.recall(
         "objects",
@@ -100,7 +103,7 @@ def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -
 
 
 def _standing_key(description: SceneDescription) -> Any:
-    """Returns the cache key of how static geometry is stored (`plan_static_instancing`)."""
+    """Returns the cache key of `plan_static_instancing`: all properties of the description that it depends on."""
     return (
         [(i.mesh, None if i.moves else i.transform, i.material, i.name, i.moves) for i in description.instances],
         [(m.name, len(m.triangles), m.material, m.deforms) for m in description.meshes],
@@ -131,7 +134,7 @@ def _mesh_key(mesh: Mesh) -> Any:
 
 
 def _tangent_properties(description: SceneDescription, materials: list[int]) -> Any:
-    """Returns the properties of materials that decide on tangents."""
+    """Returns, for each material, the UV set of its tangents, or None if it needs none."""
     found = [description.materials[m] for m in materials]
     return [tangent_uv_set(description, m) if needs_tangents(m) else None for m in found]
 

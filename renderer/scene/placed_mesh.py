@@ -1,4 +1,4 @@
-"""Transforms one mesh into a space: its vertices with all attributes that the kernel reads."""
+"""Transforms one mesh into another space: its vertices with all attributes that the kernel reads."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from renderer.threads import PART, Team, parts_of
 
 __all__ = ["MAX_COORDINATE", "Placed", "finite", "placed", "with_keys"]
 
-MAX_COORDINATE = 1e15  # squares and products of it stay within float32
+MAX_COORDINATE = 1e15  # squares and products of coordinates stay within float32
 _NO_KEYS = np.zeros((0, 2, 0, 3), np.float32)
 _ANY = (0.0, 1.0, 0.0)  # the normal of degenerate vertices
 
@@ -38,7 +38,7 @@ class Placed(NamedTuple):
     tangent: F32  # (V or 0, 4)
     triangle: I32  # (T, 3)
     dropped: int  # number of triangles without area that were removed
-    vertex: slice | npt.NDArray[np.int64] = slice(None)  # (V,) the mesh's, of each
+    vertex: slice | npt.NDArray[np.int64] = slice(None)  # (V,) each vertex's index in the mesh
     keys: F32 = _NO_KEYS  # (K or 0, 2, V, 3): positions and unit normals while the shutter is open
 
 
@@ -50,10 +50,11 @@ def placed(
     team: Team,
     whole: bool = False,
 ) -> Placed:
-    """Transforms a mesh.
+    """Transforms a mesh into the space of `transform`.
 
-    materials: all that it may be shown with, which decides on its tangents. whole: keeps triangles without area, so that their
-    number is the same in every frame. Raises SceneError if a position exceeds the range of float32.
+    materials: indices of all materials that the mesh may be shown with; they decide whether it has tangents. whole: keeps
+    triangles without area, so that the number of triangles is the same in every frame. Raises SceneError if a position exceeds
+    the range of float32.
     """
     transform = np.ascontiguousarray(transform, np.float64)
     position = _placed_points(mesh, transform, team)
@@ -66,7 +67,7 @@ def placed(
     dropped = 0 if whole else len(triangle) - sum(with_area)
     if dropped:
         triangle = np.ascontiguousarray(triangle[solid])
-    # Each vertex's number in the mesh: the attributes follow wherever vertices are split.
+    # Each vertex's index in the mesh, so that attributes can be copied when vertices are split.
     vertex: slice | npt.NDArray[np.int64] = slice(None)
     if mesh.normals is None:  # flat: no vertex is shared, each has its face's normal
         face = face_normals(position, triangle)
@@ -100,9 +101,9 @@ def placed(
 
 
 def with_keys(found: Placed, mesh: Mesh, transforms: Sequence[npt.NDArray[np.float64]], team: Team) -> Placed:
-    """Returns a mesh placed by `placed` with its vertices at the shutter's keys: by its own keys, or by the transforms alone.
+    """Adds vertices at the shutter's keys to a mesh placed by `placed`.
 
-    transforms: one per key.
+    transforms: one per key. They are applied to the mesh's own keys if it has any, else to its only shape.
     """
     shapes = mesh.keys or ((mesh.positions, mesh.normals),) * len(transforms)
     keys = np.empty((len(transforms), 2, *found.position.shape), np.float32)
@@ -125,7 +126,7 @@ def _unit(face: npt.NDArray[np.float64]) -> F32:
 
 
 def finite(values: np.ndarray | None, count: int, width: int) -> F32:
-    """Returns values as (count, width) float32: zeros if there are none, and in place of non-finite ones."""
+    """Returns values as (count, width) float32. Missing values (None) and non-finite ones become 0."""
     if values is None:
         return np.zeros((count, width), np.float32)
     if not np.isfinite(values).all():
@@ -152,7 +153,7 @@ def _placed_points(mesh: Mesh, transform: npt.NDArray[np.float64], team: Team) -
 def _placed_normals(normals: F32, transform: npt.NDArray[np.float64], position: F32, triangle: I32, team: Team) -> F32:
     """Returns a mesh's unit normals in world space.
 
-    Zero normals, which occur in files, are replaced by those of the adjacent faces.
+    Normals of length zero, which occur in files, are replaced by those of the adjacent faces.
     """
     own, matrix = read_only(normals.astype(np.float32, copy=False)), np.ascontiguousarray(cofactors(transform))
     placed, length = np.empty((len(own), 3), np.float32), np.empty(len(own))
@@ -171,7 +172,10 @@ def _placed_normals(normals: F32, transform: npt.NDArray[np.float64], position: 
 
 
 def _carried_tangents(tangents: F32, transform: np.ndarray, mirrors: bool) -> F32:
-    """Returns a file's tangents in world space. A reflection flips the frame's handedness: the normal keeps its side."""
+    """Returns a file's tangents (V, 4) in world space.
+
+    mirrors: the transform is a reflection. The sign in w is then flipped, since the normal stays on the same side.
+    """
     direction = product(finite(tangents, len(tangents), 4)[:, None, :3].astype(np.float64), transform[:3, :3].T)[:, 0]
     length = np.linalg.norm(direction, axis=1, keepdims=True)
     unit = np.divide(direction, length, out=np.tile([[1.0, 0.0, 0.0]], (len(direction), 1)), where=length > 0)

@@ -19,18 +19,18 @@ Points = npt.NDArray[np.floating]
 class Triangulation(NamedTuple):
     """Triangles that fill polygons, in the polygons' order and winding."""
 
-    triangles: Codes  # (T, 3) places in `corners`
+    triangles: Codes  # (T, 3) indices into `corners`
     face: Codes  # (T,) the polygon of each
     unfilled: int  # concave polygons triangulated as fans because clipping them takes too long
 
 
 def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Points) -> Triangulation:
-    """Triangulates polygons of any number of corners; those with fewer than three have no triangles.
+    """Triangulates polygons of any number of corners. Those with fewer than three have no triangles.
 
-    counts: (F,) the number of corners of each. corners: (C,) rows of points, polygon by polygon.
+    counts: (F,) number of corners of each polygon. corners: (C,) indices of points, polygon by polygon.
 
-    Convex polygons become fans from their first corner. Concave quads are cut along their other diagonal, and larger polygons by
-    ear clipping. Every corner remains a vertex, so that polygons that share an edge still do.
+    Convex polygons become fans from their first corner. Concave quads are cut along their other diagonal, larger concave polygons
+    by ear clipping. Every corner remains a vertex, so that adjacent polygons still share their edge.
     """
     counts = np.asarray(counts, np.int64)
     first = np.cumsum(counts) - counts
@@ -58,7 +58,10 @@ def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Poi
 
 
 def _bent_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> npt.NDArray[np.bool_]:
-    """Returns which quads, starting at these corners, would have triangles that face each other."""
+    """Returns a mask of the quads that must be cut along their other diagonal, since a fan's triangles would face each other.
+
+    begin: the first corner of each quad.
+    """
     if len(begin) == 0:
         return np.zeros(0, bool)
     a, b, c, d = (points[corners[begin + k]] for k in range(4))
@@ -66,7 +69,7 @@ def _bent_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> npt.
 
 
 def _badly_fanned(counts: Codes, corners: npt.NDArray[Any], points: Points) -> Codes:
-    """Returns the polygons of five corners and more that a fan does not fill, since some of its triangles are reversed."""
+    """Returns the polygons of five corners and more for which a fan has reversed triangles."""
     large = np.flatnonzero(counts > 4)
     if len(large) == 0:
         return large

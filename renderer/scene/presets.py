@@ -36,12 +36,12 @@ _STRIPS: tuple[_Lamp, ...] = (
 
 
 def is_named(name: str) -> bool:
-    """Returns True if an environment name needs no file."""
+    """Returns True if an environment name is a preset or a sky, and so needs no file."""
     return name.startswith(PREFIX) or name in PRESETS
 
 
 def light_by_name(name: str, description: SceneDescription) -> None:
-    """Lights a scene by a preset's name, or by "sky:ELEVATION[,AZIMUTH]". Raises SceneError if it is neither."""
+    """Sets a scene's environment to a preset or to "sky:ELEVATION[,AZIMUTH]". Raises SceneError if the name is neither."""
     if name.startswith(PREFIX):
         description.environment = parse_sky(name)
         return
@@ -65,7 +65,10 @@ def light_by_name(name: str, description: SceneDescription) -> None:
 
 
 def preset_image(name: str) -> F32:
-    """Returns a preset's equirectangular radiance, (256, 512, 3) float32, laid out as in Environment; not for skies."""
+    """Returns a preset's equirectangular radiance, (256, 512, 3) float32, in the layout of Environment.
+
+    Skies have no such image.
+    """
     return np.repeat(_IMAGES[name]()[..., None], 3, axis=2).astype(np.float32)
 
 
@@ -88,10 +91,13 @@ def _even() -> np.ndarray:
 
 
 def _overcast() -> np.ndarray:
-    """Returns the CIE overcast sky (CIE S 011, type 1): (1 + 2 sin elevation) / 3 of the zenith, over ground of albedo 0.2."""
+    """Returns the CIE overcast sky (CIE S 011, type 1), over a ground of albedo 0.2.
+
+    Radiance above the horizon: (1 + 2 sin elevation) / 3 of that at the zenith.
+    """
     _, elevation = _angles()
     up = np.sin(elevation)
-    zenith = 9 / 7  # so that the sky lights level ground as an even one of radiance 1 would
+    zenith = 9 / 7  # gives horizontal ground the irradiance of a uniform sky of radiance 1
     return np.where(up > 0, zenith * (1 + 2 * up) / 3, 0.2)
 
 
@@ -104,7 +110,7 @@ _IMAGES: dict[str, Callable[[], np.ndarray]] = {
 
 
 def _angles() -> tuple[np.ndarray, np.ndarray]:
-    """Returns azimuth and elevation of each texel's centre, in radians; azimuth is 0 towards +Z and 90 degrees towards +X."""
+    """Returns azimuth and elevation of each texel's centre in radians; azimuth 0 is +Z and 90 degrees is +X."""
     elevation = math.pi / 2 - (np.arange(_HEIGHT) + 0.5) * math.pi / _HEIGHT
     around = (np.arange(2 * _HEIGHT) + 0.5) * math.pi / _HEIGHT - math.pi  # 0 in the middle column, which looks along -Z
     shape = (_HEIGHT, 2 * _HEIGHT)
@@ -112,7 +118,7 @@ def _angles() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_lamps(background: np.ndarray, lamps: tuple[_Lamp, ...]) -> np.ndarray:
-    """Adds softboxes: flat rectangles that face the centre, brightest in their middle, with soft edges."""
+    """Adds softboxes to an image: flat rectangles that face the centre, brightest in their middle, with soft edges."""
     azimuth, elevation = _angles()
     x, y, z = np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)
     lit = background
@@ -132,6 +138,6 @@ def _with_lamps(background: np.ndarray, lamps: tuple[_Lamp, ...]) -> np.ndarray:
 
 
 def _edge(place: np.ndarray) -> np.ndarray:
-    """Returns 1 inside -1 ... 1, 0 outside, smooth between 0.9 and 1."""
+    """Returns 1 for values within -1 ... 1 and 0 outside, with a smooth transition from 0.9 to 1."""
     t = np.clip((1 - np.abs(place)) / 0.1, 0, 1)
     return np.asarray(t * t * (3 - 2 * t))

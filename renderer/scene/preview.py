@@ -1,6 +1,6 @@
 """A plain triangle mesh of a scene description, which a viewer draws until there are path-traced samples.
 
-It is made as soon as a file has been read, before the scene is compiled.
+It is computed as soon as a file has been read, before the scene is compiled.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ U8 = npt.NDArray[np.uint8]
 
 MOST_TRIANGLES = 1_000_000
 FEWEST = 24  # triangles of a decimated mesh
-MOST_INSTANCES = 50_000  # the others are left out
+MOST_INSTANCES = 50_000  # further instances are not shown
 MOST_SPHERES = 2_000
 RINGS = 12  # of a sphere
 METAL = (0.7, 0.7, 0.7)  # conductors have no base colour
@@ -29,7 +29,7 @@ SHADED, UNSHADED = 255, 0
 
 
 class Preview(NamedTuple):
-    """Triangles in world space, as protocol.mesh.Mesh has them."""
+    """The preview's triangles in world space, in the form of protocol.mesh.Mesh."""
 
     positions: F64  # (V, 3)
     normals: F32  # (V, 3)
@@ -38,7 +38,7 @@ class Preview(NamedTuple):
 
 
 class _Shape(NamedTuple):
-    """A mesh in its own space."""
+    """A mesh in its own space, decimated."""
 
     positions: F64
     normals: F32
@@ -98,7 +98,7 @@ def _shape(mesh: Mesh, share: float) -> _Shape:
 
 
 def _clustered(positions: F64, normals: F32, triangles: npt.NDArray[Any], cells: float) -> _Shape:
-    """Merges the vertices of each cell of a grid into one of them (Rossignac and Borrel 1993)."""
+    """Decimates a mesh: replaces all vertices in a cell of a grid by one of them (Rossignac and Borrel 1993)."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     size = max(float((high - low).max()), 1e-30) / cells
     cell = ((positions - low) / size).astype(np.int64)
@@ -130,7 +130,7 @@ def _colors(mesh: Mesh, shape: _Shape, material: Material, description: SceneDes
 
 
 def _looked_up(texture: Texture, images: list[Image], mesh: Mesh, vertices: npt.NDArray[np.int64]) -> F32:
-    """Returns a texture's nearest texels at the vertices: linear (V, 3). Wraps as if repeated."""
+    """Returns a texture's nearest texels at the given vertices: linear (V, 3). All wrap modes are treated as repeat."""
     uvs = mesh.uvs1 if texture.uv_set == 1 and mesh.uvs1 is not None else mesh.uvs
     assert uvs is not None
     image = images[texture.image]
@@ -169,13 +169,13 @@ def _spheres(description: SceneDescription) -> list[Preview]:
 
 
 def _cofactors(matrix: F64) -> F64:
-    """Returns the matrix that transforms normals; defined for singular matrices too."""
+    """Returns the cofactor matrix, which transforms normals. It exists for singular matrices too."""
     x, y, z = matrix.T
     return np.column_stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
 
 
 def _unit(vectors: npt.NDArray[Any]) -> F32:
-    """Returns vectors of length 1, or 0 where they have none."""
+    """Returns the vectors normalised to length 1; vectors of length 0 remain 0."""
     size = np.linalg.norm(vectors, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.nan_to_num(np.where(size > 0.0, vectors / size, 0.0)).astype(np.float32)

@@ -31,28 +31,29 @@ _KINDS = {"point": POINT, "spot": SPOT, "directional": DIRECTIONAL}
 _SUNS = {"never": DIRECTIONAL, "mirrored": SUN_UNSEEN, "always": SUN}
 _SPOTS = {"squared": SPOT, "smooth": SPOT_SMOOTH, "linear": SPOT_LINEAR, "smooth angle": SPOT_SMOOTH_ANGLE}
 _MAX_INTENSITY = 1e15
-_MAX_RADIANCE = 1e30  # an extent that needs more is negligible
-_LEAST_STEP = 1e-3  # KHR_lights_punctual's, between the cosines of the two cones
-_HARD = 1e-5  # the least step of other falloffs
+_MAX_RADIANCE = 1e30  # an extent that would need more is so small that it is ignored
+_LEAST_STEP = 1e-3  # minimum difference of the cosines of the two cones in KHR_lights_punctual
+_HARD = 1e-5  # the same for other falloffs
 _LEAST_CONE = 1e-6  # steradians
 
 
 class Punctual(NamedTuple):
-    """The punctual-light tables of CompiledScene, and the powers and bounds that they are chosen by.
+    """The punctual-light tables of CompiledScene, and the powers and bounds by which lights are chosen.
 
-    A row: position (directional: unit vector towards it) 3, unit direction of emission 3, intensity (with an extent:
-    radiance) 3, extent (radius, negative for a disk's; directional: 1 - cos of the half angle), and the spot's scale and offset.
+    A row: position (directional: unit vector towards the light) 3, unit direction of emission 3, intensity (of lights with an
+    extent: radiance) 3, extent 1 (the radius, negative for a disk; directional: 1 - cos of the half angle), and the spot's scale
+    and offset 2.
     """
 
     kind: I32  # (K,)
     row: F32  # (K, 12)
-    frame: F32  # (K, 4), or no rows: as `emission_frames` gives them
+    frame: F32  # (K, 4), or no rows: as returned by `emission_frames`
     power: np.ndarray  # (K,) float64, luminance; for a directional light, its power into the scene's bounding sphere
     bounds: LightBounds  # for the light tree
 
 
 class _MapFlux(NamedTuple):
-    """The flux and the emission cone of a light's map."""
+    """The flux of a light's emission map, and the half angle of the cone into which it emits."""
 
     flux: np.ndarray  # (3,) for intensity 1
     reach: float  # radians from its axis, beyond which it is dark
@@ -61,7 +62,10 @@ class _MapFlux(NamedTuple):
 def tabulate_punctual(
     lights: Sequence[Light], bounds: F32, maps: Sequence[EmissionMap] = (), tables: EmissionTables = NO_EMISSION
 ) -> Punctual:
-    """Packs the lights with non-zero intensity. maps: all of their maps, tabulated. Raises SceneError for an invalid number."""
+    """Packs the lights with non-zero intensity. maps: all their maps; tables: the same, tabulated.
+
+    Raises SceneError for an invalid number.
+    """
     lights = [light for light in lights if is_emitting(light)]
     kind = np.array([_kind(light) for light in lights], np.int32)
     row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
@@ -85,12 +89,15 @@ def _kind(light: Light) -> int:
 
 
 def is_emitting(light: Light) -> bool:
-    """Returns True if a light emits at any time of the shutter. Raises SceneError for an invalid number."""
+    """Returns True if a light emits at any time while the shutter is open. Raises SceneError for an invalid number."""
     return max([max(each.intensity) for each in (light, *light.keys) if _check(each)]) > 0
 
 
 def light_rows(lights: Sequence[Light]) -> F32:
-    """Returns the rows (K, 12) of one light at several times, such that rows can be interpolated linearly."""
+    """Returns the rows (K, 12) of one light at several times; kernels interpolate linearly between them.
+
+    If the light has an extent at some of the times only, all rows are that of the middle.
+    """
     rows = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
     if rows[:, 9].any() and not rows[:, 9].all():  # a row of radiance and one of intensity cannot be interpolated
         rows[:] = rows[len(rows) // 2]
@@ -199,12 +206,12 @@ def _row(light: Light) -> tuple[float, ...]:
     direction = direction / (np.linalg.norm(direction) or 1.0)
     place, extent = np.array(light.position, np.float64), light.radius
     intensity = np.array(light.intensity, np.float64)
-    projected = np.pi * extent * extent  # a sphere of radiance L has the intensity pi r^2 L,
+    projected = np.pi * extent * extent  # a sphere of radiance L has intensity pi r^2 L,
     if light.kind == "directional":
         place = -direction
         half = np.radians(light.angle / 2)
         extent = 2 * np.sin(half / 2) ** 2  # 1 - cos
-        projected = np.pi * np.sin(half) ** 2  # and a cone of it the irradiance pi sin^2 L
+        projected = np.pi * np.sin(half) ** 2  # and a cone of radiance L gives irradiance pi sin^2(half) L
     if intensity.max() < _MAX_RADIANCE * projected:
         value = intensity / projected
     else:
@@ -221,9 +228,10 @@ def _row(light: Light) -> tuple[float, ...]:
 
 
 def _bounds(lights: Sequence[Light], sent: Sequence[_MapFlux | None]) -> LightBounds:
-    """Returns the lights' bounds: points emit all around, spots up to their outer cone, distant lights within half their angle.
+    """Returns the lights' bounds.
 
-    Emission maps may narrow them.
+    Points emit in all directions, spots up to their outer cone, distant lights within half their angle. Emission maps may narrow
+    the directions. sent: flux and cone of each light's map, or None.
     """
     direction = np.array([light.direction for light in lights], np.float64).reshape(-1, 3)
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)
@@ -247,7 +255,7 @@ def _cone_half_angle(light: Light, sent: _MapFlux | None) -> float:
 
 
 def _mean_intensity(light: Light, sent: _MapFlux | None) -> float:
-    """Returns the mean intensity as luminance; for a map as if its cone were filled uniformly."""
+    """Returns the mean intensity as luminance. With a map, it is the map's flux spread evenly over its emission cone."""
     if sent is None:
         return _luminance(light)
     cone = 4 * math.pi * math.sin(_cone_half_angle(light, sent) / 2) ** 2

@@ -1,4 +1,4 @@
-"""Builds the BVH over a scene's geometry: a single tree if nothing moves, else one of separately built subtrees."""
+"""Builds the BVH over a scene's geometry: a single tree if nothing moves, else one composed of separately built subtrees."""
 
 from __future__ import annotations
 
@@ -37,10 +37,11 @@ def build_scene_bvh(
     keys: Sequence[Array] = (),
     sphere_keys: F32 = np.zeros((0, 0, 4), np.float32),
 ) -> AssembledBvh:
-    """Builds the tree. sections: static, bodies and loose geometry; first_triangle: the numbers of their first triangles.
+    """Builds the scene's BVH.
 
-    sphere: (S, 4), `still_spheres` static ones first. While the shutter is open: keys of moving instances, as `assemble_bvh`
-    takes them; sphere_keys: (K or 0, Z, 4) of the last spheres.
+    sections: static geometry, rigid bodies and geometry placed per frame. first_triangle: the first triangle number of each.
+    sphere: (S, 4), of which the first `still_spheres` are static. Motion while the shutter is open: keys: of moving instances, in
+    the form that `assemble_bvh` expects; sphere_keys: (K or 0, Z, 4) of the last Z spheres.
     """
     still, bodies, loose = sections
     _, first_body, first_loose, triangles = first_triangle

@@ -27,9 +27,9 @@ _ASIDE = {
 
 
 def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
-    """Returns True if two descriptions have equal geometry, materials and lights; cameras and texts may differ.
+    """Returns True if two descriptions compile to the same scene: equal geometry, materials and lights.
 
-    Neither may be compiled yet.
+    Cameras and texts may differ. Both must not have been compiled yet.
     """
     return all(
         are_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(SceneDescription) if f.name not in _ASIDE
@@ -37,7 +37,7 @@ def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
 
 
 def are_equal(a: Any, b: Any) -> bool:
-    """Returns True if two values of types used in descriptions are equal, including arrays and nested values."""
+    """Returns True if two values of types used in descriptions are equal, with arrays and nested values compared by content."""
     if a is b:
         return True
     if type(a) is not type(b):

@@ -1,7 +1,7 @@
-"""Builds a scene while the shutter is open: merges descriptions at several times into one with motion keys.
+"""Merges descriptions of a scene at several times while the shutter is open into one with motion keys.
 
-Cameras, placed meshes, their vertices, spheres, lights and textures move. Everything else is as in the middle, with a warning
-that names what is ignored.
+Cameras, instances, mesh vertices, spheres, lights and textures move. Everything else is taken from the middle of the shutter,
+with a warning that names the changes that are ignored.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from renderer.settings import MOST_KEYS
 __all__ = ["between_files", "merge_over_shutter"]
 
 _FIRST_KEYS = 5
-_MOST_TURN = math.radians(50.0)  # from key to key: so that a full rotation is recognised
-_STRAIGHT_TURN = math.radians(12.0)  # for vertices interpolated linearly from key to key
+_MOST_TURN = math.radians(50.0)  # maximum rotation between keys, so that full turns are recognised
+_STRAIGHT_TURN = math.radians(12.0)  # the same for vertices that are interpolated linearly between keys
 
 _Thing = TypeVar("_Thing")
 
@@ -36,8 +36,8 @@ _Thing = TypeVar("_Thing")
 def merge_over_shutter(read: Callable[[Moment], SceneDescription], moment: Moment, shutter: Shutter) -> SceneDescription:
     """Returns the scene in the middle of a frame's shutter, with the keys of moving objects.
 
-    read: returns the scene at a moment, as a separate object. If the shutter does not set the number of keys, it is doubled until
-    rotations between keys are small. Raises what `read` does.
+    read: returns the scene at a moment, as a new object. If the shutter does not set the number of keys, it is doubled until
+    rotations between keys are small. Raises the errors of `read`.
     """
     if shutter.length == 0:
         return read(moment)
@@ -56,7 +56,7 @@ def merge_over_shutter(read: Callable[[Moment], SceneDescription], moment: Momen
 
 
 def _merged_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
-    """Returns the description in the middle, with the others as its keys."""
+    """Returns the description `middle` with the descriptions `found` as keys of its objects."""
     middle, found, changes = merge_moving_textures(middle, found)
     instances, meshes, changed = _placed(middle, found)
     cameras = [
@@ -93,9 +93,9 @@ def _merged_as_keys(middle: SceneDescription, found: Sequence[SceneDescription])
 def between_files(
     moving: SceneDescription, shutter: Shutter, before: SceneDescription | None, after: SceneDescription | None
 ) -> None:
-    """Adds keys to the meshes of numbered files: linear from the previous file to the frame's own, to the next.
+    """Adds vertex keys to the meshes of numbered files: interpolated linearly between the previous, this and the next file.
 
-    before, after: the scene at the same time with these files; if None, the frame's own is used.
+    before, after: the scene at the same time, read from the previous and the next file; None: this frame's file instead.
     """
     here = [(instance, moving.meshes[instance.mesh]) for instance in moving.instances]
     for number, mesh in {instance.mesh: mesh for instance, mesh in here}.items():
@@ -113,7 +113,10 @@ def between_files(
 
 
 def _mesh_of(number: int, moving: SceneDescription, other: SceneDescription | None) -> Mesh | None:
-    """Returns the other description's mesh that corresponds to this one; names may be the files'."""
+    """Returns the mesh of `other` that corresponds to mesh `number` of `moving`; None if their numbers of instances differ.
+
+    Matched by the order of instances, since names may be derived from the file names, which differ.
+    """
     if other is None or len(other.instances) != len(moving.instances):
         return None
     places = zip(moving.instances, other.instances, strict=True)
@@ -148,7 +151,7 @@ def _differs(part: str, found: Sequence[SceneDescription]) -> bool:
 
 
 def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[list[Instance], list[Mesh], list[str]]:
-    """Returns the instances and meshes with their keys, and descriptions of those that could not have any."""
+    """Returns the instances and the meshes with their keys, and descriptions of meshes that change too much to have keys."""
     instances, meshes, changed = [], list(middle.meshes), []
     seen: set[int] = set()
     for instance, over in _matched(middle.instances, [each.instances for each in found], lambda i: i.name):
@@ -175,16 +178,16 @@ def _is_cut_alike(mesh: Mesh, other: Mesh) -> bool:
 
 
 def _keys(over: Sequence[Any], middle: Any) -> tuple[Any, ...]:
-    """Returns an object's values at each key; empty if all are equal."""
+    """Returns an object's values at all times as keys; empty if all equal the middle one."""
     return tuple(over) if any(not are_equal(each, middle) for each in over) else ()
 
 
 def _matched(
     things: Sequence[_Thing], others: Sequence[Sequence[_Thing]], name: Callable[[_Thing], Hashable]
 ) -> list[tuple[_Thing, list[_Thing]]]:
-    """Returns each object with its counterparts in the other lists; with none if one of the lists lacks it.
+    """Returns each object with its counterparts in the other lists; with an empty list if one of them has no counterpart.
 
-    Matched by index if the names agree, else by name and number of earlier occurrences.
+    Objects are matched by name and by the number of earlier objects of that name.
     """
     told = _numbered(things, name)
     found: list[list[_Thing]] = [[] for _ in things]
@@ -211,7 +214,7 @@ def _name(thing: Sphere | Light | Camera) -> str:
 
 
 def _has_small_rotations(moving: SceneDescription) -> bool:
-    """Returns True if rotations between keys are small enough to be unambiguous and to be interpolated without visible error."""
+    """Returns True if all rotations between keys are small enough to be unambiguous and interpolated without visible error."""
     free: list[list[np.ndarray]] = []
     straight: list[list[np.ndarray]] = []
     for instance in moving.instances:
@@ -223,7 +226,7 @@ def _has_small_rotations(moving: SceneDescription) -> bool:
 
 
 def _in_space(transform: UvTransform) -> np.ndarray:
-    """Returns a texture transform as a body's placement, with rotation about z."""
+    """Returns a 2D texture transform as a 3x4 transform in the xy plane, so that its rotation is one about z."""
     a, b, c, d, e, f = transform
     return np.array([(a, b, 0.0, c), (d, e, 0.0, f), (0.0, 0.0, 1.0, 0.0)])
 

@@ -1,4 +1,4 @@
-"""Skies as environments: an image of the scattered light over a lit ground, and the disk of the sun."""
+"""Skies as environments: an image of scattered light over an illuminated ground, and the disk of the sun."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["PREFIX", "Sun", "image_of_sky", "parse_sky", "sun_of_sky"]
 
 PREFIX = "sky:"
 _HEIGHT = 512
-_ELEVATIONS, _AZIMUTHS = 96, 48  # of the grid that the atmosphere is integrated on
+_ELEVATIONS, _AZIMUTHS = 96, 48  # size of the grid on which the atmosphere is integrated
 _RANGES = {
     "sun_elevation": (-90.0, 90.0),
     "sun_azimuth": (-1e6, 1e6),
@@ -31,7 +31,7 @@ _RANGES = {
 
 
 class Sun(NamedTuple):
-    """The sun: a disk of constant radiance, infinitely distant."""
+    """The sun: an infinitely distant disk of constant radiance."""
 
     direction: np.ndarray  # (3,) unit, towards it, before the environment's rotation
     half_angle: float  # radians
@@ -58,9 +58,9 @@ def parse_sky(text: str) -> Environment:
 
 
 def sun_of_sky(sky: Sky) -> Sun | None:
-    """Returns the sun as seen from the ground; None if it is off or below the horizon.
+    """Returns the sun as seen from the ground; None if it is switched off or below the horizon.
 
-    The fraction of the disk below the horizon dims the whole disk: its irradiance decreases continuously while it sets.
+    While it sets, the fraction of the disk below the horizon dims the whole disk, so that its irradiance decreases continuously.
     """
     _check(sky)
     elevation, azimuth, half = (math.radians(x) for x in (sky.sun_elevation, sky.sun_azimuth, sky.sun_size / 2))
@@ -74,15 +74,16 @@ def sun_of_sky(sky: Sky) -> Sun | None:
 
 
 def image_of_sky(sky: Sky) -> F32:
-    """Returns the sky's image as `_image`; cached, for a constant sky in an animated scene."""
+    """Returns the image of `_image` for a sky; cached, for animated scenes with a constant sky."""
     return _image(astuple(sky))
 
 
 @functools.lru_cache(maxsize=2)
 def _image(values: tuple[Any, ...]) -> F32:
-    """Returns equirectangular radiance without the sun's disk, (512, 1024, 3). Below the horizon: ground lit by sun and sky.
+    """Returns equirectangular radiance without the sun's disk, (512, 1024, 3).
 
-    Laid out as in Environment: azimuth 0 is the middle column. Raises SceneError if a number is out of its range.
+    Below the horizon is ground lit by sun and sky. The layout is that of Environment: azimuth 0 is the middle column. Raises
+    SceneError if a number is out of its range.
     """
     sky = Sky(*values)
     _check(sky)
@@ -120,7 +121,7 @@ def _air(sky: Sky) -> Air:
 
 
 def _share_above(height: float) -> float:
-    """Returns the fraction of a unit disk above the line `height` below its centre."""
+    """Returns the fraction of a unit disk's area that is above a line `height` below its centre."""
     if abs(height) >= 1:
         return float(height > 0)
     return 0.5 + (height * math.sqrt(1 - height * height) + math.asin(height)) / math.pi

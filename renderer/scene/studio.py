@@ -1,7 +1,7 @@
 """The default lighting of scenes without lights: a photographer's studio, soft and neutral; and its floor.
 
-A key light from the left front, a rim light from behind on the right, and walls brighter above than below, which reveal shapes
-better than uniform white light.
+A key light from the left front, a rim light from behind on the right, and walls that are brighter above than below: these show
+shapes better than uniform white light.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ F64 = npt.NDArray[np.float64]
 
 _HEIGHT = 64
 
-# Towards the light, its radiance, and the cosine lobe's exponent. +Z is the front, where automatic cameras stand.
+# Towards the light, its radiance, and the cosine lobe's exponent. +Z is the front, where automatic cameras are.
 _LAMPS = (
     ((-0.65, 0.75, 0.6), 4.2, 12.0),
     ((0.8, 0.4, -0.75), 3.0, 24.0),
@@ -35,7 +35,7 @@ _GROUND, _HORIZON, _ZENITH = 0.2, 0.5, 0.65
 
 FLOOR = "studio floor"
 _REACH = 30.0  # half of the floor's side, relative to the diagonal of the scene's bounds
-_GAP = 1e-4  # between the floor and the lowest point, likewise: surfaces at equal height would hide each other by chance
+_GAP = 1e-4  # distance from the floor to the lowest point, likewise relative: at equal height, rounding would decide visibility
 
 
 def studio_image() -> F32:
@@ -58,9 +58,10 @@ def light_studio(description: SceneDescription) -> None:
 
 
 def add_floor(description: SceneDescription, box: F64) -> None:
-    """Adds a level square below the scene that takes its shadows, and sets `subject` to the bounds of what was there before.
+    """Adds a horizontal square below the scene, on which its shadows fall. Sets `subject` to the bounds of the scene without it.
 
-    box: bounds (2, 3) that it lies under. In the studio's light its far end is as bright as the horizon, so its edge is not seen.
+    box: bounds (2, 3) below which the floor is placed. In studio lighting the floor's far end is as bright as the horizon, which
+    hides its edge.
     """
     up = np.asarray(description.up, np.float64)
     axis, sign = int(np.abs(up).argmax()), float(np.sign(up[np.abs(up).argmax()]))
@@ -80,7 +81,7 @@ def add_floor(description: SceneDescription, box: F64) -> None:
 
 
 def _floor_albedo() -> float:
-    """Returns the albedo with which an unshadowed floor has the radiance of the studio's horizon."""
+    """Returns the albedo for which an unshadowed floor has the radiance of the studio's horizon."""
     cosine = np.cos((np.arange(_HEIGHT // 2) + 0.5) * np.pi / _HEIGHT)
     weight = cosine * np.sqrt(1 - cosine**2)
     arriving = float((studio_image()[: _HEIGHT // 2, :, 0].mean(axis=1) * weight).sum() / weight.sum())  # irradiance / pi

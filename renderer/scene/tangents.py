@@ -1,4 +1,4 @@
-"""Tangents: the direction in which a texture's u increases along the surface, used by normal maps and anisotropy."""
+"""Tangents: the direction on the surface in which a texture's u increases, used by normal maps and anisotropy."""
 
 from __future__ import annotations
 
@@ -27,15 +27,16 @@ def tangent_uv_set(description: SceneDescription, material: Material) -> int:
 
 
 def _handedness(uv: F32, triangle: I32) -> F64:
-    """Returns twice each triangle's signed area in texture space, (T,), v downwards as in glTF: positive where the image is
-    mirrored.
+    """Returns twice each triangle's signed area in texture space, (T,), positive where the image is mirrored.
+
+    As in glTF, v points downwards.
     """
     a, b, c = (uv[triangle[:, k]].astype(np.float64) for k in range(3))
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
 
 
 def split_mirrored(uv: F32, triangle: I32) -> tuple[npt.NDArray[np.int64], I32]:
-    """Splits vertices shared by triangles with mirrored and unmirrored texture, whose tangents would cancel.
+    """Splits vertices that are shared by triangles with mirrored and unmirrored texture, whose tangents would cancel.
 
     Returns the original vertex of each new one, and the triangles over the new vertices.
     """
@@ -57,11 +58,11 @@ def split_mirrored(uv: F32, triangle: I32) -> tuple[npt.NDArray[np.int64], I32]:
 
 
 def vertex_tangents(position: F32, normal: F32, uv: F32, triangle: I32) -> F32:
-    """Returns (V, 4) unit tangents, perpendicular to the normals, with the bitangent's sign in w: cross(normal, tangent) * w is
-    image up.
+    """Returns (V, 4) unit tangents, perpendicular to the normals, with the sign of the bitangent in w.
 
-    Each triangle's tangent, projected into the plane of its vertex's normal and weighted by its angle there, as MikkTSpace
-    does (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008). Any direction where the UVs are constant.
+    cross(normal, tangent) * w points to the image's top. Each triangle's tangent is projected into the plane perpendicular to the
+    vertex normal and weighted by the triangle's angle there, as in MikkTSpace (Mikkelsen, "Simulation of Wrinkled Surfaces
+    Revisited", 2008). The direction is arbitrary where the UVs are constant.
     """
     area = _handedness(uv, triangle)
     a, b, c = (position[triangle[:, k]].astype(np.float64) for k in range(3))

@@ -33,8 +33,8 @@ from renderer.sentences import Sentence
 __all__ = ["MAX_EMISSION", "Texels"]
 
 MAX_EMISSION = 1e9
-_PATCHES = 32  # a side of the square over which a stack's mean is taken
-_LEAST_MEAN = 1e-4  # so that a bright spot between the sampled points is still sampled
+_PATCHES = 32  # patches per side of the UV square over which the mean of layered textures is taken
+_LEAST_MEAN = 1e-4  # above 0, so that a texture with a bright spot between the sampled points is still sampled
 _WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
 _MAX_TEXELS = (1 << 31) - 1
 _BAND = 1 << 22  # pixels that are encoded at a time
@@ -42,7 +42,10 @@ _MOST_TRANSFORMED = 1e30  # beyond, float32 overflows; such textures are indisti
 
 
 class Texels:
-    """Collects texels; an image used by several textures is stored once. A texture with layers is a chain of rows."""
+    """Collects the texels of textures. An image used by several textures is stored once.
+
+    A texture with layers is a chain of rows.
+    """
 
     def __init__(self, description: SceneDescription) -> None:
         self._description = description
@@ -51,17 +54,17 @@ class Texels:
         self._keys: list[tuple[UvTransform, ...]] = []  # of each row
         self._blocks: list[np.ndarray] = []
         self._count = 0
-        self._images: dict[tuple[int, bool], tuple[int, int, float]] = {}  # to first texel, block, scale
-        self._textures: dict[tuple[int, bool], tuple[int, float]] = {}  # to row, scale
+        self._images: dict[tuple[int, bool], tuple[int, int, float]] = {}  # -> first texel, block, scale
+        self._textures: dict[tuple[int, bool], tuple[int, float]] = {}  # -> row, scale
         self._block_of_row: list[int] = []
-        self._means: dict[int, float] = {}  # of stacks by their first rows
+        self._means: dict[int, float] = {}  # first row of a layered texture -> mean
         self._block_means: dict[tuple[int, int], float] = {}
 
     def add(self, index: int, light: bool = False) -> tuple[int, float]:
-        """Adds a texture, followed by its layers; returns its row, and the factor that its texels are to be multiplied by.
+        """Adds a texture and its layers; returns its row, and the factor by which its texels must be multiplied.
 
         Texels have 8 bits if the image has, else 16. An HDR image for emission (`light`) is divided by its maximum, which is
-        returned as the factor; in a stack each row has its own factor, and 1 is returned. Other images are clipped at 1, the
+        returned as the factor; with layers, each row stores its own factor, and 1 is returned. Other images are clipped at 1, the
         greatest reflectance. Raises SceneError if there are too many texels.
         """
         if (index, light) not in self._textures:
@@ -81,7 +84,10 @@ class Texels:
         return self._textures[index, light]
 
     def mean_luminance(self, row: int) -> float:
-        """Returns the mean linear luminance of a row's texels, 0..1; for a stack, over the UV square 0..1 and always above 0."""
+        """Returns the mean linear luminance of a row's texels, 0..1.
+
+        With layers, it is the mean over the UV square 0..1, always above 0.
+        """
         if self._rows[row][ABOVE] < 0:
             key = self._block_of_row[row], self._rows[row][ENCODING]
             if key not in self._block_means:
@@ -100,7 +106,7 @@ class Texels:
         return any(self._rows[r][UV_SET] != 0 for r in self._chain(row))
 
     def _append(self, texture: Texture, light: bool) -> float:
-        """Adds a row for one texture; returns its texels' scale."""
+        """Adds a row for one texture without its layers; returns the factor of its texels."""
         image = self._description.images[texture.image]
         scaled = light and image.pixels.dtype == np.float32
         first, block, scale = self._place_image(texture.image, scaled)
@@ -114,7 +120,7 @@ class Texels:
         return scale
 
     def _arrays_of_stack(self, row: int) -> tuple[I32, F32, np.ndarray]:
-        """Returns the result of `arrays` for one stack alone: its rows from 0 on, and only its own texels."""
+        """Returns the arrays of `arrays` for one texture with its layers: its rows, numbered from 0, and only their texels."""
         chain = list(self._chain(row))
         blocks = sorted({self._block_of_row[r] for r in chain})
         start = dict(zip(blocks, np.cumsum([0] + [len(self._blocks[b]) for b in blocks]), strict=False))
@@ -137,7 +143,7 @@ class Texels:
         return row, transform.astype(np.float32).reshape(-1, TRANSFORM_COLUMNS), texel
 
     def keys(self) -> F32:
-        """Returns the UV transforms at all keys, (F, 6), all keys of a row consecutive; empty if all are constant."""
+        """Returns the UV transforms (F, 6) at all keys, with all keys of a row consecutive; empty if all are constant."""
         count = max(map(len, self._keys), default=0)
         still = (transform[:6] for transform in self._transforms)
         over = [keys or (own,) * count for keys, own in zip(self._keys, still, strict=True)]
@@ -177,8 +183,9 @@ def _most(light: bool) -> float:
 
 
 def _encoding(image: Image, scaled: bool) -> int:
-    """Returns the encoding of an image's texels: light and colours with constant relative precision, data with constant absolute
-    one.
+    """Returns the encoding of an image's texels.
+
+    Its precision is constant relative to the value for light and colours, and constant in absolute terms for data.
     """
     if image.pixels.dtype == np.uint8:
         return SRGB_8 if image.srgb else LINEAR_8
@@ -186,7 +193,7 @@ def _encoding(image: Image, scaled: bool) -> int:
 
 
 def _in_16_bits(image: Image, scale: float, encoding: int) -> np.ndarray:
-    """Encodes an image of more than 8 bits, divided by a scale, in 16 bits: (2 h w, 4) uint8."""
+    """Returns an image of more than 8 bits, divided by `scale`, as texels of 16 bits: (2 h w, 4) uint8."""
     height, width = image.pixels.shape[:2]
     codes = np.full((height, width, 4), 0 if encoding == HALF_16 else 65535, "<u2")
     step = max(1, _BAND // max(width, 1))
@@ -202,7 +209,7 @@ def _in_16_bits(image: Image, scale: float, encoding: int) -> np.ndarray:
 
 
 def _linear(pixels: np.ndarray, srgb: bool) -> F32:
-    """Converts pixels of uint16 or float32 to linear (h, w, 4) float32."""
+    """Returns pixels of uint16 or float32 as linear (h, w, 4) float32."""
     values = np.ones((*pixels.shape[:2], 4), np.float32)
     if pixels.dtype == np.uint16:
         values[:] = pixels.astype(np.float32) / np.float32(65535)

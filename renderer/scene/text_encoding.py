@@ -1,7 +1,7 @@
-"""Decodes text files of unknown encoding: by a BOM, as UTF-8, or in an encoding found by the file names in them.
+"""Decodes text files of unknown encoding: by a BOM, as UTF-8, or in the encoding in which file names in the text exist.
 
-Bytes that are not UTF-8 are stored as lone surrogates (PEP 383), so that names that differ in bytes differ as strings, and
-`SceneFiles.find` can try the common encodings until one finds the file. `readable` converts the rest into text.
+Bytes that are not UTF-8 are stored as lone surrogates (PEP 383): names that differ in bytes then differ as strings, and
+`SceneFiles.find` can try common encodings until one yields an existing file. `readable` converts the remaining ones to text.
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ def _unmarked_utf16(data: bytes) -> str | None:
 
 
 def with_decimal_points(text: str) -> tuple[str, int]:
-    """Returns a text with decimal commas replaced by points, and how many there were."""
+    """Returns a text with decimal commas replaced by points, and the number of replacements."""
     return _DECIMAL_COMMA.subn(".", text) if "," in text else (text, 0)
 
 
 def title(encoding: str) -> str:
-    """Returns an encoding's common name."""
+    """Returns the common name of an encoding, for messages."""
     return _TITLES.get(encoding, encoding.upper())
 
 
@@ -81,7 +81,10 @@ def possible_decodings(text: str) -> Iterator[tuple[str, str]]:
 
 
 def readable(text: str, encoding: str | None = None) -> str:
-    """Returns a string without lone surrogates: by the encoding if it fits, else as Latin-1. Different bytes stay different."""
+    """Returns a string with its lone surrogates decoded, in the given encoding if possible, else as Latin-1.
+
+    Different bytes stay different.
+    """
     if is_readable(text):
         return text
     data = text.encode("utf-8", "surrogateescape")

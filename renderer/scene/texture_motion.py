@@ -1,7 +1,7 @@
-"""Texture transforms while the shutter is open, as keys.
+"""Merges texture transforms at several times while the shutter is open into keys.
 
-Readers store equal textures once. Two that are equal at one time and not at another are one texture there and two here, so
-materials' slots are matched between times, not the textures' indices.
+Readers store equal textures once: two textures that are equal at one time and differ at another have one index in one
+description and two in the other. So textures are matched by the material slots that use them, not by index.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def merge_moving_textures(
 ) -> tuple[SceneDescription, list[SceneDescription], bool]:
     """Returns the descriptions with moving textures merged.
 
-    (the description in the middle, its textures with keys; the others with materials that refer to these textures; whether
-    anything else of textures changes, which stays as in the middle).
+    Three results: the description of the middle, whose textures have keys; the other descriptions, whose materials refer to these
+    textures; whether another property of a texture changes (it then stays as in the middle).
     """
     every = [middle, *found]
     if all(are_equal(each.textures, middle.textures) for each in found):
@@ -48,7 +48,7 @@ def merge_moving_textures(
 
 
 class _Shelf:
-    """Collects the textures with their keys; equal ones once."""
+    """Collects textures with their keys, equal ones once."""
 
     def __init__(self) -> None:
         self.textures: list[Texture] = []
@@ -56,7 +56,7 @@ class _Shelf:
         self._numbers: dict[Texture, int] = {}
 
     def number(self, over: _Over) -> int:
-        """Returns the index of a texture given at all times, the middle one first."""
+        """Adds one texture and returns its index. over: its description and index at each time, the middle one first."""
         textures = [scene.textures[number] for scene, number in over]
         own = textures[0]
         if any(_kind(each) != _kind(own) for each in textures):
@@ -77,6 +77,6 @@ class _Shelf:
 
 
 def _kind(texture: Texture) -> object:
-    """Returns all of a texture except its transform."""
+    """Returns the properties of a texture that cannot have keys: all except its transform."""
     layers = tuple((layer.blend, layer.strength) for layer in texture.layers)
     return texture.image, texture.wrap_s, texture.wrap_t, texture.uv_set, texture.filter, layers

@@ -1,4 +1,4 @@
-"""Loads a scene's images: each is opened once, missing ones are reported, and the total size is limited."""
+"""Loads a scene's images: each is opened once, missing ones are reported, and their total size is limited."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MAX_IMAGE_BYTES = 4 << 30  # of all decoded images of a scene
 
 
 class TextureShelf:
-    """Adds images and textures to a description; equal sources or uses of an image return the same index."""
+    """Adds images and textures to a description. Equal images and equal textures get the same index."""
 
     def __init__(self, description: SceneDescription, files: SceneFiles) -> None:
         self._description = description
@@ -35,15 +35,15 @@ class TextureShelf:
         self._bytes = 0
 
     def warn_of_surface(self, sentence: str) -> None:
-        """Adds a warning about a surface's look, once."""
+        """Adds a warning about a material's look, unless it is already present."""
         self.warn(SurfaceNote.of(sentence))
 
     def warn(self, sentence: str) -> None:
-        """Adds a warning, once."""
+        """Adds a warning, unless it is already present."""
         self._warned.add(sentence)
 
     def image_file(self, name: str, srgb: bool = True) -> int | None:
-        """Returns the index of the image in a file of the scene (a name from SceneFiles.find)."""
+        """Returns the index of the image in the scene file `name` (from SceneFiles.find); None, with a warning, if unreadable."""
         key = (name, srgb)
         if key not in self._images:
             try:
@@ -56,7 +56,8 @@ class TextureShelf:
     def environment_file(self, name: str, data: Callable[[], bytes] | None = None) -> int | None:
         """Returns the index of an environment image: colours unchanged, scaled down if too large.
 
-        data: reads the bytes if it is not a file of its own. May raise SceneError.
+        None, with a warning, if unreadable. data: returns the image's bytes if they are not those of file `name`; may raise
+        SceneError.
         """
         key = (f"\0environment {name}", False)
         if key not in self._images:
@@ -69,11 +70,14 @@ class TextureShelf:
         return self._images[key]
 
     def image_bytes(self, name: str, data: bytes, srgb: bool = True) -> int | None:
-        """Returns the index of an image embedded in a scene file; `name` identifies it."""
+        """Returns the index of an image embedded in a scene file; None, with a warning, if unreadable. name: identifies it."""
         return self.computed_image(name, lambda: data, srgb)
 
     def computed_image(self, name: str, data: Callable[[], bytes], srgb: bool = True) -> int | None:
-        """Returns the index of an embedded image whose bytes are computed on demand. data: may raise SceneError."""
+        """Returns the index of an image whose bytes are computed by `data` when first needed; None, with a warning, if it fails.
+
+        data: may raise SceneError. name: identifies the image.
+        """
         key = (f"\0{name}", srgb)
         if key not in self._images:
             try:
@@ -104,7 +108,10 @@ class TextureShelf:
         layers: tuple[TextureLayer, ...] = (),
         filter: TexelFilter = "linear",
     ) -> int | None:
-        """Returns the index of a texture of an image, with wrap modes, lookup and layers; None for a missing image."""
+        """Returns the index of the texture with this image, wrap modes, lookup and layers.
+
+        None if the image is missing (None).
+        """
         if image is None:
             return None
         return self._texture_index(Texture(image, wrap_s, wrap_t, uv_set, transform, layers, filter))
@@ -116,7 +123,10 @@ class TextureShelf:
         return self._textures[texture]
 
     def derived_texture(self, texture: int | None, what: str, make: Callable[[Image], Image]) -> int | None:
-        """Returns a texture whose image is computed from another's, with its layers and lookup; `what` identifies the result."""
+        """Returns the index of the texture with an image computed from its own, and the same lookup and layers; None for None.
+
+        what: identifies the computation, which is done once per image.
+        """
         if texture is None:
             return None
         source = self._description.textures[texture]
@@ -128,7 +138,10 @@ class TextureShelf:
         return None if made is None else self._texture_index(replace(source, image=made))
 
     def calculated(self, what: str, sources: list[Image], make: Callable[[], Image]) -> int | None:
-        """Returns an image computed from others, cached between frames; `what` identifies the computation."""
+        """Returns the index of an image computed from others, cached between frames; None if it fails.
+
+        what: identifies the result.
+        """
         key = (f"\0{what}", False)
         if key not in self._images:
             pixels = [source.pixels for source in sources]
@@ -137,13 +150,16 @@ class TextureShelf:
         return self._images[key]
 
     def stacked(self, texture: int | None, layers: tuple[TextureLayer, ...]) -> int | None:
-        """Returns a texture with these layers added on top."""
+        """Returns the index of the texture with these layers; unchanged if there are none."""
         if texture is None or not layers:
             return texture
         return self._texture_index(replace(self._description.textures[texture], layers=layers))
 
     def combined(self, first: int | None, second: int | None, what: str, make: Callable[[Image, Image], Image]) -> int | None:
-        """Returns a texture with an image computed from two others', with the first's lookup; None if either is missing."""
+        """Returns the index of the first texture with an image computed from both textures' images; None if either is missing.
+
+        The lookup and layers are the first texture's. what: identifies the computation.
+        """
         if first is None or second is None:
             return None
         other = self._description.textures[second].image
@@ -152,7 +168,7 @@ class TextureShelf:
         )
 
     def texture_of(self, number: int) -> Texture:
-        """Returns the texture of this index."""
+        """Returns the texture with this index."""
         return self._description.textures[number]
 
     def image_of(self, texture: int) -> Image:
@@ -168,16 +184,19 @@ class TextureShelf:
         wrap: Wrap = "repeat",
         transform: UvTransform = IDENTITY_UV_TRANSFORM,
     ) -> int | None:
-        """Returns the texture that scene file `beside` refers to; warns about a missing one, naming it and `user`."""
+        """Returns the index of the texture that scene file `beside` refers to; warns if it is missing.
+
+        user: named in the warning.
+        """
         image, place = self.image_and_transform(reference, beside, user, srgb)
         return self.texture(
             image, wrap, wrap, transform=composed_transform(transform, place) if place != IDENTITY_UV_TRANSFORM else transform
         )
 
     def image_and_transform(self, reference: str, beside: str, user: str, srgb: bool = True) -> tuple[int | None, UvTransform]:
-        """Returns the image that scene file `beside` refers to, including UDIM tiles, and its UV transform.
+        """Returns the index of the image that scene file `beside` refers to, possibly UDIM tiles, and its UV transform.
 
-        If it is missing, None and a warning that names it and `user`.
+        If it is missing, the index is None and a warning names it and its `user`.
         """
         if not is_tiled(reference):
             name = self._files.find(reference, beside)

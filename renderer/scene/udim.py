@@ -1,4 +1,4 @@
-"""Textures in UDIM tiles: files numbered from 1001, combined into one image."""
+"""Textures in UDIM tiles: numbered files, from 1001, that are combined into one image."""
 
 from __future__ import annotations
 
@@ -20,26 +20,29 @@ _FIRST, _LAST = 1001, 1100
 
 
 def is_tiled(reference: str) -> bool:
-    """Returns True if a name is a tile pattern: paint.<UDIM>.png, or Mari's paint.<UVTILE>.png, which becomes u1_v1 and so on."""
+    """Returns True if a file name is a tile pattern: paint.<UDIM>.png, or Mari's paint.<UVTILE>.png, for u1_v1 and so on."""
     return _MARK.search(reference) is not None
 
 
 def tile_name(reference: str, number: int) -> str:
-    """Returns the name of one tile's file."""
+    """Returns the file name of the tile with this number."""
     column, row = (number - _FIRST) % 10 + 1, (number - _FIRST) // 10 + 1
     return _MARK.sub(lambda mark: f"u{column}_v{row}" if "uvtile" in mark[0].lower() else str(number), reference)
 
 
 def tiles_of(reference: str, find: Callable[[str], str | None]) -> dict[int, str]:
-    """Returns the existing tiles of a texture, by number from 1001 to 1100. find: returns the file of a name."""
+    """Returns tile number (1001 ... 1100) -> file name for the existing tiles of a texture.
+
+    find: returns the file for a name, or None.
+    """
     names = ((number, find(tile_name(reference, number))) for number in range(_FIRST, _LAST + 1))
     return {number: name for number, name in names if name is not None}
 
 
 def side_by_side(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> npt.NDArray[Any]:
-    """Combines tiles into one image, each scaled to the size of the largest; black where one is missing.
+    """Combines tiles into one image, each scaled to the size of the largest; missing tiles are black.
 
-    tiles: pixels as in `Image`. srgb: integer pixels are sRGB-encoded.
+    tiles: tile number -> pixels as in `Image`. srgb: integer pixels are sRGB-encoded.
     """
     across, up = _extent(tiles)
     tiles = _of_one_kind(tiles, srgb)
@@ -56,7 +59,10 @@ def side_by_side(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> npt.NDArray[
 
 
 def atlas_transform(numbers: dict[int, Any]) -> UvTransform:
-    """Returns the UV transform into the image of these tiles: u' = u / across; t' = t / up, and v is 1 - t."""
+    """Returns the UV transform into the combined image of these tiles.
+
+    With v = 1 - t: u' = u / columns, t' = t / rows.
+    """
     across, up = _extent(numbers)
     return 1 / across, 0.0, 0.0, 0.0, 1 / up, 1 - 1 / up
 
@@ -66,18 +72,18 @@ def _extent(numbers: dict[int, Any]) -> tuple[int, int]:
 
 
 def _of_one_kind(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> dict[int, npt.NDArray[Any]]:
-    """Converts the tiles to one dtype: the most precise one among them."""
+    """Returns the tiles converted to one dtype and number of channels: the most precise among them."""
     kinds = {pixels.dtype for pixels in tiles.values()}
     if len(kinds) == 1 and len({pixels.shape[2] for pixels in tiles.values()}) == 1:
         return tiles
     if np.dtype(np.float32) in kinds:
         return {number: _linear(pixels, srgb) for number, pixels in tiles.items()}
-    wide = np.uint16(257)  # the code of 16 bits for 1 of 8
+    wide = np.uint16(257)  # factor from 8-bit to 16-bit codes
     return {number: pixels if pixels.dtype == np.uint16 else pixels.astype(np.uint16) * wide for number, pixels in tiles.items()}
 
 
 def _linear(pixels: npt.NDArray[Any], srgb: bool) -> npt.NDArray[np.float32]:
-    """Returns (h, w, 4) linear colours with straight alpha."""
+    """Returns the pixels as (h, w, 4) linear colours with straight alpha."""
     found = np.ones((*pixels.shape[:2], 4), np.float32)
     found[..., : pixels.shape[2]] = pixels
     if np.issubdtype(pixels.dtype, np.integer):

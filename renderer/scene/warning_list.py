@@ -1,4 +1,4 @@
-"""Collects a description's warnings, each once."""
+"""Adds warnings to a description, each once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ MOST_WARNINGS = 1000  # more are not useful, and a file may have a hundred thous
 
 
 class WarningList:
-    """Adds to a list of warnings that others may append to directly."""
+    """Adds warnings to a list, each once. Other code may append to the list directly."""
 
     def __init__(self, warnings: list[str]) -> None:
         self._warnings = warnings
@@ -16,7 +16,7 @@ class WarningList:
         self._seen = 0
 
     def add(self, sentence: str) -> None:
-        """Adds a sentence unless present; beyond MOST_WARNINGS, only a note that there are more."""
+        """Adds a warning unless it is present. Beyond MOST_WARNINGS, adds only a note that there are more."""
         self._known.update(self._warnings[self._seen :])
         if sentence not in self._known and len(self._warnings) <= MOST_WARNINGS:
             more = f"There are more warnings: these are the first {MOST_WARNINGS}."

@@ -1,4 +1,4 @@
-"""The summary of a file's animations for users."""
+"""Describes a file's animation clips for users."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NAMED = 8
 
 @dataclass(frozen=True)
 class Clip:
-    """An animation clip: its name, and the seconds of its first and last key; constant before and after them."""
+    """An animation clip: its name, and the times of its first and last key in seconds. Before and after them it is constant."""
 
     name: str
     start: float
@@ -22,7 +22,7 @@ class Clip:
 
 
 def others_of(file: str, clips: Sequence[Clip]) -> str:
-    """Returns the sentence that lists a file's further animations, beside the first."""
+    """Returns the sentence for users that lists the clips of a file after its first one."""
     others = [clip.name[:60] for clip in clips[1:]]
     shown, listed = repr(clips[0].name[:60]), others[:_NAMED]
     if len(others) <= _NAMED:

@@ -1,6 +1,6 @@
 """Animation curves: keys and interpolation.
 
-Evaluated in plain floats, one operation at a time: curves decide vertex positions, and so must have the same bits on every host.
+Computed in Python floats, one operation at a time: curves decide vertex positions, which must have the same bits on every host.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from renderer.trigonometry import angle_between, sin_cos
 __all__ = ["Curve", "Easing", "eased", "slerp", "smooth"]
 
 F64 = npt.NDArray[np.float64]
-Easing = tuple[float, float, float, float]  # x1, y1, x2, y2 of a cubic Bezier from (0, 0) to (1, 1), as CSS has it
+Easing = tuple[float, float, float, float]  # x1, y1, x2, y2 of a cubic Bezier from (0, 0) to (1, 1), as in CSS
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Keys in order of time; constant before the first and after the last.
+    """An animation curve: keys in order of time. It is constant before the first and after the last key.
 
-    Between two keys: the earlier one's value if `is_step`; a cubic if there are slopes (glTF 2.0, appendix C.5); else linear,
+    Between two keys: the earlier key's value if `is_step`; a cubic if there are slopes (glTF 2.0, appendix C.5); else linear,
     with time remapped by `easing` if given. is_rotation: the values are quaternions x y z w, interpolated by slerp.
     """
 
     times: F64  # (K,) seconds, not decreasing
     values: F64  # (K, W)
     is_step: bool = False
-    slopes: F64 | None = None  # (K, 2, W) per second: with which a cubic arrives at a key, and leaves it
+    slopes: F64 | None = None  # (K, 2, W) per second: the cubics' slopes before and after each key
     easing: Easing | None = None
     is_rotation: bool = False
 
@@ -41,7 +41,9 @@ class Curve:
         return bool((self.values == self.values[0]).all() and (self.slopes is None or not self.slopes.any()))
 
     def at(self, time: float) -> list[float]:
-        """Returns the W values at a time. At a key, exactly that key's; of several at one time, the last's."""
+        """Returns the W values of the curve at a time: at a key, exactly that key's; of several keys at the same time, the last
+        one's.
+        """
         k = int(np.searchsorted(self.times, time, "right")) - 1
         if k < 0 or k == len(self.times) - 1 or self.is_step:
             return self._row(self.values[max(k, 0)])
@@ -123,10 +125,10 @@ def _unit(quaternion: Sequence[float]) -> list[float]:
 
 
 def eased(easing: Easing, u: float) -> float:
-    """Returns the easing of time u, 0 ... 1: the height of a cubic Bezier curve at u."""
+    """Returns the remapped time for time u, 0 ... 1, of a key interval: the height of the easing's cubic Bezier curve at u."""
     x1, y1, x2, y2 = easing
     low, high = 0.0, 1.0
-    for _ in range(60):  # x grows with the parameter, as x1 and x2 lie within 0 ... 1
+    for _ in range(60):  # x increases with the parameter, since x1 and x2 are within 0 ... 1
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _bezier(x1, x2, middle) < u else (low, middle)
     return _bezier(y1, y2, 0.5 * (low + high))

@@ -1,4 +1,4 @@
-"""The time of a frame."""
+"""Moment: the time at which a scene is read, given by a frame number, a frame rate and a clip."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ ALL_CLIPS = "all"  # every clip of a file at once
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame n, at time n / fps; a still is frame 0. Frames are counted in halves, for slow motion.
+    """A frame n, at time n / fps. A still is frame 0. Frame numbers are multiples of a half, for slow motion.
 
-    fps: None for the file's own, else DEFAULT_FPS. clip: of the file's animations, by name or index from 0, or ALL_CLIPS
-    together; None for the first, or for all in a glTF file if no two animate the same object.
-    offset: shifts the time by so many frames, within the frame's shutter; numbered files are still the frame's own.
+    fps: None: the file's frame rate, or DEFAULT_FPS if it has none. clip: the name or index (from 0) of one of the file's clips,
+    or ALL_CLIPS for all together; None: the first one, or all in a glTF file if no two of them animate the same object.
+    offset: added to the time, in frames, within the frame's shutter; it does not change which of several numbered files is read.
     """
 
     frame: float = 0.0
@@ -51,5 +51,5 @@ class Moment:
             )
 
     def seconds(self, own_fps: float = DEFAULT_FPS) -> float:
-        """Returns the time of the moment in seconds; own_fps: the file's."""
+        """Returns the time of the moment in seconds. own_fps: the file's frame rate, used if the moment has none."""
         return (self.frame + self.offset) / (own_fps if self.fps is None else self.fps)

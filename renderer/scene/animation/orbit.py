@@ -13,7 +13,7 @@ from renderer.trigonometry import sin_cos
 
 __all__ = ["orbit", "orbit_over"]
 
-_KEYS_A_TURN = 32  # within the shutter
+_KEYS_A_TURN = 32  # keys per full turn while the shutter is open
 
 
 def orbit(view: View, turns: float, axis: Sequence[float] = (0.0, 1.0, 0.0)) -> View:
@@ -41,9 +41,10 @@ def orbit_over(
     seconds: float,
     axis: Sequence[float] = (0.0, 1.0, 0.0),
 ) -> tuple[View, ...]:
-    """Returns the views of a turntable camera while the shutter is open; empty if the shutter has no duration. seconds: per turn.
+    """Returns the views of a turntable camera while the shutter is open; empty if the shutter has no duration.
 
-    views: those of a camera that also moves by itself. fps: the file's own.
+    views: the camera's own motion while the shutter is open, if any. fps: the file's frame rate. seconds: duration of a full
+    turn.
     """
     if shutter.length == 0:
         return ()

@@ -1,4 +1,4 @@
-"""The shutter: the interval during which it is open, relative to a frame, and the keys of moving objects in it."""
+"""The shutter: the interval of a frame's time during which it is open, and the number of keys of moving objects in it."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from renderer.scene.animation.moment import Moment
 __all__ = ["BETWEEN", "SHUTTER", "Shutter"]
 
 SHUTTER = ("shutter", "shutter_at", "shutter_keys")  # the names of the settings of a shutter
-BEFORE = {"centred": 0.5, "trailing": 1.0, "leading": 0.0}  # the fraction of it before the frame's time
+BEFORE = {"centred": 0.5, "trailing": 1.0, "leading": 0.0}  # the fraction of the interval before the frame's time
 
 
 @dataclass(frozen=True)
 class Shutter:
-    """Shutter duration as a fraction of a frame's, its position relative to the frame, and the number of keys.
+    """Duration of the shutter as a fraction of the frame duration, its position relative to the frame, and the number of keys.
 
-    length: 0: no motion blur. at: `centred` about the frame's time, `trailing`: it closes there, or `leading`: it opens there.
-    keys: at equal steps, the first as it opens and the last as it closes; 0: as many as the motion needs.
+    length: 0: no motion blur. at: `centred` on the frame's time, `trailing`: closes at that time, `leading`: opens at that time.
+    keys: at equal time steps, the first when it opens and the last when it closes; 0: as many as the motion needs.
     """
 
     length: float = 0.0
@@ -28,12 +28,12 @@ class Shutter:
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Shutter:
-        """Returns the shutter of settings by their names, with defaults for missing ones."""
+        """Returns the shutter of the given settings (name -> value); settings that are missing have their defaults."""
         names = dict(zip(SHUTTER, ("length", "at", "keys"), strict=True))
         return cls(**{names[name]: settings[name] for name in SHUTTER if settings.get(name) is not None})
 
     def moment(self, moment: Moment, share: float) -> Moment:
-        """Returns the moment of a frame at a fraction of the interval from opening, 0, to closing, 1."""
+        """Returns the moment at a fraction of the shutter interval of a frame: share 0 when it opens, 1 when it closes."""
         return replace(moment, offset=(share - BEFORE[self.at]) * self.length)
 
 
