@@ -1,6 +1,6 @@
 """The Rayfarm render engine for Blender: F12 and the rendered viewport show pictures rendered by a farm.
 
-Modules that need Blender are imported in `register`; all others run, and are tested, without it.
+Modules that need Blender are imported in `register`; all others can be imported and tested without it.
 """
 
 bl_info = {

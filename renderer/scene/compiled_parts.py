@@ -72,9 +72,7 @@ class Saver:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._known: dict[
-            str, tuple[tuple[object, ...], Part]
-        ] = {}  # reused parts, with the objects they were made from
+        self._known: dict[str, tuple[tuple[object, ...], Part]] = {}  # reused parts, with the objects they were made from
 
     def save(self, scene: CompiledScene, cuts: PartOffsets, folder: Path | None = None) -> Path:
         """Writes the scene's manifest and those parts that are not written yet; returns the manifest's path.

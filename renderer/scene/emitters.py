@@ -14,9 +14,7 @@ from renderer.scene.material_packing import Packed
 
 __all__ = ["emitting_triangles", "is_uniform_emitter"]
 
-_SPREAD = (
-    0.05  # fraction of a mesh's light spread evenly over its triangles: a mean over few points may miss a bright texel
-)
+_SPREAD = 0.05  # fraction of a mesh's light spread evenly over its triangles: a mean over few points may miss a bright texel
 
 
 def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:

@@ -15,12 +15,12 @@ from .multipart import Part, body_of
 
 __all__ = ["Cancelled", "Client", "FarmError"]
 
-PATIENCE_S = 15.0  # with a farm that says nothing
+PATIENCE_S = 15.0  # timeout
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 class FarmError(Exception):
-    """A failed request; its text is a sentence for the user. status: the HTTP status, or None if no farm answered."""
+    """A failed request; its text is a sentence for the user. status: the HTTP status, or None if there was no response."""
 
     def __init__(self, sentence: str, status: int | None = None) -> None:
         super().__init__(sentence)
@@ -32,14 +32,14 @@ class Cancelled(Exception):  # noqa: N818 -- nothing went wrong
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    """A handler that refuses redirects, so that the token is sent only to the configured farm."""
+    """A urllib handler that refuses redirects, so that the token is sent only to the configured farm."""
 
     def redirect_request(self, *_: Any) -> None:
         return None
 
 
 class Client:
-    """A client for one farm. url: as in the browser's address bar; token: as printed by `rayfarm token make`, or empty."""
+    """A client for one farm. url: the farm's address, as in the browser; token: as printed by `rayfarm token make`, or empty."""
 
     def __init__(self, url: str, token: str = "") -> None:
         self.url = url.strip().rstrip("/")
@@ -65,9 +65,9 @@ class Client:
         headers: dict[str, str] | None = None,
         patience_s: float = PATIENCE_S,
     ) -> tuple[int, Any, bytes]:
-        """Sends a request and returns (status, headers, body). data: bytes, or an iterator of bytes.
+        """Sends a request and returns (status, headers, body). data: bytes, or an iterator of bytes. patience_s: the timeout.
 
-        Raises FarmError for error statuses; 304 is returned.
+        Raises FarmError if there is no response or for error statuses; 304 is returned.
         """
         request = urllib.request.Request(self.url + path, data=data, method=method, headers={**self.headers(), **(headers or {})})
         try:
@@ -85,7 +85,10 @@ class Client:
             ) from None
 
     def json(self, method: str, path: str, said: Any = None, **headers: str) -> Any:
-        """Sends a JSON request and returns the decoded JSON response. Raises FarmError."""
+        """Sends a request with JSON content `said` (None: no content) and returns the decoded response; None if that is empty.
+
+        headers: further headers, with _ instead of -. Raises FarmError.
+        """
         data = None if said is None else json.dumps(said).encode()
         known = {"Content-Type": "application/json"} if data is not None else {}
         _, _, body = self.call(
@@ -125,7 +128,7 @@ class Client:
         return json.loads(body)
 
     def check(self) -> str:
-        """Returns a sentence that describes the farm, for the connection test. Raises FarmError."""
+        """Tests the connection: returns a sentence that describes the farm. Raises FarmError."""
         info = self.json("GET", "/api/info")
         if not isinstance(info, dict) or "formats" not in info:
             raise FarmError(f"What answers at {self.url} is no Rayfarm. Is the address right?")

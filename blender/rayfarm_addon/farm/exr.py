@@ -1,8 +1,8 @@
-"""Reads the OpenEXR files that a farm writes: scan lines, float32 or half, uncompressed or ZIP. Writes uncompressed ones.
+"""Reads the OpenEXR files that a farm writes, and writes uncompressed ones.
 
-Blender loads EXR files itself, but gives Python only one layer of them. Source: "OpenEXR File Layout" and "Technical Introduction
-to OpenEXR" (openexr.com): the bytes of a block are split into even and odd ones, and each is stored as the difference from the
-one before it.
+Reads scan lines of float32 or half, uncompressed or with ZIP compression. Blender can load EXR files, but exposes only one layer
+of them to Python. Source: "OpenEXR File Layout" and "Technical Introduction to OpenEXR" (openexr.com): the bytes of a block are
+split into even and odd ones, and each is stored as the difference from its predecessor.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import numpy.typing as npt
 __all__ = ["read", "write"]
 
 MAGIC = 20000630
-LINES = {0: 1, 2: 1, 3: 16}  # of a block, by compression: none, ZIPS, ZIP
+LINES = {0: 1, 2: 1, 3: 16}  # lines per block, by compression: none, ZIPS, ZIP
 TYPES = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
 
 
 def read(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
-    """Returns the channels by name, each (h, w) float32, rows from the top. Raises ValueError for other files."""
+    """Returns channel name -> (h, w) float32, rows from the top. Raises ValueError if the file is of another kind."""
     try:
         return _read(data)
     except (struct.error, zlib.error, IndexError, KeyError) as error:
@@ -95,7 +95,7 @@ def _place(
 
 
 def write(rgb: npt.NDArray[np.float32]) -> bytes:
-    """Returns an EXR file of an (h, w, 3) linear picture, rows from the top, in float32 without compression."""
+    """Returns a picture as an EXR file in float32 without compression. rgb: (h, w, 3) linear, rows from the top."""
     height, width, _ = rgb.shape
     box = struct.pack("<4i", 0, 0, width - 1, height - 1)
     channels = b"".join(name + b"\0" + struct.pack("<iiii", 2, 0, 1, 1) for name in (b"B", b"G", b"R")) + b"\0"

@@ -1,4 +1,4 @@
-"""Encodes multipart/form-data; file contents are read while the form is sent."""
+"""Encodes multipart/form-data. File contents are read while the form is being sent."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PIECE = 1 << 18
 
 
 class Part(NamedTuple):
-    """A file of a form. content: its bytes, or its path."""
+    """A file in a form. content: its bytes, or its path."""
 
     field: str
     name: str
@@ -26,7 +26,7 @@ class Part(NamedTuple):
 
 
 def body_of(parts: list[Part], fields: dict[str, str]) -> tuple[str, int, Iterator[bytes]]:
-    """Returns (Content-Type, length in bytes, iterator of the body's pieces)."""
+    """Returns (Content-Type, body length in bytes, iterator over the body's chunks)."""
     boundary = secrets.token_hex(16)
     heads = [_head(boundary, each.field, each.name) for each in parts]
     texts = b"".join(_head(boundary, name) + value.encode() + b"\r\n" for name, value in fields.items())

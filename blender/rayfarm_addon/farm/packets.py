@@ -1,4 +1,4 @@
-"""Pictures of the farm (protocol/) as Blender's: (h, w, 4) float32 linear, rows from the bottom."""
+"""Converts pictures from the farm (protocol/) to Blender's form: (h, w, 4) float32 linear, rows from the bottom."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ F32 = npt.NDArray[np.float32]
 
 
 def rgba(rgb: F32) -> F32:
-    """Converts (h, w, 3) with rows from the top to Blender's order: opaque RGBA, rows from the bottom."""
+    """Converts (h, w, 3), rows from the top, to Blender's opaque RGBA (h, w, 4), rows from the bottom."""
     found = np.ones((*rgb.shape[:2], 4), np.float32)
     found[..., :3] = rgb[::-1]
     return found
 
 
 class ProgressiveView:
-    """A progressive view, built from the packets of a viewport's channel. `rgb` is (h, w, 3), rows from the top."""
+    """The picture of a view, updated by the packets of a viewport's channel. `rgb` is (h, w, 3), rows from the top."""
 
     def __init__(self) -> None:
         self.id = -1
@@ -29,7 +29,11 @@ class ProgressiveView:
         self.whole = (0, 0)
 
     def take(self, packet: bytes) -> None:
-        """Adds a packet; one of another view or size replaces the picture. Raises ValueError."""
+        """Updates the picture by a packet. Raises ValueError if the packet is malformed.
+
+        If it belongs to another view or has another size, it begins a new picture; until all its tiles have arrived, the old
+        picture is shown in the others, scaled.
+        """
         head, tiles = decode_view(packet)
         if head.id != self.id or self.rgb.shape[:2] != (head.h, head.w):
             old, self.rgb = self.rgb, np.zeros((head.h, head.w, 3), np.float32)

@@ -16,11 +16,11 @@ __all__ = ["Failed", "FinishedPicture", "Light", "RenderRequest", "StatusMessage
 
 @dataclass(frozen=True)
 class Light:
-    """The environment light: a radiance, a picture (name and content), or that of the scene file."""
+    """The environment light: a constant radiance, a picture (name and content), or that of the scene file (`is_own`)."""
 
     color: list[float] | None = None
     image: tuple[str, bytes | Path] | None = None
-    is_own: bool = False  # the scene file's
+    is_own: bool = False  # use the scene file's light
     strength: float = 1.0
     rotation: float = 0.0
 
@@ -29,7 +29,8 @@ class Light:
 class RenderRequest:
     """The request for a picture.
 
-    files: of its scene, by name. request: as POST /api/jobs takes it, without scene and light. planes: AOVs.
+    files: the scene's files by name; main: the name of the scene file. request: the fields of POST /api/jobs except scene and
+    light. planes: the AOVs.
     """
 
     files: dict[str, bytes | Path]
@@ -43,7 +44,7 @@ class RenderRequest:
 
 @dataclass(frozen=True)
 class StatusMessage:
-    """A status message. progress: 0 to 1; None if unknown."""
+    """Event: a status message. progress: 0 to 1; None if unknown."""
 
     text: str
     progress: float | None = None
@@ -51,7 +52,7 @@ class StatusMessage:
 
 @dataclass(frozen=True)
 class TileUpdate:
-    """A tile with more samples; x and y from the picture's upper left corner. words: (h, w) RGB9E5."""
+    """Event: a tile with more samples. x, y: from the picture's upper left corner. words: (h, w) RGB9E5."""
 
     x: int
     y: int
@@ -60,7 +61,7 @@ class TileUpdate:
 
 @dataclass(frozen=True)
 class FinishedPicture:
-    """The finished picture: channels by their EXR names, each (h, w) float32, rows from the top."""
+    """Event: the finished picture. Channels by their EXR names, each (h, w) float32, rows from the top."""
 
     channels: dict[str, npt.NDArray[np.float32]]
     job: str
@@ -70,6 +71,6 @@ class FinishedPicture:
 
 @dataclass(frozen=True)
 class Failed:
-    """The reason why there is no picture, as a sentence; None if it was cancelled."""
+    """Event: there will be no picture. Contains the reason as a sentence, or None if the job was cancelled."""
 
     sentence: str | None

@@ -1,7 +1,4 @@
-"""Renders one picture on a farm in a thread: uploads, submits the job, receives tiles, fetches the result.
-
-Emits events.
-"""
+"""Renders one picture on a farm in a thread: uploads, submits the job, receives tiles, fetches the result. Emits events."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ __all__ = ["Rendering", "light_of"]
 
 WAIT_S = 0.1
 POLL_S = 0.5
-TRIES = 20  # to get back to a farm that went away while it rendered: most of a minute
+TRIES = 20  # attempts to reach an unavailable farm: most of a minute
 PAUSE_S = 3.0
 FINAL_STATES = ("finished", "failed", "cancelled")
 
@@ -35,13 +32,13 @@ Event = StatusMessage | TileUpdate | FinishedPicture | Failed
 
 
 class _OverError(FarmError):
-    """Raised when the job has ended without success; retrying is useless."""
+    """Raised when the job has ended without success, so that retrying is useless."""
 
 
 def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None]) -> dict[str, Any] | None:
-    """Returns the `environment` of a request, or None where the scene has its own.
+    """Returns the `environment` field of a request; None to use the scene file's own.
 
-    A picture is uploaded if the farm lacks it. Raises FarmError, Cancelled.
+    A picture is uploaded if the farm lacks it. Raises FarmError, or Cancelled if `progress` does.
     """
     if light.image is not None:
         id = uploads.environment(*light.image, progress)
@@ -53,7 +50,7 @@ def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None
 
 
 class Rendering:
-    """A rendering, started on creation. `events` holds the events in order; the last is FinishedPicture or Failed."""
+    """The rendering of one picture, started on creation. `events` is a queue; the last event is FinishedPicture or Failed."""
 
     def __init__(self, client: Client, uploads: Uploads, asked: RenderRequest) -> None:
         self.events: queue.SimpleQueue[Event] = queue.SimpleQueue()
@@ -64,7 +61,7 @@ class Rendering:
         self._thread.start()
 
     def cancel(self) -> None:
-        """Cancels the job on the farm; the final event follows."""
+        """Cancels the job on the farm. The final event is still emitted."""
         self._cancelled.set()
 
     def join(self, patience_s: float) -> None:
@@ -79,7 +76,7 @@ class Rendering:
             self.events.put(Failed(None))
         except FarmError as error:
             if error.status == 404:
-                self._uploads.forget()  # what was sent before is not there any more: next time all is sent
+                self._uploads.forget()  # the farm no longer has the earlier uploads: everything is sent next time
             self.events.put(Failed(str(error)))
         except Exception as error:
             self.events.put(Failed(f"The add-on failed: {error!r}."))
@@ -110,11 +107,14 @@ class Rendering:
 
     def _cancel_job(self) -> None:
         if self._job is not None:
-            with contextlib.suppress(FarmError):  # it is over already, or the farm is gone
+            with contextlib.suppress(FarmError):  # it has already ended, or the farm is unavailable
                 self._client.json("PATCH", f"/api/jobs/{self._job}", {"state": "cancelled"})
 
     def _watch(self, number: float) -> None:
-        """Emits the job's progress until it ends. An unreachable farm is retried for a while."""
+        """Emits the job's progress until it ends.
+
+        Requests to an unreachable farm are repeated for a while, then FarmError is raised.
+        """
         failures = 0
         while True:
             try:
@@ -123,7 +123,7 @@ class Rendering:
             except _OverError:
                 raise
             except (Closed, FarmError):
-                pass  # what is wrong, the question below is told; where only the live channel is cut, it goes on without
+                pass  # the request below reports errors; if only the live channel failed, polling replaces it
             try:
                 if self._report_state(self._client.json("GET", f"/api/jobs/{self._job}")):
                     return
@@ -140,7 +140,7 @@ class Rendering:
             raise Cancelled
 
     def _listen(self, number: float) -> bool:
-        """Receives from the live channel; returns whether the job has ended. Raises Closed, FarmError, Cancelled."""
+        """Receives from the live channel; returns True if the job has ended. Raises Closed, FarmError, Cancelled."""
         frame = urllib.parse.quote(f"{number:g}")
         socket = Socket(self._client, f"/api/jobs/{self._job}/live?frame={frame}")
         last = time.monotonic()

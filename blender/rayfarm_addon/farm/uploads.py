@@ -1,4 +1,4 @@
-"""Keeps track of the files that a farm has, so that only changes are uploaded."""
+"""Tracks which files a farm already has, so that only changes are uploaded."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from .multipart import Part
 __all__ = ["Uploads"]
 
 POLL_S = 0.1
-UNUSED_SHARE = 0.5  # share of bytes that nothing names any more, from which on all is sent anew
+UNUSED_SHARE = 0.5  # fraction of unused bytes from which on a scene is uploaded in full
 
 
 class Uploads:
-    """The uploads to one farm. The last scene is the base of the next: files with equal content are not sent again."""
+    """The uploads to one farm. Each scene is uploaded as changes to the previous one: unchanged files are not sent again."""
 
     def __init__(self, client: Client, digest: Callable[[bytes | Path], str], project: str = "") -> None:
         self.client = client
         self.rendered: set[str] = set()  # scenes that have jobs
-        self.sent_bytes = 0  # of files, by the last upload
+        self.sent_bytes = 0  # bytes of files sent by the last upload
         self.scene: str | None = None
         self._digest = digest
         self._into = f"?project={quote(project, safe='')}" if project else ""
-        self._lock = threading.RLock()  # a picture and a viewport may send at the same time
+        self._lock = threading.RLock()  # a rendering and a viewport may upload at the same time
         self._there: dict[str, tuple[str, int]] = {}  # hash and size by name
         self._images: dict[str, str] = {}  # ids of environments by the hash of their file
 
     def send(self, files: Mapping[str, bytes | Path], main: str, title: str, progress: Callable[[int, int], None]) -> str:
-        """Uploads a scene and returns its id. Raises FarmError, Cancelled."""
+        """Uploads a scene and returns its ID. Raises FarmError, or Cancelled if `progress` does."""
         with self._lock:
             return self._send(files, main, title, progress)
 
@@ -49,7 +49,7 @@ class Uploads:
             try:
                 return self._post(files, lacking, {"base": self.scene}, {**self._there, **wanted}, progress)
             except FarmError as error:
-                if error.status != 404:  # else the farm has it no more, and gets all of it
+                if error.status != 404:  # 404: the farm no longer has the previous scene, so the new one is sent in full
                     raise
         return self._post(files, list(wanted), fields, wanted, progress)
 
@@ -68,7 +68,10 @@ class Uploads:
         return self.scene
 
     def environment(self, name: str, content: bytes | Path, progress: Callable[[int, int], None]) -> str:
-        """Returns the id of an environment picture, uploaded once. Raises FarmError, Cancelled."""
+        """Returns the ID of an environment picture, which is uploaded if it is new.
+
+        Raises FarmError, or Cancelled if `progress` does.
+        """
         digest = self._digest(content)
         with self._lock:
             if digest not in self._images:
@@ -78,7 +81,7 @@ class Uploads:
             return self._images[digest]
 
     def let_go(self, scene: str) -> None:
-        """Deletes a scene that was only viewed; one that a job has rendered is kept. Raises FarmError."""
+        """Deletes a scene from the farm unless a job has rendered it. Raises FarmError."""
         if scene in self.rendered:
             return
         if scene == self.scene:
@@ -86,7 +89,7 @@ class Uploads:
         self.client.json("DELETE", f"/api/scenes/{scene}")
 
     def forget(self) -> None:
-        """Forgets all uploads, when the farm no longer has them."""
+        """Forgets all uploads, because the farm no longer has them: the next scene is uploaded in full."""
         self.scene, self._there, self._images = None, {}, {}
 
     def ready(
@@ -98,9 +101,9 @@ class Uploads:
         is_over: Callable[[], bool],
         say: Callable[[str], None],
     ) -> dict[str, Any]:
-        """Uploads a scene and waits until it is prepared; uploads it again if it was deleted meanwhile.
+        """Uploads a scene and waits until it is prepared. Uploads it again if it was deleted in the meantime.
 
-        Raises FarmError, Cancelled.
+        Returns the scene as in GET /api/scenes/{id}. say: shows a status line. Raises FarmError, Cancelled.
         """
         try:
             return self.wait(self.send(files, main, title, progress), is_over, say)
@@ -111,9 +114,9 @@ class Uploads:
         return self.wait(self.send(files, main, title, progress), is_over, say)
 
     def wait(self, scene: str, is_over: Callable[[], bool], say: Callable[[str], None]) -> dict[str, Any]:
-        """Waits until the scene is ready and returns it. is_over: whether the caller has cancelled.
+        """Waits until the scene is prepared; returns it as in GET /api/scenes/{id}. is_over: whether the caller has cancelled.
 
-        Raises FarmError, Cancelled.
+        Raises FarmError if the farm cannot read the scene; Cancelled.
         """
         while True:
             found: dict[str, Any] = self.client.json("GET", f"/api/scenes/{scene}")

@@ -1,4 +1,4 @@
-"""A live view of a scene: a thread that sends scenes and cameras and keeps the newest picture."""
+"""A live view of a scene: a thread that sends scenes and cameras to the farm and stores the newest picture."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ AGAIN_S = 2.0
 
 @dataclass(frozen=True)
 class ViewPicture:
-    """A picture of a view: (h, w, 3) linear, rows from the top; the view's number, and its quality."""
+    """A picture of a view. rgb: (h, w, 3) linear, rows from the top. id: number of the view. whole: size of the complete view.
+
+    samples: per pixel. done: True if no better picture follows.
+    """
 
     rgb: npt.NDArray[np.float32]
     id: int
@@ -37,20 +40,20 @@ class ViewPicture:
 
 
 class LiveView:
-    """The live view of one viewport. All methods return at once; the newest scene and view are used."""
+    """The live view of one viewport. No method blocks, except `join`; the newest scene and view are used."""
 
     def __init__(self, client: Client, uploads: Uploads, title: str) -> None:
         self._client, self._uploads, self._title = client, uploads, title
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._scene: tuple[dict[str, Any], str, Light] | None = None
-        self._looks_at: Any = None  # the scene of which pictures come
+        self._looks_at: Any = None  # the scene that arriving pictures show
         self._view: dict[str, Any] | None = None
         self._number = 0
         self._ended = False
         self._shown: ViewPicture | None = None
         self._text = "Waiting for the scene"
-        self.is_fresh = threading.Event()  # something is to be drawn that was not there when this was cleared
+        self.is_fresh = threading.Event()  # set when there is something new to draw
         self._thread = threading.Thread(target=self._run, name="rayfarm view", daemon=True)
         self._thread.start()
 
@@ -61,7 +64,7 @@ class LiveView:
         self._wake.set()
 
     def look(self, view: dict[str, Any]) -> int:
-        """Sets the view, a request without scene and light; returns its number, by which its pictures are identified."""
+        """Sets the view, a request without scene and light. Returns its number, which its pictures have as their id."""
         with self._lock:
             self._number += 1
             self._view = {**view, "id": self._number}
@@ -75,7 +78,7 @@ class LiveView:
 
     @property
     def number(self) -> int:
-        """The number of the view requested last."""
+        """The number of the view that was set last."""
         return self._number
 
     @property
@@ -121,7 +124,7 @@ class LiveView:
             self._report(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
 
     def _show_scene(self) -> None:
-        """Shows one scene until it is replaced. Raises FarmError, Closed, Cancelled."""
+        """Shows one scene until it is replaced by another. Raises FarmError, Closed, Cancelled."""
         with self._lock:
             wanted = self._scene
         if wanted is None:
@@ -173,5 +176,5 @@ class LiveView:
         self.is_fresh.set()
 
     def _delete_scene(self, scene: str) -> None:
-        with contextlib.suppress(FarmError):  # a job has it, or the farm is gone
+        with contextlib.suppress(FarmError):  # a job uses it, or the farm is unavailable
             self._uploads.let_go(scene)

@@ -1,4 +1,4 @@
-"""A WebSocket client (RFC 6455) using only the standard library, with the features that a farm's live channels need."""
+"""A WebSocket client (RFC 6455) using only the standard library, limited to the features that a farm's live channels need."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ MOST_BYTES = 1 << 28
 
 
 class Closed(Exception):  # noqa: N818 -- also when all is well
-    """Raised when the connection is closed; its text gives the reason, where known."""
+    """Raised when the connection is closed; its text is the reason, if known."""
 
 
 class Socket:
-    """A WebSocket connection to a path of a farm. Raises FarmError if it cannot be opened."""
+    """A WebSocket connection to a path on a farm. Raises FarmError if it cannot be opened."""
 
     def __init__(self, client: Client, path: str, patience_s: float = 15.0) -> None:
         parts = urllib.parse.urlsplit(client.url)
@@ -108,7 +108,7 @@ class Socket:
             elif kind == CLOSE:
                 raise Closed(data[2:].decode(errors="replace"))
             elif kind != PONG:
-                self._kind = kind or self._kind  # 0 goes on with what was begun
+                self._kind = kind or self._kind  # 0: continuation of the current message
                 self._pieces.append(data)
                 if is_last:
                     whole, self._pieces = b"".join(self._pieces), []

@@ -1,1 +1,1 @@
-"""Export of Blender's scenes to scene files."""
+"""Exports Blender's scenes to scene files."""

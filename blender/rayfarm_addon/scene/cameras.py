@@ -1,4 +1,4 @@
-"""Export of Blender's cameras: position, projection and depth of field."""
+"""Exports Blender's cameras: position, projection and depth of field."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PANORAMA = "PANO"
 
 
 def lens_of(scene: Scene | None, camera: Any) -> Lens:
-    """Returns the Lens of an object of type CAMERA."""
+    """Returns the Lens of a camera object."""
     data = camera.data
     near = float(data.clip_start)
     if not data.dof.use_dof or data.type == PANORAMA:
@@ -30,7 +30,7 @@ def lens_of(scene: Scene | None, camera: Any) -> Lens:
     dof = data.dof
     if scene is not None and (dof.aperture_blades or abs(dof.aperture_ratio - 1) > 1e-3):
         scene.warn("Camera: its lens is round, without blades and not stretched.")
-    # As Cycles has it: the focal length in metres by twice the number.
+    # As in Cycles: radius = focal length in metres / (2 f-number).
     radius = float(data.lens) * 1e-3 / (2 * max(float(dof.aperture_fstop), 1e-5))
     return Lens(radius, _focus(camera), near)
 
@@ -53,7 +53,7 @@ def shot_of_camera(
     size: tuple[int, int],
     border: tuple[int, int, int, int] | None = None,
 ) -> Shot:
-    """Returns the Shot that shows what the camera sees. Raises ValueError."""
+    """Returns the Shot that shows the camera's picture. Raises ValueError if its lens is not supported."""
     if camera.data.type == PANORAMA:
         kind = getattr(camera.data, "panorama_type", None) or getattr(getattr(camera.data, "cycles", None), "panorama_type", "")
         if kind != "EQUIRECTANGULAR":
@@ -72,9 +72,10 @@ def with_keys(
     size: tuple[int, int],
     border: tuple[int, int, int, int] | None = None,
 ) -> bool:
-    """Writes the camera and its positions while the shutter is open into the scene; returns whether it moves.
+    """Adds the camera, with keys while the shutter is open, to the exported scene; returns True if it moves.
 
-    over: seconds of the file's clock, place, projection and lens at each key. size, border: as for the shot. Raises ValueError.
+    over: for each key the time in seconds, transform, projection and lens. size, border: as for `shot_of`. Raises ValueError if
+    the lens is not supported.
     """
     views = [(time, shot_of(place, projection, size, lens, border).view) for time, place, projection, lens in over]
     names = {name: value for view in (shot.view, *(view for _, view in views)) for name, value in view.items()}

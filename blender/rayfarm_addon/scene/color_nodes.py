@@ -1,4 +1,4 @@
-"""Blender's colour and number operations (intern/cycles/kernel/svm), over whole arrays."""
+"""Blender's colour and number operations (intern/cycles/kernel/svm), applied to whole arrays."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _of_hsv(make: Callable[[F32, F32], tuple[Any, Any, Any]], by_hue: bool) -> C
     return blend
 
 
-# By the share of the second, the first and the second.
+# Blend functions of (share of the second, first, second).
 BLENDS: dict[str, Callable[..., Any]] = {
     "MIX": _lerp,
     "ADD": lambda t, a, b: a + t * b,

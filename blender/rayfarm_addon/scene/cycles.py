@@ -1,8 +1,8 @@
-"""Warnings about Cycles settings that Rayfarm does not support, panel by panel, for the add-on and for .blend files.
+"""Warns about Cycles settings that Rayfarm does not support, for the add-on and for .blend files.
 
-Settings without effect on the picture (devices, threads, BVH, path guiding, sample distribution) are in no table, nor are
-supported ones: size, border, frame rate, shutter and its position, bounces of each kind, subdivision, overrides,
-indirect-only objects.
+The tables follow Blender's panels. They contain neither settings without effect on the picture (devices, threads, BVH, path
+guiding, sample distribution) nor supported ones (size, border, frame rate, shutter and its position, bounces of each kind,
+subdivision, overrides, indirect-only objects).
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 __all__ = ["Flags", "depths_of", "takes_time", "warn_of_material", "warn_of_passes", "warn_of_settings", "warn_of_volumes"]
 
 Warn = Callable[[str], None]
-ENGINES = ("CYCLES", "RAYFARM")  # for others Cycles' settings mean nothing
-FEW = 4  # bounces, as Cycles has them unless told: more than these add little
+ENGINES = ("CYCLES", "RAYFARM")  # other engines ignore Cycles' settings
+FEW = 4  # Cycles' default number of bounces: further ones add little light
 MOST_DEPTH = 1024
 USUAL_CLAMP = 10.0
 USUAL_WIDTH = 1.5
@@ -23,7 +23,7 @@ MOST_NAMES = 5
 
 
 class _CheckedSetting(NamedTuple):
-    """A setting that differs from the farm's if `differs` says so. {} in the sentence stands for its value."""
+    """A setting that needs a warning if `differs` of its value is True. {} in the sentence is replaced by the value."""
 
     owner: str
     name: str
@@ -89,32 +89,33 @@ SIMPLIFIED = (
     _CheckedSetting("cycles", "use_distance_cull", bool, "Objects that are far away are not left out (Distance Culling)"),
 )
 
-# Of objects: a flag, its value that is not followed, and what is done.
+# Flags of objects: name, the unsupported value, and the end of the warning.
 OF_MOVING = (
     ("use_motion_blur", False, "is blurred as it moves, though not in Blender"),
     ("use_deform_motion", False, "is blurred as it bends, though not in Blender"),
 )
 DICED = ("use_adaptive_subdivision", True, "is subdivided as its modifier says, not as the camera sees it")
 
-# Passes that the farm has; Combined is the picture.
+# Supported passes; Combined is the picture.
 PASSES = ("combined", "z", "position", "normal", "object_index", "material_index", "grease_pencil")
 
 
 def takes_time(scene: Any, layer: Any) -> bool:
-    """Returns True if the shutter is open for more than an instant."""
+    """Returns True if the shutter is open for longer than an instant, so that there is motion blur."""
     return bool(scene.render.use_motion_blur and getattr(layer, "use_motion_blur", True))
 
 
 def _is_curved(shutter: Any) -> bool:
-    """Returns True if the shutter lets less light through while it opens or closes."""
+    """Returns True if the shutter transmits less light while it opens or closes."""
     return any(point.location[1] < 1 - NEAR for curve in shutter.curves[:1] for point in curve.points)
 
 
 def depths_of(scene: Any) -> dict[str, int]:
-    """Returns the settings of a request by which bounces of each kind and transparent surfaces are limited as in Cycles.
+    """Returns the request settings that limit bounces by kind, and transparent surfaces, as Cycles does.
 
-    Cycles lights what a path meets after so many bounces, so a path ends at the surface after that. Limits that the total number
-    of bounces makes superfluous are left out; smooth transmissions are not in that total.
+    After n bounces Cycles still computes the direct light at the next surface, so a limit of n bounces is a depth of n + 1.
+    Limits that are not below the limit of all bounces are omitted, except for transmissions, since smooth ones are not part of
+    the total.
     """
     cycles = getattr(scene, "cycles", None) if scene.render.engine in ENGINES else None
     if cycles is None:
@@ -128,9 +129,9 @@ def depths_of(scene: Any) -> dict[str, int]:
 
 
 def warn_of_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filter: bool) -> None:
-    """Warns about a scene's settings.
+    """Warns about a scene's unsupported settings.
 
-    is_clamped, has_filter: whether the clamping of indirect light and the pixel filter are set for Rayfarm.
+    is_clamped, has_filter: whether the user has set Rayfarm's own clamping of indirect light and pixel filter.
     """
     render = scene.render
     cycles = getattr(scene, "cycles", None) if render.engine in ENGINES else None
@@ -155,7 +156,7 @@ def warn_of_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_f
 
 
 def warn_of_volumes(scene: Any, warn: Warn) -> None:
-    """Warns about the volume settings of a scene with scattering volumes."""
+    """Warns about the unsupported volume settings of a scene with scattering volumes."""
     most = getattr(getattr(scene, "cycles", None), "volume_bounces", FEW)
     if scene.render.engine in ENGINES and most < FEW:
         times = f"{most + 1} times" if most else "once"
@@ -163,10 +164,7 @@ def warn_of_volumes(scene: Any, warn: Warn) -> None:
 
 
 class Flags:
-    """Collects unsupported object flags.
-
-    Objects are inspected one by one, since they may be gone when the warnings are given.
-    """
+    """Collects the unsupported flags of objects during the export, since the objects may no longer exist when it ends."""
 
     def __init__(self, scene: Any, layer: Any) -> None:
         self._asked = OF_MOVING if takes_time(scene, layer) else ()
@@ -175,14 +173,14 @@ class Flags:
         self._names: dict[str, dict[str, None]] = {}
 
     def look_at(self, thing: Any) -> None:
-        """Inspects an object, of the dependency graph or not; it may be passed repeatedly."""
+        """Records the flags of an object, which may be passed repeatedly. It need not be from the dependency graph."""
         own = getattr(thing, "cycles", None) if self._asked else None
         for name, value, words in self._asked if own is not None else ():
             if getattr(own, name, not value) == value:
                 self._names.setdefault(words, {})[thing.name] = None
 
     def tell(self, warn: Warn) -> None:
-        """Gives a warning for each kind of flag found."""
+        """Calls `warn` once for each kind of recorded flag, with the names of the objects."""
         for words, names in self._names.items():
             more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
             warn(f"{', '.join(list(names)[:MOST_NAMES])}{more}: {words}")
@@ -206,7 +204,7 @@ def _is_transparent(material: Any) -> bool:
 
 
 def warn_of_passes(layer: Any, warn: Warn) -> None:
-    """Warns about the passes of a view layer that are not supported."""
+    """Warns about the render passes of a view layer that are not supported."""
     told = [
         each.name
         for owner in (layer, getattr(layer, "cycles", None))

@@ -1,4 +1,4 @@
-"""Warnings about surfaces that differ from Cycles, for the add-on's materials and for those of .blend files."""
+"""Warns about surfaces that differ from Cycles, for the add-on's materials and for those of .blend files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .nodes import Source, constant_value
 
 __all__ = ["NUMBERS", "has_film", "warn_of_pictures", "warn_of_shader", "warn_of_surface"]
 
-# Inputs that are numbers here, whatever feeds them in Blender.
+# Inputs that are exported as constants even if nodes are connected to them.
 NUMBERS = {
     "IOR": "index of refraction",
     "Specular IOR Level": "specular level",
@@ -28,7 +28,7 @@ WITHIN = {
 }
 PALE = 0.9
 NEAR = 0.01
-FILMS_ON_METALS = (5, 0)  # since when Cycles puts thin films on metals
+FILMS_ON_METALS = (5, 0)  # first Blender version in which Cycles supports thin films on metals
 OTHER_FACETS = {"BECKMANN": "Beckmann's", "ASHIKHMIN_SHIRLEY": "Ashikhmin and Shirley's"}
 
 SPACES = ("sRGB", "Non-Color", "Linear Rec.709", "Raw")
@@ -37,7 +37,7 @@ Warn = Callable[[str], None]
 
 
 def warn_of_surface(look: Any, warn: Warn) -> None:
-    """Warns about differences of a principled surface, or of one expressed as such."""
+    """Warns about differences from Cycles of a principled surface, or of a shader expressed as one."""
 
     def number(name: str, default: float) -> float:
         found = constant_value(look.input(name))
@@ -65,7 +65,7 @@ def warn_of_surface(look: Any, warn: Warn) -> None:
 
 
 def warn_of_shader(source: Source, warn: Warn) -> None:
-    """Warns about differences of a shader that is replaced by a principled surface."""
+    """Warns about differences from Cycles of a shader that is replaced by a principled surface."""
     facets = OTHER_FACETS.get(getattr(source.node, "distribution", ""))
     rough = constant_value(source.input("Roughness"))
     if source.node.type == "BSDF_SHEEN":
@@ -80,7 +80,7 @@ def warn_of_shader(source: Source, warn: Warn) -> None:
 
 
 def warn_of_pictures(tree: Any, warn: Warn) -> None:
-    """Warns about differences of the images in a material's nodes."""
+    """Warns about differences from Cycles of the images in a material's nodes."""
     for node in tree.nodes:
         image = node.image if node.type == "TEX_IMAGE" else None
         if image is None or not any(entry.is_linked for entry in node.outputs):
@@ -92,7 +92,7 @@ def warn_of_pictures(tree: Any, warn: Warn) -> None:
 
 
 def has_film(look: Any) -> bool:
-    """Returns True if its thin film is visible: before Blender 5, not on a metal."""
+    """Returns True if the surface has a visible thin film. Before Blender 5, films on metals are invisible."""
     if constant_value(look.input("Metallic")) != 1.0:
         return True
     try:

@@ -1,4 +1,4 @@
-"""Material displacement exported as bump mapping, which is the default in Cycles as well."""
+"""Exports material displacement as bump mapping, which is also the default in Cycles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ __all__ = ["Heights", "displaced"]
 
 
 class Heights:
-    """A Displacement node that is treated as a Bump node. scale: of the object, in whose units heights are given."""
+    """A Displacement node with the interface of a Bump node.
+
+    scale: the object's scale, by which heights are multiplied, unless the node's space is the world's.
+    """
 
     def __init__(self, source: Source, scale: float) -> None:
         self._source = source
@@ -20,7 +23,7 @@ class Heights:
         self.node = SimpleNamespace(invert=False, type="BUMP")
 
     def input(self, *names: str) -> Any:
-        """Returns the input that a Bump node would have under that name."""
+        """Returns the value for the first of these input names of a Bump node."""
         if names[0] == "Strength":
             return ConstantValue(1.0)
         if names[0] == "Distance":
@@ -29,9 +32,9 @@ class Heights:
 
 
 def displaced(material: Any, tree: Any, scale: float, warn: Callable[[str], None]) -> Heights | None:
-    """Returns the heights that displace a bpy.types.Material.
+    """Returns the displacement of a bpy.types.Material as a bump source.
 
-    None without displacement, or with a warning if it is unsupported.
+    None if it has none; None, with a warning, if it is not supported. scale: the object's.
     """
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None or not output.inputs["Displacement"].is_linked:

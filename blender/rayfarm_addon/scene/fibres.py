@@ -1,4 +1,4 @@
-"""The colour of hair from the absorption of its fibres, for the surface that replaces hair.
+"""Computes the colour of hair from the absorption of its fibres, for the surface that replaces hair.
 
 Source: Chiang et al., "A practical and controllable hair and fur model for production path tracing", 2016, eq. 9; pigments as
 in intern/cycles/kernel/closure/bsdf_principled_hair_chiang.h.
@@ -18,7 +18,7 @@ LEAST = 1e-4
 
 
 def hair_color(source: Source) -> Any:
-    """Returns the socket of a Principled Hair BSDF's colour, or a substitute for one."""
+    """Returns the colour of a Principled Hair BSDF: its Color input, or a constant computed from its absorption or pigments."""
     kind = getattr(source.node, "parametrization", "COLOR")
     beta = constant_value(source.input("Radial Roughness"))
     beta = beta if isinstance(beta, float) else 0.3

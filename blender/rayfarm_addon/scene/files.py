@@ -13,12 +13,12 @@ from .model import Scene
 __all__ = ["MAIN", "NAME", "Files", "Hashes", "digest_of", "scene_files"]
 
 MAIN = "scene.yaml"
-NAME = "blender"  # of the shape that all meshes are below
+NAME = "blender"  # name of the scene file's shape that contains all meshes
 FPS = 24
 Files = dict[str, bytes | Path]
 Hashes = dict[str, str]
 
-_hashes: dict[tuple[str, int, int], str] = {}  # of files on the disk, by size and time
+_hashes: dict[tuple[str, int, int], str] = {}  # (path, size, time) of a file -> digest
 
 
 def scene_files(scene: Scene) -> Files:
@@ -32,7 +32,7 @@ def scene_files(scene: Scene) -> Files:
     shapes += scene.lamps
     if not shapes:
         raise ValueError("There is nothing to render: no mesh is shown.")
-    # The light from all around is the request's, but for a sky; black keeps a scene without lamps from being lit as in a studio.
+    # The request contains the environment, except for a sky; black prevents studio lighting in a scene without lamps.
     world = scene.world
     environment = {"color": 0} if world.sky is None else {"sky": world.sky, "strength": world.strength}
     said: dict[str, Any] = {"fps": FPS, "environment": environment, "shapes": shapes}
@@ -45,7 +45,7 @@ def scene_files(scene: Scene) -> Files:
 
 
 def digest_of(content: bytes | Path) -> str:
-    """Returns the SHA-256 digest of bytes or of a file; cached for a file that has not changed."""
+    """Returns the SHA-256 digest of bytes or of a file. The digest of a file is cached until its size or time changes."""
     if isinstance(content, bytes):
         return hashlib.sha256(content).hexdigest()
     known = content.stat()

@@ -1,6 +1,7 @@
-"""Exports Blender's dependency graph to a scene: evaluated meshes, each once, and their instances.
+"""Exports Blender's dependency graph to a Scene: evaluated meshes, each once, and their instances.
 
-It is a generator that yields between meshes, so that a viewport's main thread can run it for a few milliseconds at a time.
+The export is a generator that yields between meshes: a viewport can run it in Blender's main thread for a few milliseconds at a
+time.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ LEFT_OUT = {
     "SPEAKER": None,
     "LIGHT": None,
 }
-# Which rays meet a thing, as Blender tells them apart; and how it is said of those that are not told apart here.
+# Blender's flags for the kinds of rays that hit an object, with the names of unsupported kinds in warnings.
 RAYS = {
     "camera": "",
     "shadow": "",
@@ -45,12 +46,15 @@ RAYS = {
     "glossy": "in reflections",
     "transmission": "through glass",
 }
-FILTER = "blackman-harris"  # unless another is set
+FILTER = "blackman-harris"  # default
 ExportedMeshes = dict[str, tuple[Mesh, Corners] | None]
 
 
 class _Density:
-    """The length of a mesh's surface per unit of a UV set, across and up; None without that set."""
+    """A function uv_set -> length of a mesh's surface per UV unit, across and up, in world units.
+
+    None if the set does not exist.
+    """
 
     def __init__(self, mesh: Mesh, place: F64) -> None:
         self._mesh = mesh
@@ -66,17 +70,17 @@ class _SceneExport:
         layer = graph.view_layer
         self.scene, self.known, self._changed, self._layer = scene, known, changed, layer
         self.flags = Flags(graph.scene, layer)
-        self._override = getattr(layer, "material_override", None)  # what the view layer shows in the place of all materials
-        self._keys: dict[int, str] = {}  # by where the mesh lies in memory
+        self._override = getattr(layer, "material_override", None)  # replaces all materials of the view layer
+        self._keys: dict[int, str] = {}  # by the mesh's address in memory
         self._taken: dict[str, int] = {}
         self._names: dict[str, int] = {}
         self.made: set[str] = set()
-        self.places: dict[Any, Node] = {}  # by what tells an instance at another moment
+        self.places: dict[Any, Node] = {}  # by the identity of an instance at all times
         self.primary: set[str] = set()
         self.surfaces = Surfaces(scene, self.primary)
 
     def instance(self, found: Any) -> bool:
-        """Adds an instance; returns whether that took time."""
+        """Exports an instance of the dependency graph; returns True if a mesh was converted, which takes time."""
         thing = found.object
         if not found.show_self:
             return False
@@ -114,7 +118,7 @@ class _SceneExport:
         return made
 
     def _rays(self, found: Any, thing: Any) -> dict[str, bool]:
-        """Returns for each kind of ray whether it can hit the object, considering the object and its instancer."""
+        """Returns kind of ray -> whether such rays hit the object, by its own flags and those of its instancer."""
         owners = [thing] if not found.is_instance or found.parent is None else [thing, found.parent]
         seen = {kind: all(getattr(each, f"visible_{kind}", True) for each in owners) for kind in RAYS}
         layer = self._layer
@@ -132,7 +136,7 @@ class _SceneExport:
         return seen
 
     def _plain(self) -> str:
-        """Returns the key of the grey default material."""
+        """Returns the key of the grey material for objects without one."""
         key = "\0none"
         if key not in self.scene.materials:
             from .model import Material
@@ -179,7 +183,7 @@ class _SceneExport:
             self.primary.update(layer.name for layer in source.uv_layers if layer.active_render)
 
     def _color_of(self, thing: Any, density: _Density) -> str | None:
-        """Returns the colour attribute used by the first material that has one."""
+        """Returns the name of the colour attribute used by the first of the object's materials that uses one; else None."""
         for slot in thing.material_slots:
             material = self._override or slot.material
             if material is not None:
@@ -189,7 +193,7 @@ class _SceneExport:
         return None
 
     def _unique(self, name: str) -> str:
-        """Returns a unique object name, since the farm identifies objects by name."""
+        """Returns `name` made unique among the exported objects, since the farm identifies objects by name."""
         count = self._names[name] = self._names.get(name, 0) + 1
         return name if count == 1 else f"{name} ({count})"
 
@@ -200,10 +204,10 @@ def export_scene(
     changed: Callable[[Any, Any], bool] = lambda thing, data: True,
     bake: Bake | None = None,
 ) -> Iterator[_SceneExport]:
-    """Exports the scene step by step; yields the unfinished state, and at the end the complete one.
+    """Exports the scene step by step: yields the unfinished export, and finally the complete one.
 
-    known: earlier meshes by key; unchanged ones are reused. changed: whether an object's mesh (given the object and its data) has
-    changed. bake: as for `read_world`.
+    known: meshes of earlier exports by key; unchanged ones are reused. changed: returns whether an object's mesh has changed,
+    given the object and its data. bake: as for `read_world`.
     """
     scene = Scene()
     found = _SceneExport(scene, known, changed, depsgraph)
@@ -225,7 +229,10 @@ def export_scene(
 
 
 def extends_beyond_clip_end(scene: Scene, eye: F64, forward: F64, end: float) -> bool:
-    """Returns True if a visible object extends beyond the camera's clip end, which is not exported. In Blender's axes."""
+    """Returns True if a visible object extends beyond the camera's clip end, which is not exported.
+
+    eye, forward: of the camera, in Blender's axes. end: distance of the clip end.
+    """
     seen = [node for node in scene.nodes if not node.unseen]
     if not seen:
         return False
@@ -238,9 +245,9 @@ def extends_beyond_clip_end(scene: Scene, eye: F64, forward: F64, end: float) ->
 
 
 def over_the_shutter(found: _SceneExport, keys: Sequence[tuple[float, Callable[[], Any]]]) -> None:
-    """Adds the positions of all exported objects while the shutter is open.
+    """Adds transforms and vertices at the shutter's keys to all exported objects.
 
-    keys: seconds of the file's clock, and a function that moves Blender there and returns its dependency graph.
+    keys: for each key the time in seconds and a function that sets Blender to that time and returns its dependency graph.
     """
     scene = found.scene
     scene.times = tuple(time for time, _ in keys)

@@ -1,4 +1,4 @@
-"""Exports meshes, materials and placements as a glTF file with separate array files, so that changes are uploaded in small parts.
+"""Exports meshes, materials and transforms as a glTF file with separate array files, so that changes need small uploads only.
 
 A mesh above LARGE has a file of its own; smaller ones are distributed over a few shared files by their names.
 """
@@ -22,7 +22,7 @@ __all__ = ["FILE", "gltf_files", "object_names"]
 FILE = "geometry.gltf"
 LARGE = 1 << 17
 PACKS = 32
-MANY = 8  # places of one mesh, from which on they are told in an array
+MANY = 8  # from so many instances of a mesh on, their transforms are stored in an array
 FLOAT, UINT = 5126, 5125
 WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648}
 INSTANCING = "EXT_mesh_gpu_instancing"
@@ -30,17 +30,21 @@ RAYS = "RAYFARM_node_rays"
 
 
 def gltf_files(scene: Scene) -> dict[str, bytes]:
-    """Returns the files by name, without the images they refer to."""
+    """Returns file name -> content of the glTF export, without its images."""
     return _Writer(scene).files()
 
 
 def object_names(scene: Scene) -> list[Node]:
-    """Returns the nodes in the order in which the farm numbers them."""
+    """Returns the scene's nodes in the order in which the farm numbers its objects."""
     return [node for group in _groups(scene) for node in group]
 
 
 def _groups(scene: Scene) -> list[list[Node]]:
-    """Returns groups of nodes that are exported together: static instances of one mesh; every other node by itself."""
+    """Returns groups of nodes to be exported as one glTF node with instances.
+
+    Static instances that are equal except for their transform form a group if they are many; every other node is a group of its
+    own.
+    """
     alike: dict[Any, list[Node]] = defaultdict(list)
     for node in scene.nodes:
         if not node.places and not scene.meshes[node.mesh].shapes:
@@ -185,7 +189,7 @@ class _Writer:
         return found, targets
 
     def _textured(self, said: Any) -> Any:
-        """Returns the JSON with texture numbers in place of image uses."""
+        """Returns a material's JSON with each TextureUse replaced by a glTF texture reference."""
         if isinstance(said, TextureUse):
             return self._texture(said)
         if isinstance(said, list):
@@ -222,7 +226,7 @@ class _Writer:
         return len(self._root[name]) - 1
 
     def _array(self, key: str, array: npt.NDArray[Any], mesh: Mesh | None = None) -> int:
-        """Adds an accessor for an array to the file for this key; returns its number."""
+        """Appends an array to the buffer file of `key`; returns the number of its accessor."""
         is_index = array.dtype == np.uint32
         values = np.ascontiguousarray(array, np.uint32 if is_index else np.float32)
         width = values.shape[1] if values.ndim > 1 else 1
@@ -239,7 +243,10 @@ class _Writer:
 
 
 def _turns(count: int) -> npt.NDArray[np.float64]:
-    """Returns the morph target weights, (keys, targets): 1 for a key's own target; the middle key is the mesh itself."""
+    """Returns the morph target weights at each key, (keys, keys - 1).
+
+    Each key but the middle one has a target, with weight 1 at that key and 0 at all others; the middle key is the mesh itself.
+    """
     return np.delete(np.eye(count), count // 2, axis=1)
 
 

@@ -1,4 +1,4 @@
-"""Blender's pass indices from the farm's object and material numbers."""
+"""Converts the farm's object and material numbers to Blender's pass indices."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ THROUGH = "KHR_materials_transmission"
 
 @dataclass(frozen=True)
 class Ids:
-    """Pass indices by the farm's numbers.
+    """Tables of pass indices by the farm's object and material numbers; 0 for unknown ones.
 
-    0 for unknown ones. only: an object's material index, if it has a single material.
+    only: by object number, the material index of objects that have a single material.
     """
 
     objects: F32
@@ -29,20 +29,21 @@ class Ids:
     only: F32
 
     def object(self, numbers: I64) -> F32:
-        """Returns the pass indices of the farm's object numbers."""
+        """Returns the pass indices of objects, given the farm's object numbers."""
         return _looked_up(self.objects, numbers)
 
     def material(self, numbers: I64, objects: I64) -> F32:
-        """Returns the pass indices of the farm's material numbers, with the objects that these are on."""
+        """Returns the pass indices of materials, given the farm's numbers of materials and of the objects at the same pixels."""
         known = numbers < len(self.materials)
         return np.where(known, _looked_up(self.materials, numbers), _looked_up(self.only, objects)).astype(np.float32)
 
 
 def ids_of(scene: Scene) -> Ids:
-    """Returns the Ids of a scene, by the farm's numbering.
+    """Returns the Ids of a scene.
 
-    Objects are numbered from 1: meshes, then lamps. Materials: those of lamps, then those of the scene, then copies for objects
-    that some rays ignore, in order of appearance, and for glass without an interior, whose numbers are known to the farm only.
+    The farm numbers objects from 1: meshes, then lamps. It numbers materials in this order: those of lamps; those of the scene;
+    copies for objects that some rays ignore, in order of appearance; copies for glass without an interior, whose numbers only the
+    farm can determine.
     """
     nodes = object_names(scene)
     numbers = {key: material.number for key, material in scene.materials.items()}

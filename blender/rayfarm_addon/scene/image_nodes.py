@@ -1,7 +1,7 @@
-"""Evaluates nodes on images, such as ramps, curves, mixes and sums, texel by texel, as Blender's nodes do.
+"""Evaluates nodes on images, such as ramps, curves, mixes and sums, texel by texel, as Blender does.
 
 The nodes between a surface and its images are evaluated once, in linear light, and exported as one image with the same mapping as
-its inputs. Nodes of images with different mappings, or that depend on the position, are not evaluated.
+its inputs. Nodes that combine images with different mappings, or that depend on the position, are not supported.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from .nodes import Blend, Product, SocketInGroups, Source, SquareRoot, constant_
 __all__ = ["Bump", "Painted", "Painter"]
 
 F32 = npt.NDArray[np.float32]
-STEPS = 4096  # of a ramp or a curve
+STEPS = 4096  # samples of a ramp or a curve
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 MOST_NODES = 200
-PLAIN = (0.0, 0.0), 0.0, (1.0, 1.0)  # how a texture lies that nothing moves
+PLAIN = (0.0, 0.0), 0.0, (1.0, 1.0)  # offset, rotation and scale of an untransformed texture
 
 
 class Bump(NamedTuple):
-    """A Bump node's parameters: its strength, and the distance for a height of 1."""
+    """Parameters of a Bump node. strength: 0 to 1; distance: the displacement for a height of 1."""
 
     strength: float
     distance: float
 
 
 class Painted:
-    """An image made by nodes, in place of a bpy.types.Image. pixels: (h, w, 4) linear, rows from the top."""
+    """An image computed from nodes, which replaces a bpy.types.Image. pixels: (h, w, 4) linear, rows from the top."""
 
     is_float, is_dirty, source = True, False, "PAINTED"
 
@@ -51,7 +51,10 @@ class Painted:
 
 @dataclass
 class _Plane:
-    """An evaluated value: (..., 3) or (..., 1), with (h, w) in front for texels. use: their mapping; None for constants."""
+    """An evaluated socket. values: constant (3,) or (1,), or texels (h, w, 3) or (h, w, 1).
+
+    use: their mapping; None for constants.
+    """
 
     values: F32
     use: TextureUse | None = None
@@ -62,14 +65,20 @@ class _UnknownError(Exception):
 
 
 class Painter:
-    """Evaluates the nodes of one material. use_of: the mapping of a node's image or pattern; None if not by UVs."""
+    """Evaluates the nodes of one material.
+
+    use_of: returns the mapping of an image or pattern node; None if it is not mapped by UVs.
+    """
 
     def __init__(self, name: str, use_of: Callable[[Source], TextureUse | None]) -> None:
         self._name, self._use_of = name, use_of
         self._left = MOST_NODES
 
     def paint(self, at: Any, what: str) -> tuple[Painted, TextureUse] | list[float] | None:
-        """Returns the image behind a socket and its mapping, or its constant value; None if it cannot be evaluated."""
+        """Evaluates a socket: returns an image and its mapping, or a constant colour; None if a node is not supported.
+
+        what: the last part of the image's name.
+        """
         self._left = MOST_NODES
         try:
             found = self._plane(at)
@@ -83,9 +92,9 @@ class Painter:
         return Painted(f"{self._name} {what}", texels), found.use
 
     def bumps(self, at: Any, bump: Bump, length: Callable[[Any], tuple[float, float] | None]) -> tuple[Painted, Any] | None:
-        """Returns the normal map of the height behind a socket; None if that is no image.
+        """Returns the normal map for a socket that gives heights, and its mapping; None if it is not an image or not supported.
 
-        length: the surface's length across and up an image, by its mapping, in the unit of the height; None if unknown.
+        length: returns the surface's length across and up an image for its mapping, in the unit of the heights; None if unknown.
         """
         self._left = MOST_NODES
         try:
@@ -145,14 +154,17 @@ class Painter:
         return make(source)
 
     def _number(self, at: SocketInGroups | None) -> _Plane:
-        """Returns the value behind a socket as a number; a colour is converted to its luminance, as in Blender."""
+        """Evaluates a socket as a number; a colour is converted to its luminance, as in Blender."""
         found = self._plane(at)
         if found.values.shape[-1] == 3:
             found = _Plane(found.values @ LUMINANCE[:, None], found.use)
         return found
 
     def _with(self, make: Callable[..., Any], *planes: _Plane) -> _Plane:
-        """Combines planes of equal mapping, each resampled to the largest size."""
+        """Returns `make` of the planes' values, each resampled to the largest size.
+
+        Raises _UnknownError if their mappings differ.
+        """
         uses = [plane.use for plane in planes if plane.use is not None]
         if any(use != uses[0] for use in uses):
             raise _UnknownError
@@ -306,12 +318,12 @@ class Painter:
         return self._with(make, *(self._number(source.at(i)) for i in range(3)))
 
     def _checker(self, source: Source) -> _Plane:
-        """Returns a checker pattern in the UV plane, z = 0: one pair of squares, repeated by the scale."""
+        """Evaluates a Checker Texture in the UV plane (z = 0): an image of 2 x 2 squares, repeated according to the scale."""
         use = self._use_of(source)
         scale = constant_value(source.input("Scale"))
         if use is None or not scale or isinstance(scale, list) or (use.offset, use.rotation, use.scale) != PLAIN:
             raise _UnknownError
-        # Two squares along each side are one texture, laid scale / 2 times; v is downwards in files.
+        # A texture of 2 x 2 squares is repeated scale / 2 times; v points downwards in glTF.
         lies = TextureUse("", use.uv_set, ("repeat", "repeat"), True, (0.0, -0.5 * scale % 1.0), 0.0, (scale / 2, scale / 2))
         first, second = self._plane(source.input("Color1")), self._plane(source.input("Color2"))
         if first.use is not None or second.use is not None:
@@ -324,7 +336,10 @@ class Painter:
 
 
 def _slopes(height: F32, size: tuple[float, float], bump: Bump) -> F32:
-    """Returns unit normals, (h, w, 3), in tangent space, whose second axis points up the image."""
+    """Returns the unit normals (h, w, 3) of a height map in tangent space, whose second axis points up the image.
+
+    size: length of the surface across and up the image.
+    """
     rows, columns = height.shape
     across = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) / 2 * (columns / size[0])
     up = (np.roll(height, 1, 0) - np.roll(height, -1, 0)) / 2 * (rows / size[1])
@@ -340,7 +355,7 @@ def _step(x: F32) -> npt.NDArray[np.int64]:
 
 
 def _scaled(values: F32, size: tuple[int, int]) -> F32:
-    """Resamples to another size with nearest texels."""
+    """Returns the values resampled to another size by nearest neighbours."""
     if values.shape[:2] == size:
         return values
     rows, columns = (np.arange(n) * values.shape[i] // n for i, n in enumerate(size))

@@ -1,4 +1,4 @@
-"""Exports Blender's images as files: unchanged where the farm reads the format, else written anew."""
+"""Exports Blender's images as files: unchanged if the farm reads their format, else converted."""
 
 from __future__ import annotations
 
@@ -22,10 +22,9 @@ Pixels = F32
 
 
 def register(scene: Scene, image: Any, as_color: bool) -> str | None:
-    """Returns the name of an image's file in the scene; None, with a warning, if it has no pixels.
+    """Adds an image to the scene and returns its file name; None, with a warning, if it has no pixels.
 
-    as_color: whether its values are colours, stored in sRGB; else they are data, stored unchanged. Images painted from nodes are
-    also accepted.
+    image: a bpy.types.Image or a Painted. as_color: True: the values are colours, stored in sRGB; False: data, stored unchanged.
     """
     if image.source == "PAINTED":
         return add_pixels(scene, image.name, image.texels, encoding_of(image, as_color))
@@ -46,7 +45,10 @@ def register(scene: Scene, image: Any, as_color: bool) -> str | None:
 
 
 def add_pixels(scene: Scene, name: str, found: Pixels, encoding: str = "") -> str:
-    """Adds an 8-bit PNG of an (h, w, 4) picture, rows from the top. encoding: conversion to or from sRGB before that."""
+    """Adds a picture (h, w, 4), rows from the top, as an 8-bit PNG; returns its file name.
+
+    encoding: conversion before that, as in `encoded`.
+    """
     if encoding:
         found = found.copy()
         found[..., :3] = encoded(found[..., :3], encoding)
@@ -54,7 +56,7 @@ def add_pixels(scene: Scene, name: str, found: Pixels, encoding: str = "") -> st
 
 
 def encoded(values: F32, encoding: str) -> F32:
-    """Returns values converted to or from sRGB, clamped to 0 ... 1; unchanged without an encoding."""
+    """Returns the values converted to sRGB ("to") or from sRGB ("from"), clamped to 0 ... 1; unchanged if encoding is ""."""
     if not encoding:
         return values
     cut = np.clip(values, 0, 1)
@@ -72,7 +74,7 @@ def from_srgb(encoded: F32) -> F32:
 
 
 def encoding_of(image: Any, as_color: bool) -> str:
-    """Returns the conversion that an image needs: to sRGB, from sRGB or none."""
+    """Returns the conversion of an image's pixels for `encoded`: "to", "from" or ""."""
     if image.is_float:  # pixels are linear
         return "to" if as_color else ""
     if _is_srgb(image) == as_color:
@@ -94,7 +96,10 @@ def _content(image: Any) -> bytes | Path | None:
 
 
 def pixels(image: Any) -> Pixels | None:
-    """Returns an image's pixels, (h, w, 4) float32 in Blender's values, rows from the top."""
+    """Returns an image's pixels, (h, w, 4) float32, in the encoding that Blender stores, rows from the top.
+
+    None if it has none.
+    """
     if image.source == "PAINTED":
         return image.texels
     width, height = image.size
@@ -119,9 +124,9 @@ def _keep(scene: Scene, name: str, suffix: str, content: bytes | Path) -> str:
 
 
 def png(values: npt.NDArray[np.uint8]) -> bytes:
-    """Returns the PNG file of an (h, w, 3 or 4) uint8 array."""
+    """Encodes an (h, w, 3 or 4) uint8 array as a PNG file."""
     height, width, channels = values.shape
-    rows = np.zeros((height, 1 + width * channels), np.uint8)  # each begins with its filter: none
+    rows = np.zeros((height, 1 + width * channels), np.uint8)  # the first byte of each row is its filter: 0, none
     rows[:, 1:] = values.reshape(height, -1)
     head = struct.pack(">IIBBBBB", width, height, 8, {3: 2, 4: 6}[channels], 0, 0, 0)
     parts = [(b"IHDR", head), (b"IDAT", zlib.compress(rows.tobytes(), 3)), (b"IEND", b"")]
@@ -130,7 +135,7 @@ def png(values: npt.NDArray[np.uint8]) -> bytes:
 
 
 def lights_with(image: Any) -> Image | None:
-    """Returns a world image as an environment file; None if it has no pixels."""
+    """Returns a world's image as an environment file; None if it has no pixels."""
     if image.source == "FILE" and not image.is_dirty and image.file_format in ("HDR", "OPEN_EXR"):
         suffix = ".hdr" if image.file_format == "HDR" else ".exr"
         path = Path(image.filepath_from_user())

@@ -1,9 +1,9 @@
 """Exports Blender's lamps as lights and shapes of a scene file.
 
-Blender gives power in watts: a point light of power P has the radiant intensity P / 4 pi, a surface of area A the radiance P / pi
-A. A sun's strength is its irradiance. Lamps with a size are visible in reflections, and to the camera unless hidden from it, and
-cast no shadows, as in Cycles; spots are invisible. A point or spot with "soft falloff" is a disk that faces the lit point, else a
-sphere.
+Blender gives power in watts: a point light of power P has the radiant intensity P / (4 pi), a surface of area A the radiance
+P / (pi A). A sun's strength is its irradiance. As in Cycles, lamps with a size are visible in reflections, and to the camera
+unless hidden from it, and cast no shadows; spots are invisible. A point or spot lamp with "soft falloff" is a disk that faces
+the lit point, else a sphere.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from .nodes import constant_value, output_of, source_of
 __all__ = ["add_light", "bounce_limit", "constant_emission_factor", "is_linked_to_lights", "is_stretched"]
 
 F64 = npt.NDArray[np.float64]
-LEAST = 1e-6  # of a size
+LEAST = 1e-6  # smaller sizes are treated as 0
 NEAR = 1e-3
-WIDE = 0.1  # a ball, whose cone has no one edge
+WIDE = 0.1  # radius from which on a spot has no sharp cone edge
 ALL_BOUNCES = 64
 
 
 def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
-    """Adds an object of type LIGHT at a placement."""
+    """Exports a lamp, an object of type LIGHT. place: its transform."""
     light = thing.data
     strength = _strength(scene, light, name)
     if max(strength) <= 0:
@@ -63,7 +63,7 @@ def _strength(scene: Scene, light: Any, name: str) -> list[float]:
 
 
 def is_linked_to_lights(thing: Any) -> bool:
-    """Returns True if an object has light or shadow linking."""
+    """Returns True if an object uses light linking or shadow linking."""
     linking = getattr(thing, "light_linking", None)
     return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))
 
@@ -81,12 +81,15 @@ def bounce_limit(light: Any) -> int | None:
 
 
 def is_of_a_square_metre(light: Any) -> bool:
-    """Returns True if the lamp's power is per square metre of its area ("Normalize" is off)."""
+    """Returns True if the lamp's power is given per square metre of its area ("Normalize" is off)."""
     return not getattr(light, "normalize", True)
 
 
 def sun_area(light: Any) -> float:
-    """Returns the factor from a sun's strength to its irradiance: pi sin^2 of its half angle if not normalised, else 1."""
+    """Returns the factor from a sun's strength to its irradiance.
+
+    1 if normalised, else pi sin^2(a) with its half angle a.
+    """
     half = min(float(light.angle), math.pi) / 2
     return math.pi * math.sin(half) ** 2 if is_of_a_square_metre(light) and half > LEAST else 1.0
 
@@ -114,7 +117,7 @@ def _warn_of_differences(scene: Scene, thing: Any, name: str, place: F64) -> Non
 
 
 def constant_emission_factor(tree: Any) -> list[float] | None:
-    """Returns the factor by which an Emission node multiplies a lamp's light, if all of its inputs are constant."""
+    """Returns the factor by which an Emission node multiplies a lamp's light, (3,); None if it is not constant."""
     source = output_of(tree)
     if source is None or source.node.type != "EMISSION":
         return None
@@ -123,7 +126,7 @@ def constant_emission_factor(tree: Any) -> list[float] | None:
     if falls is not None and falls.node.type == "LIGHT_FALLOFF":
         if falls.output.name != "Quadratic" or constant_value(falls.input("Smooth")) != 0.0:
             return None
-        strength = falls.input("Strength")  # it falls by the square in any case
+        strength = falls.input("Strength")  # the falloff is quadratic in any case
     made = [Painter("lamp", lambda _: None).paint(at, "light") for at in (source.input("Color"), strength)]
     if not all(isinstance(each, list) for each in made):
         return None
@@ -132,7 +135,7 @@ def constant_emission_factor(tree: Any) -> list[float] | None:
 
 
 def size_factor(radius: float) -> float:
-    """Returns the factor from a point or spot light's strength per square metre to its total strength."""
+    """Returns the factor from a point or spot lamp's strength per square metre to its total strength: the area of its sphere."""
     return 4 * math.pi * radius**2
 
 
@@ -162,7 +165,7 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
 
 
 def _shining(thing: Any, radiance: list[float]) -> dict[str, Any]:
-    """Returns the emissive material of a lamp."""
+    """Returns the emissive material of a lamp with a surface."""
     said = {"color": 0, "emission": radiance, "lamp": True}
     return said if getattr(thing, "visible_camera", True) else {**said, "unseen": True}
 
@@ -170,7 +173,7 @@ def _shining(thing: Any, radiance: list[float]) -> dict[str, Any]:
 def _add_area(scene: Scene, thing: Any, name: str, place: F64, strength: list[float]) -> None:
     light = thing.data
     if getattr(getattr(light, "cycles", None), "is_portal", False):
-        return  # guides Cycles' samples, and is no light
+        return  # a portal, which guides Cycles' sampling and emits nothing
     if getattr(light, "spread", math.pi) < math.pi - 1e-3:
         scene.warn(f"Lamp {name}: its spread is left out; it shines to all sides before it.")
     width = float(light.size)

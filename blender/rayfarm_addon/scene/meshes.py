@@ -1,4 +1,4 @@
-"""Converts Blender's meshes to plain arrays with block copies: a million triangles in well under a second."""
+"""Converts Blender's meshes to plain arrays by block copies: a million triangles in well under a second."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ __all__ = ["Corners", "extract", "hair", "shape", "spans", "stretched"]
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
 MOST_MEASURED = 20_000  # triangles
-LEAST_COVERED = 1e-15  # of UVs, by a triangle whose coordinates say something
+LEAST_COVERED = 1e-15  # least UV area of a triangle that is measured
 TRIANGLE = 12  # bytes
 
 
 class Corners(NamedTuple):
-    """The split of a mesh into vertices, so that its shape at another time is split alike."""
+    """Records how a mesh was split into vertices, so that its shape at another time is split in the same way."""
 
     counts: tuple[int, int, int]  # vertices, corners, triangles
-    vertex: I32  # of each vertex that was made
+    vertex: I32  # of each new vertex, the old one
     corner: I32
     domain: str  # of the normals
 
 
 def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = False) -> tuple[Mesh, Corners] | None:
-    """Converts a bpy.types.Mesh; None if it has no faces. color: the attribute that multiplies the base colour.
+    """Converts a bpy.types.Mesh; returns None if it has no faces.
 
-    all_uvs: exports all UV sets in the mesh's order, instead of two with the active one first.
+    color: the attribute that multiplies the base colour. all_uvs: exports all UV sets in the mesh's order, instead of two with
+    the active one first.
     """
     source.calc_loop_triangles()
     count = len(source.loop_triangles)
@@ -55,7 +56,7 @@ def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = Fal
 
 
 def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
-    """Converts a bpy.types.Curves to tubes; None if it has no points, or too many."""
+    """Converts a bpy.types.Curves to tubes; returns None if it has no points, or too many."""
     count = len(source.points)
     if not 0 < count <= MOST_POINTS:
         return None
@@ -68,7 +69,10 @@ def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
 
 
 def shape(source: Any, corners: Corners) -> tuple[F32, F32 | None] | None:
-    """Returns positions and normals of a mesh that was split before; None if its topology has changed."""
+    """Returns positions and normals of a mesh at another time, split as recorded in `corners`.
+
+    None if its topology has changed.
+    """
     source.calc_loop_triangles()
     if (len(source.vertices), len(source.loops), len(source.loop_triangles)) != corners.counts:
         return None
@@ -76,7 +80,7 @@ def shape(source: Any, corners: Corners) -> tuple[F32, F32 | None] | None:
 
 
 def stretched(mesh: Mesh, uv_set: int) -> tuple[float, float] | None:
-    """Returns the mean length of the surface per unit of its UVs, across and up; None without UVs."""
+    """Returns the mean length of the mesh's surface per UV unit, across and up; None if the UV set does not exist."""
     if uv_set >= len(mesh.uvs):
         return None
     corners = np.concatenate([part for _, part in mesh.parts]).reshape(-1, 3)[:MOST_MEASURED]
@@ -84,7 +88,10 @@ def stretched(mesh: Mesh, uv_set: int) -> tuple[float, float] | None:
 
 
 def spans(at: npt.NDArray[np.float64], uv: npt.NDArray[np.float64]) -> tuple[float, float] | None:
-    """Returns the mean length per UV unit, across and up, of triangles (T, 3, 3) with UVs (T, 3, 2), weighted by area."""
+    """Returns the mean length of triangles per UV unit, across and up, weighted by area; None if undefined.
+
+    at: corners (T, 3, 3). uv: (T, 3, 2).
+    """
     p, q = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     covered = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
@@ -105,7 +112,7 @@ def _taken(collection: Any, name: str, count: int, kind: Any) -> npt.NDArray[Any
 
 
 def _positions(source: Any) -> F32:
-    """Returns the vertex positions, copied as a block from Blender's array."""
+    """Returns the vertex positions, (V, 3), copied as a block from Blender's array."""
     own = source.attributes.get("position")
     if own is None:
         return _taken(source.vertices, "co", 3 * len(source.vertices), np.float32).reshape(-1, 3)
@@ -113,7 +120,7 @@ def _positions(source: Any) -> F32:
 
 
 def _corners(triangles: Any) -> I32:
-    """Returns the corners of triangles, copied as a block if the memory layout allows it.
+    """Returns the corner indices of all triangles, copied as a block if Blender's memory layout allows it.
 
     Blender's own function takes a tenth of a second for a million triangles.
     """
@@ -130,7 +137,7 @@ def _corners(triangles: Any) -> I32:
 
 
 def _vertex_of(source: Any) -> I32:
-    """Returns the vertex of each corner, copied as a block from Blender's array."""
+    """Returns the vertex index of each corner, copied as a block from Blender's array."""
     own = source.attributes.get(".corner_vert")
     if own is None:
         return _taken(source.loops, "vertex_index", len(source.loops), np.int32)
@@ -138,7 +145,7 @@ def _vertex_of(source: Any) -> I32:
 
 
 def _domain(source: Any) -> str:
-    """Returns the domain of the normals: FACE if all faces are flat, POINT if all are smooth, else that of corners."""
+    """Returns the domain of the normals: FACE if all faces are flat, POINT if all are smooth, else CORNER."""
     if not hasattr(source, "normals_domain"):  # before Blender 4.1
         source.calc_normals_split()
         return "CORNER"
@@ -161,7 +168,7 @@ def _normals(source: Any, domain: str, vertex: I32, corner: I32) -> F32 | None:
 
 
 def _uv_layers(source: Any) -> list[Any]:
-    """Returns the UV layer active for rendering, then the first other one."""
+    """Returns up to two UV layers: the one active for rendering, then the first other one."""
     layers = list(source.uv_layers)
     layers.sort(key=lambda layer: not layer.active_render)
     return layers[:2]
@@ -177,7 +184,7 @@ def _uv(layer: Any, count: int) -> F32:
 
 
 def _colors(source: Any, name: str, count: int) -> tuple[F32 | None, bool]:
-    """Returns the colour attribute, (N, 4) linear, and whether it is per corner."""
+    """Returns the colour attribute, (N, 4) linear or None, and whether it is per corner."""
     known = source.color_attributes
     if name:
         found = known.get(name)
@@ -192,9 +199,10 @@ def _colors(source: Any, name: str, count: int) -> tuple[F32 | None, bool]:
 
 
 def _split(vertex_of: I32, vertices: int, told: list[F32]) -> tuple[I32, I32, I32]:
-    """Splits vertices as glTF needs: one for each vertex, and one more for each corner whose attributes differ.
+    """Splits vertices for glTF, which has no attributes per corner: adds a vertex for each corner whose attributes differ.
 
-    Returns for each new vertex its old vertex and its corner, and for each corner its new vertex.
+    told: the corners' attributes, (C, n) each. Returns for each new vertex its old vertex and its corner, and for each corner its
+    new vertex.
     """
     corners = np.arange(len(vertex_of), dtype=np.int32)
     first = np.zeros(vertices, np.int32)
@@ -215,14 +223,14 @@ def _split(vertex_of: I32, vertices: int, told: list[F32]) -> tuple[I32, I32, I3
 
 
 def _columns(values: F32) -> list[npt.NDArray[Any]]:
-    """Returns the bits of rows as columns of integers for comparison, two numbers at a time."""
+    """Returns the bits of the rows as columns of integers, to compare rows; two numbers per integer if the width is even."""
     if values.shape[1] % 2:
         return [np.ascontiguousarray(column) for column in values.view(np.uint32).T]
     return [np.ascontiguousarray(column) for column in np.ascontiguousarray(values).view(np.uint64).T]
 
 
 def _parts(source: Any, corners: npt.NDArray[np.uint32], count: int) -> list[tuple[int, npt.NDArray[np.uint32]]]:
-    """Returns the triangles grouped by material slot."""
+    """Returns (material slot, corners of its triangles) for each slot that has triangles."""
     if len(source.materials) < 2:
         return [(0, corners)]
     slots = _taken(source.loop_triangles, "material_index", count, np.int32)

@@ -1,4 +1,4 @@
-"""The exported scene, in Blender's axes and units, as plain arrays. Independent of Blender."""
+"""The exported scene as plain arrays, in Blender's axes and units. Independent of Blender."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ TO_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
 def to_y_up(vector: Any) -> list[float]:
-    """Converts a point or direction from Blender's axes to the farm's, with Y up."""
+    """Converts a point or direction from Blender's axes (Z up) to the farm's (Y up)."""
     x, y, z = (float(c) for c in vector)
     return [x, z, -y]
 
 
 @dataclass
 class Mesh:
-    """Triangles, with one part for each material slot.
+    """A triangle mesh, with one part for each material slot.
 
-    shapes: positions and normals at the shutter's keys, for deforming meshes.
+    shapes: positions and normals at the shutter's keys; empty if it does not deform.
     """
 
     key: str
@@ -42,9 +42,10 @@ class Mesh:
 
 @dataclass
 class Node:
-    """An instance of a mesh. materials: keys by slot. places: at the shutter's keys, if it moves. number: its pass index.
+    """An instance of a mesh.
 
-    unseen: by the camera. shadeless: does not block the light of lamps.
+    materials: material keys by slot. place: its transform; places: the transforms at the shutter's keys, if it moves. number: its
+    pass index. unseen: invisible to the camera. shadeless: does not block the light of lamps.
     """
 
     name: str
@@ -67,7 +68,7 @@ class Image:
 
 @dataclass(frozen=True)
 class TextureUse:
-    """The use of an image on a surface, in glTF's terms."""
+    """The use of an image on a surface, with the properties that glTF has for it."""
 
     image: str
     uv_set: int = 0
@@ -81,7 +82,7 @@ class TextureUse:
 
 @dataclass
 class Material:
-    """The glTF JSON of a material, with a TextureUse in place of each texture object."""
+    """A material as glTF JSON, with a TextureUse in place of each texture object."""
 
     name: str
     gltf: dict[str, Any] = field(default_factory=dict)
@@ -92,38 +93,39 @@ class Material:
 class World:
     """The environment light.
 
-    Part of the request, so that changing it needs no new scene. rotation: degrees about the farm's up axis.
+    It is sent with the request, not in the scene, so that changing it needs no new scene. rotation: degrees about the farm's up
+    axis.
     """
 
     color: list[float] | None = None
     image: Image | None = None
-    sky: dict[str, Any] | None = None  # as a scene file has it, whose it is: no request says as much
+    sky: dict[str, Any] | None = None  # in the form of the scene file, which contains it: requests cannot specify as much
     strength: float = 1.0
     rotation: float = 0.0
-    medium: dict[str, Any] | None = None  # what fills it, as a scene file has it
+    medium: dict[str, Any] | None = None  # the medium that fills the world, in the form of the scene file
 
 
 @dataclass
 class Scene:
-    """A frame's scene without the view. times: of the shutter's keys, in seconds of the file's clock."""
+    """The exported scene of one frame, without the view. times: of the shutter's keys, in seconds of the exported file."""
 
     meshes: dict[str, Mesh] = field(default_factory=dict)
     nodes: list[Node] = field(default_factory=list)
     materials: dict[str, Material] = field(default_factory=dict)
     images: dict[str, Image] = field(default_factory=dict)
-    lights: list[dict[str, Any]] = field(default_factory=list)  # as a scene file has them
-    lamps: list[dict[str, Any]] = field(default_factory=list)  # shapes that shine, as a scene file has them
+    lights: list[dict[str, Any]] = field(default_factory=list)  # in the form of the scene file
+    lamps: list[dict[str, Any]] = field(default_factory=list)  # emitting shapes, likewise
     lamp_materials: dict[str, dict[str, Any]] = field(default_factory=dict)
     world: World = field(default_factory=World)
-    cameras: list[dict[str, Any]] = field(default_factory=list)  # with keys, where the camera moves while the shutter is open
+    cameras: list[dict[str, Any]] = field(default_factory=list)  # with keys if the camera moves while the shutter is open
     times: tuple[float, ...] = ()
     warnings: list[str] = field(default_factory=list)
 
     def tell(self, what: str) -> None:
-        """Adds a warning, given without its full stop; see `warn`."""
+        """Adds the warning `what` followed by a full stop."""
         self.warn(f"{what}.")
 
     def warn(self, sentence: str) -> None:
-        """Adds a warning about a difference from Blender, once."""
+        """Adds a warning about a difference from Blender, unless it is already present."""
         if sentence not in self.warnings:
             self.warnings.append(sentence)

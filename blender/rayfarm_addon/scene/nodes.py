@@ -1,4 +1,4 @@
-"""Finds the source of a node socket's value through reroutes, groups and muted nodes."""
+"""Finds the source of a node socket's value, through reroutes, groups and muted nodes."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ DEEPEST = 64
 
 
 class SocketInGroups(NamedTuple):
-    """A socket with the groups that enclose it."""
+    """A socket, and the groups that enclose it."""
 
     socket: Any
     groups: tuple[Any, ...] = ()
 
     def input(self, node: Any, *names: str) -> SocketInGroups | None:
-        """Returns an input of a node at the same depth, by the first of these names that it has."""
+        """Returns the input of a node in the same groups with the first of these names that it has; None if it has none."""
         for name in names:
             found = node.inputs.get(name)
             if found is not None:
@@ -38,29 +38,29 @@ class SocketInGroups(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A node, and which of its outputs is used."""
+    """A node, the output of it that is used, and the groups that enclose it."""
 
     node: Any
     output: Any
     groups: tuple[Any, ...]
 
     def input(self, *names: str) -> SocketInGroups | None:
-        """Returns the input with the first of these names that the node has."""
+        """Returns the node's input with the first of these names that it has; None if it has none."""
         return SocketInGroups(self.output, self.groups).input(self.node, *names)
 
     def at(self, number: int) -> SocketInGroups:
-        """Returns an input by its number."""
+        """Returns the node's input with this number."""
         return SocketInGroups(self.node.inputs[number], self.groups)
 
 
 class ConstantValue(NamedTuple):
-    """A constant, a number or a list of three, in place of a socket."""
+    """A constant in place of a socket: a number or a list of three."""
 
     value: Any
 
 
 class Blend(NamedTuple):
-    """The mix of two sockets by a share of the second, in place of a socket."""
+    """A mix of two sockets in place of a socket. share: weight of the second."""
 
     share: Any
     first: Any
@@ -68,7 +68,7 @@ class Blend(NamedTuple):
 
 
 class Product(NamedTuple):
-    """The product of a socket and the number of another, in place of a socket."""
+    """The product of the values of two sockets, in place of a socket."""
 
     first: Any
     second: Any
@@ -116,7 +116,7 @@ def source_of(at: Any) -> tuple[Source | None, SocketInGroups | None]:
 
 
 def output_of(tree: Any) -> Source | None:
-    """Returns the source of the surface output of a material's or the world's nodes."""
+    """Returns the source of the surface output of a material's or a world's node tree."""
     for engine in ("CYCLES", "ALL", "EEVEE"):
         output = tree.get_output_node(engine)
         if output is not None:
@@ -125,7 +125,7 @@ def output_of(tree: Any) -> Source | None:
 
 
 def constant_value(at: Any) -> Any:
-    """Returns the number, or list of three, of a socket that only depends on constants; else None."""
+    """Returns the value of a socket, a number or a list of three, if it depends on constants only; else None."""
     if isinstance(at, ConstantValue):
         return at.value
     if isinstance(at, Blend):

@@ -1,4 +1,4 @@
-"""The images of one material: unchanged, or repacked where glTF needs several in one."""
+"""The images of one material: exported unchanged, or repacked where glTF needs several in one."""
 
 from __future__ import annotations
 
@@ -16,24 +16,27 @@ __all__ = ["Pictures"]
 
 
 class Pictures:
-    """The images of one material. as_color, in all methods: whether the values are colours, or data."""
+    """Exports the images of one material. as_color, in all methods: whether the values are colours; else they are data."""
 
     def __init__(self, scene: Scene, name: str) -> None:
         self._scene, self._name = scene, name
 
     def name(self, value: Value, as_color: bool) -> str | None:
-        """Returns the name of a value's image file."""
+        """Returns the name of the image file of a value, or None."""
         return images.register(self._scene, value.image, as_color)
 
     def used(self, value: Value, as_color: bool) -> Any:
-        """Returns the use of an image with all channels; None if it has no pixels."""
+        """Returns the texture use of a value's image with all its channels; None if it has no pixels."""
         if value.inverted:
             return self.packed([(value, 0), (value, 1), (value, 2)], value, as_color)
         name = self.name(value, as_color)
         return None if name is None or value.use is None else replace(value.use, image=name)
 
     def packed(self, wanted: list[tuple[Value | None, int]], told: Value, as_color: bool) -> TextureUse | None:
-        """Returns the use of a new image with one channel from each value. told: the value whose mapping is used."""
+        """Returns the texture use of a new image that has one channel from each value; None if there are no pixels.
+
+        wanted: (value, channel). told: the value whose mapping is used.
+        """
         planes: dict[int, np.ndarray] = {}
         names = []
         for value, channel in wanted:

@@ -12,9 +12,9 @@ SHEAR = 1e-5
 
 
 def decompose(matrices: F64) -> tuple[F64, F64, F64, npt.NDArray[np.bool_]]:
-    """Returns the translations (N, 3), rotations (N, 4) as x, y, z, w, scales (N, 3) of (N, 4, 4), and which have no shear.
+    """Decomposes matrices (N, 4, 4) into translations (N, 3), rotations (N, 4) as x, y, z, w, and scales (N, 3).
 
-    A mirroring matrix has a negative first scale.
+    Also returns which of them have no shear. A mirroring matrix has a negative first scale.
     """
     linear = matrices[:, :3, :3]
     scales = np.linalg.norm(linear, axis=1)
@@ -26,7 +26,7 @@ def decompose(matrices: F64) -> tuple[F64, F64, F64, npt.NDArray[np.bool_]]:
 
 
 def _quaternions(r: F64) -> F64:
-    """Returns quaternions x, y, z, w, computed from the greatest component (Shepperd 1978).
+    """Returns rotation matrices as quaternions x, y, z, w, computed from the greatest component (Shepperd 1978).
 
     This avoids dividing by the root of a small number.
     """
@@ -48,7 +48,7 @@ def _quaternions(r: F64) -> F64:
 
 
 def followed(rotations: F64) -> F64:
-    """Returns the rotations with signs chosen so that interpolation between successive ones takes the shorter way."""
+    """Returns quaternions with signs for which interpolation between successive ones takes the shorter arc."""
     found = rotations.copy()
     for i in range(1, len(found)):
         if found[i] @ found[i - 1] < 0:

@@ -1,8 +1,8 @@
-"""Expresses Blender's shaders, and mixes of two, as inputs of one principled BSDF.
+"""Expresses Blender's shaders, and mixes of two, as inputs of one Principled BSDF.
 
-A mix by a constant or an image is a surface with mixed inputs; a mix of something glossy by Fresnel's law is a reflection on the
-other surface. Mixes that cannot be expressed exactly (such as of a metal and a dielectric of different colours) are approximated,
-with a warning.
+A mix with a constant or image factor becomes a surface with mixed inputs; a mix of a glossy shader by Fresnel's law becomes a
+reflection on the other surface. Mixes that cannot be expressed exactly (such as of a metal and a dielectric of different
+colours) are approximated, with a warning.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ __all__ = ["PrincipledLook", "brushed", "input_for_camera_rays", "principled_loo
 BLACK, WHITE = ConstantValue([0.0] * 3), ConstantValue([1.0] * 3)
 SHARE = 0.5
 CLEAR = 0.999
-WAY = 1.15  # through a coat, of its thickness: on average over what leaves a matt surface, where the coat refracts as 1.5
-MOST_POLISHED = 0.95  # of a mix, beyond which it is a metal
-# Of a principled BSDF, what a shader without the input would have there.
+WAY = 1.15  # mean path length through a coat, relative to its thickness, of light from a matt surface, for an IOR of 1.5
+MOST_POLISHED = 0.95  # weight of the metal in a mix from which on the mix is a metal
+# Inputs of a Principled BSDF that other shaders lack, with the values equivalent to their absence.
 DEFAULTS: dict[str, ConstantValue] = {
     "Base Color": ConstantValue([0.8] * 3),
     "Metallic": ConstantValue(0.0),
@@ -45,30 +45,30 @@ DEFAULTS: dict[str, ConstantValue] = {
     "Anisotropic Rotation": ConstantValue(0.0),
     "Subsurface Weight": ConstantValue(0.0),
 }
-LINKED = ("Normal", "Coat Normal", "Tangent")  # of which there is one or the other, and nothing between
+LINKED = ("Normal", "Coat Normal", "Tangent")  # inputs that are not interpolated: one of the two is used
 OF_GLOSS = ("Roughness", "IOR", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation")
 
 
 class PrincipledLook:
-    """A shader as principled BSDF inputs.
+    """A shader expressed by inputs of a Principled BSDF.
 
-    inputs: by input name. beneath: the source of other inputs. is_matt: whether it only reflects diffusely.
+    inputs: by input name. beneath: returns inputs that are not in `inputs`. is_matt: whether it only reflects diffusely.
     """
 
-    is_clear = False  # whether there is nothing but what lies behind
+    is_clear = False  # whether the surface is completely transparent
 
     def __init__(self, inputs: Mapping[str, Any], beneath: Callable[..., Any] | None = None, is_matt: bool = False) -> None:
         self._inputs, self._beneath, self.is_matt = inputs, beneath, is_matt
 
     def input(self, *names: str) -> Any:
-        """Returns the first of these inputs that it has; None if it has none."""
+        """Returns the input with the first of these names that the look has; None if it has none."""
         for name in names:
             if name in self._inputs:
                 return self._inputs[name]
         return self._beneath(*names) if self._beneath is not None else None
 
     def over(self, inputs: Mapping[str, Any], is_matt: bool = False) -> PrincipledLook:
-        """Returns a copy with inputs replaced."""
+        """Returns a copy of the look in which these inputs are replaced."""
         return PrincipledLook(inputs, self.input, is_matt)
 
 
@@ -80,10 +80,10 @@ class _Clear(PrincipledLook):
 
 
 def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dict[str, float]]:
-    """Returns glTF's roughness and anisotropy parameters.
+    """Returns glTF's roughness, and its anisotropy parameters.
 
-    Cycles stretches the lobe both ways about the roughness, glTF along the tangent alone. strength: at most 1 for the principled
-    BSDF; values up to 1 / 0.9 come from other shaders.
+    Cycles stretches the lobe in both directions relative to the roughness, glTF along the tangent only. strength: at most 1 for
+    the Principled BSDF; values up to 1 / 0.9 come from other shaders. turns: the rotation, in full turns.
     """
     aspect = math.sqrt(max(1 - 0.9 * strength, 1e-4))
     along, across = min(roughness**2 / aspect, 1.0), roughness**2 * aspect
@@ -92,7 +92,7 @@ def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dic
 
 
 def under_coat(look: PrincipledLook) -> list[float] | None:
-    """Returns the approximate transmission of a tinted coat for the layers beneath; None if it is clear."""
+    """Returns the approximate factor of a tinted coat for the colours beneath it; None if it is colourless."""
     weight, tint = constant_value(look.input("Coat Weight")), constant_value(look.input("Coat Tint"))
     if not isinstance(weight, float) or not isinstance(tint, list) or weight <= 0 or min(tint) > CLEAR:
         return None
@@ -101,9 +101,9 @@ def under_coat(look: PrincipledLook) -> list[float] | None:
 
 
 def _of_glossy(anisotropy: Any, rotation: Any) -> dict[str, Any]:
-    """Returns the principled BSDF's anisotropy and rotation for those of a Glossy BSDF.
+    """Converts the anisotropy and rotation of a Glossy BSDF to those of a Principled BSDF.
 
-    The latter's lobe is narrow along the tangent, by 1 - anisotropy.
+    The lobe of a Glossy BSDF is narrower along the tangent, by a factor of 1 - anisotropy.
     """
     strength, turns = constant_value(anisotropy), constant_value(rotation)
     if not strength or not isinstance(turns, float):
@@ -114,7 +114,10 @@ def _of_glossy(anisotropy: Any, rotation: Any) -> dict[str, Any]:
 
 
 def input_for_camera_rays(at: SocketInGroups) -> int | None:
-    """Returns which of a Mix Shader's inputs, 0 or 1, camera rays see, if it depends on the kind of ray; else None."""
+    """Returns which input of a Mix Shader, 0 or 1, camera rays use, if its factor depends on the kind of ray; else None.
+
+    at: the socket of the factor.
+    """
     by, _ = source_of(at)
     if by is None or by.node.type != "LIGHT_PATH":
         return None
@@ -122,9 +125,9 @@ def input_for_camera_rays(at: SocketInGroups) -> int | None:
 
 
 def principled_look(source: Source | None, warn: Callable[[str], None]) -> PrincipledLook | None:
-    """Returns the Look of a shader.
+    """Returns a shader expressed as a PrincipledLook; None if it is unknown or not a surface shader.
 
-    None if it is unknown or no surface shader. warn: called for each difference from Blender.
+    warn: called for each difference from Blender.
     """
     found = _look_of(source, warn)
     if found is not None:
@@ -182,14 +185,14 @@ def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | Non
 
 
 def _is_skin(method: str) -> dict[str, Any]:
-    """Returns how the subsurface radius is interpreted."""
+    """Returns the input that tells whether the subsurface radius is interpreted as for skin."""
     return {"Subsurface Skin": ConstantValue(float(method == "RANDOM_WALK_SKIN"))}
 
 
 def _transmitted_color(at: Callable[..., Any]) -> dict[str, Any]:
     """Returns the base colour of a transmissive shader.
 
-    Cycles applies its square root at each of two surfaces, glTF all of it once.
+    Cycles applies the square root of the colour at each of two surfaces, glTF the full colour once.
     """
     weight, color = constant_value(at("Transmission Weight", "Transmission")), at("Base Color")
     is_clear = isinstance(weight, float) and weight >= 1 and color is not None
@@ -197,7 +200,7 @@ def _transmitted_color(at: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _pane(color: Any) -> PrincipledLook:
-    """Returns the Look of a coloured pane without refraction."""
+    """Returns the look of a coloured pane without refraction."""
     said = {
         "Base Color": color,
         "Transmission Weight": ConstantValue(1.0),
@@ -208,7 +211,7 @@ def _pane(color: Any) -> PrincipledLook:
 
 
 def _of_metal(ior: Any, extinction: Any, color: Any) -> Any:
-    """Returns a conductor's reflectance at normal incidence."""
+    """Returns a conductor's reflectance at normal incidence, or `color` if its ior and extinction are not constant."""
     n, k = constant_value(ior), constant_value(extinction)
     if not isinstance(n, list) or not isinstance(k, list):
         return color
@@ -244,8 +247,9 @@ def _mixed(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None
 
 
 def _polished(share: Any, first: PrincipledLook, second: PrincipledLook) -> PrincipledLook | None:
-    """Returns the mix of a diffuse shader and a metal by a constant: the former under a coat of equal reflectance at normal
-    incidence.
+    """Expresses a mix of a diffuse shader and a metal as the diffuse shader under a coat; None if it is no such mix.
+
+    share: the constant weight of the second. The coat's reflectance at normal incidence equals the metal's weight.
     """
     matt, metal, part = (first, second, share) if first.is_matt else (second, first, None if share is None else 1 - share)
     is_metal = constant_value(metal.input("Metallic")) == 1.0 and not metal.is_matt
@@ -261,7 +265,10 @@ def _polished(share: Any, first: PrincipledLook, second: PrincipledLook) -> Prin
 
 
 def _reflecting(by: Source, beneath: PrincipledLook, gloss: PrincipledLook, warn: Callable[[str], None]) -> PrincipledLook:
-    """Returns a reflection by Fresnel's law on another look."""
+    """Expresses a mix of two looks by Fresnel's law as a reflection with the roughness of `gloss` on the look `beneath`.
+
+    by: the node that computes the factor.
+    """
     ior = constant_value(by.input("IOR")) if by.node.type == "FRESNEL" else None
     if by.node.type == "LAYER_WEIGHT":
         blend = constant_value(by.input("Blend"))
@@ -276,7 +283,7 @@ def _reflecting(by: Source, beneath: PrincipledLook, gloss: PrincipledLook, warn
 
 
 def _added(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
-    """Returns the look of an Add Shader: emission is added; of several surfaces, one is used."""
+    """Returns the look of an Add Shader. Emission is added; of several surfaces, one is used."""
     parts = [look for look in (_look_of(source_of(source.at(i))[0], warn) for i in (0, 1)) if look is not None]
     shining = [each for each in parts if _is_black(each) and constant_value(each.input("Emission Strength")) != 0.0]
     others = [each for each in parts if each not in shining]
@@ -306,7 +313,7 @@ def _is_black(look: PrincipledLook) -> bool:
 
 
 class _Mix(PrincipledLook):
-    """The mix of two looks; share: weight of the second."""
+    """The mix of two looks. share: weight of the second."""
 
     def __init__(
         self, share: SocketInGroups | ConstantValue, first: PrincipledLook, second: PrincipledLook, warn: Callable[[str], None]
@@ -342,7 +349,7 @@ class _Mix(PrincipledLook):
                 return b
             if _is_dark(self._second):
                 return a
-        if names[0] == "Translucent Color":  # where there is none, it means nothing
+        if names[0] == "Translucent Color":  # without translucency, its colour has no effect
             none = [constant_value(each.input("Translucent Weight")) in (None, 0.0) for each in (self._first, self._second)]
             if none[0] != none[1]:
                 return b if none[0] else a
@@ -350,7 +357,7 @@ class _Mix(PrincipledLook):
             none = [constant_value(each.input("Subsurface Weight")) in (None, 0.0) for each in (self._first, self._second)]
             if none[0] != none[1]:
                 return b if none[0] else a
-        if names[0] == "Base Color":  # of light that is let through, the weight is the share
+        if names[0] == "Base Color":  # for transmitted light, its weight is used
             through = [constant_value(each.input("Translucent Weight")) == 1.0 for each in (self._first, self._second)]
             if through[0] != through[1]:
                 return b if through[0] else a

@@ -1,7 +1,7 @@
-"""Renders a world with Cycles as a panorama, with the sun disk of its sky measured as a separate light.
+"""Renders a world with Cycles as a panorama; the sun disk of its sky is measured as a separate light.
 
-A sun of half a degree covers two texels of the panorama: so that is rendered without it, and the disk with a long lens.
-Run as a script in a separate Blender process, this bakes the world of a .blend file:
+A sun of half a degree covers only two texels of the panorama. So the panorama is rendered without the disk, and the disk with a
+long lens. Run as a script in a separate Blender process, this bakes the world of a .blend file:
 
     python skies.py WORLD.blend FOLDER WIDTH
 """
@@ -18,20 +18,19 @@ __all__ = ["PICTURE", "TOLD", "photographed"]
 
 PICTURE, TOLD = "world.exr", "sun.json"
 SAMPLES = 4
-LENS_PIXELS, LENS_ROOM = 48, 1.2  # through the lens: the disk's picture, and how much wider than the disk that is
-FORWARD = (1.5707963267948966, 0.0, 0.0)  # a camera's turn to Blender's +Y
+LENS_PIXELS, LENS_ROOM = 48, 1.2  # side of the disk's picture in pixels; its width relative to the disk
+FORWARD = (1.5707963267948966, 0.0, 0.0)  # Euler angles of a camera that looks along Blender's +Y
 LEAST = 1e-9
 
 
 def photographed(bpy: Any, world: Any, folder: Path, width: int) -> dict[str, Any] | None:
-    """Writes PICTURE, a panorama with Blender's +Y in the middle, into a folder.
+    """Renders a panorama with Blender's +Y in the middle to the file PICTURE in the folder.
 
-    Returns the sun's disk that was left out, or None.
-
-    The disk is given by the direction towards it and its irradiance, in Blender's axes, and its angular size in radians.
+    Returns the omitted sun disk, or None. The sun: direction towards it and irradiance, in Blender's axes, and its angular size
+    in radians.
     """
     for output in [node for node in world.node_tree.nodes if node.type == "OUTPUT_WORLD"]:
-        for link in list(output.inputs["Volume"].links):  # what fills the world would hide it
+        for link in list(output.inputs["Volume"].links):  # a medium would hide the world
             world.node_tree.links.remove(link)
     sky = _sky_with_a_sun(world)
     studio = _Studio(bpy, world)
@@ -103,7 +102,7 @@ class _Studio:
         cycles.shading_system = False  # no scripts of Open Shading Language
 
     def take(self, path: Path, width: int, height: int, turn: Any, angle: float | None) -> None:
-        """Renders the world to a file. angle: the lens's field of view in radians; None for a panorama."""
+        """Renders the world to a file. turn: the camera's rotation. angle: field of view in radians; None for a panorama."""
         data, render = self._data, self._scene.render
         data.type = "PANO" if angle is None else "PERSP"
         if angle is not None:

@@ -1,4 +1,4 @@
-"""Exports subsurface scattering and interior media as material extensions that the farm reads."""
+"""Exports subsurface scattering and media inside objects as material extensions that the farm reads."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["MEDIUM", "SUBSURFACE", "filled", "has_volumes", "scatters", "subsurf
 Warn = Callable[[str], None]
 # Read by renderer/scene/readers/gltf/scattering.py.
 MEDIUM, SUBSURFACE = "RAYFARM_materials_medium", "RAYFARM_materials_subsurface"
-MOST_ANISOTROPY = 0.9  # as Cycles has it
+MOST_ANISOTROPY = 0.9  # Cycles' limit
 LEAST, CLEAR = 1e-3, 0.999
 
 
 def subsurface(look: Any) -> dict[str, Any] | None:
-    """Returns the extension of a surface with subsurface scattering; None for others.
+    """Returns the glTF extension of a surface with subsurface scattering; None for other surfaces.
 
-    Cycles interprets a radius as 4 pi mean free paths, or for skin as the diffusion length in a medium of its colour: both for
-    isotropic scattering, of which a medium with anisotropy g needs 1 / (1 - g) times as much. Source:
+    Cycles interprets a radius as 4 pi mean free paths, or for skin as the diffusion length in a medium of the surface's colour.
+    Both assume isotropic scattering; with anisotropy g, scattering must be 1 / (1 - g) times as dense. Source:
     intern/cycles/kernel/closure/bssrdf.h and kernel/integrator/subsurface_random_walk.h.
     """
     weight = _number(look, "Subsurface Weight", 0.0)
@@ -41,9 +41,9 @@ def subsurface(look: Any) -> dict[str, Any] | None:
 
 
 def albedo_of(color: float, ior: float) -> float:
-    """Returns the reduced single-scattering albedo of a half space with that colour beneath a boundary: Jensen et al. 2001, eq.
+    """Returns the reduced single-scattering albedo of a medium whose half space has this colour beneath its boundary.
 
-    15.
+    Source: Jensen et al. 2001, eq. 15.
     """
     inner = -1.440 / ior**2 + 0.710 / ior + 0.668 + 0.0636 * ior
     low, high = 0.0, 1.0
@@ -58,9 +58,9 @@ def albedo_of(color: float, ior: float) -> float:
 
 
 def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
-    """Returns the extension of a material with a volume; None without one.
+    """Returns the glTF extension of a material with a volume; None if it has none.
 
-    lets_in: whether the surface, if there is any, transmits light.
+    lets_in: whether the surface transmits light. Without that the volume is not exported, unless there is no surface.
     """
     source = volume_of(tree)
     if source is None:
@@ -81,12 +81,12 @@ def has_volumes(scene: Scene) -> bool:
 
 
 def scatters(extensions: dict[str, Any]) -> bool:
-    """Returns True if a material's interior scatters light."""
+    """Returns True if the interior of a material with these glTF extensions scatters light."""
     return max(extensions.get(MEDIUM, {}).get("sigmaS", [0.0])) > 0
 
 
 def world_medium(tree: Any, warn: Warn) -> dict[str, Any] | None:
-    """Returns the world's medium for the scene file; None if it is clear."""
+    """Returns the medium that fills the world, in the form of a scene file; None if there is none."""
     found = medium_of(volume_of(tree), warn)
     if found is None or found.is_nothing():
         return None
@@ -103,7 +103,7 @@ def _number(look: Any, name: str, default: float) -> float:
 
 
 def _own(look: Any, name: str, default: float) -> float:
-    """Returns a socket's own number, although something is connected to it."""
+    """Returns the value set on an input itself, even if another node is connected to it."""
     value = getattr(getattr(look.input(name), "socket", None), "default_value", None)
     return float(value) if isinstance(value, int | float) else default
 

@@ -1,4 +1,4 @@
-"""Exports Blender's materials to glTF: the principled BSDF as far as glTF supports it, and simpler shaders in its terms."""
+"""Exports Blender's materials to glTF: the Principled BSDF as far as glTF supports it, and simpler shaders by its parameters."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .textures import Value, Values, as_list, number, one_minus
 __all__ = ["Surfaces"]
 
 WHITE, BLACK = [1.0, 1.0, 1.0], [0.0, 0.0, 0.0]
-NEUTRAL = 0.5  # of "Specular IOR Level", by which the index of refraction alone counts
+NEUTRAL = 0.5  # the "Specular IOR Level" that leaves the index of refraction unchanged
 SHARP = 1e-3
 
 
@@ -32,16 +32,16 @@ def _unknown(_: int) -> None:
 
 
 class Surfaces:
-    """The materials of one scene. primary: names of the UV maps that are first on their meshes."""
+    """Exports the materials of one scene. primary: names of the UV maps that are the first ones of their meshes."""
 
     def __init__(self, scene: Scene, primary: set[str]) -> None:
         self._scene, self._primary = scene, primary
-        self.colors: dict[str, str] = {}  # by material, the colour attribute that it reads
+        self.colors: dict[str, str] = {}  # material -> the colour attribute that it uses
 
     def add(self, material: Any, density: Density = _unknown) -> str:
-        """Returns the key of a bpy.types.Material, exported once.
+        """Exports a bpy.types.Material, if not done before; returns its key.
 
-        density: of the first mesh that uses it, as for `Values.bumps`.
+        density: returns the surface's length per UV unit on the first mesh that uses the material, as for `Values.bumps`.
         """
         key = material.name_full
         if key not in self._scene.materials:
@@ -64,7 +64,7 @@ class _Reader:
     def read(self) -> dict[str, Any]:
         tree = self._source.node_tree if self._source.use_nodes else None
         if tree is None:
-            self._pbr(list(self._source.diffuse_color)[:3], 0.0, 1.0)  # Cycles shows it as matt
+            self._pbr(list(self._source.diffuse_color)[:3], 0.0, 1.0)  # Cycles renders it as diffuse
             self._said["extensions"] = {"KHR_materials_specular": {"specularFactor": 0.0}}
             return self._said
         shader = output_of(tree)
@@ -100,7 +100,7 @@ class _Reader:
             coat.setdefault("clearcoatNormalTexture", replace(picture, strength=1.0))
 
     def _lets_in(self) -> bool:
-        """Returns True if light enters the material, by transmission or transparency."""
+        """Returns True if light enters the material by transmission."""
         return self._more.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0) > 0
 
     def _warn(self, what: str) -> None:
@@ -180,7 +180,7 @@ class _Reader:
             each.image is None or (each.image == told.image and each.channel == channel and not each.inverted)
             for each, channel in ((roughness, 1), (metallic, 2))
         )
-        # What is no picture must not be scaled by the other's.
+        # A value without an image must not be scaled by the other's factor.
         is_packed = is_packed and roughness.image is not None and metallic.image is not None
         if is_packed:
             picture = self._pictures.used(told, False)
@@ -190,7 +190,7 @@ class _Reader:
             found["metallicRoughnessTexture"] = picture
 
     def _reflection(self, source: PrincipledLook, transmits: bool) -> None:
-        """Exports the specular level as an index of refraction: Cycles scales the reflectance at normal incidence."""
+        """Exports the specular level as an index of refraction, since in Cycles it scales the reflectance at normal incidence."""
         ior = number(constant_value(source.input("IOR")) or 1.5)
         level = self._values.read(source.input("Specular IOR Level", "Specular"), NEUTRAL, "specular level")
         factor = number(level.factor) / NEUTRAL if level.image is None else 1.0
@@ -213,7 +213,7 @@ class _Reader:
             self._slot(tint, "KHR_materials_specular", "specularColorTexture", None, as_color=True)
 
     def _filled(self) -> None:
-        # Cycles refracts at every surface; the thickness says so where a mesh is open.
+        # Cycles refracts at every surface; the thickness requests that for open meshes too.
         self._extend("volume", thicknessFactor=1.0)
 
     def _coat(self, value: Any, source: PrincipledLook) -> None:
@@ -244,7 +244,7 @@ class _Reader:
     def _emission(self, source: PrincipledLook) -> None:
         color, strength = source.input("Emission Color", "Emission"), source.input("Emission Strength")
         plain = constant_value(strength)
-        if plain is None and strength is not None:  # what feeds the strength is in the picture
+        if plain is None and strength is not None:  # the strength's nodes are evaluated in the image
             shines = self._values.read(Product(color, strength), [0.0] * 3, "emission")
             plain = 1.0 if shines.image is None else shines.image.scale_down()
         else:
@@ -322,9 +322,10 @@ class _Reader:
         self._slot(color, "KHR_materials_diffuse_transmission", "diffuseTransmissionColorTexture", None, as_color=True)
 
     def _mix(self, source: Source) -> None:
-        """Exports a Mix Shader: with a Transparent BSDF as alpha; with a factor of 0 or 1 as one input.
+        """Exports a Mix Shader.
 
-        Else as an approximation.
+        A mix with a Transparent BSDF becomes alpha, one whose factor depends on the kind of ray becomes the shader of camera
+        rays, and any other a single principled look.
         """
         if (which := input_for_camera_rays(source.at(0))) is not None:
             self._warn("of shaders that are for different rays the camera's is shown to all")
@@ -355,7 +356,7 @@ class _Reader:
             return
         under: TextureUse | None = found.get("baseColorTexture")
         if under is not None and opacity.channel == 3 and under.image == self._pictures.name(opacity, True):
-            return  # the same picture, whose alpha it is
+            return  # the alpha of the same image
         if under is not None:
             self._warn("the picture of its mix with transparency is left out")
             return
@@ -365,7 +366,7 @@ class _Reader:
             found["baseColorTexture"] = picture
 
     def _sum(self, source: Source) -> None:
-        """Exports an Add Shader with a Transparent BSDF: the emission is kept and the rest is transparent."""
+        """Exports an Add Shader. Added to a Transparent BSDF, a shader becomes half transparent, with a warning."""
         parts = [source_of(source.at(i))[0] for i in (0, 1)]
         clear = [each is not None and each.node.type == "BSDF_TRANSPARENT" for each in parts]
         if any(clear):
@@ -380,7 +381,7 @@ class _Reader:
             self._principled(look)
 
     def _slot(self, value: Value, extension: str, name: str, channel: int | None, as_color: bool = False) -> None:
-        """Adds an image to an extension, in the channel that glTF reads."""
+        """Adds a value's image as `name` to a glTF extension, in the channel that glTF reads."""
         if value.image is None:
             return
         if channel is None or (value.channel == channel and not value.inverted):

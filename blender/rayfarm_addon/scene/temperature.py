@@ -6,7 +6,7 @@ import bisect
 
 __all__ = ["blackbody"]
 
-# Of Blender's lamps (Light.temperature_color), which shine as the Blackbody node colours.
+# Values of Blender's lamps (Light.temperature_color), which equal those of the Blackbody node.
 TABLE = (
     (800, (5.4138, 0.0, 0.0)),
     (900, (4.9839, 0.0, 0.0)),
@@ -34,7 +34,7 @@ KELVINS = [kelvin for kelvin, _ in TABLE]
 
 
 def blackbody(kelvin: float) -> list[float]:
-    """Returns the colour from the table, interpolated linearly in the inverse temperature."""
+    """Returns the colour of a black body from the table, interpolated linearly in the inverse temperature."""
     if kelvin <= KELVINS[0] or kelvin >= KELVINS[-1]:
         return list(TABLE[0 if kelvin <= KELVINS[0] else -1][1])
     at = bisect.bisect(KELVINS, kelvin)

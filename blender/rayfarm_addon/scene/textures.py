@@ -1,4 +1,4 @@
-"""The value of a material's socket: a constant, an image, or their product."""
+"""Reads the value of a material's socket: a constant, an image, or their product."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ __all__ = ["GREY", "Value", "Values", "as_list", "number", "one_minus"]
 WHITE = [1.0, 1.0, 1.0]
 WRAPS = {"REPEAT": "repeat", "EXTEND": "clamp", "CLIP": "clamp", "MIRROR": "mirror"}
 CHANNELS = {"Red": 0, "Green": 1, "Blue": 2, "R": 0, "G": 1, "B": 2, "Alpha": 3}
-GREY = -1  # in the place of a channel: what Blender takes for a colour's number
+GREY = -1  # in place of a channel: the luminance, to which Blender converts a colour
 
 
 @dataclass
 class Value:
-    """A socket's value.
+    """The value of a socket: a constant factor times an image, if any.
 
-    factor: a number or a list of three. image: bpy.types.Image; use: its mapping, without the file's name. channel: of the image.
-    vertex: the colour attribute that multiplies it; "" for the active one.
+    factor: a number or a list of three. image: a bpy.types.Image; use: its mapping, without the file's name; channel: the one
+    used. vertex: the colour attribute that multiplies the value; "" for the active one, None for none.
     """
 
     factor: Any
@@ -37,12 +37,12 @@ class Value:
 
 
 def number(value: Any) -> float:
-    """Returns a number; the mean of a colour."""
+    """Returns a factor as a number: of a colour, the mean."""
     return sum(value) / len(value) if isinstance(value, list) else float(value)
 
 
 def as_list(value: Any) -> list[float]:
-    """Returns a colour; grey for a number."""
+    """Returns a factor as a colour: for a number, a grey."""
     return value if isinstance(value, list) else [float(value)] * 3
 
 
@@ -54,14 +54,17 @@ def one_minus(value: Value) -> Value:
 
 
 class Values:
-    """Reads the sockets of one material. primary: names of the UV maps that are first on their meshes."""
+    """Reads the sockets of one material. primary: names of the UV maps that are the first ones of their meshes."""
 
     def __init__(self, scene: Scene, name: str, primary: set[str]) -> None:
         self._scene, self._name, self._primary = scene, name, primary
         self._painter = Painter(name, self._use)
 
     def read(self, at: Any, default: Any, what: str) -> Value:
-        """Returns the value behind a socket; its own number, with a warning, if that is unsupported."""
+        """Returns the value of a socket; if its source is not supported, the number set on it, with a warning.
+
+        what: names it there.
+        """
         if at is None:
             return Value(default)
         plain = constant_value(at)
@@ -84,7 +87,10 @@ class Values:
         return Value(default if own is None else [float(c) for c in own][:3] if hasattr(own, "__len__") else float(own))
 
     def bumps(self, source: Source | Heights, density: Callable[[int], tuple[float, float] | None]) -> Value | None:
-        """Returns the normal map of a Bump node whose height is an image. density: as from `stretched`."""
+        """Returns the normal map of a Bump node whose height is an image; None for other heights.
+
+        density: returns the surface's length per UV unit, as `stretched` does.
+        """
         numbers = [constant_value(source.input(name)) for name in ("Strength", "Distance")]
         if any(not isinstance(each, float) for each in numbers):
             return None
@@ -137,7 +143,7 @@ class Values:
         node = source.node
         if node.type == "MIX" and node.data_type != "RGBA":
             return None
-        # The new node has sockets of every type; those of colours are the last.
+        # The Mix node since Blender 3.4 has sockets of every type; those for colours are the last.
         first, second = (source.at(6), source.at(7)) if node.type == "MIX" else (source.at(1), source.at(2))
         share = constant_value(source.at(0))
         if share == 0.0:
@@ -160,7 +166,7 @@ class Values:
         return Value(factor, told.image, told.use, told.channel, False, vertex)
 
     def _use(self, source: Source) -> TextureUse | None:
-        """Returns the mapping of an image or pattern on the surface; None if it is not by UVs."""
+        """Returns the mapping of an image or pattern node on the surface; None if it is not mapped by UVs."""
         node = source.node
         is_image = node.type == "TEX_IMAGE"
         if is_image and node.projection != "FLAT":
@@ -173,7 +179,7 @@ class Values:
             found, _ = source_of(at)
             if found is None:
                 if not is_image:
-                    return None  # patterns lie by what Blender generates, images by UVs
+                    return None  # without a Vector input, patterns use generated coordinates, images UVs
                 break
             kind = found.node.type
             if kind == "MAPPING":
@@ -202,13 +208,13 @@ class _TexturePlacement:
         self.offset, self.rotation, self.scale = (0.0, 0.0), 0.0, (1.0, 1.0)
 
     def map(self, source: Source) -> bool:
-        """Applies a Mapping node; False if it is no rotation, scale and translation in the plane."""
+        """Applies a Mapping node; returns False if it is not a rotation, scale and translation in the UV plane."""
         if source.node.vector_type != "POINT" or self.offset != (0.0, 0.0) or self.rotation or self.scale != (1.0, 1.0):
             return False
         location, turn, scale = (constant_value(source.input(name)) for name in ("Location", "Rotation", "Scale"))
         if location is None or turn is None or scale is None or abs(turn[0]) > 1e-6 or abs(turn[1]) > 1e-6:
             return False
-        # Blender counts v upwards, glTF downwards: the same map, seen with v turned over before and after.
+        # v points upwards in Blender and downwards in glTF: the same mapping with v flipped before and after.
         x, y, angle = location[0], location[1], turn[2]
         self.scale, self.rotation = (scale[0], scale[1]), angle
         self.offset = (x - scale[1] * math.sin(angle), 1 - y - scale[1] * math.cos(angle))

@@ -1,4 +1,4 @@
-"""Converts hair curves to thin tubes: a ring of a few corners about each point, with normals that make it look round."""
+"""Converts hair curves to thin tubes: a ring of a few vertices around each point, with normals that make it look round."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ MOST_POINTS = 1_000_000
 
 
 def tubes(points: F32, radii: F32, first: npt.NDArray[np.int32]) -> tuple[F32, F32, npt.NDArray[np.int32]]:
-    """Returns (V, 3) positions, (V, 3) normals and (T, 3) triangles of strands.
+    """Returns (V, 3) positions, (V, 3) normals and (T, 3) triangles of strands of hair.
 
-    points: (P, 3), radii: (P,), strand by strand; first: (S + 1,) start of each strand, and the end. Strands of one point are
-    omitted.
+    points: (P, 3), radii: (P,), strand by strand. first: (S + 1,) start index of each strand, followed by P. Strands of one point
+    are omitted.
     """
     strand = np.repeat(np.arange(len(first) - 1), np.diff(first))
     is_last = np.zeros(len(points), bool)
@@ -26,7 +26,7 @@ def tubes(points: F32, radii: F32, first: npt.NDArray[np.int32]) -> tuple[F32, F
     starts[first[:-1]] = True
     before = np.where(starts, np.arange(len(points)), np.arange(len(points)) - 1)
     along = _unit(points[follows] - points[before])
-    # Of each strand the axis that it goes along the least: no ring turns against the next but by the strand's own bends.
+    # For each strand the axis along which it extends least: successive rings rotate only as the strand bends.
     reach = np.abs(points[first[1:] - 1] - points[first[:-1]])
     away = np.eye(3, dtype=np.float32)[np.argmin(reach, axis=1)][strand]
     side = _unit(np.cross(along, away))

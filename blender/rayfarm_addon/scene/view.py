@@ -1,6 +1,6 @@
 """Converts a projection matrix to the view of a request.
 
-Projections that are not centred (a shifted lens, a border, a viewport through a camera) are requested with a shift.
+Projections that are not centred (a shifted lens, a border, a viewport through a camera) are requested with a lens shift.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ __all__ = ["Lens", "Shot", "shot_of", "view_of"]
 F64 = npt.NDArray[np.float64]
 WIDEST = 178.9
 MOST_SHIFT = 100.0
-LEAST_SHIFT = 1e-6  # of a picture's height: what is less is rounding's
+LEAST_SHIFT = 1e-6  # relative to the picture's height: smaller shifts are rounding errors
 
 
 @dataclass(frozen=True)
 class Lens:
-    """The depth of field and clipping: lens radius, focus distance and near distance, in scene units."""
+    """Depth of field and clipping of a camera: lens radius, focus distance and near distance, in scene units."""
 
     aperture: float = 0.0
     focus: float | None = None
@@ -33,7 +33,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class Shot:
-    """A view to request, and the part of it that is needed: x, y from the upper left corner; w, h: its size."""
+    """A view to request, and the part of its picture that is needed: x, y of the upper left corner, w, h."""
 
     view: dict[str, Any]
     width: int
@@ -49,17 +49,17 @@ class Shot:
         return (self.x, self.y, self.w, self.h) == (0, 0, self.width, self.height)
 
     def cut(self, picture: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Returns the needed part of a (height, width, ...) picture, rows from the top."""
+        """Returns the needed part of the requested picture (height, width, ...), rows from the top."""
         return picture[self.y : self.y + self.h, self.x : self.x + self.w]
 
 
 def view_of(place: F64, projection: F64, share: float, lens: Lens) -> dict[str, Any]:
-    """Returns a view for the API. place: camera to Blender's world.
+    """Returns a view for the API.
 
-    share: ratio of the requested height to that of the projection.
+    place: transform from the camera to Blender's world. share: ratio of the requested height to that of the projection.
     """
     eye, forward, above = place[:3, 3], -_unit(place[:3, 2]), _unit(place[:3, 1])
-    # Far enough that float32 tells the two apart.
+    # Far enough that eye and target differ in float32.
     target = eye + forward * max(1.0, float(np.abs(eye).max()))
     found: dict[str, Any] = {"eye": to_y_up(eye), "target": to_y_up(target), "up": to_y_up(above)}
     if projection[3, 3] == 0:
@@ -77,11 +77,10 @@ def view_of(place: F64, projection: F64, share: float, lens: Lens) -> dict[str, 
 def shot_of(
     place: F64, projection: F64, size: tuple[int, int], lens: Lens = Lens(), border: tuple[int, int, int, int] | None = None
 ) -> Shot:
-    """Returns the Shot for a projection. border: the needed pixels, x0, y0, x1, y1 from the lower left corner.
+    """Returns the Shot for a projection.
 
-    None for all.
-
-    Raises ValueError if the lens is shifted too far.
+    place: transform from the camera to the world. size: width and height in pixels. border: the needed pixels x0, y0, x1, y1 from
+    the lower left corner; None: all. Raises ValueError if the lens is shifted too far.
     """
     width, height = size
     x0, y0, x1, y1 = border or (0, 0, width, height)
@@ -89,7 +88,7 @@ def shot_of(
     is_flat = projection[3, 3] != 0
     a, b = (projection[0, 3], projection[1, 3]) if is_flat else (-projection[0, 2], -projection[1, 2])
     view = view_of(place, projection, tall / height, lens)
-    # The line of sight meets the picture there; a farm's lens is shifted by heights of what is wanted.
+    # The pixel on the optical axis; the farm's lens shift is in units of the requested height.
     sight = width * (1 + a) / 2, height * (1 + b) / 2
     shifts = {"shift_x": ((x0 + x1) / 2 - sight[0]) / tall, "shift_y": ((y0 + y1) / 2 - sight[1]) / tall}
     if max(map(abs, shifts.values())) > MOST_SHIFT:

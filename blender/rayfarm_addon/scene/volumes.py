@@ -1,6 +1,6 @@
 """Converts Blender's volume nodes to one homogeneous medium: absorption and scattering coefficients per metre, and anisotropy.
 
-Source of the formulas: intern/cycles/kernel/svm/closure.h. Heterogeneous and emissive volumes give a warning.
+Source of the formulas: intern/cycles/kernel/svm/closure.h. Heterogeneous and emissive volumes cause a warning.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ __all__ = ["Medium", "medium_of", "volume_of"]
 Warn = Callable[[str], None]
 MOST_NESTED = 32
 NONE = 1e-9
-# How light is scattered that is not Henyey and Greenstein's way, and the mean cosine of what stands for it.
+# Unsupported phase functions and their names in warnings; they are replaced by Henyey-Greenstein.
 OTHER_PHASES = {"RAYLEIGH": "Rayleigh's", "MIE": "Mie's", "DRAINE": "Draine's", "FOURNIER_FORAND": "Fournier and Forand's"}
 
 
@@ -34,7 +34,7 @@ class Medium:
 
 
 def volume_of(tree: Any) -> Source | None:
-    """Returns the source of the volume output of a material's or the world's nodes."""
+    """Returns the source of the volume output of a material's or a world's node tree."""
     for engine in ("CYCLES", "ALL", "EEVEE"):
         output = tree.get_output_node(engine)
         if output is not None:
@@ -77,7 +77,7 @@ def _below(at: SocketInGroups, warn: Warn, depth: int) -> Medium | None:
 
 
 def _sum(parts: list[Medium | None], weights: list[float]) -> Medium | None:
-    """Returns the sum of media in one place: coefficients add up, and g is the mean weighted by scattering."""
+    """Returns the weighted sum of media in one place: coefficients are added, and g is the mean weighted by scattering."""
     found = [(part, weight) for part, weight in zip(parts, weights, strict=True) if part is not None]
     if not found:
         return None
@@ -122,14 +122,14 @@ def _density(source: Source, warn: Warn) -> float:
 
 
 def _direction(source: Source, warn: Warn) -> float:
-    """Returns the mean cosine of the scattering angle."""
+    """Returns the mean cosine of the scattering angle; warns if the phase function is not supported."""
     phase = getattr(source.node, "phase", "HENYEY_GREENSTEIN")
     if phase in OTHER_PHASES:
         warn(f"its volume scatters as Henyey and Greenstein have it, not {OTHER_PHASES[phase]} way")
         if phase == "RAYLEIGH":
             return 0.0
         if phase != "DRAINE":
-            return 0.9  # water's and fog's drops throw nearly all forwards
+            return 0.9  # drops of water and fog scatter nearly all light forwards
     return min(max(_number(source, "Anisotropy", 0.0, warn), -0.999), 0.999)
 
 

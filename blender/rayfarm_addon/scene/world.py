@@ -1,6 +1,6 @@
 """Exports Blender's world as the environment light of a job.
 
-The middle of a panorama is along +X in Blender, and along -Z at the farm, which is Blender's +Y.
+The middle of a panorama is along +X in Blender, and along the farm's -Z, which is Blender's +Y.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ __all__ = ["Bake", "read_world"]
 
 Bake = Callable[[Any], tuple[bytes, dict[str, Any] | None] | None]
 
-# By kind, whether the world is there for rays; and how that is said.
+# Visibility flags of the world by kind of ray, with their names in warnings.
 RAYS = {
     "camera": "by the camera",
     "diffuse": "by what it lights",
     "glossy": "in reflections",
     "transmission": "through glass",
 }
-# Blender's skies over ours, of which a white surface that faces the sun outside the atmosphere has radiance 1: Nishita's sun is
-# 48 to 50 times as bright from 10 degrees upwards, its sky 49, 47 and 39 times in red, green and blue; the older ones, which
-# have no disk, by their light on the ground at 25 degrees.
+# Brightness of Blender's skies relative to ours, in which a white surface that faces the sun outside the atmosphere has radiance
+# 1. Nishita's sun is 48 to 50 times as bright at elevations from 10 degrees, its sky 49, 47 and 39 times in red, green and blue.
+# The older models, which have no disk, are compared by their irradiance on the ground for a sun at 25 degrees.
 NISHITA = 49.0
 DISKLESS = {"HOSEK_WILKIE": 0.85, "PREETHAM": 6.5}
-QUARTER = -90.0  # from the farm's middle to Blender's
+QUARTER = -90.0  # degrees from the middle of the farm's panorama to that of Blender's
 
 
 def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
-    """Returns the light of a bpy.types.World, or of none.
+    """Returns the light of a bpy.types.World; black for None.
 
-    bake: renders an unsupported world to an image, see ui/baking.py; None if there is no time for that.
+    bake: renders an unsupported world to an image, see ui/baking.py; None: such a world is approximated instead.
     """
     if world is None:
         return World([0.0] * 3)
@@ -49,7 +49,7 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
         return World([float(c) for c in world.color])
     _tell(scene, world)
     inside = world_medium(world.node_tree, lambda what: scene.warn(f"World: {what}."))
-    if inside is not None:  # nothing that is infinitely far away is seen through it
+    if inside is not None:  # an infinitely distant environment is invisible through it
         return World([0.0] * 3, medium=inside)
     top = output_of(world.node_tree)
     if bake is not None and top is not None and not _is_known(scene, top) and (made := bake(world)) is not None:
@@ -81,9 +81,9 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
 
 
 def _is_known(scene: Scene, top: Source) -> bool:
-    """Returns True if the world is supported directly: a colour, or an image with the farm's mapping.
+    """Returns True if the world is supported without baking: a colour, or an image with the farm's mapping.
 
-    A world that depends on the kind of ray is also accepted, with a warning elsewhere.
+    Worlds that depend on the kind of ray are included; another function warns about them.
     """
     if top.node.type == "MIX_SHADER" and input_for_camera_rays(top.at(0)) is not None:
         return True
@@ -94,7 +94,7 @@ def _is_known(scene: Scene, top: Source) -> bool:
     node, _ = source_of(top.input("Color"))
     if node is None or node.node.type == "TEX_SKY":
         return False
-    probe = Scene()  # is told what it would be told
+    probe = Scene()  # collects the warnings of a trial export
     if node.node.type == "TEX_ENVIRONMENT" and node.node.image is not None:
         return node.node.projection == "EQUIRECTANGULAR" and _turn(probe, node) is not None and not probe.warnings
     return _painted(probe, top.input("Color"), 1.0) is not None and not probe.warnings
@@ -121,7 +121,7 @@ def _tell(scene: Scene, world: Any) -> None:
 
 
 def _background(scene: Scene, source: Source | None) -> Source | None:
-    """Returns the shader that lights the scene, if camera rays see another one."""
+    """Returns the shader that lights the scene, with a warning if camera rays see another one."""
     if source is not None and source.node.type == "MIX_SHADER" and (which := input_for_camera_rays(source.at(0))) is not None:
         scene.warn("World: the camera sees what lights, though in Blender it sees something else.")
         return source_of(source.at(2 - which))[0]
@@ -129,7 +129,7 @@ def _background(scene: Scene, source: Source | None) -> Source | None:
 
 
 def _painted(scene: Scene, at: SocketInGroups | None, strength: float) -> World | None:
-    """Returns the light of panoramas changed by nodes, evaluated texel by texel; None if it has other images."""
+    """Returns the light of panoramas that nodes change, evaluated texel by texel; None if it has other images."""
 
     def turn_of(source: Source) -> Any:
         node = source.node
@@ -142,7 +142,7 @@ def _painted(scene: Scene, at: SocketInGroups | None, strength: float) -> World 
     if isinstance(found, list):
         return World([c * strength for c in found])
     made, use = found
-    light: Any = use  # what `turn_of` gave
+    light: Any = use  # the result of `turn_of`
     content = exr.write(np.maximum(made.texels[..., :3], 0))
     return World(image=Image("world.exr", content), strength=strength, rotation=QUARTER + light[1])
 
@@ -171,12 +171,12 @@ def _turn(scene: Scene, source: Source) -> float:
     rest = [constant_value(found.input(name)) for name in ("Location", "Scale")]
     if abs(turn[0]) > 1e-4 or abs(turn[1]) > 1e-4 or rest not in ([[0.0] * 3, [1.0] * 3], [None, [1.0] * 3]):
         scene.warn("World: its picture is turned about Z alone.")
-    # The direction that is looked up is turned, so what is seen turns the other way.
+    # The node rotates the lookup direction, so the picture rotates in the opposite direction.
     return math.degrees(turn[2] if found.node.vector_type == "TEXTURE" else -turn[2])
 
 
 def _sky(scene: Scene, node: Any, strength: float) -> World:
-    """Returns the farm's own sky model at Blender's brightness: nearly the same for equal air, dust and ozone."""
+    """Returns the farm's sky model, scaled to Blender's brightness: nearly the same for equal air, dust and ozone."""
     scene.warn(
         "World: its sky is the farm's own clear sky with the sun at the same place; it differs by some percent, and more "
         "below the horizon."

@@ -1,1 +1,1 @@
-"""The classes registered in Blender: engine, settings and panels."""
+"""The classes that are registered in Blender: engine, settings and panels."""

@@ -1,4 +1,4 @@
-"""Bakes unsupported worlds with Cycles in a separate Blender process, since a Blender that is rendering cannot do so itself."""
+"""Bakes unsupported worlds with Cycles in a separate Blender process, since Blender cannot do so while it renders."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ __all__ = ["baked_panorama"]
 
 WIDTH, MOST_WIDTH = 2048, 8192
 PATIENCE_S = 120.0
-KEPT = 4  # worlds, of which the oldest are forgotten
+KEPT = 4  # number of cached worlds
 
 _known: dict[str, tuple[bytes, Any]] = {}
 
 
 def baked_panorama(world: Any) -> tuple[bytes, dict[str, Any] | None] | None:
-    """Returns the EXR file of a world's panorama and the sun left out of it, see `skies.baked_panorama`; None if that fails."""
+    """Returns a world's panorama as an EXR file and the sun omitted from it (see `skies.photographed`); None if baking fails."""
     key = _digest(world.node_tree)
     if key not in _known:
         made = _made(world)
@@ -61,7 +61,7 @@ def _blender() -> list[str]:
 
 
 def _digest(tree: Any) -> str:
-    """Returns a digest of the nodes that is stable while nothing changes."""
+    """Returns a digest of a node tree that changes if the nodes, their values or their links do."""
     said: list[Any] = []
     for node in tree.nodes:
         said.append((node.bl_idname, node.name, node.mute))

@@ -17,7 +17,7 @@ _notes: list[str] = []
 
 
 class Connection:
-    """A connection to a farm with one user's token and one project. Raises FarmError for an invalid address."""
+    """A connection to a farm with one user's token and one project. Raises FarmError if the address is invalid."""
 
     def __init__(self, url: str, token: str, project: str) -> None:
         self.client = Client(url, token)
@@ -25,7 +25,7 @@ class Connection:
 
 
 def connect(url: str, token: str, project: str = "") -> Connection:
-    """Returns the connection for this address, created once. Raises FarmError."""
+    """Returns the connection for this address, token and project, created at first use. Raises FarmError."""
     key = url, token, project
     with _lock:
         if key not in _known:
@@ -34,7 +34,7 @@ def connect(url: str, token: str, project: str = "") -> Connection:
 
 
 def close() -> None:
-    """Deletes scenes that were only viewed, on farms that respond at once; called when Blender or the add-on ends."""
+    """Deletes scenes without jobs from the farms, with a short timeout; called when Blender or the add-on ends."""
     with _lock:
         known = list(_known.values())
         _known.clear()
@@ -46,7 +46,7 @@ def close() -> None:
 
 
 def note(sentences: list[str]) -> None:
-    """Stores the warnings about the scene for the panel."""
+    """Stores the warnings about the scene, for the panel."""
     _notes[:] = sentences
 
 

@@ -15,7 +15,7 @@ Corners = tuple[float, float, float, float]
 
 
 class Canvas:
-    """Keeps the texture of the last picture. Used in the main thread, while Blender draws."""
+    """Draws the last picture, whose texture it caches. Used in the main thread, while Blender draws."""
 
     def __init__(self) -> None:
         self._shown: ViewPicture | None = None
@@ -23,7 +23,10 @@ class Canvas:
         self._texture: Any = None
 
     def show(self, shown: ViewPicture, cut: Corners) -> None:
-        """Sets the picture. cut: the part of it that fills the region, as fractions from the lower left corner."""
+        """Sets the picture.
+
+        cut: the part of it that fills the region: left, low, right, high as fractions from the lower left corner.
+        """
         if shown is not self._shown:
             self._shown, self._texture = shown, None
         self._cut = cut
@@ -32,7 +35,7 @@ class Canvas:
         """Draws the picture over the whole region."""
         if self._shown is None:
             return
-        # Not at the top: there is no gpu module that works where Blender has no window.
+        # Not imported at the top: without a window, Blender has no working gpu module.
         import gpu
         from gpu_extras.batch import batch_for_shader
 

@@ -1,4 +1,4 @@
-"""The render engine: F12 and Ctrl-F12 are jobs of the farm, whose tiles are shown in Blender's own image."""
+"""The render engine: F12 and Ctrl-F12 submit jobs to the farm, whose tiles are shown in Blender's own image."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from .viewport import Viewport
 __all__ = ["RayfarmEngine"]
 
 TICK_S = 0.05
-PATIENCE_S = 5.0  # with a farm that is told of a cancelled job
+PATIENCE_S = 5.0  # timeout for cancelling a job on the farm
 
 
 class RayfarmEngine(bpy.types.RenderEngine):
-    """Rayfarm in the list of engines."""
+    """The entry "Rayfarm" in Blender's list of render engines."""
 
     bl_idname = "RAYFARM"
     bl_label = "Rayfarm"
@@ -46,7 +46,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
             self.register_pass(scene, renderlayer, each.name, len(each.ids), each.ids, each.kind)
 
     def render(self, depsgraph: Any) -> None:
-        """Renders a picture; called in a Blender thread that may block."""
+        """Renders a picture; called by Blender in a thread that may block."""
         try:
             self._render(depsgraph)
         except (FarmError, ValueError) as error:
@@ -75,7 +75,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
         return bool(self.test_break())
 
     def _follow(self, rendering: Rendering, picture: Picture, layer: str, passes: list[Any]) -> None:
-        cancelled = 0.0  # when
+        cancelled = 0.0  # time of the cancellation
         while not cancelled or time.monotonic() < cancelled + PATIENCE_S:
             if not cancelled and self._is_cancelled():
                 cancelled = time.monotonic()
@@ -131,11 +131,11 @@ class RayfarmEngine(bpy.types.RenderEngine):
         self.error_set(sentence)
 
     def view_update(self, context: Any, depsgraph: Any) -> None:
-        """Called when something shown in the viewport has changed."""
+        """Schedules an export; called by Blender when something shown in the viewport has changed."""
         self._viewport_of(context, depsgraph).update(depsgraph)
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
-        """Draws the newest picture, and continues the export."""
+        """Draws the newest picture and continues the export; called by Blender."""
         self._viewport_of(context, depsgraph).draw(context, depsgraph)
 
     def _viewport_of(self, context: Any, depsgraph: Any) -> Viewport:

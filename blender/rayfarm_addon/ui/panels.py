@@ -18,7 +18,7 @@ LOOK_S = 0.1
 
 
 class RAYFARM_OT_test_connection(bpy.types.Operator):
-    """Asks the farm whether it lets you in, and how many workers it has"""
+    """Tests whether the farm accepts the token, and shows how many workers it has"""
 
     bl_idname = "rayfarm.test_connection"
     bl_label = "Test Connection"
@@ -27,7 +27,7 @@ class RAYFARM_OT_test_connection(bpy.types.Operator):
     _timer: Any = None
 
     def execute(self, context: Any) -> set[str]:
-        """Tests the connection and waits for the answer; for scripts."""
+        """Tests the connection and waits for the response; for scripts."""
         self._ask(*farm_of(context))
         return self._tell()
 
@@ -40,7 +40,7 @@ class RAYFARM_OT_test_connection(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Checks whether the answer has arrived."""
+        """Checks whether the response has arrived; called by Blender's timer."""
         if event.type != "TIMER" or self._thread is None or self._thread.is_alive():
             return {"PASS_THROUGH"}
         context.window_manager.event_timer_remove(self._timer)
@@ -72,7 +72,7 @@ class _Panel:
 
 
 class RAYFARM_PT_farm(_Panel, bpy.types.Panel):
-    """Which farm."""
+    """The panel with the farm's address and job settings."""
 
     bl_label = "Farm"
 
@@ -91,7 +91,7 @@ class RAYFARM_PT_farm(_Panel, bpy.types.Panel):
 
 
 class RAYFARM_PT_sampling(_Panel, bpy.types.Panel):
-    """How good the picture becomes."""
+    """The panel with the quality settings: samples, noise level, path depth."""
 
     bl_label = "Sampling"
 
@@ -116,7 +116,7 @@ class RAYFARM_PT_sampling(_Panel, bpy.types.Panel):
 
 
 class RAYFARM_PT_motion_blur(_Panel, bpy.types.Panel):
-    """Blender's own settings of it."""
+    """The panel with Blender's own motion blur settings."""
 
     bl_label = "Motion Blur"
     bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 -- so Blender wants it
@@ -137,9 +137,9 @@ class RAYFARM_PT_motion_blur(_Panel, bpy.types.Panel):
 
 
 class RAYFARM_PT_notes(_Panel, bpy.types.Panel):
-    """What is not as in Blender."""
+    """The panel with the warnings about differences from Blender."""
 
-    bl_label = "Not Taken Over"
+    bl_label = "Differences from Blender"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -156,7 +156,7 @@ class RAYFARM_PT_notes(_Panel, bpy.types.Panel):
 
 
 class RAYFARM_PT_passes(_Panel, bpy.types.Panel):
-    """Which planes come with the picture."""
+    """The panel that selects the render passes."""
 
     bl_label = "Passes"
     bl_context = "view_layer"

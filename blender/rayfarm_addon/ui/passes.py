@@ -1,4 +1,4 @@
-"""Maps Blender's passes to the farm's AOVs, with values in Blender's axes."""
+"""Converts the farm's AOVs to Blender's render passes, in Blender's axes."""
 
 from __future__ import annotations
 
@@ -15,11 +15,15 @@ from ..scene.view import Shot
 __all__ = ["PASSES", "Pass", "planes_of", "values", "wanted"]
 
 F32 = npt.NDArray[np.float32]
-FAR = 1e10  # Cycles' depth of nothing
+FAR = 1e10  # Cycles' depth where no object is hit
 
 
 class Pass(NamedTuple):
-    """A pass. name, ids and kind as registered in Blender. plane: the farm's. channels: of its EXR. option: of the view layer."""
+    """A render pass.
+
+    name, ids, kind: as registered in Blender. plane: the farm's AOV; channels: of the AOV in the EXR file. option: the property
+    of the view layer that enables the pass.
+    """
 
     name: str
     ids: str
@@ -48,18 +52,18 @@ PASSES = (
 
 
 def wanted(scene: Any, layer: Any) -> list[Pass]:
-    """Returns the enabled passes, except Combined."""
+    """Returns the passes that are enabled in a view layer, except Combined."""
     return [each for each in PASSES if (scene.rayfarm.albedo if each.option == "albedo" else getattr(layer, each.option, False))]
 
 
 def planes_of(passes: list[Pass]) -> tuple[str, ...]:
-    """Returns the planes to request. The material plane needs the object plane, which distinguishes some materials."""
+    """Returns the AOVs to request for these passes. The material AOV needs the object AOV, which distinguishes some materials."""
     planes = [each.plane for each in passes]
     return tuple(dict.fromkeys(planes + (["object"] if "material" in planes else [])))
 
 
 def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32:
-    """Returns a pass's values for Blender, (h * w, channels): rows from the bottom."""
+    """Returns the values of a pass in Blender's form, (h * w, channels), rows from the bottom."""
     if each.plane == "depth":
         found = _depth(channels, shot)
     else:
@@ -78,7 +82,7 @@ def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32
 
 
 def _depth(channels: Mapping[str, F32], shot: Shot) -> F32:
-    """Returns the depth along the line of sight, as in Cycles; the farm's is along the ray."""
+    """Returns the depth along the camera's axis, as in Cycles, from the farm's distance along the ray."""
     depth = channels["Depth.Z"]
     share = np.ones_like(depth)
     if "projection" not in shot.view:

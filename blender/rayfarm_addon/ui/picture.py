@@ -23,13 +23,13 @@ from .baking import baked_panorama
 __all__ = ["Picture", "light_of", "picture_of", "requested", "split"]
 
 F64 = npt.NDArray[np.float64]
-FRAME = 64  # of the farm's clock, at which a picture with an open shutter is; so far in that its keys are not before 0
-LARGEST = 16_384  # along each side
+FRAME = 64  # frame number of pictures with motion blur in the exported file, large enough that no key is before time 0
+LARGEST = 16_384  # pixels per side
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A request, the part of the result that is needed, and the warnings."""
+    """A request for a frame, the part of the result that is needed, and the warnings of the export."""
 
     asked: RenderRequest
     shot: Shot
@@ -38,14 +38,14 @@ class Picture:
 
 
 def requested(scene: Any, spp: int) -> dict[str, Any]:
-    """Returns the part of a request that comes from the user's settings of a scene."""
+    """Returns the fields of a request that are set by the user in the scene's settings."""
     settings = scene.rayfarm
     found = {"spp": spp, "max_depth": settings.depth, "seed": settings.seed, "filter": settings.filter, **depths_of(scene)}
     return found | ({"clamp_indirect": settings.clamp} if settings.clamp > 0 else {})
 
 
 def light_of(world: World) -> Light:
-    """Returns the world as the Light of a request."""
+    """Returns a World as the Light of a request."""
     image = None if world.image is None else (world.image.name, world.image.content)
     return Light(world.color, image, world.sky is not None, world.strength, world.rotation)
 
@@ -62,9 +62,9 @@ def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | N
 def picture_of(
     depsgraph: Any, place_of: Callable[[Any], F64], go_to: Callable[[float], None], planes: tuple[str, ...], title: str
 ) -> Picture:
-    """Returns the Picture of a frame. place_of: a camera's transform. go_to: moves Blender to a frame, or between two.
+    """Exports the current frame and returns its Picture. Raises ValueError if there is nothing to render.
 
-    Raises ValueError if there is nothing to render.
+    place_of: returns a camera's transform. go_to: sets Blender to a frame number, possibly between two frames.
     """
     blender = depsgraph.scene
     render, settings = blender.render, blender.rayfarm
@@ -124,6 +124,6 @@ def picture_of(
 
 
 def split(frame: float) -> tuple[int, float]:
-    """Returns a frame as Blender needs it: an integer and a fraction."""
+    """Splits a frame number into an integer and a fraction, as Blender needs it."""
     whole = math.floor(frame + 1e-9)
     return whole, max(frame - whole, 0.0)

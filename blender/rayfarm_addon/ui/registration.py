@@ -12,7 +12,7 @@ from .engine import RayfarmEngine
 __all__ = ["register", "unregister"]
 
 CLASSES = (*settings.CLASSES, RayfarmEngine, *panels.CLASSES)
-# Of other engines: what they show, this one reads as well.
+# Panels of other engines whose settings this engine supports.
 ADDITIONAL_PANELS = (
     "EEVEE_MATERIAL_PT_surface",
     "EEVEE_MATERIAL_PT_context_material",
@@ -43,7 +43,7 @@ def register() -> None:
     settings.register()
     for panel in _panels():
         panel.COMPAT_ENGINES.add(RayfarmEngine.bl_idname)
-    atexit.register(unregister)  # a Python that ends with Blender's module and classes of ours still in it never ends
+    atexit.register(unregister)  # with our classes still registered, a Python that has Blender as a module hangs at exit
 
 
 def unregister() -> None:

@@ -1,4 +1,4 @@
-"""The user's settings: of the farm in the add-on's preferences, of pictures in the scene.
+"""The user's settings: the farm's in the add-on's preferences, the pictures' in the scene.
 
 The token is never stored in a .blend file, since those are shared.
 """
@@ -14,19 +14,19 @@ LOCAL = "http://127.0.0.1:8000"
 
 
 def package() -> str:
-    """Returns the add-on's package name in Blender, prefixed by the repository's name for an extension."""
+    """Returns the add-on's package name in Blender, which for an extension begins with the repository's name."""
     return __package__.rpartition(".")[0]
 
 
 class RayfarmPreferences(bpy.types.AddonPreferences):
-    """Which farm, and what it is shown."""
+    """The add-on's preferences: the farm's address and the token."""
 
     bl_idname = package()
 
     url: StringProperty(name="Farm", description="The address of the farm's page", default=LOCAL)
     token: StringProperty(
         name="Token",
-        description="What the farm is shown: `rayfarm token make NAME` prints one. Empty for a farm on this machine",
+        description="Access token of the farm, as printed by `rayfarm token make NAME`. Empty for a farm on this machine",
         subtype="PASSWORD",
     )
 
@@ -39,39 +39,55 @@ class RayfarmPreferences(bpy.types.AddonPreferences):
 
 
 class RayfarmSceneSettings(bpy.types.PropertyGroup):
-    """Of the pictures of one scene."""
+    """Rayfarm's settings for the pictures of one scene."""
 
-    samples: IntProperty(name="Samples", description="Of each pixel", default=128, min=1, max=1 << 20)
-    use_noise: BoolProperty(name="Noise Level", description="Tiles that are as clean as this need no more samples", default=False)
+    samples: IntProperty(name="Samples", description="Samples per pixel", default=128, min=1, max=1 << 20)
+    use_noise: BoolProperty(name="Noise Level", description="Stop sampling tiles whose noise is below this level", default=False)
     noise: FloatProperty(name="Noise", description="Relative noise at which a tile is done", default=0.02, min=0.001, max=1.0)
     depth: IntProperty(
-        name="Path Depth", description="Segments of a path, that from the camera included", default=12, min=1, max=1024
+        name="Path Depth",
+        description="Maximum number of path segments, including the one from the camera",
+        default=12,
+        min=1,
+        max=1024,
     )
     clamp: FloatProperty(
-        name="Clamp Indirect", description="The most that bounced light adds; 0: all of it", default=0.0, min=0.0, max=1e9
+        name="Clamp Indirect",
+        description="Maximum radiance of indirect light in a sample; 0: no limit",
+        default=0.0,
+        min=0.0,
+        max=1e9,
     )
-    seed: IntProperty(name="Seed", description="Another seed, another noise", default=0, min=0)
-    denoise: BoolProperty(name="Denoise", description="By Open Image Denoise, on the farm", default=False)
-    albedo: BoolProperty(name="Albedo", description="The colour of surfaces without light, as a pass", default=False)
-    view_samples: IntProperty(name="Viewport Samples", description="At which a viewport rests", default=64, min=1, max=256)
+    seed: IntProperty(name="Seed", description="Seed of the random numbers: changes the noise pattern", default=0, min=0)
+    denoise: BoolProperty(name="Denoise", description="Denoise the picture with Open Image Denoise, on the farm", default=False)
+    albedo: BoolProperty(name="Albedo", description="Render the colour of surfaces without lighting as a pass", default=False)
+    view_samples: IntProperty(
+        name="Viewport Samples", description="Samples per pixel at which a viewport stops rendering", default=64, min=1, max=256
+    )
     keys: IntProperty(
-        name="Motion Keys", description="How often what moves is looked at while the shutter is open", default=3, min=3, max=17
+        name="Motion Keys",
+        description="Number of times at which moving objects are exported while the shutter is open",
+        default=3,
+        min=3,
+        max=17,
     )
-    priority: IntProperty(name="Priority", description="Higher is sooner", default=0, min=-100, max=100)
-    project: StringProperty(name="Project", description="Of the farm, whose members alone see it; empty: none")
+    priority: IntProperty(
+        name="Priority", description="Jobs with a higher priority are rendered first", default=0, min=-100, max=100
+    )
+    project: StringProperty(name="Project", description="Project on the farm; only its members see the pictures. Empty: none")
     filter: EnumProperty(
         name="Pixel Filter",
         items=[
             ("blackman-harris", "Blackman-Harris", "Smooth edges without ringing"),
-            ("tent", "Tent", "A little crisper"),
-            ("box", "Box", "Every sample counts the same within its pixel"),
+            ("tent", "Tent", "Slightly sharper"),
+            ("box", "Box", "All samples of a pixel have the same weight"),
         ],
         default="blackman-harris",
     )
 
 
 def farm_of(context: bpy.types.Context) -> tuple[str, str]:
-    """Returns the address and the token; from the environment variables where the preferences have none."""
+    """Returns the farm's address and the token. Environment variables replace preferences that do not exist or are empty."""
     import os
 
     known = context.preferences.addons.get(package())

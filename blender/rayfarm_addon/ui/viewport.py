@@ -21,21 +21,21 @@ from .picture import light_of, requested
 
 __all__ = ["PendingChanges", "Viewport"]
 
-TICK_S = 0.015  # of the main thread, at a time
+TICK_S = 0.015  # duration of one export step in the main thread
 LOOK_S = 0.05
 HIDDEN_DEPTH = 1000.0
-SETTLED_S = 0.15  # after the last change, so that a hand that moves something does not send each of its places
+SETTLED_S = 0.15  # pause after the last change before an export, so that not every step of a drag is sent
 
 
 class PendingChanges:
-    """The changes of Blender's data since the last export."""
+    """Collects the changes of Blender's data since the last export."""
 
     def __init__(self) -> None:
         self.all = True
-        self.names: set[tuple[str, str]] = set()  # of objects and their data whose meshes are others
+        self.names: set[tuple[str, str]] = set()  # of objects and their data whose meshes have changed
 
     def take(self, depsgraph: Any) -> bool:
-        """Records the updates of the dependency graph; returns whether the scene must be exported again."""
+        """Records the updates of the dependency graph; returns True if the scene must be exported again."""
         matters = self.all
         for update in depsgraph.updates:
             id = update.id
@@ -66,7 +66,7 @@ def _moved(update: Any) -> bool:
 
 
 class Viewport:
-    """The state of one viewport; lives as long as its engine."""
+    """The state of one viewport; exists as long as its engine."""
 
     def __init__(self, engine: Any, url: str, token: str, project: str, title: str) -> None:
         self._engine = engine
@@ -80,7 +80,7 @@ class Viewport:
         self._known: ExportedMeshes = {}
         self._changes = PendingChanges()
         self._reading: Iterator[Any] | None = None
-        self._begin_at = 0.0  # when reading may begin
+        self._begin_at = 0.0  # earliest time of the next export
         self._waits = False
         self._asked: dict[str, Any] | None = None
         self._shots: dict[int, Any] = {}
@@ -90,11 +90,14 @@ class Viewport:
     def _start_timer(self) -> None:
         import bpy
 
-        self._ticking = self.tick  # Blender knows a timer by the object, and a bound method is another one each time
+        self._ticking = self.tick  # Blender identifies a timer by its object, and each access to a bound method creates a new one
         bpy.app.timers.register(self._ticking, first_interval=LOOK_S)
 
     def tick(self) -> float | None:
-        """Called by Blender's timer: requests a redraw if there is something to draw or to export. None ends the timer."""
+        """Requests a redraw if there is something to draw or to export.
+
+        Returns seconds to the next call, or None to end the timer. Called by Blender's timer.
+        """
         watching = self._watching
         if watching is None:
             return None
@@ -108,13 +111,13 @@ class Viewport:
         return LOOK_S
 
     def update(self, depsgraph: Any) -> None:
-        """Schedules an export once changes have paused."""
+        """Schedules an export for when no further changes arrive for a while."""
         if self._changes.take(depsgraph):
             self._reading, self._waits = None, True
             self._begin_at = 0.0 if not self._known else time.monotonic() + SETTLED_S
 
     def read(self, depsgraph: Any) -> None:
-        """Continues the export for one tick."""
+        """Continues the export for the duration of one tick."""
         if self._watching is None:
             return
         now = time.monotonic()
@@ -140,7 +143,7 @@ class Viewport:
                 self._error = ""
 
     def look(self, context: Any, depsgraph: Any) -> None:
-        """Sends the viewport's view to the farm, if it has changed."""
+        """Sends the viewport's view to the farm if it has changed."""
         if self._watching is None:
             return
         region, space = context.region, context.space_data
@@ -148,7 +151,7 @@ class Viewport:
         place = np.array(seen.view_matrix.inverted(), np.float64)
         projection = np.array(seen.window_matrix, np.float64)
         if projection[3, 3] != 0 and seen.view_perspective != "CAMERA":
-            # Blender shows what is behind the eye of an orthographic view, too.
+            # An orthographic view in Blender also shows objects behind the eye.
             place[:3, 3] += place[:3, 2] * min(float(space.clip_end), HIDDEN_DEPTH)
         camera = space.camera if seen.view_perspective == "CAMERA" else None
         lens = Lens() if camera is None or camera.type != "CAMERA" else lens_of(None, camera.evaluated_get(depsgraph))
@@ -179,7 +182,7 @@ class Viewport:
         self._canvas.draw(self._engine, depsgraph.scene, context.region)
 
     def cut(self, shown: ViewPicture) -> tuple[float, float, float, float]:
-        """Returns the viewport's part of a picture as fractions: left, low, right, high, from the lower left corner."""
+        """Returns the part of a picture that the viewport shows: left, low, right, high as fractions from the lower left."""
         shot = self._shots.get(shown.id)
         if shot is None:
             return 0.0, 0.0, 1.0, 1.0
