@@ -1,11 +1,11 @@
-"""Restricts this process and then becomes another program: a script, run by a Python without threads.
+"""Restricts this process and then replaces it by another program.
 
     python confined.py LIMITS PROGRAM ARGUMENT ...
 
 LIMITS: JSON with `reads` and `writes`, paths of files and folders; `memory` (bytes) and `seconds` of processor time.
 
-On Linux it uses the kernel's Landlock (5.13 and later: files; 6.7: no TCP), and an empty network namespace if permitted.
-Elsewhere only memory and time are limited.
+Must run in a Python without threads. On Linux it uses the kernel's Landlock (5.13 and later: files; 6.7: no TCP), and an empty
+network namespace if permitted. On other systems only memory and time are limited.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from renderer.confine.limits import limit_program
 
 
 def main() -> None:
-    """Runs the command line."""
+    """Applies the limits of the command line and executes its program."""
     limits, command = json.loads(sys.argv[1]), sys.argv[2:]
     rules.die_with_parent(os.getppid())
     rules.enter_empty_network()

@@ -1,4 +1,4 @@
-"""Converts a .blend or .abc file to a scene file of ours, by Blender in a sandboxed process with resource limits."""
+"""Converts a .blend or .abc file to our scene format, by Blender in a sandboxed process with resource limits."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class _SlowError(Exception):
 
 
 def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: int, seconds: float) -> str:
-    """Writes blender-scene.yaml, and the files that it refers to, into the folder `out`; returns the name of the first.
+    """Writes blender-scene.yaml and the files that it refers to into the folder `out`; returns the name of the scene file.
 
-    folder: the scene's files, the only ones that Blender may open; main: the scene's name in it.
+    folder: the uploaded files, the only ones that Blender may open. main: the name of the file to convert. seconds: time limit.
     Raises SceneError with a sentence that begins with that name.
     """
     with tempfile.TemporaryDirectory(prefix="rayfarm-blender-") as name:
@@ -88,7 +88,7 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
 
 
 def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, seconds: float) -> str:
-    """Runs the conversion; returns a sentence about how it ended. Raises _SlowError."""
+    """Runs the conversion; returns a sentence about how the process ended. Raises _SlowError at the time limit."""
     limits = {
         "reads": [*SYSTEM, *blender.reads, str(HERE), str(SCRIPT.parent), *map(str, _ADDONS), str(folder.resolve()), str(job)],
         "writes": [str(room / "out"), str(room / "home"), "/dev/null"],

@@ -1,4 +1,4 @@
-"""Opens files with Blender, for this process or for a confined reader, which cannot start programs."""
+"""Opens files with Blender, for this process or for a confined reader process, which cannot start programs itself."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ SECONDS = 540.0
 
 
 def open_in_blender(root: Path, name: str, out: Path) -> str:
-    """Converts a file of the folder `root` with Blender into the folder `out`; returns the main file's name there.
+    """Converts a file of the folder `root` with Blender into the folder `out`; returns the name of the scene file there.
 
-    Raises SceneError.
+    Raises SceneError if Blender is not available or cannot convert the file.
     """
     try:
         blender = find()
@@ -47,9 +47,10 @@ def open_in_blender(root: Path, name: str, out: Path) -> str:
 
 
 def calls_of_reader(scene: Path, room: Path) -> dict[str, Callable[..., Any]]:
-    """Returns functions of this process that a confined reader may call: `blender`, since Blender has its own sandbox.
+    """Returns the functions of this process that a confined reader may call, by name.
 
-    scene: the folder of the scene's files. room: the folder that contains all of the reader's files.
+    The only one, `blender`, converts a file with Blender, which has its own sandbox. scene: the folder of the scene's files.
+    room: the folder that contains all of the reader's files.
     """
 
     def blender(name: str, out: str) -> str:

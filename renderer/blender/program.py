@@ -1,4 +1,4 @@
-"""Locates Blender: a program, or a Python that has it as a module."""
+"""Locates Blender: a program, or a Python with Blender as a module."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _MODULE = "import importlib.metadata as m, sys; print(m.version('bpy')); print(s
 
 
 class BlenderError(Exception):
-    """No usable Blender was found; the message says what to do."""
+    """Raised if no usable Blender was found; the message names a remedy."""
 
 
 @dataclass(frozen=True)
 class Blender:
-    """How to start Blender with a script of ours; the script's arguments are appended."""
+    """A program that runs our scripts in Blender: Blender itself, or a Python with Blender as a module."""
 
     program: str
     version: str
@@ -36,7 +36,7 @@ class Blender:
     reads: tuple[str, ...]  # the folders that it needs
 
     def command(self, script: Path, *arguments: str) -> list[str]:
-        """Returns the complete command."""
+        """Returns the command line that runs a script with these arguments."""
         if self.is_module:
             return [self.program, "-I", str(script), *arguments]
         options = ["--background", "--factory-startup", "--disable-autoexec", "--python-exit-code", "3"]
@@ -49,10 +49,9 @@ def environment_python() -> Path:
 
 
 def find() -> Blender | None:
-    """Returns the Blender that RAYFARM_BLENDER names, else the environment's, else the program on the PATH; None if there is
-    none.
+    """Returns the Blender named by RAYFARM_BLENDER, else that of our environment, else that on the PATH; None if there is none.
 
-    Raises BlenderError if the named one cannot be used.
+    Raises BlenderError if RAYFARM_BLENDER names an unusable one.
     """
     if named := os.environ.get(NAMED):
         return inspect_blender(named)
@@ -67,7 +66,10 @@ def find() -> Blender | None:
 
 @functools.cache
 def inspect_blender(path: str) -> Blender:
-    """Returns the Blender at a path: a program's, or that of a Python that has the module. Raises BlenderError."""
+    """Returns the Blender at a path, that of a Blender program or of a Python with the module.
+
+    Raises BlenderError if unusable.
+    """
     place = Path(path).expanduser()
     program = str(place) if place.exists() else shutil.which(path)
     if program is None:

@@ -1,4 +1,4 @@
-"""Bakes material inputs that only Blender can evaluate to images: Cycles renders them onto non-overlapping UVs."""
+"""Bakes material inputs that only Blender can evaluate: Cycles renders them to images over UVs that do not overlap."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SAMPLES = 4
 
 
 def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
-    """Replaces material inputs that the exporter cannot convert by baked images, for mesh objects."""
+    """Replaces material inputs of mesh objects that the exporter cannot convert by baked images. notes: receives warnings."""
     if "cycles" not in bpy.context.preferences.addons:
         return
     until = time.monotonic() + PATIENCE
@@ -57,7 +57,7 @@ def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
 
 
 def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
-    """Returns the materials with the sockets to bake, and one object for each mesh that uses them."""
+    """Returns (material, sockets to bake, one object for each mesh that uses it) for each material with such sockets."""
     found: dict[str, tuple[Any, list[Any], list[Any]]] = {}
     seen = set()
     split: list[Any] = []  # objects that shared their meshes with others
@@ -81,7 +81,7 @@ def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
 
 
 def _odd(material: Any) -> list[Any]:
-    """Returns the inputs of the material's principled BSDF that are fed by nodes the exporter does not support."""
+    """Returns the inputs of the material's Principled BSDF that are connected to nodes the exporter does not support."""
     output = material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
     links = output.inputs["Surface"].links if output is not None else ()
     node = links[0].from_node if links else None
@@ -92,7 +92,7 @@ def _odd(material: Any) -> list[Any]:
 
 
 def _unfit(owners: list[Any]) -> str:
-    """Returns why these objects cannot be baked; empty if they can."""
+    """Returns the reason why materials of these objects cannot be baked; empty if they can."""
     if any(thing.type != "MESH" for thing in owners):
         return "it is on curves or text: make meshes of these"
     if len(owners) > MOST_THINGS or sum(len(thing.data.polygons) for thing in owners) > MOST_FACES:
@@ -103,7 +103,7 @@ def _unfit(owners: list[Any]) -> str:
 
 
 def _settings(scene: Any) -> list[tuple[Any, str, Any]]:
-    """Applies the settings for baking; returns the previous values."""
+    """Applies the settings for baking; returns (owner, property, previous value) of each."""
     render, cycles = scene.render, scene.cycles
     wanted = [
         (render, "engine", "CYCLES"),
@@ -163,7 +163,7 @@ def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[
 
 
 def _lay_out(bpy: Any, owners: list[Any]) -> None:
-    """Adds a UV set to the meshes that does not overlap, over all of them together."""
+    """Adds to the objects' meshes a UV set in which no faces overlap, not even those of different meshes."""
     fresh = [thing for thing in owners if LAYER not in thing.data.uv_layers]
     if not fresh:
         return
@@ -199,7 +199,7 @@ def _select(bpy: Any, owners: list[Any]) -> None:
 
 
 def _others(bpy: Any, material: Any, owners: list[Any]) -> list[tuple[Any, Any]]:
-    """Assigns dummy images to the meshes' other materials, since Blender bakes all materials of a mesh."""
+    """Assigns dummy images to the other materials of the meshes, since Blender bakes all materials of a mesh."""
     found = []
     names = {material.name}
     for thing in owners:
@@ -216,7 +216,7 @@ def _others(bpy: Any, material: Any, owners: list[Any]) -> list[tuple[Any, Any]]
 
 
 def _within_one(image: Any, entry: Any) -> str:
-    """Moves values above 1 of an emission image into the light's strength; returns a note for other images with such values.
+    """Scales an emission image down to 1, multiplying the light's strength; for other images returns a note on values above 1.
 
     The image was baked in linear colours, and is sRGB-encoded afterwards.
     """

@@ -1,4 +1,4 @@
-"""Converts cameras to the form of our scene file."""
+"""Converts cameras to our scene format."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def to_ours(v: Any) -> tuple[float, float, float]:
 
 
 class Cameras:
-    """The scene's cameras, the active one first."""
+    """Converts the scene's cameras, the active one first."""
 
     def __init__(self, bpy: Any, scene: Any, notes: list[str]) -> None:
         from mathutils import Vector
@@ -34,11 +34,11 @@ class Cameras:
             self._note(thing)
 
     def looks(self) -> dict[str, Any]:
-        """Returns, by name, functions that return a camera's current state."""
+        """Returns camera name -> function that returns the camera's current state."""
         return {thing.name: partial(self._now, thing) for thing in self._all}
 
     def written(self, seen: dict[str, list[dict[str, Any]]], frames: list[int], fps: float) -> list[dict[str, Any]]:
-        """Returns the scene file's cameras from the states sampled at the frames."""
+        """Returns the cameras of the scene file. seen: camera name -> its states at the frames."""
         cameras = []
         for thing in self._all:
             values = seen[thing.name]
@@ -95,7 +95,7 @@ class Cameras:
         return max(abs((place - camera.matrix_world.translation).dot(forward)), 1e-4)
 
     def _distance_to_far_end(self, thing: Any) -> float:
-        """Returns the distance from a camera to the far end of the scene."""
+        """Returns the distance from a camera to the farthest point of the scene."""
         eye, forward = thing.matrix_world.translation, thing.matrix_world.to_3x3() @ self._vector((0, 0, -1))
         return max(((point - eye).dot(forward.normalized()) for point in self._corners), default=0.0)
 
@@ -114,6 +114,6 @@ class Cameras:
 
 
 def _panorama(data: Any) -> Any:
-    """Returns the panorama type: since Blender 5 a property of the camera, before that of Cycles."""
+    """Returns the panorama type, which is a property of the camera since Blender 5, and of Cycles before."""
     own = getattr(data, "panorama_type", None)
     return own or getattr(getattr(data, "cycles", None), "panorama_type", None)

@@ -13,13 +13,13 @@ MOST = 6_000_000  # vertices of all shape keys: each takes 24 bytes of the file,
 
 
 class DeformedShapes:
-    """The shapes of modifier-deformed meshes at each frame, except for armatures, which become skins.
+    """The shapes at each frame of meshes that modifiers deform, except armatures, which are exported as skins.
 
-    left: names of meshes that stay static because the data would be too large.
+    left: names of meshes that stay static because the data would be too large or their number of vertices changes.
     """
 
     def __init__(self, bpy: Any, scene: Any, shown: set[str], frames: list[int]) -> None:
-        """Samples all frames. shown: names of objects."""
+        """Samples the shapes at all frames. shown: names of the visible objects."""
         self._bpy, self._scene, self._frames = bpy, scene, frames
         self._shapes: dict[str, list[Any]] = {}
         self._first: dict[str, Any] = {}
@@ -36,7 +36,7 @@ class DeformedShapes:
             self._shapes = self._over_all(kept)
 
     def into_keys(self, thing: Any) -> None:
-        """Adds shape keys to a mesh, which has its shape at the first frame, for the shapes at the others."""
+        """Adds an animated shape key per frame to a mesh object, whose own shape is that of the first frame."""
         shapes = self._shapes.get(thing.name)
         if shapes is None or len(shapes[0]) != 3 * len(thing.data.vertices):
             if shapes is not None:
@@ -53,7 +53,7 @@ class DeformedShapes:
                     key.keyframe_insert("value", frame=self._frames[at])
 
     def _bent(self, names: list[str], frames: list[int]) -> list[str]:
-        """Returns the names of objects whose modifiers change their shape at these frames."""
+        """Returns the names of those objects whose evaluated shape differs between these frames."""
         found = set()
         for name, points in self._at(names, frames):
             before = self._first.setdefault(name, points)
@@ -69,8 +69,9 @@ class DeformedShapes:
         return name not in self._other and (thing.data.shape_keys is None or len(thing.data.shape_keys.key_blocks) < 2)
 
     def _over_all(self, names: list[str]) -> dict[str, list[Any]]:
-        """Returns the vertex positions at each frame by name, (3 V,) float32; leaves out the largest meshes if the total is too
-        large.
+        """Returns object name -> vertex positions at each frame, (3 V,) float32.
+
+        Omits the largest meshes if the total is too large.
         """
         size = {name: len(self._first[name]) // 3 * len(self._frames) for name in names}
         for name in sorted(names, key=lambda each: -size[each]):

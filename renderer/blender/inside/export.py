@@ -1,13 +1,13 @@
 """Opens a .blend file with its scripts off, or an Alembic file, and writes its content as a scene that Rayfarm reads.
+
 Run by Blender's Python:
 
-    python export.py JOB        where Python has Blender as a module
+    python export.py JOB        for a Python with Blender as a module
     blender --background --factory-startup --disable-autoexec --python export.py -- JOB
 
-JOB: a JSON object in a file: `folder` with the uploaded files, the name of the `main` one in it, `out`, an empty folder,
-`most_bytes`, and `addon`, the folder of the add-on's package or null.
-Written there: report.json, last of all, with `version` and `main`, or an `error`; blender-scene.yaml, blender-scene.glb,
-blender-world.exr.
+JOB: a file with a JSON object: `folder` with the uploaded files, the name of the `main` one in it, `out`, an empty folder,
+`most_bytes`, and `addon`, the folder of the add-on's package or null. Writes into `out`: blender-scene.yaml, blender-scene.glb,
+blender-world.exr, and last report.json, with `version` and `main`, or an `error`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LEAST = (4, 2)
 
 
 class UploadedFiles:
-    """The uploaded files of a scene, and copies of the .blend files among them."""
+    """The uploaded files of a scene, and sanitised copies of the .blend files among them."""
 
     def __init__(self, folder: Path, copies: Path) -> None:
         self._folder, self._copies = folder, copies
@@ -57,11 +57,11 @@ class UploadedFiles:
         return [name for name in self._files.values() if name.lower().endswith(".blend")]
 
     def place(self, name: str) -> Path:
-        """Returns the path at which a file is opened: for a .blend its copy."""
+        """Returns the path at which a file is opened: of a .blend, that of its copy."""
         return (self._copies if name.lower().endswith(".blend") else self._folder) / name
 
     def resolve(self, path: str, beside: str) -> str:
-        """Returns the replacement of a path in the copy of the .blend `beside`: an uploaded file, or a non-existent path."""
+        """Returns the path that replaces `path` in the copy of the .blend `beside`: an uploaded file, or a non-existent path."""
         cleaned = path.replace("\\", "/")
         parts = [part for part in cleaned.removeprefix("//").split("/") if part not in ("", ".") and not part.endswith(":")]
         while ".." in parts:
@@ -88,7 +88,7 @@ class UploadedFiles:
 
 
 def copied(job: dict[str, Any]) -> Path:
-    """Copies the scene's .blend file, and all other .blend files, with safe paths; returns the main copy for Blender to open."""
+    """Copies all uploaded .blend files with safe paths; returns the copy of the main one, for Blender to open."""
     folder, copies = Path(job["folder"]).resolve(), Path(job["out"]).resolve() / COPIES
     came = UploadedFiles(folder, copies)
     left = int(job["most_bytes"])
@@ -108,7 +108,7 @@ def copied(job: dict[str, Any]) -> Path:
 
 
 def opened(path: Path) -> Any:
-    """Opens the file in Blender with factory settings (its home folder is empty); returns bpy. Raises DamagedError."""
+    """Opens the file in Blender with factory settings (its home folder is empty); returns the bpy module. Raises DamagedError."""
     bpy = _started()
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
@@ -118,7 +118,7 @@ def opened(path: Path) -> Any:
 
 
 def imported(path: Path) -> Any:
-    """Imports an Alembic file into an empty scene; returns bpy. Raises DamagedError."""
+    """Imports an Alembic file into an empty scene; returns the bpy module. Raises DamagedError."""
     bpy = _started()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     try:
@@ -146,7 +146,7 @@ def _reason(error: Exception) -> str:
 
 
 def main(job: dict[str, Any]) -> dict[str, Any]:
-    """Exports the scene; returns the report."""
+    """Exports the scene; returns the content of report.json."""
     source = Path(job["folder"]).resolve() / job["main"]
     is_blend = source.suffix.lower() != ALEMBIC
     bpy = opened(copied(job)) if is_blend else imported(source)
@@ -158,7 +158,7 @@ def main(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def run() -> int:
-    """Runs the command line."""
+    """Runs the command line; returns the exit status."""
     arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
     job = json.loads(Path(arguments[0]).read_text())
     report: dict[str, Any]

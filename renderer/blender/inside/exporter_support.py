@@ -1,4 +1,4 @@
-"""Determines which shader nodes Blender's glTF exporter supports between a socket and UV-mapped images."""
+"""Determines which shader nodes between a socket and UV-mapped images are supported by Blender's glTF exporter."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OUTPUTS_OF_EACH = {"Position", "Camera", "Window", *OUTPUTS_FROM_ELSEWHERE}
 
 
 def is_supported(node: Any) -> bool:
-    """Returns True if the exporter supports a node and all nodes that feed it."""
+    """Returns True if the exporter supports a node and all nodes connected to its inputs."""
     seen, left = set(), [node]
     while left:
         each = left.pop()
@@ -37,7 +37,7 @@ def is_supported(node: Any) -> bool:
 
 
 def _is_factor(node: Any) -> bool:
-    """Returns True if a node only multiplies."""
+    """Returns True if a node multiplies its inputs and does nothing else."""
     if node.type == "MATH":
         return node.operation == "MULTIPLY" and not node.use_clamp
     if node.type not in ("MIX", "MIX_RGB") or node.blend_type != "MULTIPLY" or getattr(node, "data_type", "RGBA") != "RGBA":
@@ -47,7 +47,7 @@ def _is_factor(node: Any) -> bool:
 
 
 def is_placed_by_uv(node: Any) -> bool:
-    """Returns True if an image node is placed by a UV set, with at most one rotation, scale and translation in its plane."""
+    """Returns True if an image node is mapped by a UV set, with at most one rotation, scale and translation in its plane."""
     entry, is_mapped = node.inputs["Vector"], False
     while entry.is_linked:
         link = entry.links[0]
@@ -71,7 +71,7 @@ def _is_flat(mapping: Any) -> bool:
 
 
 def view_dependent_label(node: Any, output: str) -> str:
-    """Returns the label of a view-dependent node that feeds an output; empty if there is none."""
+    """Returns the label of a view-dependent node on which an output depends; empty if there is none."""
     return next(
         (
             str(each.bl_label)
@@ -83,12 +83,12 @@ def view_dependent_label(node: Any, output: str) -> str:
 
 
 def differs_by_object(node: Any, output: str) -> bool:
-    """Returns True if an output differs between objects that share a mesh."""
+    """Returns True if an output has different values on objects that share a mesh."""
     return any(each.type == "OBJECT_INFO" or name in OUTPUTS_OF_EACH for each, name in _feeding_nodes(node, output))
 
 
 def _feeding_nodes(node: Any, output: str) -> list[tuple[Any, str]]:
-    """Returns a node and all nodes that feed it, each with the output that is used."""
+    """Returns a node and all nodes on which its output depends, each with the name of the output that is used."""
     found: list[tuple[Any, str]] = []
     left = [(node, output)]
     while left:

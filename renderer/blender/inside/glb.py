@@ -15,7 +15,7 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 
 class Glb:
-    """A GLB file in memory. document: its JSON. Raises ValueError for invalid files."""
+    """A GLB file in memory. document: its JSON. Raises ValueError if the file is invalid."""
 
     def __init__(self, path: Path) -> None:
         data = path.read_bytes()
@@ -33,7 +33,10 @@ class Glb:
             self._keep(memoryview(data)[at + _CHUNK.size : at + _CHUNK.size + size])
 
     def array(self, values: Any, shape: str, component: int, is_bounded: bool = False) -> int:
-        """Adds an accessor for a numpy array; `component`: glTF's component type. is_bounded: with its minimum and maximum."""
+        """Adds an accessor for a numpy array; returns its number.
+
+        component: glTF's component type. is_bounded: adds the array's minimum and maximum.
+        """
         import numpy as np
 
         flat = np.ascontiguousarray(values, np.uint32 if component == 5125 else np.float32)
@@ -61,7 +64,7 @@ class Glb:
                     file.write(part)
 
     def _keep(self, part: Any) -> None:
-        """Appends bytes, padded to a multiple of four."""
+        """Appends bytes to the binary chunk, padded to a multiple of four."""
         rest = bytes(-len(part) % 4)
         self._parts += [part, rest]
         self._size += len(part) + len(rest)

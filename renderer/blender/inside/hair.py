@@ -14,7 +14,7 @@ MOST_POINTS = 300_000
 
 
 def hair_as_meshes(bpy: Any, scene: Any, shown: list[Any], addon: Path | None, notes: list[str]) -> list[Any]:
-    """Returns the visible objects, with hair curves replaced by meshes where possible. addon: as for `simplify`."""
+    """Returns the visible objects, with hair curves replaced by meshes where possible. addon: the add-on's folder, or None."""
     curves = [thing for thing in shown if thing.type == "CURVES"]
     if not curves or addon is None:
         return shown
@@ -61,7 +61,7 @@ def _mesh_of(bpy: Any, scene: Any, thing: Any, data: Any, tubes: Any, notes: lis
 
 
 def _move_alike(made: Any, thing: Any) -> None:
-    """Gives an object the parent and the animation of another."""
+    """Gives the object `made` the parent and the animation of `thing`."""
     made.rotation_mode = thing.rotation_mode
     made.parent, made.parent_type, made.parent_bone = thing.parent, thing.parent_type, thing.parent_bone
     made.matrix_parent_inverse = thing.matrix_parent_inverse.copy()

@@ -1,4 +1,4 @@
-"""Converts instances of collections, particles and geometry nodes to objects that share their meshes."""
+"""Converts instances of collections, particles and geometry nodes to objects that share meshes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ SHEARED = 1e-5
 
 
 class _Shown(NamedTuple):
-    """An instance. key: identifies it at other frames. mesh: its evaluated mesh."""
+    """An instance. key: identifies it at all frames. thing: the instanced object; mesh: its evaluated mesh.
+
+    place: its transform.
+    """
 
     key: Any
     parent: Any
@@ -33,7 +36,7 @@ class _Shown(NamedTuple):
 
 
 def instances_as_objects(bpy: Any, scene: Any, shown: set[str], frames: list[int], notes: list[str]) -> None:
-    """Creates objects for the instances at the current frame, animated over the others.
+    """Creates an object for each instance at the current frame, animated over the other frames.
 
     shown: names of visible objects; those of the new objects are added.
     """
@@ -85,7 +88,7 @@ def _counts(instance: Any, shown: set[str]) -> bool:
 
 
 def _note_left_out(bpy: Any, shown: set[str], notes: list[str]) -> None:
-    """Notes objects that are instanced, or made by geometry nodes, and are not surfaces."""
+    """Notes instanced objects, and results of geometry nodes, that are not exported because they are not surfaces."""
     names: dict[str, dict[str, None]] = {}
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type in LEFT_OUT and instance.is_instance and instance.parent is not None:
@@ -104,7 +107,7 @@ def _key(instance: Any) -> Any:
 def _over_frames(
     bpy: Any, scene: Any, shown: set[str], frames: list[int], found: list[_Shown], notes: list[str]
 ) -> dict[Any, list[Any]]:
-    """Returns the transforms of moving instances at each frame."""
+    """Returns instance key -> transforms at all frames, for instances that move."""
     if len(frames) < 2 or not found:
         return {}
     if len(frames) * len(found) > MOST_PLACES:
@@ -144,7 +147,7 @@ def _are_apart(a: Any, b: Any) -> bool:
 def _place_object(
     bpy: Any, scene: Any, thing: Any, place: Any, places: list[Any] | None, frames: list[int], notes: list[str]
 ) -> None:
-    """Places an object by a transform, or by one per frame. A sheared one is rotated under a parent with non-uniform scale."""
+    """Places an object by a transform, or by one per frame; a sheared object gets a parent with non-uniform scale."""
     if _is_straight(place):
         carrier, turn = thing, None
     else:
@@ -193,7 +196,7 @@ def _is_bent(thing: Any) -> bool:
 
 
 def _mesh_of(bpy: Any, thing: Any, data: Any, graph: Any) -> Any:
-    """Returns an instance's mesh; for geometry nodes it differs from the object's own, though it has the same name."""
+    """Returns an instance's mesh. For geometry nodes it differs from the object's own mesh, though their names are equal."""
     if thing.type == "LIGHT":
         return thing.original.data
     if thing.type == "MESH" and data != thing.original.evaluated_get(graph).data:

@@ -1,4 +1,4 @@
-"""Values over the frames, in the form of our scene file."""
+"""Values over the frames, in our scene format."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def scripted(bpy: Any) -> list[str]:
 
 
 def is_animated(bpy: Any, scene: Any) -> bool:
-    """Returns True if anything in the file may change with the frame."""
+    """Returns True if anything in the file may change from frame to frame."""
     for kind in MAY_MOVE:
         for block in getattr(bpy.data, kind, ()):
             data = block.animation_data
@@ -79,7 +79,7 @@ def is_animated(bpy: Any, scene: Any) -> bool:
 
 
 def animated_paths(block: Any) -> list[str]:
-    """Returns the property paths of a data block that keyframes or drivers animate."""
+    """Returns the paths of a data block's properties that are animated by keyframes or drivers."""
     data = block.animation_data if block is not None else None
     if data is None:
         return []
@@ -94,16 +94,16 @@ def animated_paths(block: Any) -> list[str]:
 
 
 def frames_of(bpy: Any, scene: Any) -> list[int]:
-    """Returns the frames of the scene's range; for a static scene the current one."""
+    """Returns the frames of the scene's range; for a static scene only the current one."""
     if not is_animated(bpy, scene):
         return [scene.frame_current]
     return list(range(scene.frame_start, min(scene.frame_end, scene.frame_start + MOST_FRAMES - 1) + 1)) or [scene.frame_current]
 
 
 def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
-    """Returns the frames, and those around them that the shutter of `settings` exposes; none before 0, the start of time.
+    """Returns the frames, extended by those that the shutter of `settings` overlaps; none before 0, the start of time.
 
-    Never exactly two: with two keys Blender's exporter writes a step.
+    Never exactly two frames: for two keys Blender's exporter writes step interpolation.
     """
     length = settings.get("shutter", 0.0)
     before = {"leading": 0.0, "trailing": 1.0}.get(settings.get("shutter_at", ""), 0.5) * length
@@ -113,7 +113,7 @@ def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
 
 
 def over_frames(scene: Any, frames: Iterable[int], looks: dict[str, Callable[[], Any]]) -> dict[str, list[Any]]:
-    """Returns the results of some functions at each of the frames."""
+    """Returns name -> results of the function `looks[name]` at each of the frames."""
     found: dict[str, list[Any]] = {name: [] for name in looks}
     for frame in frames:
         scene.frame_set(frame)
@@ -123,7 +123,10 @@ def over_frames(scene: Any, frames: Iterable[int], looks: dict[str, Callable[[],
 
 
 def keyed(values: list[Any], frames: list[int], fps: float) -> Any:
-    """Returns a constant value, or its keys with times frame / fps. Omits keys between two equal frames."""
+    """Returns the value if it is the same at all frames, else {"keys": [[frame / fps, value], ...]}.
+
+    Omits keys between two equal ones.
+    """
     values = [rounded(value) for value in values]
     if all(_alike(value, values[0]) for value in values):
         return values[0]

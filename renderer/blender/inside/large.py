@@ -1,7 +1,7 @@
 """Bypasses the glTF exporter for large meshes, since it takes several seconds for a million triangles.
 
-The exporter gets a stand-in with a triangle per material for each mesh, and writes it with its materials; afterwards the real
-geometry is written into the file.
+For each large mesh the exporter gets a stand-in, with one triangle per material, and writes it with its materials; afterwards
+the real geometry is written into the file.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Taken = dict[str, Any]  # rayfarm_addon's meshes, by the names of their stand-in
 
 
 def replace_by_stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Taken:
-    """Replaces large, undeformed meshes by stand-ins. addon: as for `simplify`."""
+    """Replaces large, undeformed meshes by stand-ins; returns stand-in name -> mesh. addon: the add-on's folder, or None."""
     if addon is None:
         return {}
     extract = modules_of(addon).meshes.extract
@@ -47,7 +47,7 @@ def replace_by_stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Tak
 
 
 def restore_large_meshes(path: Path, taken: Taken) -> None:
-    """Replaces the stand-ins in a GLB by the real meshes."""
+    """Replaces the stand-ins in a GLB file by the real meshes."""
     if not taken:
         return
     glb = Glb(path)
@@ -77,7 +77,7 @@ def _has_colors(tree: Any, depth: int) -> bool:
 
 
 def _stand_in(bpy: Any, mesh: Any, slots: list[int]) -> Any:
-    """Returns a mesh with a triangle per material, and UV sets of the same names."""
+    """Returns a stand-in for a mesh: one triangle per material slot that is used, and UV sets of the same names."""
     made = bpy.data.meshes.new(mesh.name)
     corners = [(x, y, float(i)) for i in range(len(slots)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
     made.from_pydata(corners, [], [(3 * i, 3 * i + 1, 3 * i + 2) for i in range(len(slots))])

@@ -1,4 +1,4 @@
-"""Converts lights to the form of our scene file: watts to radiant intensity, irradiance and radiance, as in Cycles."""
+"""Converts lights to our scene format: from watts to radiant intensity, irradiance and radiance, as in Cycles."""
 
 from __future__ import annotations
 
@@ -22,14 +22,17 @@ RAYS = {"diffuse": "what is matt", "glossy": "what is glossy", "transmission": "
 
 
 class Lights:
-    """The scene's lights.
+    """Converts the scene's lights.
 
     Suns, spots, points without a size or with nodes that shape their emission become lights; all others become emitting shapes
-    that block no light.
+    that cast no shadows.
     """
 
     def __init__(self, bpy: Any, scene: Any, known: Any, notes: list[str], out: Path) -> None:
-        """known: the add-on's module of lights; None if not available. out: folder for the images of emission profiles."""
+        """Initialises the lights of a scene.
+
+        known: the add-on's module of lights; None if not available. out: folder for the emission images.
+        """
         import mathutils
 
         self._bpy, self._math, self._known = bpy, mathutils, known
@@ -55,13 +58,13 @@ class Lights:
                 self._thrown[thing.name] = taken[data.name]
 
     def looks(self) -> dict[str, Any]:
-        """Returns, by name, functions that return a light's current state."""
+        """Returns light name -> function that returns the light's current state."""
         return {thing.name: partial(self._now, thing) for thing in self._all}
 
     def written(
         self, seen: dict[str, list[dict[str, Any]]], frames: list[int], fps: float
     ) -> tuple[list[Any], dict[str, Any], list[Any]]:
-        """Returns the scene file's lights, materials and shapes from the states sampled at the frames."""
+        """Returns the lights, materials and shapes of the scene file. seen: light name -> its states at the frames."""
         lights, materials, shapes = [], {}, []
         for thing in self._all:
             values = seen[thing.name]
@@ -140,7 +143,7 @@ class Lights:
         }
 
     def _color(self, data: Any) -> list[float]:
-        """Returns the colour factor of a watt: colour, temperature, exposure, and nodes if they are constants."""
+        """Returns the factor from watts to colour: colour, temperature, exposure, and nodes if they are constant."""
         color = list(data.color)
         if getattr(data, "use_temperature", False):
             color = [a * b for a, b in zip(color, data.temperature_color, strict=True)]
@@ -199,9 +202,7 @@ def _kind(thing: Any, thrown: EmissionImage | None) -> dict[str, Any]:
 
 
 def _area_of(data: Any, scale: Any) -> float:
-    """Returns the area by which a light's power is multiplied if "Normalize" is off, so that the power is per square metre; else
-    1.
-    """
+    """Returns the factor of a light's power: its area if the power is per square metre ("Normalize" is off), else 1."""
     if getattr(data, "normalize", True):
         return 1.0
     if data.type == "SUN":
@@ -214,6 +215,6 @@ def _area_of(data: Any, scale: Any) -> float:
 
 
 def is_linked_to_lights(thing: Any) -> bool:
-    """Returns True if an object illuminates, or shadows, selected objects only (light linking)."""
+    """Returns True if an object has light linking: it illuminates, or shadows, selected objects only."""
     linking = getattr(thing, "light_linking", None)
     return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))

@@ -1,4 +1,4 @@
-"""Replaces movies and image sequences, which the glTF exporter leaves out, by the image of the current frame."""
+"""Replaces movies and image sequences, which the glTF exporter omits, by the image of the current frame."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NUMBER = re.compile(r"(\d+)(?=\D*$)")
 
 
 def as_stills(bpy: Any, materials: list[Any], notes: list[str]) -> None:
-    """Replaces the image sequences in materials' nodes by still images."""
+    """Replaces the image sequences in the materials' nodes by still images."""
     made: dict[Any, Any] = {}
     told = set()
     for node in [each for material in materials for each in _nodes(material.node_tree if material.use_nodes else None, set())]:
@@ -42,7 +42,7 @@ def _nodes(tree: Any, seen: set[str]) -> list[Any]:
 
 
 def _number(scene: Any, user: Any) -> int:
-    """Returns the number of the image in its sequence."""
+    """Returns the number of the image of a sequence that is shown at the current frame."""
     last = max(user.frame_duration, 1)
     at = scene.frame_current - user.frame_start + 1
     at = (at - 1) % last + 1 if user.use_cyclic else min(max(at, 1), last)
@@ -50,7 +50,7 @@ def _number(scene: Any, user: Any) -> int:
 
 
 def _still(bpy: Any, image: Any, number: int) -> Any:
-    """Returns an image of the sequence; None if the file is missing, or it is a movie."""
+    """Returns the image with this number of a sequence; None if its file is missing, or if `image` is a movie."""
     if image.source == "MOVIE":
         return None
     path = Path(bpy.path.abspath(image.filepath))

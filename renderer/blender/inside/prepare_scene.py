@@ -1,4 +1,4 @@
-"""Prepares the scene as rendered, in objects that the glTF exporter supports: modifiers and instances become meshes."""
+"""Prepares the scene as rendered, as objects that the glTF exporter supports: modifiers and instances become meshes."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ GREY = 0.8
 
 
 def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: list[str]) -> list[Any]:
-    """Prepares the open scene at its current frame, the first of `frames`. Returns the visible objects.
+    """Prepares the open scene at the first of `frames`. Returns the visible objects.
 
-    exposed: the frames, and those around them while a shutter is open.
+    exposed: the frames, extended by those that the shutter overlaps. notes: receives warnings.
     """
     _as_rendered(bpy, scene)
     bpy.context.view_layer.update()
@@ -46,7 +46,7 @@ def _has_finite_transform(thing: Any) -> bool:
 
 
 def _as_rendered(bpy: Any, scene: Any) -> None:
-    """Copies render settings of visibility and modifiers to the viewport's, which the exporter uses."""
+    """Copies the render settings of visibility and modifiers to the viewport settings, which the exporter uses."""
     _visible_as_rendered(bpy)
     scene.render.simplify_subdivision = scene.render.simplify_subdivision_render
     scene.render.simplify_child_particles = scene.render.simplify_child_particles_render
@@ -62,9 +62,9 @@ def _as_rendered(bpy: Any, scene: Any) -> None:
 
 
 def _visible_as_rendered(bpy: Any) -> None:
-    """Makes viewport visibility equal to render visibility.
+    """Sets the viewport visibility of all objects to their render visibility.
 
-    Objects hidden in the viewport only would not be evaluated, and those hidden in renders only would be instanced.
+    Otherwise objects hidden in the viewport only would not be evaluated, and those hidden in renders only would be instanced.
     """
     for each in [*bpy.data.objects, *bpy.data.collections]:
         each.hide_viewport = each.hide_render
@@ -78,7 +78,7 @@ def _visible_as_rendered(bpy: Any) -> None:
 
 
 def _override(layer: Any, scene: Any, things: list[Any]) -> None:
-    """Applies the view layer's override of all materials and of the world."""
+    """Applies the view layer's material override to all objects, and its world override."""
     material = getattr(layer, "material_override", None)
     for thing in things if material is not None else ():
         if not hasattr(thing.data, "materials"):
@@ -92,7 +92,7 @@ def _override(layer: Any, scene: Any, things: list[Any]) -> None:
 
 
 def _plain_materials(bpy: Any, things: list[Any]) -> None:
-    """Replaces materials without nodes by diffuse ones, as in Cycles, and missing materials by grey."""
+    """Replaces materials without nodes by diffuse ones, as Cycles does, and missing materials by a grey one."""
     grey = bpy.data.materials.new("no material")
     grey.use_nodes = False
     grey.diffuse_color = (GREY, GREY, GREY, 1.0)
@@ -129,7 +129,7 @@ def _shown(bpy: Any, scene: Any) -> set[str]:
 
 
 def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
-    """Returns True if a collection, or one that contains it, is hidden."""
+    """Returns True if a collection, or one that contains it, is among the hidden ones."""
     if collection.name in hidden:
         return True
     parents = [each for each in scene.collection.children_recursive if collection.name in each.children]
@@ -139,7 +139,8 @@ def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
 def _modifiers(bpy: Any, scene: Any, shown: set[str], frames: list[int], exposed: list[int], notes: list[str]) -> None:
     """Applies all modifiers except armatures, which the exporter writes as skins.
 
-    Shape keys prevent other modifiers from being applied, and replace those that deform a mesh over time.
+    Modifiers that deform a mesh over time are replaced by shape keys. Other modifiers of meshes that already have shape keys
+    cannot be applied.
     """
     keyed = []
     bending = DeformedShapes(bpy, scene, shown, exposed if len(frames) > 1 else frames)

@@ -1,6 +1,6 @@
-"""Converts materials to a form that the glTF exporter supports: a single principled BSDF, with at most one image per input.
+"""Converts materials to a form that the glTF exporter supports: a single Principled BSDF with at most one image per input.
 
-The add-on's modules do the conversion; without them, materials are unchanged.
+The add-on's modules do the conversion. Without them, materials are unchanged.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Extensions = dict[str, dict[str, Any]]
 
 
 class _Way(NamedTuple):
-    """The placement of an image: node and socket of its coordinates, wrap mode, filter, scale, offset and rotation."""
+    """The mapping of an image: node and socket of its coordinates, wrap mode, filter, scale, offset and rotation."""
 
     node: str
     socket: str
@@ -50,9 +50,9 @@ class _Way(NamedTuple):
 
 
 def simplify(bpy: Any, things: list[Any], addon: Path | None, notes: list[str]) -> Extensions:
-    """Converts the materials of objects; returns properties that the exporter cannot write, by material name.
+    """Converts the materials of objects; returns material name -> properties that the exporter cannot write.
 
-    addon: the folder of the package rayfarm_addon, if there is one.
+    addon: the folder of the package rayfarm_addon; None if not available: nothing is converted.
     """
     said: Extensions = {}
     if addon is None:
@@ -72,7 +72,7 @@ def simplify(bpy: Any, things: list[Any], addon: Path | None, notes: list[str]) 
 
 
 def modules_of(addon: Path) -> Any:
-    """Imports the add-on's modules of shaders and hair, without registering the add-on."""
+    """Imports the add-on's modules of shaders and hair without registering the add-on. addon: the folder of its package."""
     package = "rayfarm_addon.scene"
     if package not in sys.modules:
         for name, path in (("rayfarm_addon", addon), (package, addon / "scene"), ("rayfarm_addon.farm", addon / "farm")):
@@ -89,9 +89,7 @@ class _Simplifier:
         self._painter = modules.image_nodes.Painter(material.name, self._way)
 
     def run(self) -> dict[str, Any]:
-        """Converts the material if necessary; returns the values that the exporter writes differently from Cycles, for
-        `with_rays`.
-        """
+        """Converts the material if necessary; returns its properties that the exporter cannot write, for `with_rays`."""
         nodes = self._modules.nodes
         source = nodes.output_of(self._tree)
         output = self._tree.get_output_node("CYCLES") or self._tree.get_output_node("ALL")
@@ -131,12 +129,15 @@ class _Simplifier:
         self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(told)]
 
     def _filled(self, lets_in: bool, told: list[str]) -> dict[str, Any]:
-        """Returns the medium of the material's volume. told: receives notes on what is ignored."""
+        """Returns the extension with the medium of the material's volume; empty without one.
+
+        lets_in: whether the surface transmits light. told: receives notes on what is ignored.
+        """
         found = self._modules.subsurface.filled(self._tree, lets_in, told.append)
         return {} if found is None else {self._modules.subsurface.MEDIUM: found}
 
     def _shine(self, principled: Any, look: Any) -> tuple[str, ...]:
-        """Multiplies the emission strength's image into the emission colour's; returns the inputs that are done."""
+        """Combines images of emission colour and strength into one; returns the names of the inputs that are done."""
         nodes = self._modules.nodes
         names = ("Emission Color", "Emission Strength")
         color, strength = (look.input(name) for name in names)
@@ -190,7 +191,7 @@ class _Simplifier:
         return said
 
     def _made(self, output: Any) -> Any:
-        """Returns a principled BSDF that replaces the material's surface shader."""
+        """Replaces the material's surface shader by a new Principled BSDF, and returns it."""
         node = self._tree.nodes.new("ShaderNodeBsdfPrincipled")
         self._tree.links.new(node.outputs[0], output.inputs["Surface"])
         return node
@@ -223,7 +224,10 @@ class _Simplifier:
             self._tree.links.new(self._picture(entry, *painted), entry)
 
     def _bumps(self, entry: Any, at: Any) -> bool:
-        """Returns True if the normal comes from a height image; replaces it by a normal map."""
+        """Replaces a Bump node with a height image by a normal map on the input `entry`; returns False if there is none.
+
+        at: the source of the input in the principled look.
+        """
         nodes = self._modules.nodes
         source = nodes.source_of(at)[0]
         if source is None or source.node.type != "BUMP" or nodes.source_of(source.input("Normal"))[0] is not None:
@@ -231,7 +235,7 @@ class _Simplifier:
         return self._bend([entry], source)
 
     def _displace(self, principled: Any, told: list[str]) -> None:
-        """Converts displacement to bump, if the material has no other bump or normal map."""
+        """Converts displacement to a normal map, if the material has no other bump or normal map. told: receives notes."""
         scale = abs(self._thing.matrix_world.determinant()) ** (1 / 3)
         heights = self._modules.displacement.displaced(self._material, self._tree, scale, told.append)
         if heights is None:
@@ -243,7 +247,7 @@ class _Simplifier:
             told.append("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
 
     def _bend(self, entries: list[Any], source: Any) -> bool:
-        """Returns True if a Bump node's height is an image; replaces it by a normal map on these inputs."""
+        """Replaces a Bump node by a normal map on these inputs; returns False if its height is not an image."""
         numbers = [self._modules.nodes.constant_value(source.input(name)) for name in ("Strength", "Distance")]
         spans = _stretched(self._thing, self._modules.meshes.spans)
         if spans is None or not all(isinstance(each, float) for each in numbers):
@@ -273,7 +277,10 @@ class _Simplifier:
             entry.default_value = sum(value) / len(value) if isinstance(value, list) else value
 
     def _picture(self, entry: Any, painted: Any, way: _Way, is_color: bool | None = None) -> Any:
-        """Returns a node with the computed image, placed as the images that it is made from."""
+        """Creates an Image Texture node for a computed image, with the mapping of its source images; returns its colour output.
+
+        is_color: whether the image is sRGB-encoded; None: if the input `entry` is a colour.
+        """
         height, width = painted.texels.shape[:2]
         is_color = entry.type == "RGBA" if is_color is None else is_color
         image = self._bpy.data.images.new(painted.name[:60], width, height, alpha=False, float_buffer=False)
@@ -307,7 +314,10 @@ class _Simplifier:
 
 
 def _stretched(thing: Any, spans: Any) -> tuple[float, float] | None:
-    """Returns an object's surface length per unit of UV, across and up; None without UVs. spans: the add-on's function."""
+    """Returns the length of an object's surface per UV unit, across and up; None without UVs.
+
+    spans: `meshes.spans` of the add-on.
+    """
     import numpy as np
 
     mesh = thing.data

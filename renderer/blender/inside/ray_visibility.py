@@ -1,4 +1,4 @@
-"""Writes properties that the glTF exporter does not support into its file: ray visibility of objects, and some of materials."""
+"""Adds to a GLB file what the glTF exporter does not write: ray visibility of objects, and properties of materials."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Flags = dict[str, bool]
 
 
 def passed_by(things: list[Any], layer: Any) -> dict[str, Flags]:
-    """Returns, by name, the `camera` and `shadow` flags of objects that such rays do not hit."""
+    """Returns object name -> flags `camera` and `shadow`: whether such rays hit it; only objects that some of them ignore."""
     found = {}
     for thing in things:
         is_indirect = layer is not None and thing.indirect_only_get(view_layer=layer)
@@ -32,7 +32,7 @@ def passed_by(things: list[Any], layer: Any) -> dict[str, Flags]:
 
 
 def note_rays(things: list[Any], layer: Any, notes: list[str]) -> None:
-    """Notes features of Blender's ray visibility that are ignored."""
+    """Adds notes on ray visibility settings of Blender that are ignored."""
     for thing in things:
         hidden = [words for kind, words in OTHERS.items() if not getattr(thing, f"visible_{kind}", True)]
         if hidden:
@@ -55,9 +55,9 @@ def _put_factors(material: dict[str, Any], told: dict[str, Any]) -> None:
 
 
 def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]]) -> None:
-    """Writes ray visibility into a GLB's nodes, and extensions and factors into its materials, both by name.
+    """Writes ray visibility into a GLB's nodes (rays), and extensions and factors into its materials (surfaces), by name.
 
-    Of the factors, roughnessFactor is replaced, and baseColorFactor multiplied.
+    Among the factors, roughnessFactor replaces the exporter's value, and baseColorFactor multiplies it.
     """
     if not (rays or surfaces):
         return

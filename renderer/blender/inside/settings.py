@@ -1,4 +1,4 @@
-"""Converts the scene's render settings to ours; notes those that are ignored."""
+"""Converts the scene's render settings to ours, and adds notes on those that are ignored."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ SHUTTERS = {"START": "leading", "CENTER": "centred", "END": "trailing"}
 
 
 def settings_of(scene: Any, layer: Any, known: Any) -> dict[str, Any]:
-    """Returns size, depths, shutter, and those of clamping and the pixel filter that agree with Cycles.
+    """Returns the render settings: size, depths, shutter, and clamping and pixel filter where ours equal those of Cycles.
 
-    known: as for `note_settings`.
+    known: the add-on's module of Cycles' settings, or None.
     """
     render = scene.render
     part = render.resolution_percentage / 100
@@ -36,7 +36,7 @@ def settings_of(scene: Any, layer: Any, known: Any) -> dict[str, Any]:
 
 
 def note_settings(scenes: Any, scene: Any, layer: Any, notes: list[str], known: Any) -> None:
-    """Notes render settings that are ignored. scenes: all of the file's.
+    """Adds notes on render settings that are ignored. scenes: all scenes of the file.
 
     known: the add-on's module of Cycles' settings, or None.
     """

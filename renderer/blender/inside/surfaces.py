@@ -1,4 +1,4 @@
-"""Reports material features that glTF cannot represent."""
+"""Adds notes on material features that glTF cannot represent."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ MOST_NODES = 10_000
 
 
 def note_surfaces(materials: list[Any], notes: list[str], is_read: bool) -> None:
-    """Notes features that are ignored. materials: of visible objects.
+    """Adds notes on features of materials that are ignored.
 
-    is_read: whether the add-on's modules read their volumes.
+    is_read: whether the add-on's modules export volumes.
     """
     for material in materials:
         tree = material.node_tree if material.use_nodes else None
@@ -81,7 +81,7 @@ def _called(node: Any) -> str:
 
 
 def _behind(node: Any) -> list[Any]:
-    """Returns the nodes that feed a node."""
+    """Returns all nodes on which a node depends."""
     found: dict[str, Any] = {}
     left = [link.from_node for entry in node.inputs for link in entry.links]
     while left and len(found) < MOST_NODES:

@@ -1,4 +1,4 @@
-"""Checks whether a socket's images have the encoding that glTF requires: sRGB for colours, linear for numbers."""
+"""Checks whether the images of a socket have the encoding that glTF requires: sRGB for colours, linear for numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ CHANNELS = ("SEPARATE_COLOR", "SEPRGB")
 
 
 def is_suited(entry: Any, node: Any, output: Any) -> bool:
-    """Returns True if the images have the right encoding. entry: the input that is fed by the node's output."""
+    """Returns True if all images on which an input depends have the encoding that glTF requires for it.
+
+    entry: the input; node, output: the node and its output that are connected to it.
+    """
     is_color = entry.type == "RGBA"
     for each, name, is_channel in _pictures(node, output):
         image = each.image
@@ -24,7 +27,10 @@ def is_suited(entry: Any, node: Any, output: Any) -> bool:
 
 
 def _pictures(node: Any, output: Any) -> list[tuple[Any, str, bool]]:
-    """Returns the image nodes that feed a node, the output used of each, and whether only one channel of it is used."""
+    """Returns the image nodes on which a node's output depends.
+
+    Each with the name of its used output, and whether only one channel of that is used.
+    """
     found, left = [], [(node, output.name, False)]
     while left:
         each, name, is_channel = left.pop()

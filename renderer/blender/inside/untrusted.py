@@ -1,9 +1,9 @@
-"""Copies a .blend file with all paths replaced by those of uploaded files, or by non-existent ones.
+"""Copies a .blend file, replacing all paths by those of uploaded files or by non-existent ones.
 
-Blender opens linked libraries, caches and fonts while it reads a file, by paths that the file's author chose. A .blend is a
-dump of Blender's memory with a table that describes it (its "DNA"): so paths are recognised as long character arrays in any
-struct. Paths stored behind pointers are cleared. Nodes that import files, by paths that other nodes may compute, are changed to
-an undefined type. Sources: Blender's doc/blender_file_format, BLO_readfile, DNA_genfile.
+While reading a file, Blender opens linked libraries, caches and fonts by paths that the file's author chose. A .blend is a dump
+of Blender's memory with a table that describes it (its "DNA"), so paths are found as long character arrays in any struct. Paths
+stored behind pointers are cleared. Nodes that import files, by paths that other nodes may compute, are changed to an undefined
+type. Sources: Blender's doc/blender_file_format, BLO_readfile, DNA_genfile.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ DEEPEST = 16
 
 
 class DamagedError(Exception):
-    """A file that cannot be read; the message is the end of a sentence."""
+    """Raised for a file that cannot be read; the message is the end of a sentence that begins with the file's name."""
 
 
 class _Form(NamedTuple):
-    """The layout of a file. order: byte order in struct's notation. pointer: bytes. head: of a block's header."""
+    """The layout of a file. order: byte order as in `struct`. pointer: size in bytes. head: format of a block's header."""
 
     order: str
     pointer: int
@@ -45,7 +45,7 @@ class _Form(NamedTuple):
 
 
 class _Places(NamedTuple):
-    """The offsets and lengths of fields to replace in a struct; size: of the struct, in bytes."""
+    """The (offset, length) of the fields of a struct that must be replaced. size: of the struct, in bytes."""
 
     size: int
     paths: list[tuple[int, int]]
@@ -61,9 +61,10 @@ class _Block(NamedTuple):
 
 
 def safe_copy(source: Path, target: Path, resolve: Callable[[str], str], most_bytes: int) -> None:
-    """Writes an uncompressed copy with safe paths.
+    """Writes an uncompressed copy of a .blend file with safe paths.
 
-    resolve: returns the replacement of a path. most_bytes: maximum size of the copy. Raises DamagedError; OSError.
+    resolve: returns the replacement of a path. most_bytes: maximum size of the copy. Raises DamagedError; OSError if a file
+    cannot be opened.
     """
     with target.open("w+b") as out:
         _unpack(source, out, most_bytes)
@@ -92,7 +93,7 @@ def _unpacked(source: Path) -> Any:
 
 
 def _unpack(source: Path, out: IO[bytes], most: int) -> None:
-    """Decompresses the file; copies it if it is not compressed."""
+    """Writes the file's decompressed content to `out`; an uncompressed file is copied. most: maximum size in bytes."""
     piece = memoryview(bytearray(PIECE))
     size = 0
     with _unpacked(source) as file:
@@ -156,7 +157,7 @@ def _form(data: mmap.mmap) -> tuple[_Form, int]:
 
 
 class _Dna:
-    """The DNA: the structs of a file by number."""
+    """A file's DNA: its structs, by number."""
 
     def __init__(self, data: bytes, form: _Form) -> None:
         """Parses the DNA. Raises DamagedError."""
@@ -177,7 +178,7 @@ class _Dna:
             raise DamagedError(f"has a damaged description of what is in it ({error}); save it anew") from None
 
     def places(self) -> dict[int, _Places]:
-        """Returns the fields to replace, by struct number. Raises DamagedError."""
+        """Returns struct number -> the fields to replace. Raises DamagedError."""
         found = {}
         for number, (kind, _) in enumerate(self._structs):
             try:

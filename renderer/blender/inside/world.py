@@ -1,4 +1,4 @@
-"""Converts the world: a constant colour as it is; anything else as a panorama rendered by Cycles."""
+"""Converts the world: a constant colour directly, anything else as a panorama rendered by Cycles."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ RAYS = {
 def write_world(
     bpy: Any, scene: Any, out: Path, skies: Any, notes: list[str]
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
-    """Returns the scene file's environment, with its image in `out`, and its sky's sun as lights.
+    """Returns the scene file's environment, and the sun of the world's sky as lights; writes the image into `out`.
 
-    None if the world emits no light. skies: the add-on's module of that name; None if not available.
+    The environment is None if the world emits no light. skies: the add-on's module; None if not available.
     """
     world = scene.world
     if world is None:
@@ -52,10 +52,10 @@ def write_world(
     return {"image": "blender-world.exr"}, [] if sun is None else [_light(world, sun)]
 
 
-def world_medium(world: Any, subsurface: Any, notes: list[str]) -> dict[str, Any] | None:
-    """Returns the medium that fills the world, in the form of our scene file; None if there is none.
+def world_medium(world: Any, within: Any, notes: list[str]) -> dict[str, Any] | None:
+    """Returns the medium that fills the world, in our scene format; None if there is none.
 
-    subsurface: the add-on's module of that name; None if not available.
+    within: the add-on's module `subsurface`; None if not available.
     """
     tree = world.node_tree if world is not None and world.use_nodes else None
     output = None if tree is None else next((n for n in tree.nodes if n.type == "OUTPUT_WORLD" and n.is_active_output), None)
@@ -81,7 +81,7 @@ def _light(world: Any, sun: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plain(world: Any) -> list[float] | None:
-    """Returns the radiance of a constant world; None for others."""
+    """Returns the radiance of a world with a constant colour; None for other worlds."""
     if not world.use_nodes or world.node_tree is None:
         return [float(c) for c in world.color]
     output = next((node for node in world.node_tree.nodes if node.type == "OUTPUT_WORLD" and node.is_active_output), None)

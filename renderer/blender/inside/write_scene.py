@@ -1,4 +1,4 @@
-"""Writes the open scene as a scene file of ours with a GLB: glTF holds the meshes and their animation, our file the rest."""
+"""Writes the open scene in our scene format with a GLB: glTF contains the meshes and their animation, our file the rest."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ MOST_NOTES = 100
 
 
 def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bool = True) -> list[str]:
-    """Writes blender-scene.yaml and the files that it refers to; returns notes on what is ignored, which it also contains.
+    """Writes blender-scene.yaml and the files that it refers to; returns notes on what is ignored, which the file contains too.
 
-    addon: as for `simplify`. has_settings: whether the file has render settings; Alembic files have none.
+    addon: the add-on's folder, or None. has_settings: whether the file has render settings; Alembic files have none.
     """
     scene = bpy.context.scene
     notes: list[str] = []
@@ -99,7 +99,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
 
 
 def _yaml(document: dict[str, Any]) -> str:
-    """Returns the document as JSON, which is valid YAML, with a line per list item."""
+    """Returns the document as JSON, which is valid YAML, with one line per list item."""
     parts = []
     for name, value in document.items():
         if isinstance(value, list):
@@ -151,7 +151,7 @@ def _note_left_out(shown: list[Any], notes: list[str]) -> None:
 
 
 def _note_unknown_nodes(bpy: Any, notes: list[str]) -> None:
-    """Notes import nodes, which untrusted.py makes undefined since they would read files of this machine."""
+    """Adds a note on import nodes, which untrusted.py makes undefined since they would read files of this machine."""
     trees = [tree.name for tree in bpy.data.node_groups if any(node.bl_idname == "NodeUndefined" for node in tree.nodes)]
     if trees:
         notes.append(f"Node groups {', '.join(trees[:5])}: nodes that import files, or that are not Blender's own, are left out")
@@ -173,7 +173,7 @@ def _note_flags(scene: Any, layer: Any, shown: list[Any], modules: Any, notes: l
 
 
 def _note_missing(bpy: Any, notes: list[str]) -> None:
-    """Notes missing files, by name without folders, since original paths are private."""
+    """Adds notes on missing files, by name without folders, since the original paths are private."""
     images = [i for i in bpy.data.images if i.source in ("FILE", "SEQUENCE", "TILED") and i.users and i.packed_file is None]
     lost = sorted({_base_name(i.filepath) for i in images if "missing-files" in i.filepath})
     if lost:
