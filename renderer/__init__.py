@@ -13,7 +13,7 @@ Depends on numpy, numba and files only, not on queues, HTTP or jobs. The folders
     precompile.py, shipped_kernels.py
               kernels compiled ahead of time, for container images and wheels
 
-This module imports nothing, so that `renderer.film` and `renderer.image` can be used where numba is not installed.
+This module imports nothing: `renderer.film` and `renderer.image` work where numba is not installed.
 """
 
 __version__ = "0.2.0"

@@ -1,7 +1,7 @@
-"""The AOVs of a frame: what there is beside colour. Each is declared once, by an entry of the table at the end.
+"""The AOVs of a frame: its planes besides colour. Each is declared once, by an entry of the table at the end.
 
-The film holds all of them but motion, which is a pass of its own (renderer/vectors.py). Channels are named as Blender and Cycles
-name theirs, so that compositors recognise them.
+The film contains all of them except motion, which is a separate pass (renderer/vectors.py). Channels have the names used by
+Blender and Cycles, so that compositors recognise them.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ _GOLDEN = 0.6180339887498949  # fraction of the hue circle between consecutive n
 class _Aov(NamedTuple):
     """An AOV.
 
-    channels: in an EXR; numbers: names of a pixel's numbers on the page; shown: returns it as colours 0 ... 1, given the two
-    ends of its span; planes: of the film (renderer/film.py); mean: whether they are sums, of which the mean is taken; span:
-    returns the values between which a whole plane is shown, None where it needs none.
+    channels: names in an EXR. numbers: names of a pixel's values on the page. shown: returns it as colours 0 ... 1, given the
+    ends of its display range. planes: those of the film (renderer/film.py). mean: whether the planes are sums, which must be
+    divided by the number of samples. span: returns the display range of a whole plane, or None if it needs none.
     """
 
     label: str
@@ -61,9 +61,9 @@ class _Aov(NamedTuple):
 
 
 def parse_names(names: Iterable[str]) -> list[str]:
-    """Returns the AOVs that a list of names means, `all` for every one of the film.
+    """Returns the AOVs in a list of names; `all` stands for all of the film's.
 
-    Raises SettingsError for one that is not known.
+    Raises SettingsError for an unknown name.
     """
     wanted = list(names)
     for name in wanted:
@@ -73,14 +73,14 @@ def parse_names(names: Iterable[str]) -> list[str]:
 
 
 def described() -> list[dict[str, Any]]:
-    """Returns the AOVs of the film as the page lists them: name, label, help and the names of a pixel's numbers."""
+    """Returns the AOVs of the film in the form that the page needs: name, label, help and the names of a pixel's values."""
     return [
         {"name": name, "label": _ALL[name].label, "help": _ALL[name].help, "values": list(_ALL[name].numbers)} for name in AOVS
     ]
 
 
 def planes(name: str) -> tuple[int, ...]:
-    """Returns the planes of a film that an AOV's values, or `color`, are made of."""
+    """Returns the planes of the film from which an AOV, or `color`, is computed."""
     if name == "color":
         return _channel_numbers(film.COLOR, film.SAMPLES)
     aov = _ALL[name]
@@ -92,20 +92,20 @@ def _channel_numbers(*channels: slice | int) -> tuple[int, ...]:
 
 
 def size(name: str) -> int:
-    """Returns the count of a pixel's values of an AOV, or of `color`."""
+    """Returns the number of values per pixel of an AOV, or of `color`."""
     return 3 if name == "color" else len(_ALL[name].channels)
 
 
 def channels(name: str) -> tuple[str, ...]:
-    """Returns an AOV's channels in an EXR."""
+    """Returns the names of an AOV's channels in an EXR."""
     return _ALL[name].channels
 
 
 def values(sums: Sums, film_exponent: int, name: str) -> F32:
     """Returns the values of an AOV of the film: (h, w, 3) float32 for albedo, normal and position, else (h, w).
 
-    albedo 0 ... 1; normal, position, depth in the world; object, material: 1 + the number, 0 where nothing is hit; samples:
-    those that count; error: the standard error of the pixel's luminance (film.error).
+    albedo: 0 ... 1. normal, position, depth: in world space. object, material: 1 + the number, 0 where nothing is hit. samples:
+    the number of samples in the film. error: the standard error of the pixel's luminance (film.error).
     """
     if name == "error":
         return film.error(sums, film_exponent)
@@ -114,7 +114,7 @@ def values(sums: Sums, film_exponent: int, name: str) -> F32:
 
 
 def layers(pictures: dict[str, F32]) -> dict[str, F32]:
-    """Returns AOVs by name as an EXR's channels by name, each (h, w)."""
+    """Converts AOV name -> values to EXR channel name -> (h, w) plane."""
     found = {}
     for name, plane in pictures.items():
         for i, channel in enumerate(_ALL[name].channels):
@@ -123,20 +123,20 @@ def layers(pictures: dict[str, F32]) -> dict[str, F32]:
 
 
 def span(name: str, plane: F32) -> Span:
-    """Returns the values of a whole plane between which it is shown: parts of it that are shown by themselves then go together.
+    """Returns the display range of a whole plane, with which parts of it can be shown separately in matching colours.
 
-    Positions and depths: the least and the greatest; samples and error: 0 and the greatest, of errors the 99th percentile.
-    None for what needs none.
+    Positions and depths: minimum and maximum. Samples: 0 and the maximum. Error: 0 and the 99th percentile. None for AOVs that
+    need no range.
     """
     return _ALL[name].span(plane)
 
 
 def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8]:
-    """Returns an AOV as (h, w, 3) uint8 to look at.
+    """Returns an AOV as a displayable picture, (h, w, 3) uint8.
 
-    albedo as colour; normals from -1 ... 1; positions and depths over the picture's own range, near light and nothing black;
-    ids in colours that stay; samples and error as heat maps; motion, to the next frame's place, about grey: red to the right,
-    green upwards. between: `span` of the whole, where the plane is a part of it.
+    albedo: as colour. normal: from -1 ... 1. position, depth: over their range, near points bright and nothing black. object,
+    material: in one constant colour per number. samples, error: as heat maps. motion: the offset to the next frame around grey,
+    red to the right, green upwards. between: `span` of the whole plane, if `plane` is a part of it.
     """
     low, high = between or span(name, plane) or (np.float32(0), np.float32(1))
     return (np.clip(np.nan_to_num(_ALL[name].shown(plane, low, high)), 0, 1) * 255 + 0.5).astype(np.uint8)
@@ -190,7 +190,7 @@ def _motion_colors(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
 
 
 def _palette(plane: F32, low: Any, high: Any) -> F32:
-    """Returns a colour for every number, the same in every picture; black for 0."""
+    """Returns a colour for each number, the same in every picture; black for 0."""
     ids = plane.astype(np.int64)
     found, where = np.unique(ids, return_inverse=True)
     colors = [colorsys.hsv_to_rgb(i * _GOLDEN % 1, 0.45 + 0.3 * (i % 2), 0.95 - 0.25 * (i // 2 % 2)) for i in found.tolist()]

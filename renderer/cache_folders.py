@@ -1,7 +1,7 @@
 """The folders of this machine's cache: kernels, hashes of sources, fetched scenes, a worker's log.
 
-Kernels are pickles and machine code: whoever can write them can run code as this user. So only files and folders are used that
-are owned by this user or root and writable by no one else; new folders get mode 0700.
+Kernels are pickles and machine code: whoever can write them can run code as this user. Therefore only files and folders are used
+that are owned by this user or root and that no other user can write. New folders get mode 0700.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def cache_home() -> Path:
-    """Returns $RAYFARM_CACHE, by default the user's cache folder: on Linux ~/.cache/rayfarm."""
+    """Returns $RAYFARM_CACHE, by default a folder in the user's cache folder: on Linux ~/.cache/rayfarm."""
     named = os.environ.get("RAYFARM_CACHE")
     return Path(named).expanduser() if named else platformdirs.user_cache_path("rayfarm", appauthor=False)
 
@@ -38,7 +38,7 @@ def reason_to_distrust(status: os.stat_result) -> str:
 
 
 def make_private(folder: Path) -> None:
-    """Creates a folder and its missing parents with mode 0700. Raises OSError."""
+    """Creates a folder and its missing parents with mode 0700. Raises OSError if that fails."""
     if not folder.is_dir():
         if not folder.parent.exists():
             make_private(folder.parent)
@@ -48,14 +48,14 @@ def make_private(folder: Path) -> None:
 def private_folder(name: str) -> Path:
     """Returns the folder `name`, a relative path, in the cache.
 
-    If it or one of its parents is not trusted, returns the folder of that name in a private folder of this user: in the cache, or
-    else in the temporary folder. Creates nothing in the cache proper; warns once about each folder that is not used.
+    If that or one of its parents is not trusted, returns the folder of that name in a private folder of this user: in the cache,
+    or else in the temporary folder. Does not create the folder in the cache. Warns once about each folder that is not used.
     """
     return trusted(cache_home(), name)
 
 
 def trusted(home: Path, name: str = "") -> Path:
-    """Returns the same as `private_folder`, for a cache folder other than `cache_home`."""
+    """Returns the folder of `private_folder` for the cache folder `home` instead of `cache_home`."""
     fault = _fault(home, name)
     if not fault:
         return home / name

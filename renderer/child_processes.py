@@ -1,6 +1,7 @@
-"""Child processes that end with their parent, however it dies, and those that load before they get their options.
+"""Child processes that end with their parent, however it ends, and processes that load before they get their options.
 
-The end with the parent: on Linux only (prctl PR_SET_PDEATHSIG); elsewhere children end when their parent stops in order.
+Children of a parent that is killed end on Linux only (prctl PR_SET_PDEATHSIG); elsewhere they end only if the parent ends
+normally.
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ _prctl = ctypes.CDLL(None, use_errno=True).prctl if sys.platform == "linux" else
 
 
 def die_with_parent(parent: int | None = None) -> None:
-    """Makes the kernel kill this process when its parent ends. parent: the parent's pid, if known.
+    """Makes the kernel kill this process when its parent ends. parent: the parent's PID, if known.
 
-    The kernel watches the thread that forked, so fork from a thread that lives as long as its process.
+    The kernel watches the thread that forked, so the thread that forks must live as long as its process.
     """
     if _prctl is None:
         return
@@ -48,45 +49,44 @@ def die_with_parent(parent: int | None = None) -> None:
 
 
 def share_one_heap() -> None:
-    """Makes the threads of this process allocate from one heap.
+    """Makes all threads of this process allocate from one heap.
 
-    Otherwise glibc reserves 64 MiB of address space for each thread, which counts towards a limit on address space even if
-    unused.
+    Otherwise glibc reserves 64 MiB of address space per thread, which counts towards a limit on address space even if unused.
     """
     if sys.platform == "linux" and (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
         mallopt(M_ARENA_MAX, 1)
 
 
 class spawn_guard:  # noqa: N801 - used like a function
-    """A `preexec_fn` for subprocess.Popen that makes the new process end with this one."""
+    """A `preexec_fn` for subprocess.Popen, by which the new process ends with this one."""
 
     def __init__(self) -> None:
         self.parent = os.getpid()
 
     def __call__(self) -> None:
-        """Runs in the child, between fork and exec."""
+        """Called in the child between fork and exec."""
         die_with_parent(self.parent)
 
 
 def signal_name(number: int) -> str:
-    """Returns a signal's name, or its number if it has no name, as real-time signals."""
+    """Returns a signal's name, or its number if it has no name, such as a real-time signal."""
     return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
 
 
 def delayed_command(module: str, seconds: float) -> list[str]:
-    """Returns a command line as `python -m MODULE` that loads nothing for some seconds, while others need the processor."""
+    """Returns a command line like `python -m MODULE` that first waits some seconds, to leave the processors to others."""
     return [sys.executable, "-c", _BEGUN_LATER, str(seconds), module]
 
 
 def start_line(arguments: Sequence[str], environment: Mapping[str, str], log: Path) -> bytes:
-    """Returns the line on which a process begins that waits in `wait_for_start_line`."""
+    """Returns the line that starts a process that waits in `wait_for_start_line`."""
     return json.dumps({"arguments": [*arguments], "environment": {**environment}, "log": str(log)}).encode() + b"\n"
 
 
 def wait_for_start_line() -> list[str] | None:
     """Waits for a `start_line` on standard input; returns its arguments, or None at the end of the input.
 
-    Adds the line's variables to the environment, and appends standard output and error to its log from now on.
+    Adds the line's variables to the environment, and redirects standard output and error to the end of its log.
     """
     line = sys.stdin.readline()
     if not line:
@@ -100,7 +100,7 @@ def wait_for_start_line() -> list[str] | None:
 
 
 def _redirect(path: str, flags: int, *descriptors: int) -> None:
-    """Makes these descriptors refer to a file. Raises OSError."""
+    """Makes these descriptors refer to a file. Raises OSError if it cannot be opened."""
     opened = os.open(path, flags, 0o600)
     for each in descriptors:
         os.dup2(opened, each)

@@ -3,7 +3,7 @@
 RayfarmError
 ├── SceneError      a scene file is invalid: what is wrong, where, and what to do
 ├── SettingsError   a render request is invalid: which field, and which values it accepts
-└── MachineError    this machine cannot do it, whatever the scene: its limits, memory, temporary folder, libraries
+└── MachineError    this machine cannot process any such scene: its limits, memory, temporary folder, libraries
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def _without_addresses(text: str) -> str:
 
 
 class RayfarmError(Exception):
-    """An error with one clear sentence for the user who can correct it. Object addresses in libraries' messages are removed."""
+    """An error with one clear sentence for the user who can correct it. Object addresses are removed from libraries' messages."""
 
     def __init__(self, *args: object) -> None:
         super().__init__(*(_without_addresses(each) if isinstance(each, str) else each for each in args))
@@ -41,4 +41,7 @@ class SettingsError(RayfarmError):
 
 
 class MachineError(RayfarmError):
-    """This machine cannot do it, whatever the scene. The message names what is missing; another machine may succeed."""
+    """This machine cannot do the work, independently of the scene.
+
+    The message names what is missing; another machine may succeed.
+    """

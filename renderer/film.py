@@ -74,7 +74,7 @@ Sums = npt.NDArray[np.int64]
 
 
 class BadSample(NamedTuple):
-    """A sample that was NaN or infinite and is not in the film."""
+    """A sample that was NaN or infinite and is therefore not in the film."""
 
     x: int
     y: int
@@ -82,7 +82,7 @@ class BadSample(NamedTuple):
 
 
 class BatchSums(NamedTuple):
-    """The result of a batch: `sums`, (CHANNELS, h, w) int64, and the dropped samples (at most the first 64 of them)."""
+    """The result of a batch: `sums`, (CHANNELS, h, w) int64, and the omitted samples (at most the first 64 of them)."""
 
     sums: Sums
     bad: list[BadSample]
@@ -97,13 +97,12 @@ def mean(sums: Sums, film_exponent: int, channel: slice | int = COLOR) -> npt.ND
 
 
 def in_half(sample: int) -> bool:
-    """Whether a sample number is in the first of two halves: 0, 2, 4, 5, 8 ... 11, 16 ... 23, the first half of each [2**k,
-    2**(k+1)).
+    """Returns True if a sample number is in the first of two halves: the first half of each [2**k, 2**(k+1)).
 
-    Both halves consist of blocks of 2**k numbers that begin at a multiple of 2**k: well distributed points under Sobol', whose
-    shuffled sequence puts such a block into either half with equal probability. The halves are then as uniform as any shorter run
-    of samples, so that their difference measures the remaining noise of the sampler. Halves of even and odd numbers would be two
-    halves of a coarse pattern, and the estimate that of independent samples.
+    These are 0, 2, 4, 5, 8 ... 11, 16 ... 23 and so on. Both halves consist of blocks of 2**k numbers that begin at a multiple of
+    2**k: well distributed points of Sobol', whose shuffled sequence puts such a block into either half with equal probability.
+    The halves are then as uniform as any shorter run of samples, and their difference measures the remaining noise of the
+    sampler. Halves of even and odd numbers would be two halves of a coarse pattern, and the estimate that of independent samples.
     """
     return sample == 0 or (sample > 1 and sample < 3 << (sample.bit_length() - 2))
 
@@ -111,9 +110,9 @@ def in_half(sample: int) -> bool:
 def _halves(sums: Sums, film_exponent: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Returns the signed standard error (3, h, w) of each pixel's mean colour, estimated from two halves, and that mean.
 
-    The first half's mean minus the second's has the variance s²(1/a + 1/b) for a and b independent samples; the full mean's has
-    s²/(a + b). So the difference times sqrt(a b) / (a + b) estimates the full mean's standard error; its sign has no meaning.
-    NaN where a half is empty.
+    The difference of the halves' means has the variance s²(1/a + 1/b) for a and b independent samples; the full mean has s²/(a +
+    b). So the difference times sqrt(a b) / (a + b) estimates the full mean's standard error; its sign has no meaning. NaN where a
+    half is empty.
     """
     half = sums[SAMPLES_HALF].astype(np.float64)
     n = sums[SAMPLES].astype(np.float64)
@@ -127,10 +126,10 @@ def _halves(sums: Sums, film_exponent: int) -> tuple[npt.NDArray[np.float64], np
 
 
 def error(sums: Sums, film_exponent: int, relative: bool = False) -> npt.NDArray[np.float32]:
-    """Returns the standard error of each pixel's luminance, or its ratio to the luminance: (h, w) float32; inf where unknown.
+    """Returns the standard error of each pixel's luminance, or if `relative` its ratio to the luminance: (h, w) float32.
 
-    Estimated from two halves: correct on average (root mean square) over many pixels, rough for each pixel. For samples of the
-    Sobol' sequence the estimate is an upper bound.
+    inf where unknown. Estimated from two halves: correct on average (root mean square) over many pixels, rough for each pixel.
+    For samples of the Sobol' sequence the estimate is an upper bound.
     """
     deviation, color = _halves(sums, film_exponent)
     found = np.abs(np.tensordot(REC_709, deviation, 1))
@@ -140,7 +139,7 @@ def error(sums: Sums, film_exponent: int, relative: bool = False) -> npt.NDArray
 
 
 def noise(sums: Sums, film_exponent: int) -> float:
-    """Returns the relative noise of a frame or tile: the root mean square of its pixels' standard errors over its mean.
+    """Returns the relative noise of a frame or tile: the root mean square of its pixels' standard errors divided by its mean.
 
     inf if a pixel has samples in one half only.
     """
@@ -151,10 +150,10 @@ def noise(sums: Sums, film_exponent: int) -> float:
 
 
 def least_samples(pixels: int) -> int:
-    """Returns the minimum spp before `noise` may end a frame or a tile of this many pixels.
+    """Returns the minimum spp before `noise` may end a frame or tile of this many pixels.
 
-    The estimate has as many degrees of freedom as pixels, and is too low by chance if both halves of few samples lack the same
-    rare, bright samples; the mean is then too low as well. With 512 samples over all pixels, a light that one sample in fifty
+    The estimate has as many degrees of freedom as pixels. It is too low by chance if both halves of few samples lack the same
+    rare, bright samples; then the mean is too low as well. With 512 samples over all pixels, a light that one sample in fifty
     finds is off by 1 % on average; with 32 samples of a single pixel, by 28 %.
     """
     return max(_LEAST_SAMPLES, -(-_LEAST_OF_ALL // max(pixels, 1)))

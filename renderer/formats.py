@@ -1,4 +1,4 @@
-"""Recognises scene files by name, and picks the main one of many. Opens no file, so the service uses it too."""
+"""Recognises scene files by name, and picks the main one of many. Opens no files, so the service uses it too."""
 
 from __future__ import annotations
 
@@ -102,16 +102,16 @@ _INCLUDED = ("geometry", "materials", "material", "mats", "textures", "lights", 
 
 
 def is_junk(name: str) -> bool:
-    """Returns True if a file name is one that operating systems add to archives: __MACOSX, .DS_Store, Thumbs.db, dot files."""
+    """Returns True if a file was added to an archive by an operating system: __MACOSX, .DS_Store, Thumbs.db, dot files."""
     parts = PurePosixPath(name).parts
     return any(part.startswith(".") or part in ("__MACOSX", "Thumbs.db", "desktop.ini") for part in parts)
 
 
 def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list[str]]:
-    """Returns the scene file among the names, and warnings if others could have been meant.
+    """Returns the main scene file among the names, and warnings if others could have been meant.
 
-    A preferred name that is a scene is chosen first. Otherwise the order is: best suffix, shallowest path, names that do not mark
-    an auxiliary file, shortest name, alphabetical. Raises SceneError if no name is a scene's.
+    A preferred name is chosen if it is a scene file. Otherwise the order is: best suffix, shallowest path, names that do not mark
+    an auxiliary file, shortest name, alphabetical. Raises SceneError if no name is that of a scene file.
     """
     readers = [format.reader for format in FORMATS]
     # The layers of a USD scene may have any of USD's suffixes: the suffix does not identify the root layer.

@@ -30,10 +30,9 @@ _PART = re.compile(rf"{_NUMBER}(?:-{_NUMBER}(?:[x:]{_NUMBER})?)?")
 
 
 def parse_frames(text: str) -> list[float]:
-    """Returns the frames of `0-99`, `7`, `1-250x5,300` (every fifth, and one more) or `0-10x0.5`, in the order written, without
-    duplicates.
+    """Returns the frames of `0-99`, `7`, `1-250x5,300` (every fifth, and one more) or `0-10x0.5`, in order, without duplicates.
 
-    Raises SettingsError.
+    Raises SettingsError if the text is invalid.
     """
     return list(_parsed(text))
 
@@ -90,12 +89,12 @@ def _parsed(text: str) -> tuple[float, ...]:
 
 
 def frame_key(frame: float) -> int:
-    """Returns a frame number in half frames, as films and messages store it: 12.5 becomes 25."""
+    """Returns a frame number in half frames, the form in films and messages: 12.5 becomes 25."""
     return round(2 * frame)
 
 
 def frame_number(key: int) -> float:
-    """Returns the frame number of a `frame_key`; whole frames as int."""
+    """Returns the frame number of a `frame_key`; an int for whole frames."""
     return key // 2 if key % 2 == 0 else key / 2
 
 
@@ -125,7 +124,7 @@ def _run_text(first: float, last: float, step: float = 1) -> str:
 
 
 def _steps(numbers: list[float]) -> Iterator[tuple[float, float, float]]:
-    """Yields (first, last, step) of runs of at least three numbers with equal steps, and of each number in between."""
+    """Yields (first, last, step) for each run of at least three numbers with equal steps, and (n, n, 1) for other numbers."""
     at = 0
     while at < len(numbers):
         end = at + 1
@@ -139,7 +138,7 @@ def _steps(numbers: list[float]) -> Iterator[tuple[float, float, float]]:
 
 
 def numbers_of(pattern: str, names: Iterable[str]) -> list[int]:
-    """Returns the frame numbers that occur in the names, ascending; empty if the pattern has no #."""
+    """Returns the frame numbers of the names that match the pattern, ascending; empty if the pattern has no #."""
     marks, names = list(re.finditer("#+", pattern)), set(names)
     if not marks:
         return []
@@ -150,10 +149,10 @@ def numbers_of(pattern: str, names: Iterable[str]) -> list[int]:
 
 
 def frame_name(pattern: str, frame: float) -> str:
-    """Returns a file name with the frame number in place of its last run of #, zero-padded to its length: `out.####.exr` ->
-    `out.0012.exr`.
+    """Returns a file name with the frame number instead of its last run of #, zero-padded to that length.
 
-    A half frame gets the suffix .5: `out.0012.5.exr`. A name without # is the same for every frame.
+    `out.####.exr` -> `out.0012.exr`. A half frame gets the suffix .5: `out.0012.5.exr`. A name without # is the same for every
+    frame.
     """
     marks = list(re.finditer("#+", pattern))
     if not marks:

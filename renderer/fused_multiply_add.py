@@ -1,9 +1,10 @@
 """A compiler pass that fuses products with sums: exactly those products that are operands of a sum in the source.
 
 In `a * b + c`, `c + a * b`, `a * b - c`, `c - a * b` and `c += a * b` the product is not rounded separately: one fused
-multiply-add rounds the result once. Of two products in one sum the first is fused. A product assigned to a variable, or made by
-`product` of renderer/bvh/simd.py, is rounded. No other operations are merged: kernels are compiled without fast-math flags, with
-which LLVM fuses differently for each CPU, so that scalar code, eight lanes and other CPUs would differ in the last bit.
+multiply-add rounds the result once. Of two products in one sum the first is fused. A product that is assigned to a variable, or
+computed by `product` of renderer/bvh/simd.py, is rounded. No other operations are merged: kernels are compiled without fast-math
+flags. With those LLVM would fuse differently for each CPU, and scalar code, eight lanes and other CPUs would differ in the last
+bit.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ _PLAIN = {operator.add: operator.add, operator.sub: operator.sub, operator.iadd:
 
 
 def _is_fused(operands: tuple[Any, ...], product: Any, result: Any) -> bool:
-    """Whether a sum of type `result` is fused with its product: for floats, and for lanes with scalars of their element type.
+    """Returns True if a sum of type `result` is fused with its product: for floats, and for lanes, also with scalar operands.
 
-    With lanes also if the product is of two scalars, so that one value has the same bits as eight lanes.
+    For lanes also if the product is one of two scalars, so that one value has the same bits as eight lanes.
     """
     if result in _ELEMENTS:
         return all(kind in (result, _ELEMENTS[result]) for kind in operands)
@@ -37,7 +38,7 @@ def _is_fused(operands: tuple[Any, ...], product: Any, result: Any) -> bool:
 
 
 def _signature(typingctx: Any, function: Callable[..., Any], operands: tuple[Any, ...]) -> Any:
-    """Returns the operation's signature for operands of these types, None if there is none."""
+    """Returns the operation's signature for operands of these types; None if there is none."""
     try:
         return typingctx.resolve_function_type(function, operands, {})
     except TypingError:
@@ -47,7 +48,7 @@ def _signature(typingctx: Any, function: Callable[..., Any], operands: tuple[Any
 def _sum_with_product(combine: Callable[..., Any], product_first: bool) -> Any:
     """Returns the intrinsic (a, b, c) -> combine(a * b, c), or combine(c, a * b) if `product_first` is False.
 
-    Fused for floating-point numbers and lanes; two operations for other types.
+    It is fused for floating-point numbers and lanes; for other types it is two operations.
     """
 
     def sum_with_product(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
@@ -103,13 +104,13 @@ class FuseProducts(FunctionPass):
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        """Runs the pass. Returns whether it changed anything."""
+        """Runs the pass. Returns True if it changed anything."""
         changed = [_fuse(state.func_ir, block) for block in state.func_ir.blocks.values()]
         return any(changed)
 
 
 def _fuse(func_ir: Any, block: Any) -> bool:
-    """Fuses the products of a block that are used once, by a sum of the same expression; returns whether there were any."""
+    """Fuses the products of a block that are used once, by a sum of the same expression; returns True if there were any."""
     uses: dict[str, int] = {}
     for statement in block.body:
         for variable in statement.list_vars():

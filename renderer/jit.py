@@ -51,9 +51,10 @@ COMPILE_PATIENCE_S = 300.0
 
 
 def _meaning(name: str, parts: Iterable[str]) -> str:
-    """Returns the hash of these sources' meaning, stored with Python's byte code, outside the kernel cache.
+    """Returns the hash of the meaning of these sources (renderer/sources.py).
 
-    Also read from where another user, such as an image's build, has stored it for all users.
+    It is cached next to Python's byte code, or in this user's cache, but not in the kernel cache. A hash that another user, such
+    as the build of a container image, has stored for all users is used too.
     """
     beside, file = sources.ROOT / "__pycache__", f"{name}.meaning"
     folder = beside if os.access(beside, os.W_OK) or (beside / file).is_file() else private_folder("sources")
@@ -61,7 +62,7 @@ def _meaning(name: str, parts: Iterable[str]) -> str:
 
 
 def _hash(*parts: str) -> str:
-    """Returns the hash of the sources' meaning, the compiler and the target."""
+    """Returns the hash of the sources' meaning, the compiler and the target, which names the cache folder."""
     return hashlib.sha256(f"{' '.join(parts)} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
 
 
@@ -71,9 +72,9 @@ _MACHINE_CODE = _hash(_MEANING, cpu.NAME, cpu.FEATURES)
 
 @functools.cache
 def kind() -> str:
-    """Returns the identifier of films that this worker's samples may be added to, e.g. "0.1.0-3fa9c1d2-x86-64-v3".
+    """Returns the identifier of films to which this worker's samples may be added, e.g. "0.1.0-3fa9c1d2-x86-64-v3".
 
-    Depends on exactly what decides the machine code and the arrays that it reads. Safe in a queue's name.
+    Depends on exactly those inputs that decide the machine code and the arrays that it reads. Can be used in a queue's name.
     """
     both = _hash(_MEANING, _meaning("arrays", sources.ARRAYS))
     return f"{__version__}-{both[:8]}-{TARGET}"
@@ -82,10 +83,10 @@ def kind() -> str:
 def cache_folder() -> Path:
     """Returns the folder of the machine code: $RAYFARM_CACHE/kernels/<hash>, by default under ~/.cache/rayfarm.
 
-    If other users may write there, a private folder (renderer/cache_folders.py).
+    If other users can write there, a private folder is used instead (renderer/cache_folders.py).
 
-    Numba checks the modification time of one function's file only and would miss a change in a function that it calls: hence a
-    separate folder for each state of the sources.
+    Numba checks the modification time of one function's file only and would miss a change in a function that it calls. Therefore
+    each state of the sources has a separate folder.
     """
     return private_folder(f"kernels/{_MACHINE_CODE[:16]}")
 
@@ -107,9 +108,9 @@ def never_inline(typingctx: Any) -> Any:
 
 @intrinsic(prefer_literal=True)
 def local_floats(typingctx: Any, count: Any) -> Any:
-    """Returns an array of `count` float32, a literal, on the stack, valid until the function that calls this returns.
+    """Returns an array of `count` float32 on the stack, valid until the function that calls this returns. count: a literal.
 
-    Not initialised. It may be passed to subroutines, never returned.
+    Not initialised. It may be passed to subroutines, but never returned.
     """
     array = types.Array(types.float32, 1, "C")
     length = count.literal_value
@@ -149,23 +150,23 @@ def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool
 def entry(function: Function) -> Function:
     """Declares a kernel that Python calls: compiled once per signature, cached on disk, run without the GIL.
 
-    Kernels have no heap: code that allocates does not compile, and arrays are not reference-counted, which would take two thirds
-    of a path tracer's time (measured).
+    Kernels have no heap: code that allocates does not compile, and arrays are not reference-counted, since that would take two
+    thirds of a path tracer's time (measured).
     """
     return _compiled(function, heap=False, inline=False)
 
 
 def builder(function: Function) -> Function:
-    """Declares a kernel as `entry`, for code that prepares scenes: it may allocate scratch space."""
+    """Declares a kernel like `entry` for code that prepares scenes, which may allocate scratch space."""
     return _compiled(function, heap=True, inline=False)
 
 
 def device(function: Function) -> Function:
-    """Declares a function called by kernels that is always inlined into its caller.
+    """Declares a function that kernels call and that is always inlined into its caller.
 
-    Called out of line, a scene's arrays would be pushed on the stack field by field, two hundred words a call. Cached on disk
-    too, so that further kernels load it typed and optimised. It cannot be called from Python: such a call would crash; tests call
-    an `entry` that calls it.
+    If it were called out of line, a scene's arrays would be pushed on the stack field by field, two hundred words per call. It is
+    cached on disk too, so that further kernels load it typed and optimised. It must not be called from Python: such a call would
+    crash. Tests call an `entry` that calls it.
     """
     return _compiled(function, heap=False, inline=True, from_python=False)
 
@@ -190,12 +191,12 @@ _ready: set[str] = set()
 
 
 def is_ready(name: str) -> bool:
-    """Returns True if this process, or the one that it was forked from, has run `compiling` for a kernel of that name."""
+    """Returns True if this process, or the one from which it was forked, has run `compiling` for a kernel of that name."""
     return name in _ready
 
 
 def is_cached(name: str) -> bool:
-    """Returns True if this machine has compiled or fetched a kernel of that name."""
+    """Returns True if the kernel of that name is in this machine's cache, compiled here or fetched."""
     return (cache_folder() / f"{name}.done").exists()
 
 
@@ -203,11 +204,11 @@ def is_cached(name: str) -> bool:
 def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bool]:
     """Context manager for the first call of a kernel: one of a machine's processes compiles it, the others wait and load it.
 
-    Yields whether this process has to compile it. fetch: called by that process before it compiles; it may copy machine code from
-    elsewhere into the folder. `<name>.done` lists the files that the kernel is loaded from, for processes that pass it on.
+    Yields True if this process has to compile it. fetch: called by that process before it compiles; it may copy machine code from
+    elsewhere into the folder. `<name>.done` lists the files of which the kernel consists, for processes that distribute it.
 
-    Otherwise the slots of 64 cores would compile the same kernel 64 times at once, with the memory for it. A process that waits
-    in vain, because the compiling one is stopped or the file system has no locks, compiles too.
+    Without this, 64 slots would compile the same kernel 64 times at once, each with the memory for it. A process that waits in
+    vain, because the compiling one is stopped or the file system has no locks, compiles too.
     """
     folder = cache_folder()
     done = folder / f"{name}.done"
@@ -225,7 +226,7 @@ def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bo
 
 
 def _list(done: Path, names: set[str]) -> None:
-    """Adds the names to the list file; creates it if missing."""
+    """Adds names to the list file `done`; creates it if missing."""
     known = set(done.read_text().split()) if done.exists() else None
     if known is None or names - known:
         beside = done.with_name(f".part-{os.getpid()}-{done.name}")
@@ -235,7 +236,7 @@ def _list(done: Path, names: set[str]) -> None:
 
 @contextlib.contextmanager
 def _lock(path: Path) -> Iterator[IO[bytes] | None]:
-    """Yields the open lock file; None in a read-only folder."""
+    """Context manager that opens the lock file; yields None in a read-only folder."""
     with contextlib.ExitStack() as stack:
         lock = None
         with contextlib.suppress(OSError):

@@ -1,8 +1,8 @@
 """A kernel's machine code as one file: compiled by one host, loaded by every other host of its kind.
 
-The file is a signed zip of a folder of renderer.jit's: 32 bytes of HMAC-SHA256 under a shared key, then the zip. Numba stores
-machine code as pickles, and loading a pickle runs code: so nothing with an invalid signature is unpacked.
-Needs no numba: folder and name are parameters.
+The file is a signed zip of files of the kernel cache folder (renderer.jit): 32 bytes of HMAC-SHA256 under a shared key, then the
+zip. Numba stores machine code as pickles, and loading a pickle runs code, so only files with a valid signature are unpacked.
+Does not need numba: folder and name are parameters.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ _MEMBER = re.compile(rf"\w+(\.\w+)*/\w[\w.-]*\.code|{_KERNEL}\.done", re.ASCII)
 
 
 class ArtefactError(Exception):
-    """The file is damaged, or not signed with this key."""
+    """Raised for a file that is damaged, or not signed with the given key."""
 
 
 def name_of(folder: Path, kernel: str) -> str:
-    """Returns an artefact's name: the folder's name (a hash of sources, compiler, target), Python version, kernel."""
+    """Returns the name of a kernel's file: the folder's name (a hash of sources, compiler, target), Python version, kernel."""
     implementation = sys.implementation
     return f"{folder.name}-{implementation.name}{implementation.version.major}{implementation.version.minor}-{kernel}"
 
 
 def is_name(text: str) -> bool:
-    """Returns True if text has the form of an artefact's name, and so is safe in a path."""
+    """Returns True if text has the form of a kernel file's name, and so is safe in a path."""
     return _NAME.fullmatch(text) is not None
 
 
 def pack(folder: Path, kernel: str, key: str, out: IO[bytes]) -> None:
-    """Writes the machine code of a kernel, signed, to a file that is open for reading and writing.
+    """Writes the signed kernel file of a cached kernel. out: a file opened for reading and writing.
 
-    Raises OSError if files of it are missing in the folder.
+    Raises OSError if files of the kernel are missing in the folder.
     """
     start = out.tell()
     out.write(bytes(_SIGNATURE))
@@ -67,19 +67,19 @@ def pack(folder: Path, kernel: str, key: str, out: IO[bytes]) -> None:
 
 
 def is_signed(file: IO[bytes], key: str) -> bool:
-    """Returns True if an artefact was signed with this key. Reads the file from its beginning."""
+    """Returns True if a kernel file was signed with this key. Reads the file from its beginning."""
     expected = file.read(_SIGNATURE)
     file.seek(0)
     return hmac.compare_digest(expected, _signature(file, key))
 
 
 def signed_anew(artefact: bytes, key: str) -> bytes:
-    """Returns the artefact with its signature replaced by one with this key."""
+    """Returns the kernel file with its signature replaced by one with this key."""
     return _signature(io.BytesIO(artefact), key) + artefact[_SIGNATURE:]
 
 
 def unpack(file: IO[bytes], key: str, folder: Path) -> int:
-    """Writes an artefact's files into the folder, each atomically; returns how many. Raises ArtefactError."""
+    """Writes the files in a kernel file into the folder, each atomically; returns their number. Raises ArtefactError."""
     if not is_signed(file, key):
         raise ArtefactError("the kernels are not signed with this farm's token")
     file.seek(0)
@@ -97,7 +97,7 @@ def unpack(file: IO[bytes], key: str, folder: Path) -> int:
 
 
 def _signature(file: IO[bytes], key: str) -> bytes:
-    """Returns the HMAC of what follows the signature; reads the file from there."""
+    """Returns the HMAC of the file's content from the current position, which is after the signature, to the end."""
     file.seek(_SIGNATURE)
     code = hmac.new(key.encode(), digestmod=hashlib.sha256)
     while chunk := file.read(_CHUNK):

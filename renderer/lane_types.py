@@ -1,4 +1,4 @@
-"""The types of eight lanes in a vector register, and how values are widened or passed to LLVM intrinsics.
+"""The types of eight lanes in a vector register, and functions to broadcast values and to call LLVM intrinsics on them.
 
 renderer/bvh/simd.py and renderer/wide/operators.py define their operations.
 """
@@ -20,7 +20,7 @@ _SUFFIX = {str(ir.FloatType()): "f32", str(ir.DoubleType()): "f64", str(_I32): "
 
 
 class Lanes(types.Type):
-    """Eight values of one type in a vector register."""
+    """The Numba type of eight values of one type in a vector register."""
 
     def __init__(self, name: str, element: ir.Type) -> None:
         self.element = element
@@ -40,7 +40,7 @@ class _LanesModel(models.PrimitiveModel):
 
 
 def is_wide(kind: types.Type) -> bool:
-    """Returns True if a type is one of eight lanes."""
+    """Returns True if a Numba type is a type of eight lanes."""
     return isinstance(kind, Lanes)
 
 
@@ -54,7 +54,7 @@ def lifted(builder: Any, kind: types.Type, value: Any) -> Any:
 
 
 def called(builder: Any, name: str, *arguments: Any) -> Any:
-    """Emits a call of an LLVM intrinsic on scalars or vectors of one type."""
+    """Returns a code generator that calls an LLVM intrinsic on scalars or vectors of one type."""
     kind = arguments[0].type
     wide = isinstance(kind, ir.VectorType)
     suffix = _SUFFIX[str(kind.element if wide else kind)]

@@ -1,6 +1,6 @@
-"""Sentences with codes for the messages of the system and of libraries, which are English only.
+"""Translates messages of the system and of libraries, which are in English only, to sentences with codes.
 
-A message that is not listed here keeps its own text.
+An unknown message keeps its text.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _OF_SYSTEM: dict[int, str] = {
 
 
 def library_message(error: BaseException) -> str:
-    """Returns what an exception of the system or of a library says, as a sentence with a code where it is a known one."""
+    """Returns the message of an exception of the system or of a library: a Sentence with a code if it is a known one."""
     own = str(error)
     if isinstance(own, Sentence):
         return own

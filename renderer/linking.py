@@ -1,6 +1,6 @@
 """Links the functions of a kernel without optimising any of them again in each caller, and emits machine code of entries only.
 
-Numba links all callees into each function, then optimises the whole and emits machine code for it: so a deep callee would be
+Numba links all callees into each function, then optimises the whole and emits machine code for it. A deep callee would be
 optimised and translated once for each function above it.
 """
 
@@ -29,9 +29,8 @@ class _Kernel(JITCodeLibrary):
     """The code library of a function that Python calls: out-of-line callees are linked when its own code is optimised.
 
     counts: whether it has arrays of its own, which are reference-counted. is_inlinable: whether LLVM may inline its function into
-    callers. beneath: the code of out-of-line callees by name, each after all of its own callees.
-    _unread: the bitcode of a cached kernel that other functions would link with. It is the larger part, slow to read and hardly
-    ever needed.
+    callers. beneath: name -> code of each out-of-line callee, after all of that callee's own callees.
+    _unread: the bitcode of a cached kernel with which other functions would link; large, slow to parse and hardly ever needed.
     """
 
     counts = False
@@ -41,7 +40,7 @@ class _Kernel(JITCodeLibrary):
     _read: Any = None
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Optimises each function before linking, only if it counts references: Numba's pass that removes counts runs then."""
+        """Optimises each function before linking if it counts references, since Numba's pass that removes counts runs then."""
         if self.counts:
             super()._optimize_functions(ll_module)
         ll_module.data_layout = str(super().codegen.target_data)
@@ -74,7 +73,7 @@ class _Kernel(JITCodeLibrary):
         super()._finalize_final_module()
 
     def serialize_using_object_code(self) -> tuple[str, str, Any]:
-        """Returns the state that is stored in the cache."""
+        """Returns the library's state for the cache."""
         name, _, (machine_code, bitcode) = super().serialize_using_object_code()
         module = self._get_module_for_linking()
         defined = [each.name for each in (*module.functions, *module.global_variables) if not each.is_declaration]
@@ -98,14 +97,14 @@ class _Kernel(JITCodeLibrary):
 
 
 class InlinedLibrary(_Kernel):
-    """The code library of a function that only other functions of kernels call: it is linked, and never translated alone.
+    """The code library of a function that only other kernel functions call: it is linked, and never translated alone.
 
     It has no Numba environment (the reference to its Python objects).
     """
 
     @property
     def codegen(self) -> Any:
-        """Returns the code generator; Numba calls it to set the environment."""
+        """Returns the code generator, as Numba requires to set the environment."""
         return NoEnvironment
 
     def _optimize_final_module(self) -> None:
@@ -134,7 +133,7 @@ class InlinedLibrary(_Kernel):
         return 0
 
     def serialize_using_object_code(self) -> tuple[str, str, Any]:
-        """Returns the state that is stored in the cache."""
+        """Returns the library's state for the cache."""
         self.beneath = {name: each if isinstance(each, bytes) else each.as_bitcode() for name, each in self.beneath.items()}
         return self.name, _PART, (self.own_name, self._final_module.as_bitcode(), self.beneath, self.is_inlinable)
 
@@ -183,7 +182,7 @@ def restore_compiled(context: Any, kept: Any) -> Any:
 
 @register_pass(mutates_CFG=False, analysis_only=True)
 class ChooseLibrary(AnalysisPass):
-    """A compiler pass that chooses a function's library class before the function is lowered into it."""
+    """A compiler pass that chooses a function's library class before the function is lowered."""
 
     _name = "choose_library"
 
@@ -191,7 +190,7 @@ class ChooseLibrary(AnalysisPass):
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        """Runs the pass. Returns whether it changed anything."""
+        """Runs the pass. Returns True if it changed anything."""
         kind = InlinedLibrary if state.flags.no_cpython_wrapper else _Kernel
         state.library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.counts = state.flags.nrt

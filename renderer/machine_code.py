@@ -1,7 +1,7 @@
 """The on-disk cache of compiled functions: one file per function and signature, named by a hash of both.
 
 Numba's own cache numbers its files and lists them in an index: processes that compile at the same time lose each other's entries,
-and the caches of two machines cannot be merged. Here equal names mean equal code.
+and the caches of two machines cannot be merged. Here equal names imply equal code.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ _noted: set[Path] | None = None
 
 @contextlib.contextmanager
 def collect_cache_files() -> Iterator[set[Path]]:
-    """Context manager: collects the cache files of kernels read or written meanwhile by any thread of this process.
+    """Context manager that collects the cache files of all kernels that any thread of this process reads or writes within it.
 
-    Excludes the files of functions that kernels consist of: their code is in the kernels' files, and which of them are accessed
+    Excludes the files of functions that kernels call: the kernels' files contain their code, and which of them are accessed
     depends on what the process has compiled before.
     """
     global _noted
@@ -48,16 +48,17 @@ def collect_cache_files() -> Iterator[set[Path]]:
 
 
 def note_file(path: Path) -> None:
-    """Adds a file of the cache to those that `collect_cache_files` collects, if it does."""
+    """Adds a cache file to the set of a running `collect_cache_files`."""
     if _noted is not None:
         _noted.add(path)
 
 
 class FunctionCacheFiles:
-    """The cache of one function, with the interface of Numba's dispatchers: machine code, or bitcode for linking.
+    """The cache of one function (machine code, or bitcode for linking), with the cache interface of Numba's dispatchers.
 
     folder: returns the cache folder; called at the first use. stamp: what decides the machine code besides the function's byte
-    code, its signature and the target. is_kernel: whether Python calls it, so that `collect_cache_files` collects it.
+    code, its signature and the target. is_kernel: whether Python calls the function, so that `collect_cache_files` collects its
+    files.
     """
 
     def __init__(self, function: Any, folder: Callable[[], Path], stamp: str, is_kernel: bool) -> None:
@@ -72,7 +73,7 @@ class FunctionCacheFiles:
         return str(self._files.folder)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """Returns the function compiled for a signature, None if it is not cached."""
+        """Returns the function compiled for a signature; None if it is not cached."""
         context.prepare_to_load()
         kept = self._files.load(self._key(signature, context.codegen()))
         return None if kept is None else restore_compiled(context, kept)
@@ -84,7 +85,7 @@ class FunctionCacheFiles:
         self._files.save(self._key(signature, result.codegen), result._reduce())
 
     def flush(self) -> None:
-        """Removes the function's files."""
+        """Deletes the function's files."""
         self._files.flush()
 
     @functools.cached_property
@@ -108,9 +109,9 @@ class FunctionCacheFiles:
 
 
 class _Files:
-    """The file store of a FunctionCache. A key is (signature, target, hashes of the function's byte code and cells).
+    """The files of one function's cache. A key is (signature, target, hashes of the function's byte code and cells).
 
-    stamp: what else the code depends on.
+    stamp: further inputs on which the code depends.
     """
 
     def __init__(self, folder: Path, stem: str, stamp: Any, is_kernel: bool = True) -> None:
@@ -120,7 +121,7 @@ class _Files:
         self._is_kernel = is_kernel
 
     def save(self, key: Any, data: Any) -> None:
-        """Stores the data atomically; if it cannot be written, the next process compiles the function again."""
+        """Stores the data atomically. If it cannot be written, the next process compiles the function again."""
         path = self._path(key)
         try:
             make_private(self.folder)
@@ -141,8 +142,9 @@ class _Files:
         self._note(path)
 
     def load(self, key: Any) -> Any:
-        """Returns the stored data, or None if missing, damaged, out of date (naming what no longer exists) or writable by other
-        users.
+        """Returns the stored data.
+
+        None if it is missing, damaged, outdated (refers to removed code), or writable by other users.
         """
         path = self._path(key)
         try:
@@ -156,7 +158,7 @@ class _Files:
         return data
 
     def flush(self) -> None:
-        """Removes the files of this function."""
+        """Deletes the files of this function."""
         for path in self.folder.glob(f"{self._stem}.*{SUFFIX}"):
             path.unlink(missing_ok=True)
 

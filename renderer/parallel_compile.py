@@ -1,7 +1,7 @@
-"""Helper processes that compile parts of a kernel in parallel: Numba compiles one function at a time in each process.
+"""Helper processes that compile parts of a kernel in parallel, since Numba compiles one function at a time per process.
 
-Each part is compiled by the first free process, stored in the kernels' folder, and loaded from there by the others. Parts left
-over because a helper is killed or fails are compiled by this process when it needs them.
+Each part is compiled by the first free process, stored in the kernels' folder, and loaded from there by the others. Parts that
+are missing because a helper was killed or failed are compiled by this process when it needs them.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 class Helpers:
     """A context manager: helper processes that compile parts of a kernel, and the kernels that prepare scenes.
 
-    variant: of the kernel for pictures; "": only the kernels that prepare scenes. wanted: whether there may be anything to
-    compile.
+    variant: that of the kernel for pictures; "": only the kernels that prepare scenes. wanted: False: no helpers, since nothing
+    has to be compiled.
 
-    Forked while this process has no other threads, so a worker makes it before it starts any. Otherwise the helpers are spawned,
-    and only when work is shared with them.
+    The helpers are forked if this process has no other threads, so a worker creates them before it starts any. Otherwise they are
+    spawned, and only when `share` is called.
     """
 
     def __init__(self, variant: str, wanted: bool = True) -> None:
@@ -59,7 +59,7 @@ class Helpers:
                 self._forked = [self._fork(number) for number in range(self._count)]
 
     def share(self) -> None:
-        """Compiles the parts of the kernel together with the helpers. Returns when no process works on one any more."""
+        """Compiles the parts of the kernel together with the helpers. Returns when all processes have finished their parts."""
         if self._count == 0:
             return
         parts = _Parts(self._variant)
@@ -130,7 +130,7 @@ class Helpers:
 
 
 class _Parts:
-    """The numbered parts of a kernel that are distributed among the processes."""
+    """The numbered parts of a kernel, which are distributed among the processes."""
 
     def __init__(self, variant: str) -> None:
         self._stages = pool_stages(strip_absent_features(example(), variant), _PICTURE) if variant else []
@@ -139,9 +139,9 @@ class _Parts:
         return len(self._stages)
 
     def compile(self, taking: int, parent: int = 0) -> bool:
-        """Compiles parts that no process has taken yet, one by one; returns whether there were any.
+        """Compiles parts that no other process has taken, one by one; returns True if there were any.
 
-        parent: its pid; stops if it has ended.
+        taking: the pipe of part numbers. parent: PID of the parent, or 0; stops if the parent has ended.
         """
         any_taken = False
         while (number := os.read(taking, 1)) and (parent == 0 or os.getppid() == parent):
@@ -153,9 +153,9 @@ class _Parts:
 
 
 def _help(variant: str, taking: int, working: int, parent: int, is_first: bool) -> None:
-    """The main function of a helper.
+    """The main function of a helper process.
 
-    is_first: this helper compiles the kernels that prepare scenes, while the parent links the kernel.
+    is_first: this helper also compiles the kernels that prepare scenes, while the parent links the kernel.
     """
     gc.disable()  # as in renderer.precompile
     has_worked = _Parts(variant).compile(taking, parent)
@@ -165,12 +165,12 @@ def _help(variant: str, taking: int, working: int, parent: int, is_first: bool) 
 
 
 def _helpers() -> int:
-    """Returns the number of useful helpers: one for each other core, as far as memory allows."""
+    """Returns the number of useful helpers: one for each other core, as memory allows."""
     return max(min(cores() - 1, MOST, _free() // NEEDS), 0)
 
 
 def _free() -> int:
-    """Returns the free memory of this machine in bytes; a sufficient amount if unknown."""
+    """Returns the free memory of this machine in bytes; if unknown, enough for all helpers."""
     with contextlib.suppress(OSError, ValueError):
         for line in Path("/proc/meminfo").read_text().splitlines():
             if line.startswith("MemAvailable:"):
@@ -184,7 +184,7 @@ def _close(end: int) -> None:
 
 
 def main(arguments: list[str]) -> None:
-    """Entry point of a spawned helper. arguments: variant, both ends of two pipes, the parent's pid, the helper's number."""
+    """Entry point of a spawned helper. arguments: variant, both ends of two pipes, the parent's PID, the helper's number."""
     variant, *numbers = arguments
     taking, working, parent, number = map(int, numbers)
     _help(variant, taking, working, parent, is_first=number == 0)

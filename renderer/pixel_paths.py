@@ -37,10 +37,10 @@ MODELS = {kind.number: kind.model for kind in rows.KINDS if kind.model is not No
 
 
 class ProjectedPoint(NamedTuple):
-    """A projected point in homogeneous coordinates: x / w, y / w pixels from the picture's upper left corner if w > 0.
+    """A projected point in homogeneous coordinates: if w > 0, its pixel is (x / w, y / w) from the picture's upper left corner.
 
-    Otherwise it is not in front of the camera. Segments between two points project to segments between their spots; a direction
-    (a point at infinity) has a spot too.
+    Otherwise it is not in front of the camera. The segment between two points projects to the segment between their projections.
+    A direction (a point at infinity) can be projected too.
     """
 
     x: float
@@ -61,9 +61,9 @@ class PixelPath:
 
 @dataclass(frozen=True)
 class PixelPaths:
-    """Sums of a pixel's samples and the chosen paths.
+    """Sums of a pixel's samples, and the chosen paths.
 
-    sums: of the colours of samples 0 ... samples - 1, in the film's fixed point; finite: how many of them were finite.
+    sums: of the colours of samples 0 ... samples - 1, in the film's fixed point. finite: how many of these samples were finite.
     """
 
     samples: int
@@ -77,7 +77,8 @@ def pixel_paths(
 ) -> PixelPaths:
     """Returns paths of the pixel's first `count` samples, at most MOST_SAMPLES: the first, the median, the brightest.
 
-    asked: the number of one further sample, which may be any. Raises SettingsError if the pixel or the sample is out of range.
+    asked: the number of a further sample to return, which need not be below `count`. Raises SettingsError if the pixel or the
+    sample is out of range.
     """
     count = min(count, MOST_SAMPLES)
     values, is_finite = pixel_samples(scene, settings, x, y, count)
@@ -99,7 +100,10 @@ def pixel_paths(
 
 
 def bounce_of(vertex: Vertex, following: Vertex | None) -> Bounce | None:
-    """Returns to which side of the surface a path continued; None where it ended."""
+    """Returns whether a path was reflected or transmitted at a vertex.
+
+    None if it ended there, or if the vertex is not on a surface.
+    """
     if vertex.kind != "surface" or vertex.normal is None or following is None:
         return None
     return "reflected" if float(np.dot(vertex.normal, following.direction)) > 0 else "transmitted"
@@ -116,7 +120,7 @@ def _spots(settings: RenderSettings, found: Replay) -> tuple[list[ProjectedPoint
 
 
 def _view_at(settings: RenderSettings, time: float) -> View:
-    """Returns the camera's view nearest to a time of the shutter."""
+    """Returns the camera's view at the key nearest to a time of the shutter."""
     if not settings.views:
         return settings.view
     return settings.views[round(time * (len(settings.views) - 1))]

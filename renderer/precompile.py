@@ -1,8 +1,7 @@
-"""`python -m renderer.precompile`: compiles the kernels for pictures into the cache, as an installation or an image does.
+"""`python -m renderer.precompile`: compiles the kernels for pictures into the cache, for installations and container images.
 
-Variants are compiled side by side, one process for each, as far as there are cores and memory. A folder that is named gets only
-the files that the kernels are loaded from (each kernel's `.done` lists them), under FOLDER/kernels: an eighth of what compiling
-leaves.
+Variants are compiled in parallel, one process each, as cores and memory allow. If a FOLDER is given, the files of which the
+kernels consist (each kernel's `.done` lists them) are copied to FOLDER/kernels: an eighth of the files that compiling creates.
 """
 
 from __future__ import annotations
@@ -31,7 +30,10 @@ PREPARING = "preparing"  # the job of the kernels that prepare scenes
 
 
 def _compile(job: str, prepares: bool) -> None:
-    """Compiles one job in a process of its own. prepares: also lists the kernels that prepare scenes in the kernel's list."""
+    """Compiles one job; runs in a process of its own.
+
+    prepares: also lists the kernels that prepare scenes in the kernel's list.
+    """
     gc.disable()  # collections take a fifth of the time and find little; this process ends afterwards
     if job == PREPARING:
         prepare()
@@ -44,7 +46,7 @@ def _compile_in_process(job: str, *options: str) -> None:
 
 
 def _jobs(variants: list[str]) -> list[str]:
-    """Returns the variants and the job of kernels that prepare scenes, the longest first."""
+    """Returns the variants, longest compile first, and the job of the kernels that prepare scenes."""
     return [*sorted(variants, key=lambda name: sum(map(bool, KERNEL_VARIANTS[name])), reverse=True), PREPARING]
 
 
@@ -76,7 +78,10 @@ def _variants(text: str) -> list[str]:
 
 
 def main(arguments: Iterable[str] | None = None) -> None:
-    """Compiles, loads each variant once more to complete its list, then copies the files. Raises CalledProcessError."""
+    """Compiles the kernels, loads each variant once more to complete its list, then copies the files.
+
+    Raises CalledProcessError.
+    """
     parser = argparse.ArgumentParser(prog="python -m renderer.precompile", description="Compiles the kernels for pictures.")
     parser.add_argument("folder", nargs="?", type=Path, help="gets kernels/HASH")
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""The kernels that prepare scenes: those that every scene needs come first, so that rendering does not wait for the others."""
+"""Compiles the kernels that prepare scenes: first those that every scene needs, so that rendering can begin early."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def prepare_first() -> None:
 
 @functools.cache
 def prepare() -> None:
-    """Compiles or loads all kernels that prepare scenes: also those for large meshes, instances and motion."""
+    """Compiles or loads all kernels that prepare scenes, including those for large meshes, instances and motion."""
     prepare_first()
     small = _mesh(1)
     skinned(small, Bones(np.zeros((3, 4), np.int64), np.zeros((3, 4), np.float32)), np.eye(4)[None])

@@ -1,6 +1,6 @@
-"""The named environments that a request, --env and the page offer beside images, colours and skies.
+"""The names of the environments that requests, --env and the page offer besides images, colours and skies.
 
-The formulas are in renderer/scene/presets.py; this module has no pixels, so that the service can list the names.
+The formulas are in renderer/scene/presets.py. This module contains no pixels, so that the service can list the names.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ __all__ = ["PRESETS", "Preset"]
 
 
 class Preset(NamedTuple):
-    """A named environment. sky: the sun's elevation and azimuth in degrees, for a clear sky."""
+    """A named environment. sky: for a clear sky, elevation and azimuth of its sun in degrees."""
 
     label: str
     help: str

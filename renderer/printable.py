@@ -13,19 +13,17 @@ UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud80
 
 
 def printable(text: str) -> str:
-    r"""Returns the text with unsafe characters as escapes such as \u001b. Tabs and line feeds stay; JSON stays the same JSON."""
+    r"""Returns the text with unsafe characters as escapes such as \u001b. Tabs and line feeds stay; JSON remains equivalent."""
     return UNSAFE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def one_line(text: str) -> str:
-    """Returns `printable` text with spaces for tabs and line feeds."""
+    """Returns the `printable` text with tabs and line feeds replaced by spaces."""
     return printable(text).replace("\n", " ").replace("\t", " ")
 
 
 class LogRecord(logging.LogRecord):
-    """A log record with `printable` message and traceback, for `logging.setLogRecordFactory`, so that every handler prints it
-    safely.
-    """
+    """A log record with `printable` message and traceback, for `logging.setLogRecordFactory`: safe with every handler."""
 
     def getMessage(self) -> str:  # noqa: N802 - of the base class
         """Returns the message with its arguments."""
@@ -33,7 +31,7 @@ class LogRecord(logging.LogRecord):
 
     @property
     def exc_text(self) -> str | None:
-        """The cached traceback text of formatters."""
+        """The traceback text that formatters cache."""
         return self._exc_text
 
     @exc_text.setter

@@ -1,7 +1,7 @@
 """A Numba compiler pass that replaces NamedTuple fields of type None by the constant None before type inference.
 
-So `scene.has.textures is not None` is False by the arguments' types alone. Numba removes the branch only if an argument itself is
-None; this pass extends that to fields, so that kernels omit features which a scene lacks.
+So `scene.has.textures is not None` is False by the arguments' types alone. Numba removes a branch only if an argument itself is
+None; this pass extends that to fields, so that kernels omit features that a scene lacks.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class PruneNoneFields(FunctionPass):
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        """Runs the pass. Returns whether it changed anything."""
+        """Runs the pass. Returns True if it changed anything."""
         found = False
         for block in state.func_ir.blocks.values():
             for statement in block.find_insts(ir.Assign):
@@ -47,9 +47,9 @@ class PruneNoneFields(FunctionPass):
 
 
 class Compiler(CompilerBase):
-    """Numba's nopython pipeline with KnowWhatIsAbsent after templates are inlined and before branches are pruned.
+    """Numba's nopython pipeline with PruneNoneFields after templates are inlined and before branches are pruned.
 
-    Two passes are left out: annotations, which nothing reads, and array-expression rewriting, which kernels do not need.
+    Two passes are omitted: annotations, which nothing reads, and array-expression rewriting, which kernels do not need.
     """
 
     def define_pipelines(self) -> list[Any]:
@@ -65,7 +65,7 @@ class Compiler(CompilerBase):
 
 @intrinsic
 def where_present(typingctx: Any, part: Any, value: Any) -> Any:
-    """Returns `value` if `part` is present, else None: decided by type, so that code that depends on the value is pruned."""
+    """Returns `value` if `part` is present, else None. Decided by type, so that code that depends on the value is pruned."""
     lacks = isinstance(part, types.NoneType)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:

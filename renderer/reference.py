@@ -1,8 +1,8 @@
 """A reference (pointer) to a NamedTuple of arrays, for passing scenes between functions of kernels.
 
 Numba passes tuples by value: a scene of fifty arrays as some 350 words, which each call unpacks and each function packs again, in
-as many instructions to emit, parse and optimise. A `Reference` is one word. Its fields are read like the tuple's, and are loaded
-where they are read.
+as many instructions to emit, parse and optimise. A `Reference` is one word. Its fields are accessed like the tuple's, and are
+loaded at each access.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _USED = ("nitems", "itemsize", "data", "shape", "strides")  # the array fields t
 
 
 class Reference(types.Type):
-    """The type of a reference to a NamedTuple; `whole` is the tuple's type."""
+    """The Numba type of a reference to a NamedTuple. whole: the tuple's type."""
 
     def __init__(self, whole: types.NamedTuple | types.NamedUniTuple) -> None:
         self.whole = whole
@@ -31,7 +31,7 @@ class Reference(types.Type):
         super().__init__(f"Reference({whole.instance_class.__name__} {digest})")
 
     def field(self, name: str) -> types.Type | None:
-        """Returns the type of a field: a reference if it is a tuple of arrays. None if there is no such field."""
+        """Returns the type of a field; of a tuple of arrays, a reference to it. None if there is no such field."""
         if name not in self.whole.fields:
             return None
         found = self.whole.types[self.whole.fields.index(name)]
@@ -56,7 +56,7 @@ register_model(Reference)(models.OpaqueModel)
 def by_reference(typingctx: Any, whole: Any) -> Any:
     """Returns a reference to a NamedTuple, valid until the function that calls this returns.
 
-    Only for functions out of line: they treat what it refers to as constant.
+    May be passed only to functions that are called out of line, which treat the tuple as constant.
     """
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -94,7 +94,7 @@ def _read_array(context: Any, builder: Any, array: types.Array, place: Any) -> A
 
 
 def _read(builder: Any, place: Any) -> Any:
-    """Loads the value at a pointer number by number; the optimiser removes unused loads."""
+    """Loads the value at a pointer, each number separately: the optimiser removes unused loads."""
     kind = place.type.pointee
     if isinstance(kind, ir.Aggregate):
         whole = ir.Constant(kind, ir.Undefined)

@@ -1,4 +1,4 @@
-"""Renders a batch or a frame in one process, and compiles or loads the kernels for it."""
+"""Renders a batch or a frame in one process, and compiles or loads the kernels for that."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _NO_LOG = np.empty((0, record.COLUMNS))
 
 @dataclass
 class RenderStats:
-    """Statistics of a render; `rays` includes shadow rays."""
+    """Statistics of a render. rays: includes shadow rays."""
 
     samples: int = 0
     rays: int = 0
@@ -72,7 +72,7 @@ class RenderStats:
 
 
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
-    """Returns the scene with the settings' environment and the light tables of the settings' light sampling."""
+    """Returns the scene for the kernel: with the settings' environment and light choice, and without absent features."""
     scene = with_environment_changed(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
     scene = with_light_choice(scene, settings.light_choice)
     if settings.sampling == "light" or settings.integrator == "whitted":
@@ -85,9 +85,9 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
 def _render(
     scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, log: npt.NDArray[np.float64] = _NO_LOG
 ) -> tuple[BatchSums, int]:
-    """Returns a batch's sums and its number of rays; the scene is `_prepared`.
+    """Returns a batch's sums and its number of rays. scene: from `_prepared`.
 
-    log: rows for the path trace of the last sample.
+    log: rows in which the kernel records the path of the last sample.
     """
     sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
@@ -107,7 +107,7 @@ def _render(
 def _render_on(
     card: CardRenderer, scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int
 ) -> tuple[BatchSums, int]:
-    """Returns what `_render` returns, rendered by a card. Raises CardError."""
+    """Renders a batch on a card; returns the same as `_render`. Raises CardError."""
     camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
     variant = next(name for name, has in KERNEL_VARIANTS.items() if has == scene.has)
@@ -138,8 +138,8 @@ def render_batch(
 ) -> BatchSums:
     """Renders samples first ... first + count - 1 of every pixel of the tile. Runs without the GIL; thread-safe without a card.
 
-    The sums depend on the other arguments alone: batches of a frame add up to the same bits however the frame is divided.
-    card: renders the batch, if given and `is_for_cards`. Raises CardError.
+    The sums do not depend on the card or on how a frame is divided into batches: its batches always add up to the same bits.
+    card: renders the batch, if given and if `is_for_cards`. Raises CardError.
     """
     prepared = _prepared(scene, settings)
     if card is not None and is_for_cards(settings):
@@ -158,14 +158,14 @@ def render_frame(
     time_limit: float | None = None,
     card: CardRenderer | None = None,
 ) -> Sums:
-    """Renders samples 0 ... spp - 1 of every pixel: returns the film's sums, (CHANNELS, height, width) int64.
+    """Renders samples 0 ... spp - 1 of every pixel; returns the film's sums, (CHANNELS, height, width) int64.
 
-    threads: None for one per CPU available to this process; the sums do not depend on it.
+    threads: None: one per CPU available to this process. The sums do not depend on it.
     progress: called from this thread with (samples finished, total samples), over all pixels.
-    stats: filled in, if given.
+    stats: receives the statistics, if given.
     stop: called with the sums after every pass over the frame; ends the render if it returns True.
-    time_limit: seconds after which no further pass begins; at least one pass is made.
-    If either is given, passes have 1, 1, 2, 4 ... and at most 64 samples per pixel; else 64.
+    time_limit: seconds after which no further pass begins; at least one pass is rendered.
+    If `stop` or `time_limit` is given, passes have 1, 1, 2, 4 ... and at most 64 samples per pixel; else all have 64.
     card: renders everything instead of the CPU, to the same bits. Raises SettingsError unless `is_for_cards`, and CardError.
     """
     stats = stats if stats is not None else RenderStats()
@@ -215,7 +215,7 @@ def render_frame(
 
 
 def _batches(tiles: list[Tile], first: int, count: int, threads: int) -> Iterator[tuple[Tile, int, int]]:
-    """Yields batches (tile, first, count) of these samples of all tiles, smaller towards the end."""
+    """Yields batches (tile, first, count) that cover these samples of all tiles; smaller ones towards the end."""
     whole = max(0, len(tiles) - _LAST_TILES * threads)
     for tile in tiles[:whole]:
         yield tile, first, count
@@ -226,7 +226,7 @@ def _batches(tiles: list[Tile], first: int, count: int, threads: int) -> Iterato
 
 
 def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sample: int) -> Replay:
-    """Renders one sample of a pixel again with the production kernel, and returns its path with all vertices.
+    """Renders one sample of a pixel again with the production kernel; returns its path with all vertices.
 
     Raises SettingsError if the pixel is not in the picture or the sample number is out of range.
     """
@@ -243,9 +243,10 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
 def pixel_samples(
     scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-    """Returns samples 0 ... count - 1 of a pixel: their colours and whether each is finite and so in the film.
+    """Renders samples 0 ... count - 1 of a pixel; returns their colours and whether each is finite and so in the film.
 
-    ((count, 3) integers in the film's fixed point, (count,) bool). Raises SettingsError if the pixel is not in the picture.
+    Colours: (count, 3) integers in the film's fixed point; finite: (count,) bool. Raises SettingsError if the pixel is not in the
+    picture.
     """
     _check_pixel(settings, x, y)
     prepared = _prepared(scene, settings)
@@ -275,7 +276,7 @@ def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) ->
 
 
 def is_warm(settings: RenderSettings, variant: str) -> bool:
-    """Returns True if `warm_up` has run; otherwise the first batch compiles the kernel, which takes half a minute to a minute."""
+    """Returns True if `warm_up` has run for this kernel; otherwise the first batch compiles it, which takes up to a minute."""
     return jit.is_ready(kernel_name(settings, variant))
 
 
@@ -288,14 +289,13 @@ def warm_up(
 ) -> float:
     """Compiles or loads the kernel for these settings and a variant (renderer.arrays.kernel_variant); returns the seconds taken.
 
-    settings: None for the kernel for pictures. A kernel that the machine or the installation has is loaded.
+    settings: None: those of pictures. A kernel in the cache or in the installation is loaded instead of compiled.
 
-    prepares: also the kernels that prepare scenes. With the plain kernel, which a starting worker needs first, only those that
-    every scene needs, until this machine has compiled the others, which come with every other kernel.
+    prepares: also loads the kernels that prepare scenes. With the plain kernel, which a starting worker needs first, only those
+    that every scene needs, unless all are cached; with every other kernel, all of them.
 
-    fetch: called with the kernel's name before compiling a kernel that this machine has not compiled yet, to fetch it from
-    elsewhere. helpers: from `helpers_for`, if made earlier. A parent that calls this before it forks shares the machine code with
-    its children.
+    fetch: called with the kernel's name before a kernel that is not cached is compiled; it may fetch it from elsewhere. helpers:
+    from `helpers_for`, if created earlier. A parent that calls this before it forks shares the machine code with its children.
     """
     begin = time.perf_counter()
     name = kernel_name(settings, variant)
@@ -319,13 +319,13 @@ def warm_up(
 
 
 def load_preparing() -> None:
-    """Loads all kernels that prepare scenes, if this machine has compiled them."""
+    """Loads all kernels that prepare scenes, if they are in this machine's cache."""
     if jit.is_cached(kernel_name(variant=FULL)):
         prepare()
 
 
 def helpers_for(settings: RenderSettings | None = None, variant: str = PLAIN) -> Helpers:
-    """Returns processes that help `warm_up` to compile; none if this machine has compiled the kernel already."""
+    """Returns the helper processes for `warm_up`; none if the kernel is in the cache already."""
     parts = variant if has_variants(settings or _PICTURE) else ""
     is_of_use = not jit.is_cached(kernel_name(settings, variant)) and (parts != "" or not is_prepared())
     return Helpers(parts, is_of_use)

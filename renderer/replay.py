@@ -1,4 +1,4 @@
-"""The path of one sample as readable records."""
+"""Converts the log of one sample's path to readable records."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FAR = 1e17  # scene units; the kernel puts infinitely distant points slightly be
 
 
 class LightSample(NamedTuple):
-    """The light sample of a vertex: a point on a light chosen by next-event estimation."""
+    """The light sample of a path vertex: a point on a light chosen by next-event estimation."""
 
     point: Vec3 | None  # None: infinitely far
     direction: Vec3  # unit, towards the light
@@ -43,7 +43,7 @@ class LightSample(NamedTuple):
 
 
 class Vertex(NamedTuple):
-    """A vertex of a path: a hit, a surface passed by alpha, a point in a medium, or the environment.
+    """A vertex of a path: a surface hit, a surface passed because of its alpha, a point in a medium, or the environment.
 
     Colours are linear Rec.709, positions in world space.
     """
@@ -69,7 +69,7 @@ class Vertex(NamedTuple):
 
 
 class Replay(NamedTuple):
-    """A sample's value, equal to the film's to the bit, and its path from the camera on.
+    """A sample's value, with the same bits as in the film, and its path from the camera on.
 
     value is None if the sample was NaN or infinite and so is not in the film.
     """
@@ -131,7 +131,10 @@ def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ligh
 
 
 def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:
-    """Returns why a path has no vertex after this row's; None if unknown. is_last: whether no further segment was allowed."""
+    """Returns why a path has no vertex after that of this row; None if unknown.
+
+    is_last: whether no further segment was allowed.
+    """
     stage = row[record.RECORDED]
     if row[record.KIND] == record.MISSED:
         return "missed"
@@ -153,9 +156,9 @@ def read_log(
     log: npt.NDArray[np.float64],
     origin: npt.NDArray[np.float64] = _WORLD,
 ) -> Replay:
-    """Returns the replay of a batch of one sample, read from its log: rows as renderer/kernel/path_trace.py writes them.
+    """Returns the replay of a batch of one sample. log: its rows, as written by renderer/kernel/path_trace.py.
 
-    origin: of the compiled scene; the log's positions are relative to it.
+    origin: that of the compiled scene, to which the log's positions are relative.
     """
     value = None
     if batch.sums[SAMPLES, 0, 0] == 1:

@@ -1,10 +1,11 @@
 """Sentences for users with a stable code: errors, warnings, reasons.
 
-A `Sentence` is the English text, as a `str`, and carries the `code` and the `params` that it was made of, by which a page
-translates it and a program tells it from others. Ordinary text operations return plain text without a code, so a sentence around
-another is a `Sentence` too: `Sentence("texture-left-out", "{error}; rendered without it.", error=error)`.
+A `Sentence` is the English text, a `str`, with the `code` and the `params` from which it was made. The page uses these to
+translate it, and programs to identify it. Ordinary text operations return plain text without a code. To put a sentence into
+another, make it a parameter: `Sentence("texture-left-out", "{error}; rendered without it.", error=error)`.
 
-JSON keeps the text where it always was, with the codes beside it: `{"error": "...", "codes": {"error": {"code", "params"}}}`.
+JSON contains the text in its field, and the codes in a separate one:
+`{"error": "...", "codes": {"error": {"code", "params"}}}`.
 """
 
 from __future__ import annotations
@@ -46,10 +47,10 @@ _LARGEST = 2.0**63
 
 
 class Sentence(str):
-    """English text with the code and the parameters that it was made of.
+    """English text with the code and the parameters from which it was made.
 
-    code: words in kebab case; never changed or used for something else once released. template: the text with `{name}` for
-    parameters. params: numbers, texts, sentences, exceptions (their sentence), or lists of those, which are joined by commas.
+    code: words in kebab case; once released, it is never changed or used for another meaning. template: the text with `{name}`
+    for parameters. params: numbers, texts, sentences, exceptions (their sentence), or lists of those, which are joined by commas.
     """
 
     __slots__ = ("code", "params")
@@ -58,7 +59,7 @@ class Sentence(str):
     params: dict[str, Any]
 
     def __new__(cls, code: str, template: str, /, **params: object) -> Self:
-        """Returns the sentence of a template."""
+        """Fills in a template's parameters."""
         values = {name: _value(value) for name, value in params.items()}
         return cls._of(_filled(template, values), code, values)
 
@@ -70,7 +71,7 @@ class Sentence(str):
 
     @classmethod
     def of(cls, sentence: str) -> Self:
-        """Returns a text as this class; a plain text has an empty code."""
+        """Returns a text as an instance of this class; a plain text gets an empty code."""
         if isinstance(sentence, Sentence):
             return cls._of(str.__str__(sentence), sentence.code, sentence.params)
         return cls._of(sentence, "", {})
@@ -82,22 +83,22 @@ class Sentence(str):
         return _restored, (type(self), str.__str__(self), self.code, self.params)
 
     def __getitem__(self, key: SupportsIndex | slice, /) -> str:
-        """Returns a part of the text; where that is all of it, the same sentence."""
+        """Returns a part of the text; if that is all of it, the sentence itself."""
         text = super().__getitem__(key)
         return self if text == self else text
 
     def removesuffix(self, suffix: str, /) -> str:
-        """Removes a suffix. Without its full stop it is the same sentence."""
+        """Removes a suffix. Removing only the full stop preserves the code."""
         text = super().removesuffix(suffix)
         return self._of(text, self.code, self.params) if suffix == "." else text
 
     def rstrip(self, chars: str | None = None, /) -> str:
-        """Removes trailing characters. Without its full stop it is the same sentence."""
+        """Removes trailing characters. Removing only the full stop preserves the code."""
         text = super().rstrip(chars)
         return self._of(text, self.code, self.params) if chars in (".", None) else text
 
     def mapped(self, change: Callable[[str], str]) -> Self:
-        """Returns the same sentence with its text, and the texts of its parameters, changed."""
+        """Returns the sentence with `change` applied to its text and to the texts among its parameters."""
 
         def changed(value: Any) -> Any:
             if isinstance(value, Sentence):
@@ -111,12 +112,12 @@ class Sentence(str):
 
     @property
     def coded(self) -> dict[str, Any]:
-        """The code and the parameters as JSON; sentences among the parameters have their text too."""
+        """The code and the parameters as JSON. Sentences among the parameters include their text."""
         return {"code": self.code, "params": {name: to_json(value) for name, value in self.params.items()}}
 
     @classmethod
     def from_coded(cls, text: str, coded: Any) -> str:
-        """Returns the sentence of a text and its `coded`; the plain text where that is malformed."""
+        """Returns the sentence with this text and its `coded` form; the plain text if `coded` is malformed."""
         try:
             return cls._of(text, *_parsed(coded, 0)) if len(str(coded)) <= 4 * _LONGEST else text
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
@@ -124,60 +125,60 @@ class Sentence(str):
 
 
 def joined_sentences(first: str, second: str) -> str:
-    """Returns two sentences as one text; either may be empty."""
+    """Joins two sentences to one text; either may be empty."""
     if not first or not second:
         return str(first or second)
     return Sentence("sentences-joined", "{first} {second}", first=first, second=second)
 
 
 def in_lower_case(text: str) -> str:
-    """Returns a text that begins in lower case, for use within a sentence."""
+    """Returns a text with its first letter in lower case, for use within a sentence."""
     begun = text[:1].lower() + text[1:]
     return text._of(begun, text.code, text.params) if isinstance(text, Sentence) else begun
 
 
 def with_full_stop(sentence: object) -> str:
-    """Returns a sentence that was written without its full stop, as faults of files are."""
+    """Returns a sentence with a full stop added, for sentences that were written without one, such as faults of files."""
     return Sentence("sentence-closed", "{sentence}.", sentence=sentence)
 
 
 def joined_faults(first: str, second: str) -> str:
-    """Returns two faults as one text."""
+    """Joins two faults to one text."""
     return Sentence("faults-joined", "{first}; {second}", first=first, second=second)
 
 
 def reason_of(sentence: str) -> str:
-    """Returns what a sentence of the form "fault; what was done" says of the fault."""
+    """Returns the part of a sentence of the form "fault; consequence" that describes the fault."""
     if isinstance(sentence, Sentence) and "error" in sentence.params:
         return str(sentence.params["error"])
     return sentence.partition(";")[0]
 
 
 def count_of(n: int, what: str) -> str:
-    """Returns a number of things that are named in the plural."""
+    """Returns a number with what is counted: "3 meshes". what: a plural noun."""
     return Sentence("amount-of", "{n} {things}", n=n, things=what)
 
 
 def with_count(sentence: str, n: int) -> str:
-    """Returns a sentence with how often it holds, where that is more than once."""
+    """Returns a sentence with the number of its occurrences, if that is more than one."""
     return sentence if n == 1 else Sentence("sentence-repeated", "{sentence} ({count} times)", sentence=sentence, count=n)
 
 
 def first_items(texts: Iterable[object], most: int | None = None) -> list[Any]:
-    """Returns a list for a parameter. most: of more items than that, the first and an ellipsis remain."""
+    """Returns a list for a parameter: at most the first `most` items, then an ellipsis."""
     items = list(texts)
     return items if most is None or len(items) <= most else [*items[:most], "..."]
 
 
 def to_json(value: Any) -> Any:
-    """Returns a parameter for JSON; a sentence as `{code, params, text}`."""
+    """Converts a parameter to JSON; a sentence becomes `{code, params, text}`."""
     if isinstance(value, Sentence):
         return {**value.coded, "text": str.__str__(value)} if value.code else str.__str__(value)
     return [to_json(each) for each in value] if isinstance(value, list) else value
 
 
 def from_json(value: Any) -> Any:
-    """Returns the parameter that `to_json` took; malformed ones as they are."""
+    """Converts a parameter back from the JSON of `to_json`. Malformed values are returned unchanged."""
     try:
         return _read(value, 0)
     except (ValueError, KeyError, TypeError, AttributeError):
@@ -185,12 +186,12 @@ def from_json(value: Any) -> Any:
 
 
 def to_text(sentence: str) -> str:
-    """Returns a text for a store of plain texts: a sentence with a code as JSON, any other text unchanged."""
+    """Converts a text for storage as plain text: a sentence with a code becomes JSON, any other text is unchanged."""
     return json.dumps(to_json(sentence), ensure_ascii=False) if isinstance(sentence, Sentence) and sentence.code else sentence
 
 
 def from_text(text: str) -> str:
-    """Returns the sentence that `to_text` took; any other text unchanged, as older releases stored it."""
+    """Converts a text back from `to_text`; any other text, as stored by older releases, is unchanged."""
     if not text.startswith(_BEGINS):
         return text
     try:
@@ -201,7 +202,7 @@ def from_text(text: str) -> str:
 
 
 def codes_of(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the codes of a record's sentences by field: `{code, params}`, or for a list of texts a list of those or None."""
+    """Returns field -> code of each sentence in a record: `{code, params}`; for a list of texts, a list of those or None."""
     found: dict[str, Any] = {}
     for name, value in record.items():
         if _has_code(value):
@@ -212,14 +213,14 @@ def codes_of(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def encoded(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns a record for JSON: with `codes` beside the texts where it has sentences, in the records within it too."""
+    """Returns a record for JSON: with a field `codes` if it contains sentences; also in nested records."""
     made = {name: encoded(value) if isinstance(value, dict) else value for name, value in record.items()}
     codes = codes_of(record)
     return {**made, "codes": codes} if codes else made
 
 
 def decoded(record: Mapping[str, Any], depth: int = 0) -> dict[str, Any]:
-    """Returns the record that `encoded` took. Malformed codes are ignored, so that their texts are plain."""
+    """Converts a record back from `encoded`. Texts with malformed codes become plain texts."""
     made = {
         name: decoded(value, depth + 1) if isinstance(value, dict) and depth < _DEEPEST else value
         for name, value in record.items()
@@ -275,7 +276,10 @@ def _filled(template: str, values: Mapping[str, Any]) -> str:
 
 
 def _parsed(coded: Any, depth: int) -> tuple[str, dict[str, Any]]:
-    """Raises ValueError, KeyError, TypeError or AttributeError."""
+    """Returns code and parameters of a `coded` sentence.
+
+    Raises ValueError, KeyError, TypeError or AttributeError if malformed.
+    """
     code, params = coded["code"], coded["params"]
     if depth > _DEEPEST or not _CODE.fullmatch(code) or len(code) > 100 or len(params) > _MOST_PARAMS:
         raise ValueError("no code of a sentence")

@@ -1,9 +1,9 @@
 """Declares settings once: name, type and default as a dataclass field, everything else in the field's annotation.
 
-    max_depth: Annotated[int, Setting(1, MAX_DEPTH), Shown("Max depth", "Path segments.")] = 8
+    max_depth: Annotated[int, Setting(1, MAX_DEPTH), SettingTexts("Max depth", "Path segments.")] = 8
 
-`table` of the dataclass yields its checks, the command's options, the API's models and the scene file's schema; with
-renderer/setting_docs.py also the answer of GET /api/info, the page's form and the table of differences between two pictures.
+From the `table` of the dataclass follow its checks, the command's options, the API's models and the scene file's schema; with
+renderer/setting_docs.py also the response of GET /api/info, the page's form and the table of differences between two pictures.
 """
 
 from __future__ import annotations
@@ -22,15 +22,13 @@ __all__ = ["Choices", "DeclaredSetting", "Setting", "SettingTexts", "checked", "
 
 @dataclass(frozen=True)
 class SettingTexts:
-    """The user-facing texts of a setting or of one of its choices. Affects no sample, so renderer/sources.py does not hash it.
+    """The user-facing texts of a setting or of one of its choices.
 
-    group: where it is shown: among the basic settings, the advanced ones, or those for comparing renderers.
-    section: its heading in the command's help and on the page.
-    integrators, projections: those that use the setting; empty for all.
-    off: label of the value `Setting.off`.
-    option: the command's option, if it is not named as the setting.
-    phrase: describes a picture by the value, which replaces {}.
-    usual: the usual range, for a slider; none if a slider does not help.
+    They affect no sample, so renderer/sources.py does not hash them. group: where it is shown: among the basic settings, the
+    advanced ones, or those for comparing renderers. section: its heading in the command's help and on the page. integrators,
+    projections: those that use the setting; empty for all. off: label of the value `Setting.off`. option: the command's option,
+    if its name differs from the setting's. phrase: describes a picture by the value, which replaces {}. usual: the usual range,
+    for a slider; None if a slider does not help.
     """
 
     label: str
@@ -47,12 +45,12 @@ class SettingTexts:
 
 
 class Choices(tuple[str, ...]):
-    """The names that a setting accepts, in the order of their numbers in kernels, with the user-facing texts of each."""
+    """The names that a setting accepts, in the order of their numbers in kernels, and the user-facing texts of each."""
 
     shown: Mapping[str, SettingTexts]
 
     def __new__(cls, shown: Mapping[str, SettingTexts]) -> Self:
-        """Makes the choices from each name's label and sentence."""
+        """Creates the choices from name -> texts."""
         made = super().__new__(cls, shown)
         made.shown = dict(shown)
         return made
@@ -60,10 +58,10 @@ class Choices(tuple[str, ...]):
 
 @dataclass(frozen=True)
 class Setting:
-    """The values that a setting accepts: numbers from low to high (each component of a vector), or names.
+    """The values that a setting accepts: numbers from low to high (for each component of a vector), or names.
 
-    off: the value that switches it off, accepted also below `low`.
-    of: "job": a request or a scene file may set it; "environment": a request's environment sets it; "": nothing sets it.
+    off: the value that switches it off, which may be below `low`.
+    of: "job": requests and scene files may set it; "environment": a request's environment sets it; "": internal.
     digest: whether the picture's bits depend on it.
     """
 
@@ -87,7 +85,10 @@ class DeclaredSetting:
     shown: SettingTexts
 
     def check(self, value: Any) -> Any:
-        """Returns the value in the field's type. Raises SettingsError, with a sentence, for a value that is not accepted."""
+        """Returns the value converted to the field's type.
+
+        Raises SettingsError, with a sentence, for a value that is not accepted.
+        """
         if value is None and self.optional:
             return None
         if self.setting.choices is not None:
@@ -129,7 +130,7 @@ class DeclaredSetting:
 
     @property
     def lowest(self) -> float | None:
-        """Returns the least accepted number, including the one that switches the setting off."""
+        """Returns the smallest accepted number, including `off`; None if there is none."""
         low, off = self.setting.low, self.setting.off
         return low if low is None or off is None else min(low, off)
 
@@ -149,7 +150,7 @@ class DeclaredSetting:
 
     @property
     def option(self) -> str:
-        """Returns the command's option without its dashes."""
+        """Returns the name of the command's option without its dashes."""
         return self.shown.option or self.name.replace("_", "-")
 
 
@@ -170,13 +171,13 @@ def table(owner: type[Any]) -> Mapping[str, DeclaredSetting]:
 
 
 def checked(owner: Any) -> None:
-    """Checks all settings of a frozen dataclass in its __post_init__ and converts each to its field's type."""
+    """Checks all settings of a frozen dataclass, called from its __post_init__, and converts each to its field's type."""
     for declared in table(owner.__class__).values():
         object.__setattr__(owner, declared.name, declared.check(getattr(owner, declared.name)))
 
 
 def whole(value: float | None) -> float | None:
-    """JSON form of a number: integral values as int, within the range that JSON represents exactly."""
+    """Converts a number for JSON: integral values to int, if in the range that JSON represents exactly."""
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else value
 
 

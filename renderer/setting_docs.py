@@ -33,7 +33,7 @@ def values(each: DeclaredSetting) -> str:
 
 
 def sentences(each: DeclaredSetting) -> str:
-    """Returns what a setting does, and the names it accepts or the value that switches it off."""
+    """Returns what a setting does, with the names it accepts or the value that switches it off."""
     if each.setting.choices is not None:
         return f"{each.shown.help.rstrip('.')}: {values(each)}."
     if each.setting.off is None:

@@ -1,7 +1,6 @@
-"""The settings of a picture: the view, the size, and everything else a sample's colour depends on.
+"""The settings of a picture: the view, the size, and everything else on which a sample's colour depends.
 
-`RenderSettings` is the one declaration of all that a sample's colour depends on beside the scene
-(renderer/setting_declaration.py).
+`RenderSettings` declares all inputs of a sample's colour besides the scene (renderer/setting_declaration.py).
 Plain data without numpy, so that the service and the client can create and check it without the kernel.
 """
 
@@ -124,12 +123,12 @@ _lit = ("path", "direct", "whitted")
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """Everything but the scene that a sample's colour depends on; each field's annotation describes it.
+    """All inputs of a sample's colour except the scene. Each field's annotation describes it.
 
     film_exponent: the film's quantum is 2**-film_exponent. environment: linear RGB radiance; None for the scene's own.
-    mistake: light-cutoff drops a light's sample where 1/d^2 < 0.001; attenuation multiplies radiance by a further 1/d^2.
+    mistake: light-cutoff omits a light sample where 1/d^2 < 0.001; attenuation multiplies radiance by a further 1/d^2.
     sampling: see renderer/kernel/lineage/mixture.py; heuristic: Veach 1997.
-    views: of a moving camera: at equal steps from shutter opening to closing.
+    views: of a moving camera, at equal steps from shutter opening to closing.
     """
 
     width: Annotated[int, Setting(1, MAX_SIZE), SettingTexts("Width", "Pixels.", "px", "basic", "Size and quality")]
@@ -398,16 +397,16 @@ class RenderSettings:
             )
 
     def to_json(self) -> dict[str, Any]:
-        """Returns a JSON-ready dict; `from_json` restores equal settings, to the bit.
+        """Returns a JSON-ready dict, from which `from_json` restores settings with the same bits.
 
-        The settings of `_LATER` are omitted at their defaults, so that workers that do not know them render such pictures.
+        The settings of `_LATER` are omitted if they have their defaults, so that older workers render such pictures.
         """
         told = {**asdict(self), "view": self.view.to_json(), "views": tuple(view.to_json() for view in self.views)}
         return {name: value for name, value in told.items() if name not in _LATER or value != SETTINGS[name].default}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> RenderSettings:
-        """Returns the settings of a dict from `to_json`, of this release or an older one.
+        """Returns the settings of a dict from `to_json` of this release or an older one.
 
         Raises SettingsError if it is invalid.
         """
@@ -444,7 +443,7 @@ ENVIRONMENT = {
 
 
 def chosen(asked: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the optional settings that the request sets; for the others, those of the scene file's `defaults`."""
+    """Returns the optional settings: those of the request, and for those that it does not set, the scene file's `defaults`."""
     both = {name: asked.get(name) if asked.get(name) is not None else defaults.get(name) for name in OPTIONAL}
     return {name: value for name, value in both.items() if value is not None}
 
@@ -459,7 +458,7 @@ class Tile(NamedTuple):
 
 
 def tiles_of(width: int, height: int, size: int) -> list[Tile]:
-    """Returns the tiles of a frame in reading order; those at the right and lower edge may be smaller."""
+    """Returns the tiles of a frame in reading order. Those at the right and lower edge may be smaller."""
     return [
         Tile(x, y, min(size, width - x), min(size, height - y)) for y in range(0, height, size) for x in range(0, width, size)
     ]

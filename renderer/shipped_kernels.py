@@ -22,9 +22,9 @@ log = logging.getLogger(__name__)
 
 
 def copy_shipped_kernels(cache: Path) -> None:
-    """Copies the installation's kernels for this cache folder; warns if that fails, and the kernels are compiled instead.
+    """Copies the installation's kernels to this cache folder. If that fails, logs a warning; the kernels are then compiled.
 
-    Read from $RAYFARM_KERNELS, else from the wheel that Rayfarm was installed from.
+    The kernels are in $RAYFARM_KERNELS, else in the wheel from which Rayfarm was installed.
     """
     shipped = Path(os.environ.get(FOLDER, "") or IN_WHEEL)
     try:
@@ -34,10 +34,10 @@ def copy_shipped_kernels(cache: Path) -> None:
 
 
 def copy_finished_kernels(source: Path, to: Path) -> int:
-    """Copies the files that a folder's finished kernels are loaded from, with their lists; returns how many.
+    """Copies the files of all complete kernels in a folder, and their lists; returns the number of copied files.
 
-    Existing files are not replaced: equal names mean equal content. The lists are copied last, so that every listed file exists.
-    Files writable by other users are left out (renderer/cache_folders.py). Raises OSError.
+    Existing files are not replaced: equal names imply equal content. The lists are copied last, so that every listed file exists.
+    Files writable by other users are not copied (renderer/cache_folders.py). Raises OSError.
     """
     lists = sorted(source.glob(LISTS))
     names = sorted({name for each in lists for name in each.read_text().split()})

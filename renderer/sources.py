@@ -1,8 +1,8 @@
-"""A hash of the meaning of Python sources: unaffected by comments, docstrings, whitespace, line numbers and user-facing texts of
-settings.
+"""A hash of the meaning of Python sources.
 
-Those texts are `Shown` in renderer/setting_declaration.py. So machine code and compiled scenes remain valid after an edit that
-changes no behaviour, and hosts with different Python versions agree.
+Comments, docstrings, whitespace, line numbers and user-facing texts of settings (`SettingTexts` in
+renderer/setting_declaration.py) do not affect it. So machine code and compiled scenes remain valid after an edit that changes no
+behaviour, and hosts with different Python versions agree.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ WORDS = "SettingTexts"  # the class of user-facing texts
 
 
 def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:
-    """Returns the sources of these files and folders, including the kernels' tables, in an order independent of the host."""
+    """Returns the source files of these files and folders, including the kernels' tables, in an order independent of the host."""
     found: set[Path] = set()
     for part in parts:
         path = root / part
@@ -78,7 +78,7 @@ def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:
 
 
 def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
-    """Returns a SHA-256 of the files' names and their meaning."""
+    """Returns a SHA-256 hash of the files' names and meaning."""
     total = hashlib.sha256()
     for path in files:
         total.update(path.relative_to(root).as_posix().encode() + b"\0")
@@ -91,7 +91,7 @@ def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
 
 
 def cached_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
-    """Returns the same as `meaning`, cached in a file together with a hash of the files' bytes and of this module's.
+    """Returns `meaning`, cached in the file `kept` together with a hash of the files' bytes and of this module's.
 
     Computing it takes a good part of a second.
     """

@@ -1,8 +1,8 @@
 """The compile target of Rayfarm's kernels: Numba's CPU target with its own CPU name, optimisation options and registries.
 
-Numba reads such options from one configuration for the whole process, which belongs to the host program. So kernels do not use
-the target "cpu": they are dispatched by `KernelDispatcher`, whose contexts and code generator are separate instances. A host's
-own `@njit` functions retain their options, their cache and their machine code (tests/renderer/test_target.py).
+Numba reads such options from one configuration for the whole process, which belongs to the host program. Therefore kernels do not
+use the target "cpu": they are dispatched by `KernelDispatcher`, whose contexts and code generator are separate instances. A
+host's own `@njit` functions keep their options, their cache and their machine code (tests/renderer/test_target.py).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _OPTIMISATION = {"opt": 2, "loop_vectorize": False, "slp_vectorize": False}
 
 
 class KernelCPU(CPU):
-    """The target's key in Numba's registries; declarations for "cpu" or "generic" apply to it."""
+    """The target's key in Numba's registries. Declarations for "cpu" or "generic" apply to it."""
 
 
 class _Codegen(JITCPUCodegen):
@@ -51,10 +51,10 @@ class _Codegen(JITCPUCodegen):
 
 
 class _TypingContext(typing.Context):
-    """The typing context: resolves the signature of a call from its argument types.
+    """The typing context: finds the signature of a call from its argument types.
 
-    Numba tries some ten templates for an operation, dates before numbers, and types each function at least twice. This context
-    caches the resolved signatures: an eighth less time to compile kernels (measured).
+    Numba tries some ten templates per operation, dates before numbers, and types each function at least twice. This context
+    caches the signatures, which saves an eighth of the time to compile kernels (measured).
     """
 
     def __init__(self) -> None:
@@ -62,9 +62,9 @@ class _TypingContext(typing.Context):
         super().__init__()
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
-        """Returns the call's signature, or None. Caches those of operators, intrinsics and Numba's own functions.
+        """Returns the call's signature, or None. Caches the signatures of operators, intrinsics and Numba's own functions.
 
-        Numba itself caches those of functions that are compiled when they are first called.
+        Those of functions that are compiled at their first call are cached by Numba itself.
         """
         if kws or isinstance(func, str) or (isinstance(func, types.Type) and not isinstance(func, types.Function)):
             return super().resolve_function_type(func, args, kws)
@@ -88,10 +88,10 @@ class _Context(CPUContext):
         self._internal_codegen = _Codegen("rayfarm.exec")
 
     def prepare_to_load(self) -> None:
-        """Makes the symbols known that compiled code links to.
+        """Registers the symbols to which compiled code links.
 
-        Initialises the runtime that all targets share, for "cpu", as Numba does without kernels. Numba's declarations, which only
-        compiling needs, take three quarters of the time to load a kernel (measured).
+        Initialises the runtime that all targets share, for "cpu", as Numba does without kernels. Does not load Numba's
+        declarations, which are needed for compiling only and take three quarters of the time to load a kernel (measured).
         """
         rtsys.initialize(cpu_target.target_context)
 
@@ -104,17 +104,17 @@ class _Context(CPUContext):
 class _Target(CPUTarget):
     @threadsafe_cached_property
     def typing_context(self) -> _TypingContext:
-        """The typing context that all threads share."""
+        """Returns the typing context that all threads share."""
         return _TypingContext()
 
     @threadsafe_cached_property
     def target_context(self) -> _Context:
-        """The target context that all threads share."""
+        """Returns the target context that all threads share."""
         return _Context(self.typing_context, NAME)
 
 
 class KernelDispatcher(CPUDispatcher):
-    """Dispatcher that compiles a function for this target."""
+    """Compiles functions for this target when they are called."""
 
     targetdescr = _Target(NAME)
 
@@ -123,9 +123,7 @@ class KernelDispatcher(CPUDispatcher):
         self._cache = cache
 
     def compile(self, sig: Any) -> Any:
-        """Compiles the function for a signature, or loads it from the cache; functions that it calls are compiled for the same
-        target.
-        """
+        """Compiles the function for a signature, or loads it from the cache. Functions that it calls get the same target."""
         with target_override(NAME):
             return super().compile(sig)
 

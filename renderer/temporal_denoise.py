@@ -1,10 +1,11 @@
-"""Temporal stabilisation of denoised frames: each is averaged with its neighbours along the motion vectors.
+"""Stabilises denoised frames over time: each is averaged with its neighbours along the motion vectors.
 
-A denoiser that sees one frame at a time estimates each anew, and its estimates flicker. Where neighbouring frames show the same
-surface point, their estimates are several of one quantity. As in SVGF (Schied et al. 2017), a neighbour is weighted by whether it
+A denoiser that sees one frame at a time estimates each anew, so its estimates flicker. Where neighbouring frames show the same
+surface point, there are several estimates of one value. As in SVGF (Schied et al. 2017), a neighbour is weighted by whether it
 shows the same point: equal object and material, similar normal, a motion vector that leads back, and similar light, so that the
 edge of a moving shadow is preserved. Light is averaged without the surface's albedo, which would blur with every subpixel shift;
-the albedo is averaged where nothing moves. Both directions of time are used: a frame of a finished shot has successors too.
+the albedo is averaged only where nothing moves. Both directions of time are used, since the frames of a finished shot also have
+successors.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class DenoisedFrame(NamedTuple):
 
 
 class _PixelPositions(NamedTuple):
-    """The positions of a frame's pixels in a neighbouring frame: rows, columns, and which are valid."""
+    """The positions of a frame's pixels in a neighbouring frame: rows, columns, and which are valid (`alive`)."""
 
     rows: F64
     columns: F64
@@ -50,9 +51,10 @@ class _PixelPositions(NamedTuple):
 
 
 def stabilised_frame(frames: Mapping[float, DenoisedFrame], number: float) -> F32:
-    """Returns a frame averaged with its available neighbours, at most REACH away: (h, w, 3) float32.
+    """Returns a frame averaged with its available neighbours, at most REACH frames away: (h, w, 3) float32.
 
-    frames: by number; a neighbour is used only if all frames in between are available. Deterministic in these arguments.
+    frames: frame number -> frame; a neighbour is used only if all frames in between are available. The result depends on these
+    arguments only.
     """
     here = frames[number]
     light, surface = _light(here), _surface(here)
@@ -95,7 +97,11 @@ def _nearest(plane: npt.NDArray[np.floating], places: _PixelPositions) -> npt.ND
 
 
 def _step_along_motion(before: DenoisedFrame, there: DenoisedFrame, places: _PixelPositions, way: int) -> _PixelPositions:
-    """Returns the positions one frame further: before (way -1) or after. Invalid where the vector back differs (occlusion)."""
+    """Returns the positions one frame further: before (way = -1) or after.
+
+    before, there: the frames of the old and new positions. A position becomes invalid where the vector back to the old frame
+    differs (occlusion).
+    """
     shift = _nearest(before.motion, places)
     x, y = (shift[..., 0], shift[..., 1]) if way < 0 else (-shift[..., 2], -shift[..., 3])
     rows, columns = places.rows - y, places.columns + x
@@ -108,9 +114,9 @@ def _step_along_motion(before: DenoisedFrame, there: DenoisedFrame, places: _Pix
 
 
 def _interpolated_light(here: DenoisedFrame, there: DenoisedFrame, places: _PixelPositions) -> tuple[F64, F64]:
-    """Interpolates the other frame's light from those of four pixels that show the same surface.
+    """Interpolates the other frame's light at the given positions between those of four pixels that show the same surface.
 
-    Also returns their total weight, 0 ... 1.
+    Also returns the total weight of these pixels, 0 ... 1.
     """
     height, width = places.rows.shape
     light, normal = _light(there), here.clean.normal

@@ -1,4 +1,4 @@
-"""A thread pool for parts of a job, for compiled code that runs without the GIL."""
+"""A thread pool for compiled code that runs without the GIL: divides a job into parts."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def cores() -> int:
 
 
 def parts_of(first: int, end: int, size: int) -> list[tuple[int, int]]:
-    """Returns first ... end - 1 in parts of `size`, the last smaller. The parts must not depend on the number of threads."""
+    """Divides first ... end - 1 into parts of `size`, the last smaller. The parts must not depend on the number of threads."""
     return [(at, min(at + size, end)) for at in range(first, end, size)]
 
 
 class Team:
-    """A thread pool of fixed size, reused between jobs; None for one thread per core. A context manager."""
+    """A thread pool of fixed size, reused between jobs. threads: None for one per core. A context manager."""
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or cores()

@@ -1,7 +1,7 @@
 """Sines, cosines and angles with the same bits on every host.
 
 Those of the C library and numpy depend on the CPU in the last bit, while many machines prepare cameras, environments and motion.
-Here sines are computed in integers, and angles by additions, products and roots of floats, each rounded as IEEE 754 defines.
+Here sines are computed in integers, and angles by sums, products and roots of floats, each rounded as IEEE 754 defines.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def sin_cos(angle: float) -> tuple[float, float]:
 
 
 def _series(term: int, square: int, n: int) -> int:
-    """Returns the series x^n / n! - x^(n + 2) / (n + 2)! + ... in fixed point; `term` is its first term."""
+    """Returns the series x^n / n! - x^(n + 2) / (n + 2)! + ... in fixed point. term: its first term; square: x^2."""
     total = 0
     while term not in (0, -1):
         total += term
@@ -46,7 +46,7 @@ def _series(term: int, square: int, n: int) -> int:
 
 
 def angle_between(across: float, along: float) -> float:
-    """Returns the angle in [0, pi / 2] whose tangent is across / along, both at least 0, to within 5e-16 rad."""
+    """Returns the angle in [0, pi / 2] whose tangent is across / along, both at least 0, with an error of at most 5e-16 rad."""
     if across > along:
         return math.pi / 2 - angle_between(along, across)
     if across == 0:

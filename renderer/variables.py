@@ -1,4 +1,4 @@
-"""Settings from environment variables: $NAME, or the content of the file that $NAME_FILE names, for secrets."""
+"""Reads settings from environment variables: $NAME, or for secrets the content of the file named by $NAME_FILE."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ MOST_BYTES = 1 << 16
 
 
 class VariableError(RayfarmError):
-    """The file named by a variable cannot be read."""
+    """Raised if the file named by a variable cannot be read or is empty."""
 
 
 def value_of(name: str, default: str = "") -> str:
-    """Returns the variable's value; if it is empty or unset, the stripped content of the file that $NAME_FILE names.
+    """Returns the variable's value; if it is empty or unset, the stripped content of the file named by $NAME_FILE.
 
-    The variable takes precedence if both are set. Raises VariableError if the file cannot be read or is empty.
+    Raises VariableError if that file cannot be read or is empty.
     """
     if value := os.environ.get(name, ""):
         return value

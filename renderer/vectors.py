@@ -1,10 +1,10 @@
-"""Motion vectors: the offset in the picture, in pixels, of each pixel's surface point from the previous and to the next frame.
+"""Motion vectors: the motion in the picture, in pixels, of each pixel's surface point between frames.
 
-A separate pass, one ray per pixel, and not a plane of the film: a film stores means over samples, and the mean of two objects'
-motion at an edge is the motion of neither. So a picture's cost and bits do not depend on whether vectors are requested.
+They are a separate pass with one ray per pixel, and not a plane of the film: a film stores means over samples, and at an edge the
+mean of two objects' motion is the motion of neither. So a picture's cost and bits do not depend on whether vectors are requested.
 
 The scene is compiled as if the shutter were open from the previous frame to the next (`renderer.scene.animation.BETWEEN`), which
-includes all motion that motion blur includes, and rendered at the middle.
+includes all motion that motion blur includes, and is rendered at the middle.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ _MAX_OFFSET = 1e7  # pixels
 def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int | None = None) -> F32:
     """Returns motion vectors, (h, w, 4) float32: x and y in pixels, to the right and upwards, as Cycles' Vector pass.
 
-    The first two lead from the point's position in this frame to that in the previous one; the last two from that in the next
-    frame to that in this one: for uniform motion both are equal. 0 where the point is behind the camera at that time.
+    First two: from the point's position in this frame to that in the previous one. Last two: from its position in the next frame
+    to that in this one. For uniform motion both are equal. 0 where the point is behind the camera at that time.
 
-    scene: compiled of `Shot.between`, or a static one. settings: their view is the frame's; their views, if the camera moves, are
-    those of the previous, this and the next frame. threads: None for one per core.
+    scene: compiled from `Shot.between_frames`, or a static one. settings: their view is the frame's; if the camera moves, their
+    views are those of the previous, this and the next frame. threads: None for one per core.
     """
     sharp = [replace(view, aperture=0.0) for view in settings.views]
     settings = replace(settings, view=replace(settings.view, aperture=0.0), views=tuple(sharp))
@@ -67,7 +67,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
 
 
 def load_kernel() -> None:
-    """Compiles the kernel, or loads it."""
+    """Compiles or loads the kernel."""
     nothing = RenderSettings(1, 1, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
     with jit.compiling(_KERNEL):
         trace_motion_points(
@@ -76,7 +76,10 @@ def load_kernel() -> None:
 
 
 def _pixel_offsets(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F64:
-    """Returns the offset (h, w, 2) between two sets of positions, y upwards; 0 where one is invalid or too far."""
+    """Returns the offsets (h, w, 2) in pixels between two sets of positions, y upwards.
+
+    0 where one is invalid or too far away.
+    """
     way = end - start
     if views[1].projection == "panorama":
         way[..., 0] -= settings.width * np.rint(way[..., 0] / settings.width)  # the shorter way around the panorama
@@ -87,8 +90,7 @@ def _pixel_offsets(start: F64, end: F64, settings: RenderSettings, views: list[V
 
 
 def _projected(view: View, settings: RenderSettings, places: F64) -> F64:
-    """Projects points to positions in the picture, (h, w, 2), x to the right and y down from the upper left corner; NaN behind
-    the camera.
+    """Projects points to pixel positions, (h, w, 2), from the picture's upper left corner, y downwards; NaN behind the camera.
 
     places: (h, w, 4), points with w = 1, or directions with w = 0. Uses products, quotients and roots only.
     """

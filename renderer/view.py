@@ -157,7 +157,7 @@ class View:
             )
 
     def middle(self, width: int, height: int) -> tuple[float, float]:
-        """Returns where the line of sight intersects a picture of that size, in pixels from its upper left corner."""
+        """Returns the pixel position at which the line of sight intersects a picture of that size, from its upper left corner."""
         if self.projection == "panorama":
             return width / 2, height / 2
         return width / 2 - self.shift_x * height, height / 2 + self.shift_y * height
@@ -165,7 +165,7 @@ class View:
     def to_json(self) -> dict[str, Any]:
         """Returns a JSON-ready dict, from which `from_json` restores the view.
 
-        An unshifted lens is written as older releases did.
+        Without a lens shift, it is the same as that of older releases.
         """
         return {name: value for name, value in asdict(self).items() if value or not name.startswith("shift_")}
 

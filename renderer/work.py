@@ -1,4 +1,4 @@
-"""How much is rendered and in which order: the part of a request beside the settings."""
+"""The amount of rendering and its order: the part of a request besides the settings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOISE_SPP = 16384  # the limit if only a noise level is requested
 
 @dataclass(frozen=True)
 class Work:
-    """The amount of rendering and its order; affects no sample's colour. The first limit reached ends the render."""
+    """The amount of rendering and its order, which affect no sample's colour. The first limit that is reached ends the render."""
 
     spp: Annotated[
         int | None,
@@ -88,7 +88,7 @@ ORDERS = Choices(
 
 @dataclass(frozen=True)
 class ShotWork:
-    """The settings of a request for several frames beside `Work`: frame rate, turntable and the order of frames."""
+    """The fields of a request for several frames besides `Work`: frame rate, turntable and the order of frames."""
 
     fps: Annotated[
         float | None,
@@ -124,7 +124,7 @@ SHOT = table(ShotWork)
 
 
 def most_samples(spp: int | None, noise: float | None, seconds: float | None, defaults: Mapping[str, Any]) -> int:
-    """Returns the maximum spp. defaults: the scene file's, used unless the request sets another limit."""
+    """Returns the maximum spp of a request. defaults: the scene file's, used unless the request sets another limit."""
     if spp is not None:
         return spp
     if noise is not None:

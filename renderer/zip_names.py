@@ -1,7 +1,8 @@
 """Decodes the names of a zip's entries: normalises separators to slashes and detects the encoding.
 
-Sources: APPNOTE.TXT 4.4.4 (bit 11: UTF-8), 4.6.9 (Info-ZIP's Unicode path). Without either, the encoding is the packing system's
-and is not recorded: the encoding is chosen whose names the archive's scene files refer to, else the first that yields words.
+Sources: APPNOTE.TXT 4.4.4 (bit 11: UTF-8), 4.6.9 (Info-ZIP's Unicode path). Without either, the encoding is that of the packing
+system and is not recorded. Then the encoding is chosen in which the archive's scene files refer to the names, else the first that
+yields words.
 """
 
 from __future__ import annotations
@@ -33,14 +34,14 @@ _MOST_FILES, _MOST_BYTES = 16, 1 << 18  # limits of scene files that are searche
 
 
 class EntryNames(NamedTuple):
-    """names: of the entries, in order. guess: a sentence, if the encoding of some was guessed."""
+    """The decoded names of the entries, in order, and a sentence for the user if the encoding of some was guessed."""
 
     names: list[str]
     guess: str | None
 
 
 def entry_names(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) -> EntryNames:
-    """Returns the decoded names of some entries of an archive."""
+    """Decodes the names of some entries of an archive."""
     found: list[str | None] = []
     unknown: list[bytes] = []
     for entry in entries:
@@ -108,7 +109,7 @@ def _decoded(names: list[bytes], encoding: str) -> list[str] | None:
 
 
 def _are_words(names: list[str], encoding: str) -> bool:
-    """Returns True if all letters are ones commonly used in file names by users of this encoding."""
+    """Returns True if the names look like words: all letters are ones commonly used in file names by users of this encoding."""
     letters = [letter for name in names for letter in name if not letter.isascii()]
     if encoding in ("gb2312", "cp932", "gb18030", "big5", "cp949"):
         return all(letter.isalpha() and ord(letter) >= _FIRST_OF_EAST_ASIA for letter in letters)
@@ -116,7 +117,7 @@ def _are_words(names: list[str], encoding: str) -> bool:
 
 
 def _texts(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) -> Iterator[bytes]:
-    """Yields the contents of the archive's scene and material files, as far as they can be read quickly."""
+    """Yields the contents of the archive's scene and material files that can be read quickly."""
     naming = [entry for entry in entries if entry.filename.lower().endswith(NAMING_SUFFIXES)]
     quick = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
     for entry in [each for each in naming if each.compress_type in quick and not each.flag_bits & 1][:_MOST_FILES]:

@@ -1,4 +1,4 @@
-"""Errors and limits for untrusted zip archives: zipfile's exceptions for damaged ones, and the maximum unpacked size."""
+"""Errors and limits for untrusted zip archives: the exceptions of zipfile for damaged ones, and the maximum unpacked size."""
 
 from __future__ import annotations
 

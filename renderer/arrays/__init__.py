@@ -1,1 +1,1 @@
-"""The compiled scene as arrays, and the names of their rows and columns: what scene/ writes and kernel/ reads."""
+"""The compiled scene as arrays, and the names of their rows and columns: written by scene/, read by kernel/."""

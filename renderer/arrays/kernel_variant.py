@@ -1,4 +1,4 @@
-"""Selects the kernel variant that renders a scene: a function of the scene alone, so all its samples come from one variant."""
+"""Selects the kernel variant that renders a scene. It depends on the scene only, so one variant renders all its samples."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ _PART_OF = {kind.number: kind.part for kind in rows.KINDS}
 def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
     """Returns the name of the first of KERNEL_VARIANTS that supports all features of the scene.
 
-    camera_moves: while the shutter is open. Raises ValueError for a material of a kind that `rows.KINDS` does not declare.
+    camera_moves: whether the camera moves while the shutter is open. Raises ValueError if a material's kind is not in
+    `rows.KINDS`.
     """
     flags = int(np.bitwise_or.reduce(scene.material_flags))
     parts = _parts_of_kinds(scene)
@@ -41,7 +42,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
 
 
 def strip_absent_features(scene: CompiledScene, variant: str) -> CompiledScene:
-    """Returns the scene with the arrays of features that the variant lacks replaced by None, as its kernels take it."""
+    """Returns the scene in the form that the variant's kernels expect: arrays of features that the variant lacks are None."""
     has = KERNEL_VARIANTS[variant]
     bvh = scene.bvh._replace(instances=has.instances)
     if has.textures is None:
@@ -55,7 +56,7 @@ def strip_absent_features(scene: CompiledScene, variant: str) -> CompiledScene:
 
 
 def _parts_of_kinds(scene: CompiledScene) -> set[str]:
-    """Returns the kernel features that the kinds of the scene's materials need."""
+    """Returns the kernel features that the scene's kinds of materials require."""
     kinds = np.unique(scene.material_kind).tolist()
     if unknown := [kind for kind in kinds if kind not in _PART_OF]:
         raise ValueError(f"material kinds {unknown} are not declared; add them to KINDS in renderer/arrays/rows.py")

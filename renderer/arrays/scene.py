@@ -1,8 +1,8 @@
 """The compiled scene: the flat arrays that the kernel reads. renderer/scene/compiled.py stores them in one file.
 
-Every array is C-contiguous and read-only (Numba compiles read-only arrays as a separate type, so that one compiled kernel serves
-memory-mapped and freshly built scenes alike: `seal` ensures it). A primitive's number is its triangle's index, or T + its
-sphere's index; lights without geometry are numbered after those.
+Every array is C-contiguous and read-only, as ensured by `seal`: Numba compiles read-only arrays as a separate type, and so one
+compiled kernel can be used with memory-mapped and with freshly built scenes. A primitive's number is its triangle's index, or T +
+its sphere's index; lights without geometry are numbered after those.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Array = npt.NDArray[Any]
 class CompiledScene(NamedTuple):
     """The arrays of a compiled scene.
 
-    I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, m media, L lights, K of them
+    Lengths: I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, m media, L lights, K of them
     punctual.
     """
 
@@ -190,19 +190,19 @@ _NEVER_EMPTY = "NHWABm"  # lengths in LAYOUT that are at least 1: nodes, the env
 
 
 def flat(scene: CompiledScene) -> dict[str, Array]:
-    """Returns the arrays by name, in the layout's order."""
+    """Returns array name -> array, in the layout's order."""
     return {name: getattr(scene.bvh, name[4:]) if name.startswith("bvh.") else getattr(scene, name) for name in LAYOUT}
 
 
 def nested(arrays: dict[str, Array]) -> CompiledScene:
-    """Returns the scene of these arrays: the inverse of `flat`."""
+    """Returns the scene with these arrays: the inverse of `flat`."""
     bvh: dict[str, Any] = {name[4:]: array for name, array in arrays.items() if name.startswith("bvh.")}
     rest: dict[str, Any] = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
     return CompiledScene(bvh=Bvh(**bvh), **rest)
 
 
 def example() -> CompiledScene:
-    """Returns an empty scene that passes `check`, with the types that kernels are compiled for.
+    """Returns an empty scene that passes `check`, with the types for which kernels are compiled.
 
     It has one root without children, one black texel of the environment, one medium, and no geometry, materials or lights.
     """
@@ -213,7 +213,10 @@ def example() -> CompiledScene:
 
 
 def _example_length(length: int | str) -> int:
-    """Returns the length of an example's axis: a number in LAYOUT, 1 for what every scene has, else 0; one more for "+1"."""
+    """Returns the length of an axis in the example scene.
+
+    length: from LAYOUT: a number, or the name of a length: 1 for those that are never 0, else 0; one more for the suffix "+1".
+    """
     if isinstance(length, int):
         return length
     return int(length[0] in _NEVER_EMPTY) + int(length.endswith("+1"))
@@ -225,11 +228,10 @@ def _read_only(array: Array) -> Array:
 
 
 def seal(scene: CompiledScene, unchecked: dict[str, Array] | None = None) -> CompiledScene:
-    """Returns the scene checked, with every array C-contiguous, of its exact dtype and read-only. Copies only where necessary.
+    """Returns the scene after checking it, with every array C-contiguous, of its declared dtype and read-only.
 
-    unchecked: by array name, the rows whose indices have not been checked yet; None for all rows.
-
-    Raises SceneError if the arrays are inconsistent, since the kernel checks no index.
+    Copies only if necessary. unchecked: array name -> rows whose indices have not been checked yet; None: all rows. Raises
+    SceneError if the arrays are inconsistent, since the kernel does not check indices.
     """
     arrays = {}
     for name, array in flat(scene).items():
@@ -239,7 +241,7 @@ def seal(scene: CompiledScene, unchecked: dict[str, Array] | None = None) -> Com
 
 
 def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -> None:
-    """Raises SceneError if shapes disagree or an index is out of range. unchecked: see `seal`."""
+    """Raises SceneError if shapes are inconsistent or an index is out of range. unchecked: see `seal`."""
     lengths: dict[str, int] = {}
     for name, (_, shape) in LAYOUT.items():
         actual = arrays[name].shape

@@ -6,10 +6,10 @@ limits.py         memory, processor time and file size, never above what the cal
 reader.py         the child: runs one job and reports over a pipe
 launcher.py       the process that forks readers: no environment, no inherited descriptors, modules and kernels loaded once
 running.py        the caller's side: starts jobs and receives their messages
-faults.py         which errors are the machine's fault
+faults.py         decides which errors are the machine's fault
 reader_errors.py  error messages for readers that fail
 job_folder.py     the temporary folder of one job
 
-Only `running.py` and `job_folder.py` are for callers. If the kernel has neither Landlock nor seccomp, a reader is only a separate
+Callers use only `running.py` and `job_folder.py`. If the kernel has neither Landlock nor seccomp, a reader is only a separate
 process with limits and an empty environment.
 """

@@ -1,4 +1,4 @@
-"""Distinguishes errors of the machine from errors of the file."""
+"""Distinguishes errors caused by the machine from errors caused by the file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _OF_MACHINE = {
 
 
 def is_of_machine(error: BaseException) -> bool:
-    """Returns True if a library's error is the machine's fault."""
+    """Returns True if an exception of the system or of a library is caused by the machine, not by the file."""
     if isinstance(error, OSError):
         return error.errno in _OF_MACHINE
     return isinstance(error, RuntimeError) and "start new thread" in str(error)

@@ -1,4 +1,4 @@
-"""The temporary folder of one job, the only folder that its reader may write to."""
+"""The temporary folder of one job, the only folder to which its reader may write."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ _MEMORY = Path("/dev/shm")
 def temporary_folder(prefix: str, in_memory: bool = False) -> Iterator[Path]:
     """Context manager that creates a folder and removes it at the end.
 
-    in_memory: in shared memory if that has room for a large scene. Raises MachineError if no temporary folder is writable.
+    in_memory: in shared memory if that has enough space for a large scene. Raises MachineError if no temporary folder is
+    writable.
     """
     folder = _create_folder(prefix, _MEMORY if in_memory and _has_enough_memory(_MEMORY) else None)
     try:
@@ -57,7 +58,10 @@ def _create_folder(prefix: str, where: Path | None) -> Path:
 
 
 def _has_enough_memory(folder: Path) -> bool:
-    """Returns True if /dev/shm can hold half of the available memory: a container's default of 64 MiB cannot."""
+    """Returns True if the shared memory of this folder has space for half of the available memory.
+
+    A container's default of 64 MiB has not.
+    """
     try:
         found = os.statvfs(folder)
     except OSError:

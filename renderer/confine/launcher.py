@@ -4,7 +4,7 @@ It imports modules and loads kernels when a job first needs them, so that a read
 untrusted file itself. It has one thread, and ends when every process that holds the other end of its socket has ended.
 
 A request is one datagram: JSON with `preload`, and three descriptors: the job's pipe, the pipe for messages, and the pipe on
-which the launcher reports how the reader ended. A caller that closes the job's pipe has the reader killed.
+which the launcher reports how the reader ended. When a caller closes the job's pipe, the launcher kills the reader.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _SYSTEM = (
 
 @dataclass
 class _Running:
-    """A running reader and the launcher's descriptors for it."""
+    """A running reader, with the launcher's descriptors for it."""
 
     pid: int
     asked: int
@@ -66,7 +66,7 @@ class _Launcher:
         self._poll.register(self._woken, select.POLLIN)
 
     def serve(self) -> None:
-        """Serves requests until all callers have closed their ends."""
+        """Handles requests until all callers have closed their ends of the socket."""
         while os.getppid() == self._parent:
             for descriptor, _ in self._poll.poll(_POLL_MS):
                 if descriptor == self._control.fileno():
@@ -99,7 +99,7 @@ class _Launcher:
         return True
 
     def preload(self, name: str) -> str:
-        """Imports "module", or calls "module:function", once; returns the error, or ""."""
+        """Imports "module", or imports it and calls its function for "module:function", once; returns the error, or ""."""
         if name not in self._done:
             module, _, function = name.partition(":")
             try:
@@ -169,7 +169,7 @@ def _report(status: int, message: dict[str, Any]) -> None:
 
 
 def _system() -> list[str]:
-    """Returns the paths that every reader may read: the interpreter, installed packages, ours, and the kernels' folder."""
+    """Returns the paths that every reader may read: the interpreter, installed packages, our package, and the kernels' folder."""
     paths = sysconfig.get_paths()
     found = {*_SYSTEM, *(paths[name] for name in ("stdlib", "platstdlib", "purelib", "platlib"))}
     found |= {f"{prefix}/{name}" for prefix in (sys.prefix, sys.base_prefix) for name in ("lib", "lib64", "pyvenv.cfg", "bin")}
@@ -183,7 +183,10 @@ def _system() -> list[str]:
 
 
 def main() -> None:
-    """Serves the socket whose descriptor is the first argument; the second: JSON, what to preload at once."""
+    """Runs the launcher.
+
+    Command line: the descriptor of the socket on which requests arrive, and a JSON list of modules to preload at the start.
+    """
     control = socket.socket(fileno=int(sys.argv[1]))
     os.set_inheritable(control.fileno(), False)
     signal.signal(signal.SIGINT, signal.SIG_IGN)

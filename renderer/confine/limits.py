@@ -1,4 +1,4 @@
-"""Limits of memory, processor time and file size of a reader: never above the caller's own."""
+"""Limits the memory, processor time and file size of a reader, never above the caller's own limits."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _NAMED = {
 
 
 def available_memory() -> int:
-    """Returns the bytes that can be allocated now: limited by the machine's memory and every cgroup of this process."""
+    """Returns the number of bytes that can be allocated now, as limited by the machine and by every cgroup of this process."""
     return max(min([_of_machine(), *_of_cgroups()]), 0)
 
 
@@ -51,7 +51,7 @@ def _of_machine() -> int:
 
 
 def _of_cgroups() -> Iterator[int]:
-    """Yields the free bytes in each cgroup with a memory limit, from this process's up to the root; cgroup versions 1 and 2."""
+    """Yields the free bytes of each cgroup with a memory limit, from this process's up to the root; cgroup versions 1 and 2."""
     try:
         lines = Path("/proc/self/cgroup").read_text().splitlines()
     except OSError:
@@ -84,14 +84,17 @@ def _cgroup_memory_left(folder: Path, limit_name: str, used_name: str, cache_nam
 
 
 def importer_memory(size: int) -> int:
-    """Returns the bytes that an importer may need for a file of `size` bytes; damaged files may state counts of gigabytes."""
+    """Returns the memory limit in bytes of an importer for a file of `size` bytes.
+
+    Damaged files may state counts of gigabytes.
+    """
     return _IMPORTER + _IMPORTER_PER_BYTE * size
 
 
 def set_limits(memory: int, seconds: float) -> int:
     """Limits this process: `memory` bytes beyond its current use, processor time for `seconds` on all cores, no core dumps.
 
-    No limit is raised. Returns how many bytes of address space it can still allocate: less than `memory` under a lower limit.
+    Lower existing limits stay. Returns how many bytes of address space the process can still allocate.
     """
     used = _address_space()
     limit_program(used + memory, int(seconds * (os.cpu_count() or 1)) + 1)
@@ -99,7 +102,7 @@ def set_limits(memory: int, seconds: float) -> int:
 
 
 def limit_program(memory: int, seconds: int) -> None:
-    """Limits this process, also after exec, to `memory` bytes of address space and `seconds` of processor time."""
+    """Limits this process to `memory` bytes of address space and `seconds` of processor time, also after exec."""
     _lower(resource.RLIMIT_AS, memory)
     _lower(resource.RLIMIT_CPU, seconds, _GRACE_S)
     _lower(resource.RLIMIT_FSIZE, LARGEST_FILE)
@@ -124,9 +127,9 @@ def _address_space() -> int:
 
 @contextmanager
 def limited_memory(memory: int) -> Iterator[bool]:
-    """Context manager: limits this process to `memory` bytes of address space beyond its current use.
+    """Context manager that limits this process to `memory` bytes of address space beyond its current use.
 
-    Yields whether the previous limit is lower still.
+    Yields True if an existing limit is lower.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     finite = [limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY]
@@ -139,13 +142,13 @@ def limited_memory(memory: int) -> Iterator[bool]:
 
 
 def inherited_limit(option: str) -> int | None:
-    """Returns the soft limit that this process was started with, in bytes or seconds, by `ulimit`'s option; None without one."""
+    """Returns the soft limit with which this process was started, in bytes or seconds; None without one. option: `ulimit`'s."""
     soft, _ = resource.getrlimit(_NAMED[option][0])
     return None if soft == resource.RLIM_INFINITY else soft
 
 
 def callers_limit_phrase(option: str) -> str | None:
-    """Returns a phrase that names a limit this process was started with; None if there is none.
+    """Returns a phrase that names a limit with which this process was started; None if there is none.
 
     For example "its limit on address space (ulimit -v) of 2.0 GiB".
     """

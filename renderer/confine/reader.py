@@ -1,11 +1,12 @@
-"""A reader: the forked child that runs one job, confined, and reports over a pipe as lines of JSON.
+"""A reader: the forked, confined child process that runs one job and reports over a pipe as lines of JSON.
 
 Messages:
-    started   confined; the job begins; `room`: bytes of address space that it can allocate
-    answer    the result, last
-    error     a sentence, last; `kind`: its exception, `machine`: whether this machine is at fault, `rest`: without its subject
+    started   the job begins; `room`: bytes of address space that it can allocate
+    answer    the result; the last message
+    error     a sentence; the last message. `kind`: its exception, `machine`: whether the machine is at fault, `rest`: without its
+              subject
     done      a request is finished
-    call      requests a function call in the caller, for what a reader may not do
+    call      requests a function call in the caller, for work that a reader may not do
     others    progress
 """
 
@@ -50,15 +51,15 @@ _OF_MACHINE = {
 
 
 def is_of_machine(error: OSError) -> bool:
-    """Returns True if an error is the fault of this machine, not of the file."""
+    """Returns True if an error is caused by this machine, not by the file."""
     return error.errno in _OF_MACHINE
 
 
 @dataclass(frozen=True)
 class Job:
-    """A reader's work, pickled by the caller: `work(link)`, with the paths that it may read and write and its limits.
+    """A reader's work, pickled by the caller: `work(link)`, the paths that it may read and write, and its limits.
 
-    reads, writes: as bytes, for names that are not UTF-8. temporary: the folder for temporary files.
+    reads, writes: as bytes, since names need not be UTF-8. temporary: the folder for temporary files.
     """
 
     work: Callable[[Link], dict[str, Any]]
@@ -70,29 +71,29 @@ class Job:
 
 
 class Link:
-    """The reader's connection to its caller."""
+    """The reader's connection to its caller: one pipe in each direction."""
 
     def __init__(self, asked: int, said: int) -> None:
         self._asked, self._said = asked, said
         self._buffer = b""
 
     def send(self, message: dict[str, Any]) -> None:
-        """Sends a message that can be written as JSON."""
+        """Sends a message, which must be convertible to JSON."""
         data = memoryview(json.dumps(encoded(message)).encode() + b"\n")
         while data:
             data = data[os.write(self._said, data) :]
 
     def job(self) -> Job:
-        """Receives the job, which is sent first."""
+        """Receives the job, which the caller sends first."""
         size = int.from_bytes(self._exactly(8), "little")
         job = pickle.loads(self._exactly(size))
         assert isinstance(job, Job)
         return job
 
     def call(self, name: str, /, **arguments: Any) -> Any:
-        """Calls a function in the caller, for what a reader may not do; returns its reply.
+        """Calls the function `name` in the caller, for work that a reader may not do; returns its result.
 
-        Raises SceneError with the caller's sentence.
+        Raises SceneError with the caller's sentence if the function fails.
         """
         self.send({"call": name, **arguments})
         reply = decoded(json.loads(self._line(None) or b"{}"))
@@ -101,9 +102,9 @@ class Link:
         return reply["reply"]
 
     def requests(self, idle_s: float) -> Iterator[dict[str, Any]]:
-        """Yields requests, until there has been none for `idle_s`, the caller is gone, or this process has grown large.
+        """Yields requests until none arrives for `idle_s` seconds, the caller has ended, or this process has become large.
 
-        Waits without limit while the caller handles messages of the last request, since it needs the files that they name.
+        Waits without limit while the caller handles the messages of the last request, since it needs the files that they name.
         """
         patience: float | None = idle_s
         while line := self._line(patience):
@@ -137,7 +138,7 @@ _link: Link | None = None
 
 
 def call(name: str, /, **arguments: Any) -> Any:
-    """Calls `Link.call` of this process's job; returns None if this process is no reader."""
+    """Calls a function in the caller of this reader, as `Link.call`; returns None if this process is not a reader."""
     return None if _link is None else _link.call(name, **arguments)
 
 
@@ -147,7 +148,7 @@ def is_reader() -> bool:
 
 
 def run_reader(asked: int, said: int, parent: int, system: Iterable[str]) -> NoReturn:
-    """Runs a forked child to its end. system: paths of the interpreter, its libraries and the kernels."""
+    """Runs the job in a forked child, and exits. system: paths of the interpreter, its libraries and the kernels."""
     global _link
     code = 1
     _link = link = Link(asked, said)
@@ -188,7 +189,7 @@ def _confine_and_run(link: Link, system: Iterable[str]) -> None:
 
 
 def error_message(error: BaseException) -> dict[str, Any]:
-    """Returns the message for an error."""
+    """Returns the `error` message for an exception."""
     kind = f"{type(error).__module__}.{type(error).__qualname__}"
     if isinstance(error, MachineError):
         return {"error": str(error), "machine": True}

@@ -1,4 +1,4 @@
-"""Exceptions for readers that fail: SceneError for a fault of the file, MachineError for one of this machine."""
+"""Creates exceptions for failed readers: SceneError if the file is at fault, MachineError if this machine is."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _OF_ALLOCATION = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGTRAP,
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of a reader, and the phrases of its error messages.
+    """The limits of a reader, and phrases for its error messages.
 
-    memory_bytes: beyond the memory at its start. seconds: of work. subject: the beginning of sentences. granted: the continuation
-    of "needs more than the 4.0 GiB". longer, smaller: advice if the time or the memory is insufficient.
+    memory_bytes: beyond the memory at its start. seconds: time limit. subject: the beginning of sentences. granted: the
+    continuation of "needs more than the 4.0 GiB". longer, smaller: advice if the time or the memory is insufficient.
     """
 
     memory_bytes: int
@@ -36,7 +36,7 @@ class Bounds:
 
 
 class TooLargeError(MachineError):
-    """A file needs more memory than its reader may use."""
+    """Raised if a file needs more memory than its reader may use."""
 
 
 def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
@@ -99,10 +99,10 @@ def _out_of_memory(bounds: Bounds) -> MachineError:
 
 
 def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: int = 0) -> RayfarmError:
-    """Returns the error for a reader that ended without a result. status: from `os.wait`.
+    """Returns the exception for a reader that ended without a result. status: from `os.wait`.
 
-    room: bytes that it could allocate. needed: bytes that an importer may need. A crash with less room than that is taken for a
-    failed allocation, which importers seldom check: a MachineError, so that a machine with more memory can try.
+    room: bytes that it could allocate. needed: bytes that an importer may need. If `room` is less than that, a crash is taken for
+    a failed allocation, which importers seldom check: the result is a MachineError, so that a machine with more memory can try.
     """
     subject = bounds.subject
     if not os.WIFSIGNALED(status):

@@ -1,6 +1,6 @@
-"""Sandboxes this process by the kernel: Landlock for files, seccomp for system calls, no capabilities.
+"""Sandboxes this process by means of the kernel: Landlock for files, seccomp for system calls, no capabilities.
 
-Standard library only: also run by a bare Python that then becomes Blender (renderer/blender/confined.py).
+Uses the standard library only: it is also run by a plain Python that then becomes Blender (renderer/blender/confined.py).
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def forbid_new_privileges() -> None:
 
 
 def enter_empty_network() -> bool:
-    """Moves this process into an empty network namespace; returns whether that was permitted."""
+    """Moves this process into an empty network namespace; returns True if that was permitted."""
     return _libc is not None and (_libc.unshare(_NEW_USER | _NEW_NET) == 0 or _libc.unshare(_NEW_NET) == 0)
 
 
@@ -98,10 +98,10 @@ def available_features() -> tuple[list[str], list[str]]:
 
 
 def restrict_files(grants: Iterable[tuple[str, int]]) -> bool:
-    """Restricts this process to these paths, each with READ, RUN or WRITE; returns whether the kernel has Landlock.
+    """Restricts this process to these paths, each with READ, RUN or WRITE; returns True if the kernel has Landlock.
 
-    Non-existent paths are skipped. From Landlock 4 on, TCP is refused too; from 6 on, signals to other processes and
-    abstract sockets.
+    Non-existent paths are skipped. From Landlock 4 on, TCP is refused too; from 6 on, signals to other processes and abstract
+    sockets.
     """
     if _libc is None:
         return False
@@ -132,7 +132,7 @@ def restrict_files(grants: Iterable[tuple[str, int]]) -> bool:
 
 
 def drop_capabilities(keep_reading: bool) -> None:
-    """Drops root's capabilities. keep_reading: keeps the one for reading files of other users."""
+    """Drops root's capabilities. keep_reading: keeps the capability to read files of other users."""
     if _libc is None:
         return
     header = struct.pack("<Ii", _CAPABILITY_VERSION, 0)
@@ -147,7 +147,7 @@ def drop_capabilities(keep_reading: bool) -> None:
 def filter_calls() -> bool:
     """Installs the seccomp filter, which refuses network, exec, fork and other calls not needed to read files.
 
-    Returns whether it is in force. Refused calls fail with EPERM. Threads may be started, processes may not.
+    Returns True if it is in force. Refused calls fail with EPERM. Threads may be started, processes may not.
     """
     machine = platform.machine()
     if _libc is None or machine not in DENIED or sys.maxsize < 2**32:
@@ -163,7 +163,7 @@ def filter_calls() -> bool:
 
 
 def _program(machine: str) -> Iterable[bytes]:
-    """Returns the filter in classic BPF, eight bytes per instruction."""
+    """Yields the seccomp filter as classic BPF, eight bytes per instruction."""
 
     def do(code: int, value: int, if_true: int = 0, if_false: int = 0) -> bytes:
         return struct.pack("<HBBI", code, if_true, if_false, value)

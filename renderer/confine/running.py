@@ -1,6 +1,6 @@
 """The caller's side: runs jobs in confined readers, receives their messages, and turns each outcome into a result or an error.
 
-A reader's messages are JSON and are treated as untrusted; the caller must check the files that it wrote.
+A reader's messages are JSON and are treated as untrusted. The caller must check the files that the reader wrote.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ _READY_S = 600.0  # for a launcher that compiles kernels first
 
 
 class _Launcher:
-    """The caller's handle of the process that forks readers; shared by this process and its forks."""
+    """The caller's handle of the launcher, the process that forks readers; shared by this process and its forks."""
 
     def __init__(self, preload: Sequence[str]) -> None:
-        """Starts the launcher. Raises MachineError."""
+        """Starts the launcher. Raises MachineError if that fails."""
         kind = socket.SOCK_SEQPACKET if sys.platform == "linux" else socket.SOCK_DGRAM
         try:
             self.socket, theirs = socket.socketpair(socket.AF_UNIX, kind)
@@ -89,19 +89,19 @@ class _Launcher:
         self._process.returncode = 0
 
     def send(self, preload: Sequence[str], descriptors: Sequence[int]) -> None:
-        """Requests a reader. Raises OSError if the launcher is gone."""
+        """Requests a reader from the launcher. Raises OSError if the launcher has ended."""
         data = json.dumps({"preload": list(preload)}).encode()
         assert len(data) < MOST_REQUEST
         socket.send_fds(self.socket, [data], list(descriptors))
 
     def close(self) -> None:
-        """Closes this process's ends. The launcher ends once all callers have."""
+        """Closes this process's ends of the pipes. The launcher ends when all callers have done so."""
         self.socket.close()
         if self._words is not None:
             self._words.close()
 
     def why(self) -> str:
-        """Returns the end of its standard error."""
+        """Returns the last line that the launcher wrote to its standard error."""
         if self._words is None:
             return ""
         with contextlib.suppress(OSError):
@@ -114,7 +114,7 @@ _current: _Launcher | None = None
 
 
 def begin_launcher(preload: Sequence[str] = ()) -> None:
-    """Starts the launcher unless it runs, so that it is ready when first needed. Raises MachineError."""
+    """Starts the launcher unless it is running, so that it is ready when first needed. Raises MachineError if that fails."""
     global _current
     with _lock:
         if _current is None:
@@ -128,7 +128,7 @@ def _close_current() -> None:
 
 
 def confinement() -> tuple[str, bool]:
-    """Returns a sentence on how readers are confined on this machine, and whether confinement is complete."""
+    """Returns a sentence on how readers are confined on this machine, and whether the confinement is complete."""
     has, lacks = available_features()
     kept = ", ".join([*has, "limits and an empty environment"])
     sentence = f"files are read in processes of their own, confined by {kept}"
@@ -136,7 +136,7 @@ def confinement() -> tuple[str, bool]:
 
 
 def _discard_launcher(launcher: _Launcher) -> None:
-    """Discards a launcher; the next reader gets a new one."""
+    """Discards a launcher. The next reader starts a new one."""
     global _current
     with _lock:
         if _current is launcher:
@@ -144,7 +144,7 @@ def _discard_launcher(launcher: _Launcher) -> None:
 
 
 class Reader:
-    """A confined process that works on one job. A context manager: leaving it ends the process."""
+    """A confined process that runs one job. A context manager, which ends the process on leaving."""
 
     def __init__(
         self,
@@ -158,7 +158,8 @@ class Reader:
         """Starts the reader. work: a picklable function of an importable module.
 
         reads: files and folders. writes: folders; the first is for temporary files. preload: modules to import ("module", or
-        "module:function" to call). calls: functions here that the reader may call, by name. Raises MachineError.
+        "module:function" to call). calls: name -> function of this process that the reader may call. Raises MachineError if it
+        cannot be started.
         """
         self.bounds = bounds
         self._calls = calls or {}
@@ -203,7 +204,10 @@ class Reader:
             view = view[os.write(self._asking, view) :]
 
     def result(self, on_message: Send = lambda message: None) -> dict[str, Any]:
-        """Returns the job's result. on_message: receives progress. Raises RayfarmError: the job's error, or how it ended."""
+        """Waits for the job's result and returns it. on_message: receives progress messages.
+
+        Raises RayfarmError: the job's error, or how the reader ended.
+        """
         for message in self._messages(self.bounds.seconds):
             if "answer" in message:
                 answer: dict[str, Any] = message["answer"]
@@ -212,7 +216,10 @@ class Reader:
         raise self._ended_error()
 
     def request(self, request: dict[str, Any], on_message: Send) -> bool:
-        """Sends a request to a job that handles `Link.requests`; returns False if it had ended. Raises as `result`."""
+        """Sends a request to a job that handles `Link.requests`; returns False if the job had already ended.
+
+        Raises the errors of `result`.
+        """
         try:
             self._write(json.dumps(request).encode() + b"\n")
             for message in self._messages(self.bounds.seconds):
@@ -238,7 +245,7 @@ class Reader:
     def _messages(self, seconds: float) -> Iterator[dict[str, Any]]:
         """Yields messages until the reader closes its pipe.
 
-        The caller's time to handle a message does not count as the reader's.
+        The time that the caller takes to handle a message does not count towards the reader's limit.
         """
         buffer = bytearray()
         while True:
@@ -317,7 +324,7 @@ class Reader:
         return error_of_exit(int(ended["status"]), bounds, self._room, importer_memory(_largest_file(self._reads)))
 
     def _status(self) -> dict[str, Any]:
-        """Returns the launcher's report; empty if the launcher is gone or the reader does not end."""
+        """Returns the launcher's report on how the reader ended; empty if the launcher has ended or the reader does not end."""
         if not _readable(self._reporting, _ENDING_S):
             return {}
         try:
@@ -352,13 +359,13 @@ def run(
     preload: Sequence[str] = (),
     calls: Mapping[str, Callable[..., Any]] | None = None,
 ) -> dict[str, Any]:
-    """Runs `work(link)` in a confined reader and returns its result; see Reader. Raises RayfarmError."""
+    """Runs `work(link)` in a confined reader and returns its result. For the arguments and errors see Reader."""
     with Reader(work, reads, writes, bounds, preload, calls) as reader:
         return reader.result(on_message)
 
 
 def _largest_file(paths: Sequence[Path]) -> int:
-    """Returns the size in bytes of the largest of the files, and of the first 10,000 files in folders; 0 without any."""
+    """Returns the size in bytes of the largest of the files and of the first 10,000 files in the folders; 0 without any."""
     inside = (path for folder in paths for path in (folder.rglob("*") if folder.is_dir() else [folder]))
     largest = 0
     for path in itertools.islice(inside, _MOST_FILES):
@@ -380,7 +387,7 @@ def _no_launcher(launcher: _Launcher, why: str) -> MachineError:
 
 
 def _with_limits(sentence: str) -> str:
-    """Returns a sentence, with advice about the limits of memory and time that this process was started with."""
+    """Returns the sentence followed by advice to raise the limits of memory and time of this process, if it has any."""
     limits = [limit for option in ("-v", "-t") if (limit := callers_limit_phrase(option)) is not None]
     return joined_sentences(sentence, Sentence("advice-raise-limit", "Raise {limit}.", limit=limits)) if limits else sentence
 
@@ -396,7 +403,7 @@ def _encoded(paths: Sequence[Path]) -> tuple[bytes, ...]:
 
 
 def _environment() -> dict[str, str]:
-    """Returns the complete environment of readers."""
+    """Returns the environment variables of readers."""
     passed = {name: value for name, value in os.environ.items() if name in _PASSED or name.endswith(_PASSED_ENDINGS)}
     return {
         **passed,
@@ -408,7 +415,7 @@ def _environment() -> dict[str, str]:
 
 
 def _import_path() -> list[str]:
-    """Returns this process's import path without the script's folder, where a file could shadow a library."""
+    """Returns this process's import path without the folder of the running script, where a file could shadow a library."""
     main = getattr(sys.modules.get("__main__"), "__file__", None)
     scripts = str(Path(main).resolve().parent) if main else ""
     found = [entry for entry in sys.path if entry and str(Path(entry).resolve()) != scripts]

@@ -1,4 +1,4 @@
-"""The numbers of the system calls that readers are refused, by processor. Standard library only."""
+"""The numbers of the system calls that are refused to readers, by processor. Standard library only."""
 
 from __future__ import annotations
 

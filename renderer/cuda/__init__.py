@@ -1,4 +1,4 @@
-"""Rendering on NVIDIA's graphics cards, with the CPU's bits. Not yet tried on a card in this version.
+"""Renders on NVIDIA's graphics cards, with the same bits as the CPU. Not yet tested on a card in this version.
 
 The kernel is in renderer/kernel/backends/cuda.
 
@@ -6,5 +6,5 @@ driver.py     NVIDIA's driver through ctypes
 cards.py      which cards can render, and why others cannot
 job.py        the kernel's argument: its type, and its bytes
 artefacts.py  the kernels' PTX in the cache
-render.py     rendering batches on a card
+render.py     renders batches on a card
 """

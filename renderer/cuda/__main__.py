@@ -1,4 +1,4 @@
-"""`python -m renderer.cuda`: builds the PTX of kernel variants into the cache, without a card; prints each file's place."""
+"""`python -m renderer.cuda`: builds the PTX of kernel variants into the cache, without a card; prints each file's path."""
 
 from __future__ import annotations
 

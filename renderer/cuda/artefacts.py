@@ -1,4 +1,4 @@
-"""The PTX of kernel variants as files of the kernel cache, built without a card and shared like the CPU's machine code."""
+"""Builds and caches the PTX of kernel variants. Needs no card; the files are shared like the CPU's machine code."""
 
 from __future__ import annotations
 
@@ -32,9 +32,10 @@ def kernel_name(variant: str) -> str:
 
 
 def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
-    """Returns the PTX of a kernel variant (renderer/arrays/scene_features.py): from the cache, or built, which takes a minute.
+    """Returns the PTX of a kernel variant (renderer/arrays/scene_features.py) from the cache, or builds it, which takes a minute.
 
-    fetch: called with the kernel's name before it is built, to fetch it from elsewhere. Raises InexactError.
+    fetch: called with the kernel's name before it is built; it may fetch it from elsewhere. Raises InexactError if the kernel
+    needs an operation that cards lack or round differently.
     """
     name = kernel_name(variant)
     path = path_of(variant)
@@ -50,7 +51,7 @@ def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
 
 
 def card_module_of(variant: str) -> Any:
-    """Compiles a kernel variant, and returns its optimised LLVM module for cards. Raises InexactError."""
+    """Compiles a kernel variant for cards and returns its optimised LLVM module. Raises InexactError as `ptx_of` does."""
     kind = job_type(variant)
     module, name = linked_module(render_thread, (Reference(kind), types.int64))
     context = KernelDispatcher.targetdescr.target_context
@@ -59,7 +60,7 @@ def card_module_of(variant: str) -> Any:
 
 
 def path_of(variant: str) -> Path:
-    """Returns the place of a variant's PTX in the cache."""
+    """Returns the path of a variant's PTX in the cache."""
     assert variant in KERNEL_VARIANTS
     return jit.cache_folder() / _FOLDER / f"{variant}{SUFFIX}"
 
@@ -73,7 +74,7 @@ def _read(path: Path) -> str | None:
 
 
 def _write(path: Path, text: str) -> None:
-    """Writes the file atomically; if it cannot be written, the next process builds the kernel again."""
+    """Writes the file atomically. If it cannot be written, the next process builds the kernel again."""
     beside = path.with_name(f".part-{os.getpid()}-{path.name}")
     try:
         make_private(path.parent)

@@ -1,4 +1,4 @@
-"""Finds the graphics cards that can render, and says in a sentence why others are not used.
+"""Finds the graphics cards that can render, and explains why others are not used.
 
 `python -m renderer.cuda.cards` prints them as JSON.
 """
@@ -39,20 +39,20 @@ _NVIDIA, _DISPLAY = "0x10de", "0x03"  # vendor; begin of the class
 
 
 class CardsError(Exception):
-    """A card that was asked for cannot be used."""
+    """Raised if the requested cards cannot be used."""
 
 
 class Cards(NamedTuple):
-    """The cards of this machine."""
+    """The graphics cards of this machine."""
 
     usable: list[Card]
     refused: list[str]  # a sentence for each card that is not used, or one for all of them
 
 
 def find_cards(library: str = LIBRARY) -> Cards:
-    """Returns the cards of this machine.
+    """Finds the cards of this machine.
 
-    Starts the driver in this process, whose children then cannot use it if they are forked: see `find_cards_before_fork`.
+    Initialises the driver in this process, after which forked children cannot use it: see `find_cards_before_fork`.
     """
     try:
         driver = Driver(library)
@@ -71,7 +71,7 @@ def find_cards(library: str = LIBRARY) -> Cards:
 
 
 def find_cards_before_fork() -> Cards:
-    """Returns the cards of this machine as `find_cards`, but starts the driver in a process of its own."""
+    """Finds the cards of this machine in a separate process, so that this process can still fork."""
     found = subprocess.run([sys.executable, "-m", "renderer.cuda.cards"], capture_output=True, text=True, check=False)
     if found.returncode:
         reason = (found.stderr.strip().splitlines() or [f"exit code {found.returncode}"])[-1]
@@ -99,9 +99,9 @@ def described(card: Card) -> str:
 
 
 def chosen_cards(choice: str, cards: Cards) -> tuple[list[Card], bool]:
-    """Returns the cards that `--gpu` asks for, and whether the CPU renders beside them.
+    """Returns the cards to use for an option `--gpu`, and whether the CPU renders too.
 
-    choice: one of CHOICES. Raises CardsError.
+    choice: one of CHOICES. Raises CardsError if a requested card cannot be used.
     """
     if choice == "none":
         return [], True

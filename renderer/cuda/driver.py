@@ -1,7 +1,7 @@
-"""NVIDIA's driver through ctypes: the functions of its public C API that rendering needs, without CUDA's toolkit.
+"""NVIDIA's driver through ctypes: those functions of its public C API that rendering needs, without CUDA's toolkit.
 
 Each function raises DriverError with the driver's own name and description of the error. A `Device` may be used by any thread,
-but by one at a time.
+but only by one at a time.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _Pointer = ctypes.c_uint64  # CUdeviceptr
 
 
 class DriverError(Exception):
-    """The driver is missing, or one of its functions failed. `code`: the driver's name of the error, empty if it has none."""
+    """The driver is missing, or one of its functions failed. code: the driver's name of the error, empty if it has none."""
 
     def __init__(self, text: str, code: str = "") -> None:
         super().__init__(text)
@@ -32,7 +32,7 @@ class DriverError(Exception):
 
 
 class Card(NamedTuple):
-    """A graphics card as the driver describes it."""
+    """A graphics card, as described by the driver."""
 
     number: int
     name: str
@@ -42,7 +42,7 @@ class Card(NamedTuple):
 
 
 class Driver:
-    """The driver's library, initialised. Raises DriverError if there is none."""
+    """The driver's library, initialised. Raises DriverError if it is not installed."""
 
     def __init__(self, library: str = LIBRARY) -> None:
         try:
@@ -52,7 +52,7 @@ class Driver:
         self.call("cuInit", ctypes.c_uint(0))
 
     def call(self, function: str, *arguments: Any) -> None:
-        """Calls a function of the driver. Raises DriverError."""
+        """Calls a function of the driver. Raises DriverError if it fails."""
         try:
             called = getattr(self._library, function)
         except AttributeError as error:
@@ -62,7 +62,7 @@ class Driver:
             raise DriverError(f"{function} failed: {text} ({name})", name)
 
     def _described(self, code: int) -> tuple[str, str]:
-        """Returns the name and the description of an error."""
+        """Returns the driver's name and description of an error code."""
         texts = []
         for function in ("cuGetErrorName", "cuGetErrorString"):
             text = ctypes.c_char_p()
@@ -71,13 +71,13 @@ class Driver:
         return texts[0], texts[1]
 
     def version(self) -> tuple[int, int]:
-        """Returns the newest version of CUDA that the driver supports."""
+        """Returns the newest version of CUDA that the driver supports: (major, minor)."""
         number = ctypes.c_int()
         self.call("cuDriverGetVersion", ctypes.byref(number))
         return number.value // 1000, number.value % 1000 // 10
 
     def cards(self) -> list[Card]:
-        """Returns all cards, of any capability, in the driver's order."""
+        """Returns all cards, whatever their compute capability, in the driver's order."""
         count = ctypes.c_int()
         self.call("cuDeviceGetCount", ctypes.byref(count))
         return [self._card(number) for number in range(count.value)]
@@ -104,14 +104,14 @@ class Driver:
 
 
 class Kernel(NamedTuple):
-    """A loaded kernel."""
+    """A kernel loaded on a card."""
 
     module: ctypes.c_void_p
     function: ctypes.c_void_p
 
 
 class Device:
-    """A card's memory and kernels, in its primary context. Close it to release both."""
+    """A card's memory and kernels, in its primary context. Must be closed to release both."""
 
     def __init__(self, driver: Driver, number: int) -> None:
         self._driver = driver
@@ -123,12 +123,12 @@ class Device:
         self._context = context
 
     def _call(self, function: str, *arguments: Any) -> None:
-        """Calls a function of the driver with this card's context, which is of the calling thread. Raises DriverError."""
+        """Calls a function of the driver in the calling thread with this card's context. Raises DriverError if it fails."""
         self._driver.call("cuCtxSetCurrent", self._context)
         self._driver.call(function, *arguments)
 
     def upload(self, array: npt.NDArray[Any]) -> int:
-        """Copies a C-contiguous array into new memory of the card; returns its address."""
+        """Copies a C-contiguous array to newly allocated memory of the card; returns its address."""
         address = _Pointer()
         self._call("cuMemAlloc_v2", ctypes.byref(address), ctypes.c_size_t(max(array.nbytes, 1)))
         self._allocated.add(address.value)
@@ -138,18 +138,18 @@ class Device:
         return address.value
 
     def download(self, address: int, array: npt.NDArray[Any]) -> None:
-        """Copies the card's memory into a C-contiguous array; waits for kernels that have been launched."""
+        """Copies the card's memory at `address` into a C-contiguous array, after the kernels launched before have ended."""
         if array.nbytes:
             target = ctypes.c_void_p(array.ctypes.data)
             self._call("cuMemcpyDtoH_v2", target, _Pointer(address), ctypes.c_size_t(array.nbytes))
 
     def free(self, address: int) -> None:
-        """Frees memory from `upload`."""
+        """Frees memory allocated by `upload`."""
         self._allocated.discard(address)
         self._call("cuMemFree_v2", _Pointer(address))
 
     def load(self, ptx: str, name: str) -> Kernel:
-        """Translates PTX for this card, or takes the translation from the driver's cache on disk; returns the kernel."""
+        """Translates PTX for this card, or loads the translation from the driver's disk cache; returns the kernel."""
         log = ctypes.create_string_buffer(_LOG_SIZE)
         options = (ctypes.c_int * 2)(_LOG, _LOG_BYTES)
         values = (ctypes.c_void_p * 2)(ctypes.addressof(log), _LOG_SIZE)
@@ -166,18 +166,18 @@ class Device:
         return kernel
 
     def launch(self, kernel: Kernel, blocks: int, threads: int, arguments: Sequence[bytes]) -> None:
-        """Launches a kernel with `blocks` blocks of `threads` threads; returns before it ends."""
+        """Launches a kernel with `blocks` blocks of `threads` threads; returns immediately."""
         buffers = [ctypes.create_string_buffer(argument, len(argument)) for argument in arguments]
         places = (ctypes.c_void_p * len(buffers))(*(ctypes.addressof(each) for each in buffers))
         sizes = (ctypes.c_uint(each) for each in (blocks, 1, 1, threads, 1, 1, 0))
         self._call("cuLaunchKernel", kernel.function, *sizes, None, places, None)
 
     def synchronize(self) -> None:
-        """Waits until all kernels have ended. Raises DriverError if one failed."""
+        """Waits until all launched kernels have ended. Raises DriverError if one failed."""
         self._call("cuCtxSynchronize")
 
     def close(self) -> None:
-        """Frees all memory and kernels."""
+        """Frees all memory and kernels of the card."""
         for address in list(self._allocated):
             self.free(address)
         while self._kernels:

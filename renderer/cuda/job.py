@@ -1,4 +1,4 @@
-"""Jobs: the argument of the card's kernel, its type for each variant, and its bytes in memory."""
+"""The argument of the card's kernel, a Job: its type for each variant, and its bytes in memory."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ _SCALARS: dict[types.Type, str] = {types.boolean: "?", types.none: "u8"}
 def job_for(
     scene: CompiledScene, camera: Camera, options: Options, batch: Batch, width: int, height: int, pieces: int = 1
 ) -> Job:
-    """Returns the job of a batch of a tile of that size, with zeros to add to."""
+    """Returns the Job for a batch of a tile of width x height pixels, with a zeroed film."""
     film = np.zeros((CHANNELS, height, width), np.int64)
     return Job(scene, camera, options, batch, film, np.zeros(COUNTERS, np.int64), np.int64(pieces))
 
 
 def job_type(variant: str) -> Any:
-    """Returns the type of the jobs of a kernel variant (renderer/arrays/scene_features.py)."""
+    """Returns the Numba type of Job for a kernel variant (renderer/arrays/scene_features.py)."""
     scene = strip_absent_features(example(), variant)
     return typeof(job_for(scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0))
 
 
 def packed(value: Any, place: Callable[[npt.NDArray[Any]], int]) -> bytes:
-    """Returns a tuple's bytes as kernels read them: like a C struct, each array as Numba's structure for arrays.
+    """Returns a tuple's bytes in the layout that kernels read: a C struct, in which each array is a Numba array structure.
 
     place: returns the address of an array's data.
     """
@@ -65,7 +65,7 @@ def _append(data: bytearray, value: Any, kind: Any, place: Callable[[npt.NDArray
 
 
 def _format(kind: Any) -> str:
-    """Returns numpy's name of a number's type."""
+    """Returns numpy's name for the Numba type of a number. Raises TypeError if a Job cannot contain it."""
     if kind in _SCALARS:
         return _SCALARS[kind]
     if isinstance(kind, types.Integer | types.Float):

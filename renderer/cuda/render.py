@@ -30,15 +30,15 @@ _PARAMETER = re.compile(rf"\b{KERNEL}_param_0\[(\d+)\]")
 
 
 class CardError(MachineError):
-    """A card cannot render a scene, or failed to."""
+    """Raised if a card cannot render a scene, or fails to."""
 
 
 class CardMemoryError(CardError):
-    """A scene does not fit into a card's memory."""
+    """Raised if a scene does not fit into a card's memory."""
 
 
 class Rendered(NamedTuple):
-    """A batch rendered by a card."""
+    """The result of a batch that was rendered by a card."""
 
     sums: Sums
     bad_count: int
@@ -46,7 +46,7 @@ class Rendered(NamedTuple):
 
 
 class CardRenderer:
-    """A card with its kernels and the arrays of the last scene in its memory. For one thread at a time; close it at the end."""
+    """A card with its kernels, and the arrays of the last scene in its memory. For one thread at a time; must be closed."""
 
     def __init__(self, card: Card, library: str = LIBRARY) -> None:
         self.card = card
@@ -56,11 +56,11 @@ class CardRenderer:
         self._arrays: dict[tuple[int, int], tuple[npt.NDArray[Any], int]] = {}
 
     def has(self, variant: str) -> bool:
-        """Returns True if a variant's kernel is loaded."""
+        """Returns True if the kernel of a variant is loaded."""
         return variant in self._kernels
 
     def load(self, variant: str, fetch: Callable[[str], None] | None = None) -> None:
-        """Loads a variant's kernel, which may compile it. fetch: as of `ptx_of`. Raises CardError."""
+        """Loads the kernel of a variant; may have to compile it. fetch: as for `ptx_of`. Raises CardError if that fails."""
         try:
             self._kernel(variant, fetch)
         except DriverError as error:
@@ -69,7 +69,10 @@ class CardRenderer:
     def render(
         self, scene: CompiledScene, variant: str, camera: Camera, options: Options, batch: Batch, width: int, height: int
     ) -> Rendered:
-        """Renders a batch of a tile of that size. scene: as the variant's kernels take it. Raises CardError."""
+        """Renders a batch of a tile of width x height pixels. scene: in the form that the variant's kernels expect.
+
+        Raises CardError if that fails.
+        """
         try:
             return self._render(scene, variant, camera, options, batch, width, height)
         except DriverError as error:
@@ -80,7 +83,7 @@ class CardRenderer:
             raise CardError(f"card {number} ({name}): {error}") from error
 
     def close(self) -> None:
-        """Frees the card's memory."""
+        """Frees the card's memory and kernels."""
         self._arrays.clear()
         self._device.close()
 
@@ -123,7 +126,7 @@ class CardRenderer:
         return Rendered(job.film, int(job.counters[BAD]), int(job.counters[RAYS]))
 
     def _free_others(self, job: Job) -> None:
-        """Frees the arrays in the card's memory that a job does not read."""
+        """Frees the arrays in the card's memory that the job does not use."""
         used = set()
 
         def note(array: npt.NDArray[Any]) -> int:

@@ -1,11 +1,11 @@
 """Image files and tone curves. Plain numpy: the service uses all of this without the kernel.
 
-tonemap.py   scene-linear radiance -> display values: exposure, tone curves, sRGB
-encode.py    a picture -> png, jpg, exr or hdr bytes
-read.py      the bytes of any texture or HDR image -> pixels, with size limits
-kinds.py       detects the format of an image from its bytes
-channels.py    finds the colour channels of an image by their names
-unread.py      notes on colour metadata of a file that is ignored
-openimageio.py floats, 16 bits, layers and compressed blocks, by OpenImageIO
-rgbe9995.py  radiance in 4 bytes a pixel, the format of the live view
+tonemap.py      scene-linear radiance -> display values: exposure, tone curves, sRGB
+encode.py       a picture -> png, jpg, exr or hdr bytes
+read.py         the bytes of any texture or HDR image -> pixels, with size limits
+kinds.py        detects the format of an image from its bytes
+channels.py     finds the colour channels of an image by their names
+unread.py       notes on colour metadata of a file that is ignored
+openimageio.py  decodes floats, 16 bits, layers and compressed blocks with OpenImageIO
+rgbe9995.py     radiance in 4 bytes a pixel, the format of the live view
 """

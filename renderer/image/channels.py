@@ -1,6 +1,6 @@
 """Finds the colour channels of an image by their names.
 
-OpenEXR names a channel `layer.channel`; only the part after the last dot names its content, and only channels of one layer
+OpenEXR names a channel `layer.channel`. Only the part after the last dot describes its content, and only channels of one layer
 belong together. Source: "Technical Introduction to OpenEXR", Channel Names and Layers.
 """
 
@@ -24,9 +24,11 @@ _NO_PICTURES = ("crypto", "depth", "normal", "vector", "position", "mist", "uv",
 
 
 class Colour(NamedTuple):
-    """The colour channels of an image: the part of the file, the channels' indices in it, and ambiguous alternatives.
+    """The colour channels of an image.
 
-    kind: "rgb", "y" or "chroma" (Y, RY, BY). channels: by their short names r, g, b, a, y, ry, by; missing ones are 0.
+    part, layer: the part of the file and the layer in it that contain them. kind: "rgb", "y" or "chroma" (Y, RY, BY). channels:
+    short name (r, g, b, a, y, ry, by) -> index in the part; missing ones are 0. others: further layers that could have been
+    meant.
     """
 
     part: int
@@ -53,7 +55,7 @@ class _Layer(NamedTuple):
         return "y" if "y" in names or len(names - {"a"}) == 1 else None
 
     def rank(self) -> tuple[int, int]:
-        """Returns a sort key for layers: pictures before data, complete ones first."""
+        """Returns the sort key of a layer: pictures before data, layers with all colours first."""
         kind = self.kind
         complete = (
             0
@@ -71,7 +73,7 @@ class _Layer(NamedTuple):
 
 
 def colour_of(parts: Sequence[tuple[str, Sequence[str]]]) -> Colour | None:
-    """Returns an image's colour channels; None if no channel name identifies them. parts: of a file, their names and channels."""
+    """Returns an image's colour channels; None if no channel name identifies them. parts: (name, channel names) of each part."""
     layers = [layer for part, (title, names) in enumerate(parts) for layer in _layers(part, title, names)]
     usable = sorted((layer for layer in layers if layer.kind is not None), key=_Layer.rank)
     if not usable:

@@ -1,7 +1,7 @@
-"""Encodes a picture as the bytes of an image file.
+"""Encodes a picture as an image file.
 
 png, jpg: display values, after exposure and tone curve. exr, hdr: scene-linear Rec.709, without either. EXR stores float32 and
-can hold further channels.
+may contain further channels.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 
 def format_of(path: str | Path) -> str:
-    """Returns the image format of a file name's suffix. Raises SettingsError for an unsupported one."""
+    """Returns the image format for a file name's suffix. Raises SettingsError if it is not supported."""
     suffix = Path(path).suffix.lower().lstrip(".")
     suffix = {"jpeg": "jpg"}.get(suffix, suffix)
     if suffix not in FORMATS:
@@ -50,7 +50,7 @@ def format_of(path: str | Path) -> str:
 def encode(
     rgb: F32, format: str, exposure: float = 0.0, curve: str = "neutral", channels: Mapping[str, F32] | None = None
 ) -> bytes:
-    """Returns the bytes of an image file of scene-linear (h, w, 3) float32 radiance.
+    """Returns an image file of scene-linear (h, w, 3) float32 radiance, as bytes.
 
     format: one of FORMATS. exposure (stops) and curve (tonemap.CURVES) apply to png and jpg only.
     channels: for exr, further (h, w) planes by channel name. Raises SettingsError for an unknown format or curve.
@@ -75,7 +75,7 @@ def encode(
 
 
 def encode_shown(shown: npt.NDArray[np.uint8], format: str) -> bytes:
-    """Returns the bytes of a png or jpg of display values, (h, w, 3) uint8 sRGB."""
+    """Returns a png or jpg file of display values, (h, w, 3) uint8 sRGB, as bytes."""
     out = io.BytesIO()
     picture = Image.fromarray(np.ascontiguousarray(shown))
     if format == "png":
@@ -93,7 +93,7 @@ def write(
     curve: str = "neutral",
     channels: Mapping[str, F32] | None = None,
 ) -> None:
-    """Writes the file of `encode` atomically; the format is that of the name's suffix unless given."""
+    """Writes an image file of `encode` atomically. The default of `format` is that of the name's suffix."""
     path = Path(path)
     data = encode(rgb, format or format_of(path), exposure, curve, channels)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
@@ -110,9 +110,9 @@ def write(
 
 
 def write_bands(path: str | Path, bands: Iterable[F32], width: int, height: int, names: Sequence[str] = RGB) -> None:
-    """Writes an exr or hdr file, by the name's suffix, from bands of rows, so that the picture is never in memory as a whole.
+    """Writes an exr or hdr file, by the name's suffix, from bands of rows: the whole picture is never in memory.
 
-    bands: from the top, (rows, width, channels) each. names: the channels'. Raises OSError.
+    bands: from the top, (rows, width, channels) each. names: of the channels. Raises OSError if the file cannot be written.
     """
     spec = oiio.ImageSpec(width, height, len(names), oiio.FLOAT)
     spec.channelnames = tuple(names)

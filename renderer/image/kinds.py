@@ -47,7 +47,7 @@ _IGNORED, _PREMULTIPLIED = 1, 4  # attributes types of TGA 2.0's extension area
 
 
 def suffix_of(data: bytes) -> str | None:
-    """Returns the suffix of the image format of these bytes; None for an unknown format."""
+    """Returns the suffix of the image format of a file with these bytes; None if unknown."""
     for magic, suffix in _MAGIC:
         if data.startswith(magic):
             return suffix
@@ -61,7 +61,7 @@ def suffix_of(data: bytes) -> str | None:
 
 
 def _is_targa(data: bytes) -> bool:
-    """Returns True if the header can be that of a TGA file, which has no magic number."""
+    """Returns True if the bytes begin like a TGA file, whose format has no magic number."""
     if len(data) < 18:
         return False
     mapped, kind, _, _, map_depth = struct.unpack_from("<xBBHHB", data)
@@ -75,7 +75,7 @@ def _is_targa(data: bytes) -> bool:
 
 
 def is_deep_png(data: bytes) -> bool:
-    """Returns True if a PNG has 16 bits per channel, by its IHDR chunk."""
+    """Returns True if a PNG file has 16 bits per channel, according to its IHDR chunk."""
     return data[12:16] == b"IHDR" and data[24:25] == b"\x10"
 
 

@@ -36,13 +36,16 @@ class Decoded(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Pixel limits: the most that an image may have, and the number above which it is scaled down."""
+    """Limits on the number of pixels. most: allowed in an image; kept: larger images are scaled down to this."""
 
     most: int
     kept: int
 
     def factor(self, name: str, width: int, height: int) -> int:
-        """Returns by how much each side is divided to scale the image down. Raises SceneError if it is too large or empty."""
+        """Returns the factor by which each side is divided to scale the image down to the limit.
+
+        Raises SceneError if the image is too large or empty.
+        """
         if width < 1 or height < 1 or width * height > self.most:
             raise SceneError(
                 Sentence(
@@ -61,7 +64,7 @@ class Limits(NamedTuple):
 
 
 def through_openimageio(data: bytes, name: str, suffix: str, limits: Limits, straight: bool) -> Decoded:
-    """Decodes an image. straight: divides colours by the alpha they were multiplied by. Raises SceneError."""
+    """Decodes an image. straight: divides premultiplied colours by alpha. Raises SceneError if it is damaged or not supported."""
     # OpenImageIO's Python module reads named files only.
     with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
         path = Path(folder) / f"image{suffix}"
@@ -155,7 +158,10 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
 
 
 def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
-    """Returns the channels to read, and the part of the file that contains them; selects that part in `source`."""
+    """Chooses the channels to read and the part of the file that contains them; selects that part in `source`.
+
+    Returns the channels and the part's ImageSpec.
+    """
     parts: list[tuple[str, list[str]]] = []
     count = 0
     while source.seek_subimage(len(parts), 0):
@@ -192,14 +198,14 @@ def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
 
 
 def _channels_by_position(count: int) -> tuple[str, dict[str, int]]:
-    """Returns the colour channels by position, for formats that do not name them."""
+    """Returns the kind and the channels of an image by position, for formats that do not name channels."""
     if count < 3:
         return "y", {"y": 0, "a": 1} if count == 2 else {"y": 0}
     return "rgb", dict(zip("rgba", range(count), strict=False))
 
 
 def _rgba(planes: dict[str, npt.NDArray[Any]], colour: Colour, suffix: str) -> npt.NDArray[Any]:
-    """Returns pixels (h, w, 4), or (h, w, 3) for floats without alpha."""
+    """Returns the pixels (h, w, 4); for floats without alpha (h, w, 3)."""
     some = next(iter(planes.values()))
     if colour.kind == "y":
         rgb = [planes["y"]] * 3
@@ -219,7 +225,7 @@ def _rgba(planes: dict[str, npt.NDArray[Any]], colour: Colour, suffix: str) -> n
 
 
 def _third(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Returns the z coordinate of unit normals stored as x and y, codes from -1 to 1 as in two-channel blocks (BC5)."""
+    """Returns the z coordinate of unit normals from their x and y, -1 ... 1, as stored in two-channel blocks (BC5)."""
     most = 1.0 if x.dtype == np.float32 else float(np.iinfo(x.dtype).max)
     squares = sum((2 * (each.astype(np.float32) / np.float32(most)) - 1) ** 2 for each in (x, y))
     z = 0.5 + 0.5 * np.sqrt(np.maximum(1 - squares, 0))
@@ -227,7 +233,7 @@ def _third(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def _pixels(source: Any, part: int, spec: Any, channels: tuple[int, int], kind: Any, factor: int) -> npt.NDArray[Any] | None:
-    """Returns pixels (h, w, channels), scaled down by `factor`; None if the file is damaged."""
+    """Returns the pixels (h, w, channels) of a part, scaled down by `factor`; None if the file is damaged."""
     if factor > 1:
         return _smaller(source, spec, channels, kind, factor)
     found = source.read_image(part, 0, *channels, kind)
@@ -235,7 +241,7 @@ def _pixels(source: Any, part: int, spec: Any, channels: tuple[int, int], kind: 
 
 
 def _smaller(source: Any, spec: Any, channels: tuple[int, int], kind: Any, factor: int) -> npt.NDArray[Any] | None:
-    """Returns the means of squares of pixels, read in bands of rows; None if the file is damaged."""
+    """Returns the image scaled down by averaging squares of pixels, read in bands of rows; None if the file is damaged."""
     tile = spec.tile_height or 1
     step = np.lcm(factor, tile)
     step = int(step * max(1, _BAND // (spec.width * step)))
@@ -254,7 +260,7 @@ def _smaller(source: Any, spec: Any, channels: tuple[int, int], kind: Any, facto
 
 
 def _means(pixels: npt.NDArray[Any], factor: int) -> npt.NDArray[Any]:
-    """Returns the means of squares of `factor` x `factor` pixels, fewer at the right and lower edge."""
+    """Returns the means of squares of `factor` x `factor` pixels, smaller at the right and lower edges."""
     rows, columns = (np.arange(0, length, factor) for length in pixels.shape[:2])
     total = np.add.reduceat(pixels.astype(np.float32), rows, axis=0)
     total = np.add.reduceat(total, columns, axis=1)
@@ -264,7 +270,7 @@ def _means(pixels: npt.NDArray[Any], factor: int) -> npt.NDArray[Any]:
 
 
 def _within_display(pixels: npt.NDArray[Any], spec: Any, factor: int) -> npt.NDArray[Any]:
-    """Returns the display window of an image with a different data window: black, and transparent, outside the data."""
+    """Returns the display window of an image whose data window differs: outside the data it is black and transparent."""
     window = spec.full_x, spec.full_y, spec.full_width, spec.full_height
     if window == (spec.x, spec.y, spec.width, spec.height) or spec.full_width < 1 or spec.full_height < 1:
         return pixels
@@ -279,9 +285,10 @@ def _within_display(pixels: npt.NDArray[Any], spec: Any, factor: int) -> npt.NDA
 
 
 def _upright(pixels: npt.NDArray[Any], data: bytes) -> npt.NDArray[Any]:
-    """Reorders the pixels of a Radiance file, stored in one of eight orientations, so that row 0 is the top, column 0 the left.
+    """Reorders the pixels of a Radiance file so that row 0 is the top and column 0 the left.
 
-    Source: "Radiance file formats", Picture File Format: the resolution string names the axis of scanlines first.
+    Files have one of eight orientations. Source: "Radiance file formats", Picture File Format: the resolution string names the
+    axis of scanlines first.
     """
     found = _RESOLUTION.search(data, 0, _LONGEST_HEADER)
     if found is None:
@@ -294,7 +301,7 @@ def _upright(pixels: npt.NDArray[Any], data: bytes) -> npt.NDArray[Any]:
 
 
 def straightened(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Returns pixels with premultiplied colours divided by alpha; unchanged where alpha is 0."""
+    """Returns the pixels with premultiplied colours divided by alpha; unchanged where alpha is 0."""
     if pixels.shape[2] < 4:
         return np.ascontiguousarray(pixels)
     most = np.float32(1.0 if pixels.dtype == np.float32 else np.iinfo(pixels.dtype).max)

@@ -25,18 +25,17 @@ _LARGER = 8  # times MAX_PIXELS: environments up to this are averaged to fewer p
 
 
 def read(data: bytes, name: str) -> npt.NDArray[Any]:
-    """Returns only the pixels of `decode`."""
+    """Returns the pixels of `decode` without its notes."""
     return decode(data, name).pixels
 
 
 def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
     """Returns the pixels of an image, rows from the top, and notes on guesses and changes.
 
-    (h, w, 4) uint8; (h, w, 4) uint16 if the format has more bits and they are used; (h, w, 3) float32, linear, for floats, or
-    (h, w, 4) with alpha. Alpha is straight (not premultiplied).
-    name: for error messages. The format is detected from the bytes alone.
-    is_environment: floats have no alpha, colours stay premultiplied, and images of more than MAX_PIXELS are scaled down.
-    Raises SceneError if the bytes are no image of a known format, are damaged, or hold too many pixels.
+    Pixels: (h, w, 4) uint8; (h, w, 4) uint16 if the format has more bits and they are used; linear float32 for floats, (h, w, 4)
+    with alpha, else (h, w, 3). Alpha is straight (not premultiplied). name: for error messages. The format is detected from the
+    bytes alone. is_environment: floats have no alpha, colours stay premultiplied, and images of more than MAX_PIXELS are scaled
+    down. Raises SceneError if the bytes are not an image of a known format, are damaged, or contain too many pixels.
     """
     suffix = suffix_of(data)
     if suffix is None:
@@ -82,7 +81,7 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
 
 
 def _in_eight_bits(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Converts 16-bit pixels to 8 bits if that is lossless; else returns them unchanged."""
+    """Converts 16-bit pixels to 8 bits if that is lossless; otherwise returns them unchanged."""
     codes = (pixels >> 8).astype(np.uint8)
     return codes if (pixels == codes.astype(np.uint16) * 257).all() else pixels
 

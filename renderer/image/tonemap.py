@@ -1,6 +1,6 @@
 """Converts scene-linear radiance to display values: exposure, a tone curve, the sRGB encoding.
 
-Every curve takes scene-linear Rec.709 radiance, (..., 3) float32, not negative, and returns display-linear Rec.709 in 0..1.
+Every curve converts scene-linear Rec.709 radiance, (..., 3) float32, not negative, to display-linear Rec.709 in 0..1.
 The live view's shader (web/) has the same formulas: change both, so that the view matches the downloaded picture.
 """
 
@@ -45,7 +45,7 @@ def srgb(rgb: F32) -> F32:
 
 
 def hue(rgb: F32) -> F32:
-    """Clips at 1 and preserves the hue: divides a pixel above 1 by its greatest channel; `srgb` turns orange yellow."""
+    """Clips at 1 and preserves the hue: divides a pixel above 1 by its greatest channel. `srgb` turns orange into yellow."""
     peak = np.maximum(np.maximum(rgb[..., 0], rgb[..., 1]), rgb[..., 2])[..., None]
     return np.divide(rgb, np.maximum(peak, 1), dtype=np.float32)
 

@@ -1,4 +1,4 @@
-"""Notes on colour metadata of image files that the decoders ignore; each note names the file."""
+"""Creates notes on colour metadata of image files that the decoders ignore. Each note names the file."""
 
 from __future__ import annotations
 

@@ -120,9 +120,7 @@ def _row_weights(emission: EmissionMap) -> F64:
         return np.array([math.cos(top) - math.cos(bottom)])
     step = (bottom - top) / (rows - 1 if emission.at_edges else rows)
     at = top + step * (np.arange(rows) + (0.0 if emission.at_edges else 0.5))
-    before = (
-        -np.cos(at) + (np.sin(at) - np.sin(at - step)) / step
-    )  # integrals of the kernel's rising part, and (`after`) of its falling part
+    before = -np.cos(at) + (np.sin(at) - np.sin(at - step)) / step  # integral of the kernel's rising part
     after = np.cos(at) - (np.sin(at + step) - np.sin(at)) / step
     before[0] = math.cos(top) - math.cos(at[0])  # 0 if the first row is at the edge
     after[-1] = math.cos(at[-1]) - math.cos(bottom)
