@@ -160,8 +160,8 @@ class EmissionMap:
     kind: EmissionKind
     values: F32  # (h, w, 3) linear, 0 or more, rows from the top
     edges: tuple[float, float, float, float]
-    # For a sphere: whether the first and last rows are at the edges, and the first column is at the left edge, instead of each row
-    # and column in the middle of its cell.
+    # For a sphere: True: the first and last rows are at the edges, and the first column is at the left edge; False: each row and
+    # column is in the middle of its cell.
     at_edges: bool = False
 
 
