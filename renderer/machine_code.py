@@ -144,7 +144,7 @@ class _Files:
     def load(self, key: Any) -> Any:
         """Returns the stored data.
 
-        None if it is missing, damaged, outdated (refers to removed code), or writable by other users.
+        Returns None if it is missing, damaged, outdated (refers to removed code), or writable by other users.
         """
         path = self._path(key)
         try:

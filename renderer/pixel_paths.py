@@ -102,7 +102,7 @@ def pixel_paths(
 def bounce_of(vertex: Vertex, following: Vertex | None) -> Bounce | None:
     """Returns whether a path was reflected or transmitted at a vertex.
 
-    None if it ended there, or if the vertex is not on a surface.
+    Returns None if it ended there, or if the vertex is not on a surface.
     """
     if vertex.kind != "surface" or vertex.normal is None or following is None:
         return None

@@ -78,7 +78,7 @@ def load_kernel() -> None:
 def _pixel_offsets(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F64:
     """Returns the offsets (h, w, 2) in pixels between two sets of positions, y upwards.
 
-    0 where one is invalid or too far away.
+    They are 0 where a position is invalid or too far away.
     """
     way = end - start
     if views[1].projection == "panorama":

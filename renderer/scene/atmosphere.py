@@ -66,7 +66,7 @@ def _observer_curves() -> np.ndarray:
 def _to_rgb() -> np.ndarray:
     """Returns the matrix (18, 3) from the transmitted fraction of sunlight per wavelength to linear Rec.709.
 
-    Its luminance is pi for unattenuated sunlight.
+    Unattenuated sunlight has luminance pi.
     """
     planck = _MICRONS**-5.0 / np.expm1(14_387.77 / (_MICRONS * 5_778))
     xyz = _observer_curves() * planck[:, None]

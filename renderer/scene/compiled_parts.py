@@ -282,7 +282,7 @@ def _mapped(pieces: list[tuple[int, int, int]], parts: list[Part], files: list[P
 def _mapper() -> Callable[[int, int, int, int], int] | None:
     """Returns the C library's mmap, which can map at a fixed address; Python's mmap cannot.
 
-    None on systems without it, or with pages larger than those of the parts.
+    Returns None on systems without it, or with pages larger than those of the parts.
     """
     if mmap.ALLOCATIONGRANULARITY > PAGE or not hasattr(mmap, "MAP_SHARED"):
         return None

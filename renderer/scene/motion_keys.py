@@ -53,7 +53,7 @@ def scale_ranges(description: SceneDescription, placement: Placement) -> F64:
 def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
     """Returns centres and radii (K, Z, 4) of these spheres at linearly interpolated keys.
 
-    Empty if neither spheres nor vertices move while the shutter is open.
+    Returns an empty array if neither spheres nor vertices move while the shutter is open.
     """
     balls = [description.spheres[n] for n in numbers]
     loose = [mesh for mesh in description.meshes if mesh.keys]

@@ -56,8 +56,8 @@ class TextureShelf:
     def environment_file(self, name: str, data: Callable[[], bytes] | None = None) -> int | None:
         """Returns the index of an environment image: colours unchanged, scaled down if too large.
 
-        None, with a warning, if unreadable. data: returns the image's bytes if they are not those of file `name`; may raise
-        SceneError.
+        Returns None, with a warning, if it is unreadable. data: returns the image's bytes if they are not those of file `name`;
+        may raise SceneError.
         """
         key = (f"\0environment {name}", False)
         if key not in self._images:
@@ -110,7 +110,7 @@ class TextureShelf:
     ) -> int | None:
         """Returns the index of the texture with this image, wrap modes, lookup and layers.
 
-        None if the image is missing (None).
+        Returns None if the image is missing (None).
         """
         if image is None:
             return None

@@ -34,7 +34,7 @@ class Heights:
 def displaced(material: Any, tree: Any, scale: float, warn: Callable[[str], None]) -> Heights | None:
     """Returns the displacement of a bpy.types.Material as a bump source.
 
-    None if it has none; None, with a warning, if it is not supported. scale: the object's.
+    Returns None if it has none, and None with a warning if it is not supported. scale: the object's.
     """
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None or not output.inputs["Displacement"].is_linked:

@@ -53,7 +53,7 @@ ExportedMeshes = dict[str, tuple[Mesh, Corners] | None]
 class _Density:
     """A function uv_set -> length of a mesh's surface per UV unit, across and up, in world units.
 
-    None if the set does not exist.
+    It returns None if the set does not exist.
     """
 
     def __init__(self, mesh: Mesh, place: F64) -> None:

@@ -98,7 +98,7 @@ def _content(image: Any) -> bytes | Path | None:
 def pixels(image: Any) -> Pixels | None:
     """Returns an image's pixels, (h, w, 4) float32, in the encoding that Blender stores, rows from the top.
 
-    None if it has none.
+    Returns None if it has none.
     """
     if image.source == "PAINTED":
         return image.texels

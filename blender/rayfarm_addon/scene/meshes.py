@@ -71,7 +71,7 @@ def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
 def shape(source: Any, corners: Corners) -> tuple[F32, F32 | None] | None:
     """Returns positions and normals of a mesh at another time, split as recorded in `corners`.
 
-    None if its topology has changed.
+    Returns None if its topology has changed.
     """
     source.calc_loop_triangles()
     if (len(source.vertices), len(source.loops), len(source.loop_triangles)) != corners.counts:
