@@ -1,8 +1,8 @@
 """Bounding boxes in the builder's layout: rows of eight float32, (-lower x y z, n, upper x y z, -n).
 
-So one 8-lane maximum extends a box by another, and updates the greatest and the least primitive number n in it, and with them
-which kinds it contains: triangles are numbered first, then spheres, then instances. Numbers are stored as the bits of floats
-from 1 up, which preserves their order and avoids denormal numbers, which are slow on some processors.
+One 8-lane maximum extends a box by another, and updates the largest and the smallest primitive number n in it. From these follow
+the kinds of primitives it contains, since triangles are numbered first, then spheres, then instances. Numbers are stored as the
+bits of floats from 1 up, which preserves their order and avoids denormal numbers, which are slow on some processors.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ _NOTHING = np.float32(-np.inf)
 
 
 def numbered(boxes: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Returns a copy of the boxes, (N, 8) f32, with numbers 0 ... N - 1."""
+    """Returns a copy of the boxes, (N, 8) f32, with primitive numbers 0 ... N - 1."""
     number = np.arange(len(boxes), dtype=np.int32) + _ONE_BITS
     boxes.view(np.int32)[:, _NUMBER], boxes.view(np.int32)[:, _MINUS_NUMBER] = number, number | _SIGN
     return boxes
 
 
 def numbers_of(boxes: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Returns the primitive numbers of the boxes, (N, 8) f32: (N,) i32."""
+    """Returns the primitive numbers, (N,) i32, of the boxes, (N, 8) f32."""
     return boxes.view(np.int32)[:, _NUMBER] - _ONE_BITS
 
 
@@ -80,7 +80,7 @@ def exchange(boxes, i, j):
 
 @device
 def doubled_centroid(box):
-    """Returns (-c, c) of a box, an f32x8, where c is twice its centroid."""
+    """Returns (-c, c), an f32x8, where c is twice the centroid of a box."""
     return box - swapped(box)
 
 
@@ -101,7 +101,7 @@ def set_number(box, i, number):
 
 @device
 def number_of(box, i):
-    """Returns the primitive number of box i; the greatest one if it contains several."""
+    """Returns the primitive number of box i; the largest one if it contains several primitives."""
     return load_int(box, np.uintp(i * 8 + _NUMBER)) - _ONE_BITS
 
 
@@ -112,21 +112,21 @@ def _kind(number, triangles, solids):
 
 @device
 def first_kind(box, i, triangles, solids):
-    """Returns the least primitive kind in box i."""
+    """Returns the lowest primitive kind in box i."""
     return _kind((load_int(box, np.uintp(i * 8 + _MINUS_NUMBER)) ^ _SIGN) - _ONE_BITS, triangles, solids)
 
 
 @device
 def last_kind(box, i, triangles, solids):
-    """Returns the greatest primitive kind in box i."""
+    """Returns the highest primitive kind in box i."""
     return _kind(number_of(box, i), triangles, solids)
 
 
 @device
 def bound(box, first, end, whole, i, spread, j):
-    """Writes the bounds of boxes first ... end - 1 to row i of `whole`.
+    """Writes the bounds of boxes first ...
 
-    Row j of `spread` receives the bounds of their doubled centroids.
+    End - 1 to row i of `whole`, and the bounds of their doubled centroids to row j of `spread`.
     """
     clear(whole, i)
     clear(spread, j)

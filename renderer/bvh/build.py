@@ -1,7 +1,8 @@
-"""Builds the BVH: boxes of triangles, spheres and instances (boxes.py), a binary tree over them (top.py, split.py), collapsed
-into 8-wide nodes (collapse.py).
+"""Builds the bounding volume hierarchy (BVH).
 
-Collapsing opens the node of largest area first, as in Wald, Benthin & Boulos, "Getting rid of packets" (2008).
+Steps: boxes of triangles, spheres and instances (boxes.py); a binary tree over them (top.py, split.py), which is collapsed into
+8-wide nodes (collapse.py). Collapsing opens the node of largest area first, as in Wald, Benthin & Boulos, "Getting rid of
+packets" (2008).
 """
 
 from __future__ import annotations
@@ -36,10 +37,10 @@ def build(
 ) -> Bvh:
     """Builds the BVH over T triangles, S spheres and I instances.
 
-    position: (V, 3) f32; triangle: (T, 3) i32 into it; sphere: (S, 4) f32, centre and radius. Any of them may be empty.
-    brute: makes every box infinite, so that every ray tests every primitive: slow, for tests and for measuring the BVH's benefit.
-    team: the threads that build; None for one per core. first_sphere: the number of the first sphere, T by default. Degenerate
-    triangles are stored and never hit. Deterministic, whatever the number of threads. Runs without the GIL.
+    position: (V, 3) f32. triangle: (T, 3) i32, rows of `position`. sphere: (S, 4) f32, centre and radius. Any of them may be
+    empty. brute: makes every box infinite, so that every ray tests every primitive: slow, for tests and for measuring the BVH's
+    benefit. team: the threads that build; None for one per core. first_sphere: the number of the first sphere, T by default.
+    Degenerate triangles are stored and never hit. The result does not depend on the number of threads. Runs without the GIL.
     Raises ValueError if a coordinate is not finite or an index is out of range.
     """
     position = np.ascontiguousarray(position, np.float32).reshape(-1, 3)
@@ -62,9 +63,9 @@ def tree_of(
     bounds: npt.NDArray[Any] = np.zeros((0, 2, 3)),
     team: Team | None = None,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """Returns the nodes and packets of one tree: over triangles, as `build` takes them, or over instance boxes, (I, 2, 3) f64.
+    """Returns the nodes and packets of one tree, over triangles as for `build`, or over instance boxes, (I, 2, 3) f64.
 
-    In the layout of `build`, but writable.
+    They have the layout of `build`, but are writable.
     """
     for array in (position, triangle):
         array.flags.writeable = False
@@ -77,9 +78,9 @@ def tree_of(
 def tree_over(
     position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any], first_sphere: int, team: Team
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """Returns the nodes and packets of a tree over primitives with K motion keys: boxes bound all keys, packets hold the first.
+    """Returns the nodes and packets of a tree over primitives with K motion keys.
 
-    position: (K, V, 3) f32; sphere: (K, S, 4) f32. Otherwise as `tree_of`.
+    Boxes bound all keys; packets contain the first. position: (K, V, 3) f32. sphere: (K, S, 4) f32. Otherwise like `tree_of`.
     """
     nothing = np.zeros((0, 2, 3))
     arrays = [(np.ascontiguousarray(p), np.ascontiguousarray(s)) for p, s in zip(position, sphere, strict=True)]
@@ -109,7 +110,7 @@ def _levels(
     instances: Instances | None,
     team: Team,
 ) -> Bvh:
-    """Builds the world's tree and, if there are instances, the trees that they refer to."""
+    """Builds the world's tree and the trees of its instances, if there are any."""
     nothing = np.zeros((0, 2, 3))
     if instances is None:
         node, packet = _tree(position, triangle, sphere, first_sphere, nothing, team)
@@ -138,7 +139,7 @@ def _tree(
     bounds: npt.NDArray[Any],
     team: Team,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """Returns the nodes and packets of one level; bounds: (I, 2, 3) f64, of its instances."""
+    """Returns the nodes and packets of one level. bounds: (I, 2, 3) f64, the boxes of its instances."""
     solids = len(triangle) + len(sphere)
     count = solids + len(bounds)
     if count == 0:
@@ -172,7 +173,10 @@ def _sealed(bvh: Bvh, brute: bool) -> Bvh:
 
 @entry
 def _primitive_boxes(position, triangle, sphere, first, end, box):
-    """Writes the boxes of primitives first ... end - 1; for instances, whose boxes are filled in already, only their numbers."""
+    """Writes the boxes of primitives first ... end - 1.
+
+    For instances, whose boxes are already filled in, writes only their numbers.
+    """
     for i in range(first, min(end, len(triangle))):
         a, b, c = triangle[i, 0], triangle[i, 1], triangle[i, 2]
         for k in range(3):

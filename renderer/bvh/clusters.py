@@ -1,5 +1,7 @@
-"""Clusters of primitives: the non-empty cells of a grid. The top of a tree is built over clusters, a hundredth as many as the
-primitives, as in Garanzha, Pantaleoni & McAllister, "Simpler and Faster HLBVH with Work Queues" (2011).
+"""Clusters of primitives: the non-empty cells of a grid.
+
+The top of a tree is built over clusters, of which there are a hundredth as many as primitives, as in Garanzha, Pantaleoni &
+McAllister, "Simpler and Faster HLBVH with Work Queues" (2011).
 """
 
 from __future__ import annotations
@@ -52,7 +54,7 @@ class Clusters(NamedTuple):
 
 
 def one_cluster(source: Integers, whole: F32) -> Clusters:
-    """Returns one cluster of all these primitives; whole: (8,), their bounds."""
+    """Returns one cluster of all primitives of `source`. whole: (8,), their bounds."""
     count = np.array([len(source)])
     return Clusters(source, numbered(whole.reshape(1, 8).copy()), np.zeros(1, np.int64), count, count)
 
@@ -81,10 +83,9 @@ def gathered(box: F32, source: Integers, spread: F32, solids: int, team: Team) -
 
 
 def _grid(spread: F32) -> tuple[F32, tuple[int, int], int]:
-    """Returns a grid of nearly cubical cells over the box `spread`: origin and scale, bit shifts, number of cells.
+    """Returns a grid of nearly cubical cells over the box `spread`: (origin and scale, bit shifts, number of cells).
 
-    Origin, cells per length and last cell: (3, 8), in lanes 4 ... 6; the bit shifts are those of a cell's y and z index in its
-    number.
+    Origin, cells per length and last cell: (3, 8), in lanes 4 ... 6. Bit shifts: those of a cell's y and z index in its number.
     """
     extent = (spread[4:7] + spread[:3]).astype(np.float64)
     bits = [0, 0, 0]
@@ -102,9 +103,9 @@ def _grid(spread: F32) -> tuple[F32, tuple[int, int], int]:
 def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, tree_box: F32, tree: Integers) -> Integers:
     """Splits a node over clusters until its parts have at most `least` primitives or too few clusters.
 
-    Splits at least once if a plane divides the node. Returns the parts, (J, JOB) i64. node: (JOB,) i64; spread: (8,), the bounds
+    Splits at least once if a plane divides the node. Returns the parts, (J, JOB) i64. node: (JOB,) i64. spread: (8,), the bounds
     of the clusters' doubled centroids. Reorders the clusters' boxes, whose numbers identify a part's clusters, and writes the
-    tree rows above the parts and their boxes, except for the primitive numbers in these.
+    tree rows above the parts and their boxes, but not the primitive numbers in these boxes.
     """
     stack, spreads = np.empty((STACK, JOB), np.int64), np.empty((STACK, 8), np.float32)
     stack[0], spreads[0] = node, spread
@@ -114,7 +115,7 @@ def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, 
 
 @entry
 def _tally(box, source, first, end, grid, shift_y, shift_z, solids, cell, whole, tally):
-    """Computes the cells of primitives source[first : end], and of each cell the bounds and (count, weight) of its primitives."""
+    """Computes the cells of primitives source[first : end], and each cell's bounds and (count, weight) of its primitives."""
     for c in range(len(whole)):
         clear(whole, c)
         tally[c, 0] = 0
@@ -136,7 +137,7 @@ def _tally(box, source, first, end, grid, shift_y, shift_z, solids, cell, whole,
 
 @entry
 def _sort(source, cell, first, end, at, target):
-    """Writes primitives source[first : end] to the next free place of their cell, given by `at` (counting sort)."""
+    """Writes primitives source[first : end] to the next free index of their cell, which is in `at` (counting sort)."""
     for k in range(first, end):
         c = np.uintp(cell[k])
         target[np.uintp(at[c])] = source[k]

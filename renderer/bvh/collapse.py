@@ -39,7 +39,7 @@ Array = npt.NDArray[Any]
 
 
 class Shapes(NamedTuple):
-    """The geometry that packets are filled from."""
+    """The geometry from which packets are filled."""
 
     position: Array  # (V, 3) f32
     triangle: Array  # (T, 3) i32
@@ -50,7 +50,7 @@ class Shapes(NamedTuple):
 def fold_all(binary: BinaryTree, shapes: Shapes, team: Team) -> tuple[Array, Array]:
     """Returns the wide nodes and the packets of a binary tree.
 
-    Nodes over more primitives than a part come first; then, by all threads, the subtrees of their smaller children.
+    First come nodes over more primitives than a part, then the subtrees of their smaller children, which all threads fill.
     """
     solids = len(shapes.triangle) + len(shapes.sphere)
     part = part_size(len(binary.order))
@@ -78,7 +78,7 @@ def _scratch() -> tuple[Array, Array]:
 
 @device
 def _open(binary, root, members):
-    """Collects the up to eight binary nodes that become the children of one wide node, largest first; returns how many."""
+    """Collects the up to eight binary nodes that become the children of one wide node, largest first; returns their number."""
     members[0] = root
     count = 1
     while count < WIDTH:
@@ -100,10 +100,10 @@ def _open(binary, root, members):
 
 @entry
 def _count(binary, solids, root, least, aside, members, stack):
-    """Counts what collapsing a binary subtree produces: (wide nodes including the root, packets, deferred children).
+    """Counts the results of collapsing a binary subtree: (wide nodes including the root, packets, deferred children).
 
-    Children over at most `least` primitives are deferred: listed in `aside` with the number of the wide node that each becomes,
-    and not counted.
+    Children over at most `least` primitives are deferred: they are listed in `aside` with the number of the wide node that each
+    becomes, and not counted.
     """
     stack[0, 0] = root
     top = 1
@@ -130,7 +130,7 @@ def _count(binary, solids, root, least, aside, members, stack):
 def _fill_packet(packet, p, order, first, count, shapes):
     """Writes the primitives order[first : first + count], all of one kind, into packet p, by ascending number.
 
-    So the first of several lanes at equal distance has the lowest number.
+    Therefore the first of several lanes at equal distance has the lowest number.
     """
     triangles = len(shapes.triangle)
     for end in range(first + 1, first + count):
@@ -160,7 +160,7 @@ def _fill_packet(packet, p, order, first, count, shapes):
 def _fold(binary, shapes, root, wide_root, least, first_node, first_packet, node, packet, members, stack):
     """Fills wide node `wide_root` from the binary node `root`, and its subtree into nodes and packets from the given indices on.
 
-    Traverses as `_count` does, and skips what it deferred.
+    Traverses the subtree in the order of `_count`, and skips the children that `_count` defers.
     """
     triangles = len(shapes.triangle)
     solids = triangles + len(shapes.sphere)

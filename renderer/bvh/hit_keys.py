@@ -1,4 +1,4 @@
-"""Sort keys of hits: distances whose last bits hold the lane, so that the nearest is the minimum of eight integers."""
+"""Sort keys of hits: distances whose last bits are replaced by the lane, so that the nearest is the minimum of eight integers."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _DONE = 2**31 - 1
 
 @intrinsic
 def hit_keys(typingctx, mask, distance):
-    """Returns an f32x8 of keys: the bits of non-negative distances with the lane number in the last three bits.
+    """Returns keys, an f32x8: the bits of non-negative distances with the lane number in the last three bits.
 
-    As signed integers, they sort by distance. The greatest int32 in lanes that the mask excludes.
+    As signed integers, they sort by distance. Lanes that the mask excludes get the greatest int32.
     """
 
     def codegen(context, builder, sig, args):
@@ -56,7 +56,7 @@ def minimum_key(typingctx, keys):
 
 @intrinsic
 def keys_beyond(typingctx, keys, key):
-    """Returns the keys greater than `key`; the other lanes are set to the greatest key."""
+    """Returns the keys greater than `key`; in the other lanes the greatest key."""
 
     def codegen(context, builder, sig, args):
         values = builder.bitcast(args[0], _KEYS)
@@ -79,7 +79,7 @@ def greater_ints(typingctx, numbers, number):
 
 @intrinsic
 def key_limit(typingctx, distance):
-    """Returns the greatest key of a non-negative distance, a float32: greater keys are farther."""
+    """Returns the greatest key of a non-negative distance, a float32. Any greater key belongs to a larger distance."""
 
     def codegen(context, builder, sig, args):
         return builder.or_(builder.bitcast(args[0], _I32), _I32(_LANE))
@@ -89,7 +89,7 @@ def key_limit(typingctx, distance):
 
 @intrinsic
 def masked(typingctx, mask, distance):
-    """Returns the f32x8 of distances, with a NaN that sorts above all of them in the lanes that the mask excludes."""
+    """Returns the distances, f32x8, with a NaN that sorts above all of them in lanes that the mask excludes."""
 
     def codegen(context, builder, sig, args):
         none = ir.Constant(_KEYS, [_DONE] * LANES)
@@ -100,7 +100,7 @@ def masked(typingctx, mask, distance):
 
 @intrinsic
 def nearest_of(typingctx, distances):
-    """Returns (distance, lane): the minimum of `masked` positive distances; the first lane of equal ones."""
+    """Returns (distance, lane): the minimum of positive distances from `masked`, and the first lane that has it."""
 
     def codegen(context, builder, sig, args):
         values = builder.bitcast(args[0], _KEYS)
@@ -114,5 +114,5 @@ def nearest_of(typingctx, distances):
 
 @device
 def nearest(mask, distance):
-    """Returns (distance, lane): the minimum of positive distances in the mask's lanes; the first lane of equal ones."""
+    """Returns (distance, lane): the minimum of positive distances in the mask's lanes, and the first lane that has it."""
     return nearest_of(masked(mask, distance))

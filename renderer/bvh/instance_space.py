@@ -12,7 +12,7 @@ __all__ = ["ray_to_instance", "to_local"]
 
 @device
 def ray_to_instance(bvh, number, o, d, time):
-    """Returns the ray in the space of an instance at a shutter time 0 ... 1, or None if nothing moves."""
+    """Returns the ray in the space of an instance. time: shutter time, 0 ... 1; None if nothing moves."""
     if time is not None and len(bvh.instance_motion) > 0:
         first, keys = bvh.instance_motion[number, 0], bvh.instance_motion[number, 1]
         if keys > 0:
@@ -42,7 +42,7 @@ def _to_moving(motion, first, keys, time, o, d):
 
 @device
 def to_local(transform, number, o, d):
-    """Returns the ray in a static instance's space. Its direction is not normalised, so that t is the same as in world space.
+    """Returns the ray in a static instance's space. Its direction is not normalised, so t is the same as in world space.
 
     Computed in double precision and rounded once: the error of a ray's origin next to the instance's surface is then no larger
     than with the same triangles in world space.

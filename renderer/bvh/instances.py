@@ -16,7 +16,7 @@ _INSTANCE_SLACK = 2.0**-20
 
 
 class Instances(NamedTuple):
-    """Instances of trees. Tree g is over the triangles first[g] ... first[g + 1] - 1, in its own space."""
+    """Instances of trees. Tree g contains the triangles first[g] ... first[g + 1] - 1, in its own space."""
 
     first: npt.NDArray[Any]  # (G + 1,) ends with the number of all triangles; triangles before first[0] are the world's own
     tree: npt.NDArray[Any]  # (I,) the tree of each instance
@@ -24,7 +24,10 @@ class Instances(NamedTuple):
 
 
 def instance_boxes(trees: list[Any], shown: npt.NDArray[Any], to_world: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """Returns world-space bounds (I, 2, 3): of each tree's topmost eight boxes, which together fit tighter than one."""
+    """Returns the world-space bounds of instances, (I, 2, 3).
+
+    Computed from the topmost eight boxes of each tree, which together are tighter than one box.
+    """
     boxes = [root_boxes(node) for node, _ in trees]
     first = np.cumsum([0, *map(len, boxes)])
     placed = np.empty((len(shown), 2, 3))
@@ -41,7 +44,7 @@ def instance_boxes(trees: list[Any], shown: npt.NDArray[Any], to_world: npt.NDAr
 
 
 def root_boxes(node: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """Returns (n, 2, 3) f64: the lower and upper corners of a tree's topmost boxes."""
+    """Returns the lower and upper corners of a tree's topmost boxes, (n, 2, 3) f64."""
     if not len(node):
         return np.zeros((0, 2, 3))
     lanes = node[0, 0] <= node[0, 1]
@@ -49,7 +52,7 @@ def root_boxes(node: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
 
 
 def relocate(node: npt.NDArray[Any], packet: npt.NDArray[Any], first_node: int, first_packet: int, first_primitive: int) -> None:
-    """Offsets the indices of a separately built triangle tree, in place, so that it can be part of larger arrays."""
+    """Offsets the indices of a separately built triangle tree, in place, for its position in larger arrays."""
     child = node[:, ROW_CHILD].view(np.int32)
     child += np.where(child >= 0, first_node, -4 * first_packet).astype(np.int32)
     number = packet[:, ROW_PRIMITIVE].view(np.int32)

@@ -20,7 +20,7 @@ _PARTNER = ([1, 0, 3, 2, 5, 4, 7, 6], [2, 3, 0, 1, 6, 7, 4, 5], [4, 5, 6, 7, 0, 
 
 
 def _added(builder, value, steps):
-    """Adds to a vector, at each step, a permutation of its own lanes."""
+    """Emits code that adds permutations of a vector's own lanes to it, one per step."""
     zeros = ir.Constant(value.type, [0.0] * LANES)
     for places in steps:
         value = builder.fadd(value, builder.shuffle_vector(value, zeros, ir.Constant(_PLACES, places)))
@@ -38,5 +38,5 @@ def running_sum(typingctx, a):
 
 @intrinsic
 def whole_sum(typingctx, a):
-    """Returns the sum of all lanes, in each lane; equal to the last lane of `running_sum` to the bit."""
+    """Returns the sum of all lanes, in each lane, with the same bits as the last lane of `running_sum`."""
     return f32x8(f32x8), lambda context, builder, sig, args: _added(builder, args[0], _PARTNER)

@@ -1,15 +1,15 @@
 """The arrays of a built BVH, shared by the builder and the traversal.
 
 An 8-wide tree. A node stores its eight children's boxes lane by lane, so that a ray is tested against all eight in a few
-instructions; a leaf is one packet of up to eight triangles, or of up to eight spheres, stored lane by lane likewise, or one
-instance. Unreferenced nodes and packets may lie between the others.
+instructions. A leaf is one packet of up to eight triangles or up to eight spheres, also stored lane by lane, or one instance.
+There may be unreferenced nodes and packets between the others.
 
     node           (N, 7, 8) f32   rows: x lower, x upper, y lower, y upper, z lower, z upper, child
     packet         (P, 10, 8) f32  triangles, rows: a.x a.y a.z  b.x b.y b.z  c.x c.y c.z  primitive
                                    spheres, rows:   x y z radius, five rows unused,        primitive
     instance_root  (I,) i32        the root node of each instance's tree
     to_local       (I, 3, 4) f64   from world space to the instance's space: a matrix and, last column, a translation
-    motion           (R, 18) f64   keys of instances that move while the shutter is open (motion.py), in place of to_local
+    motion           (R, 18) f64   keys of instances that move while the shutter is open (motion.py); replaces their to_local
     instance_motion  (I, 2) i32    first key and number of keys of each instance, 0 if static; no rows if all are
     keyed_packets    (2,) i32      the first packet with moving vertices or spheres, and the number of its keys
     ray_roots        (2,) i32      the root nodes for camera rays and for shadow rays (ray_masks.py); other rays start at 0
@@ -19,10 +19,10 @@ triangle packet p, ~(4 p + 1) for the sphere packet p, ~(4 i + 2) for the instan
 without a child has an empty box (lower +inf, upper -inf); a lane without a primitive has NaN in all its cells. A
 primitive's number is its triangle's index, or the number of triangles + its sphere's index.
 
-A packet with K keys is stored as K consecutive packets, and its leaf refers to the first; between two keys vertices are
-interpolated linearly. Packets with keys belong to the world's tree, and come last. Boxes bound the whole motion.
+A packet with K keys is stored as K consecutive packets, and its leaf refers to the first. Vertices are interpolated linearly
+between two keys. Packets with keys belong to the world's tree, and come last. Boxes bound the whole motion.
 
-Instances form two levels and no more. Many instances share one tree, which is in its own space and contains triangles only.
+Instances form exactly two levels. Several instances share one tree, which is in its own space and contains triangles only.
 """
 
 from __future__ import annotations

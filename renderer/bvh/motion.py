@@ -1,11 +1,11 @@
 """Rigid motion while the shutter is open: keys at equal time steps, and interpolation between them.
 
 A key maps a point x of the body's space to place + turn * stretch * (x - point): `stretch` is a symmetric matrix, `turn` a unit
-quaternion x y z w, and `point` the point of the body that moves in a straight line from key to key. Rotations about an axis are
-exact, wherever the axis is. Between keys rotations are slerped (Shoemake 1985), everything else is linear. Matrices are split
-into rotation and stretch by polar decomposition: Shoemake & Duff, "Matrix Animation and Polar Decomposition" (1992).
+quaternion x y z w, and `point` the point of the body that moves in a straight line from key to key. Rotations are exact about any
+axis. Between keys rotations are interpolated by slerp (Shoemake 1985), everything else linearly. Matrices are split into rotation
+and stretch by polar decomposition: Shoemake & Duff, "Matrix Animation and Polar Decomposition" (1992).
 
-In double precision, by additions, products and quotients only: the same bits on every host.
+Computed in double precision by additions, products and quotients only: the same bits on every host.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ INVERSE_SINE = 17  # and 1 over its sine; 0 for nearly equal rotations, which ar
 
 @device
 def step_at(time, keys):
-    """Returns (the index of the key before a time 0 ... 1, the fraction of the step to the next); keys: at least 2."""
+    """Returns (the index of the key before a time 0 ... 1, the fraction of the step to the next key). keys: at least 2."""
     passed = np.float32(time) * np.float32(keys - 1)
     step = min(np.int64(passed), np.int64(keys - 2))
     return step, passed - np.float32(step)
@@ -55,9 +55,9 @@ def _mixed(keys, k, column, share):
 
 @device
 def placed_at(keys, first, count, time):
-    """Returns the matrix from a body's space to world space at a shutter time 0 ... 1: three rows, the translation last in each.
+    """Returns the matrix from a body's space to world space at a shutter time 0 ...
 
-    keys: (R, KEY_COLUMNS) f64, this body's from `first` on, `count` of them.
+    1: three rows, each with the translation last. keys: (R, KEY_COLUMNS) f64; this body's are the `count` rows from `first` on.
     """
     step, rest = step_at(time, count)
     k, share = first + step, np.float64(rest)

@@ -24,9 +24,10 @@ _SYMMETRIC = STRETCH + np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
 
 def keyed_tree(position: Array, triangle: Array, sphere: Array, first_sphere: int, team: Team) -> tuple[Array, Array]:
-    """Returns the nodes and packets of a tree over vertices that move linearly between K keys, each packet stored per key.
+    """Returns the nodes and packets of a tree over vertices that move linearly between K keys. Each packet is stored K times.
 
-    position: (K, V, 3) f32, triangle: (T, 3) i32 into V, sphere: (K, S, 4) f32. Numbers are as in `renderer.bvh.build.build`.
+    position: (K, V, 3) f32. triangle: (T, 3) i32, rows of a key's positions. sphere: (K, S, 4) f32. Numbers are as in
+    `renderer.bvh.build.build`.
     """
     keys = len(sphere)
     node, packet = tree_over(position, triangle, sphere, first_sphere, team)
@@ -49,9 +50,9 @@ def keyed_tree(position: Array, triangle: Array, sphere: Array, first_sphere: in
 
 
 def motion_boxes(box: Array, keys: Array) -> Array:
-    """Returns (2, 3) f64 lower and upper corners of the bounds of boxes over the whole motion of a body.
+    """Returns the bounds of boxes over the whole motion of a body: lower and upper corner, (2, 3) f64.
 
-    box: (n, 2, 3) f64 in the body's space; keys: (K, KEY_COLUMNS), see motion.py. Between two sampled times a point deviates from
+    box: (n, 2, 3) f64 in the body's space. keys: (K, KEY_COLUMNS), see motion.py. Between two sampled times a point deviates from
     the straight line by at most the sagitta of its arc, which is added.
     """
     corners = np.array([np.where(which, box[:, 1], box[:, 0]) for which in np.ndindex(2, 2, 2)]).reshape(-1, 3)
@@ -74,14 +75,14 @@ def motion_boxes(box: Array, keys: Array) -> Array:
 
 
 def _through(matrix: Array, points: Array) -> Array:
-    """Transforms (n, 3) points by nine matrix elements; without BLAS, whose last bits depend on the processor."""
+    """Transforms points (n, 3) by nine matrix elements, without BLAS, whose last bits depend on the processor."""
     m = np.asarray(matrix).reshape(3, 3)
     x, y, z = points.T
     return np.stack([m[k, 0] * x + m[k, 1] * y + m[k, 2] * z for k in range(3)], axis=1)
 
 
 def _turns(before: Array, after: Array, half_angle: float) -> list[Array]:
-    """Returns rotations from one to the other in equal steps, each found as the midpoint of its neighbours."""
+    """Returns rotations in equal steps from `before` to `after`, each computed as the midpoint of its neighbours."""
     found = [before, after]
     while half_angle > _STEP:
         half_angle *= 0.5

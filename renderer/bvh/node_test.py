@@ -1,4 +1,4 @@
-"""The tests that every traversal shares: a ray against a node's boxes, and the order of hits."""
+"""The tests that all traversals share: a ray against a node's boxes, and the order of hits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from renderer.jit import device
 
 __all__ = ["ANY_PRIMITIVE", "WORLD", "intersect_boxes", "is_nearer", "primitive_of", "tie_of"]
 
-WORLD = np.int32(-1)  # in place of an instance's number: the hit is in no instance
+WORLD = np.int32(-1)  # in place of an instance's number: the hit is not in an instance
 ANY_PRIMITIVE = np.int32(2**31 - 1)
 _W = np.uintp(WIDTH)
 _PACKET = np.uintp(PACKET_SIZE)
@@ -19,10 +19,11 @@ _PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
 
 @device
 def intersect_boxes(node, base, planes, inverse, near, far, t_min, t_max):
-    """Intersects a ray with a node's eight boxes between two distances: (mask8 of boxes hit, f32x8 entry distances).
+    """Intersects a ray with a node's eight boxes between two distances; returns (mask8 of boxes hit, f32x8 entry distances).
 
-    base: the node's first element. The ray's constants for the axes x, y, z: planes, the first elements of the rows of near
-    planes (the far ones' differ by WIDTH); inverse, near, far, f32x8 each: a near plane at x is met at x * inverse + near.
+    base: the node's first element. The ray's constants for the axes x, y, z: planes: the first elements of the rows of near
+    planes (those of far planes are WIDTH elements away); inverse, near, far: f32x8 each, such that a near plane at x is hit at
+    distance x * inverse + near.
     """
     x, y, z = planes
     x_near, x_far = fma(load(node, base + x), inverse[0], near[0]), fma(load(node, base + (x ^ _W)), inverse[0], far[0])
@@ -43,17 +44,17 @@ def primitive_of(packet, leaf, lane):
 
 @device
 def tie_of(instance, primitive):
-    """Returns the number below which a primitive of the world comes before a hit at equal distance.
+    """Returns the primitive number below which a primitive of the world precedes a given hit at equal distance.
 
-    instance, primitive: of that hit.
+    instance, primitive: those of the given hit.
     """
     return select(instance > WORLD, ANY_PRIMITIVE, primitive)
 
 
 @device
 def is_nearer(distance, primitive, best, tie):
-    """Returns True if a hit comes before the one at distance `best`: hits are ordered by (distance, instance, primitive).
+    """Returns True if a hit precedes the one at distance `best`. Hits are ordered by (distance, instance, primitive).
 
-    tie: from `tie_of`. False for a distance of NaN.
+    tie: from `tie_of`. Returns False for a distance of NaN.
     """
     return (distance < best) | ((distance == best) & (primitive < tie))

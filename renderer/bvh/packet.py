@@ -38,21 +38,20 @@ _CORNER_BYTES = np.uintp(3 * WIDTH * 4)
 
 @device
 def intersect_triangles(base, axes, shear, origin, margin, t_max):
-    """Intersects a ray with the triangles of a packet: (mask8, f32x8 distance, barycentric of b, of c, determinant).
+    """Intersects a ray with the triangles of a packet; returns (mask8, f32x8 distance, barycentric of b, of c, determinant).
 
-    Distance and barycentrics are still to be divided by the determinant.
+    Distance and barycentrics must still be divided by the determinant.
 
-    Watertight: Woop, Benthin & Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Two triangles compute the
-    same edge function of a shared edge, but for its exact sign, so a ray cannot pass between them; edges belong to both.
-    The products must be rounded before the difference (no fma), or the sign would not be exact.
+    Watertight: Woop, Benthin & Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Two triangles compute the same
+    value, except for its exact sign, for the edge function of a shared edge, so a ray cannot pass between them; edges belong to
+    both. The products must be rounded before the difference (no fma), or the sign would not be exact.
 
-    For two coincident faces back to back, rounding would decide which is nearer. So distances of front faces are reduced, and
-    those of back faces increased, by `_FACING` times the sum of distance and `margin`: the face towards the ray's origin is
-    nearer, whatever the order, the tessellation and the space of the two. With margin None, for shadow rays, distances are
-    unchanged.
+    For two coincident faces back to back, rounding would decide which is nearer. Therefore distances of front faces are reduced,
+    and those of back faces increased, by `_FACING` times the sum of distance and `margin`: the face towards the ray's origin is
+    nearer, whatever their order, tessellation and space. With margin None, for shadow rays, distances are unchanged.
 
-    axes: row offsets (kx, ky, kz), kz of the direction's largest component; shear: (d[kx]/d[kz], d[ky]/d[kz], 1/d[kz]);
-    origin: permuted alike; base: the packet's address.
+    axes: row offsets (kx, ky, kz), where kz is the axis of the direction's largest component. shear: (d[kx]/d[kz], d[ky]/d[kz],
+    1/d[kz]). origin: in the order of these axes. base: the packet's address.
     """
     kx, ky, kz = axes
     ox, oy, oz = splat(origin[0]), splat(origin[1]), splat(origin[2])
@@ -73,7 +72,7 @@ def intersect_triangles(base, axes, shear, origin, margin, t_max):
     u = product(cx, by) - product(cy, bx)
     v = product(ax, cy) - product(ay, cx)
     w = product(bx, ay) - product(by, ax)
-    # A hit if all three have the same sign; 0 goes with both. A determinant of 0 fails the distance test.
+    # A hit if all three have the same sign, where 0 matches both. A determinant of 0 fails the distance test.
     zero = splat(_ZERO)
     inside = less_equal(zero, minimum(u, minimum(v, w))) | less_equal(maximum(u, maximum(v, w)), zero)
     determinant = u + v + w
@@ -88,7 +87,7 @@ def intersect_triangles(base, axes, shear, origin, margin, t_max):
 
 @device
 def is_beyond(after, limit, t, numbers):
-    """Returns a mask8 of the primitives beyond a hit: farther than `after[0]`, or equally far with a number above `limit`.
+    """Returns a mask8 of the primitives beyond a hit: those farther than `after[0]`, or equally far with a number above `limit`.
 
     numbers: the bits of the primitives' numbers, f32x8.
     """
@@ -98,12 +97,12 @@ def is_beyond(after, limit, t, numbers):
 
 @subroutine
 def intersect_spheres(base, origin, direction, t_max, after, limit, numbers):
-    """Intersects a ray with the spheres of a packet, ahead of its origin: (mask8, f32x8 distance of the first hit).
+    """Intersects a ray with the spheres of a packet, ahead of its origin; returns (mask8, f32x8 distance of the first hit).
 
-    after, limit, numbers: as for `is_beyond`, which then filters the hits; None: unfiltered.
+    after, limit, numbers: as for `is_beyond`, which then filters the hits; None: no filter.
 
-    In double precision: in single, the distance to a sphere of radius 1e5 would be wrong by its third decimal, and the
-    sphere would shadow itself in rings.
+    Computed in double precision: in single precision, the distance to a sphere of radius 1e5 would be wrong in its third decimal,
+    and the sphere would cast rings of shadow on itself.
     """
     never_inline()
     fx = to_double(splat(origin[0])) - to_double(load_from(base, np.uintp(0)))

@@ -1,7 +1,7 @@
-"""Trees for rays that do not intersect everything: camera rays and shadow rays.
+"""Trees for rays that do not intersect all primitives: camera rays and shadow rays.
 
-Nodes above primitives that such rays ignore are copied without them; all other nodes are shared. So these rays only start at
-another root node, and the traversal has no further test.
+Nodes above primitives that such rays ignore are copied without them; all other nodes are shared. These rays only start at another
+root node, and the traversal needs no further test.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ _CAMERA, _SHADOW = 0, 1  # indices into Bvh.ray_roots
 def exclude_primitives(laid: AssembledBvh, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[np.bool_]) -> AssembledBvh:
     """Returns the tree with separate root nodes for camera rays and shadow rays.
 
-    unseen, shadeless: (primitives,) bool: invisible to camera rays, or to shadow rays. All of these are in the world's own tree,
-    none in an instance's.
+    unseen, shadeless: (primitives,) bool: invisible to camera rays, or to shadow rays. All such primitives must be in the world's
+    own tree, not in an instance's.
     """
     if not (unseen.any() or shadeless.any()):
         return laid
@@ -42,7 +42,7 @@ def exclude_primitives(laid: AssembledBvh, unseen: npt.NDArray[np.bool_], shadel
 
 
 class _Rows:
-    """Rows appended to an array."""
+    """Collects rows to be appended to an array."""
 
     def __init__(self, first: int) -> None:
         self.first = first
@@ -65,14 +65,14 @@ def _longer(array: Array, more: _Rows) -> Array:
 def _ends(places: tuple[int, ...], first: int, array: Array) -> tuple[int, ...]:
     """Returns the start indices of the sections after rows were appended to the last one.
 
-    Empty sections at the end move with it.
+    Empty sections at the end are moved to the new end.
     """
     end = places[-1]
     return (*(first if place == end and number else place for number, place in enumerate(places[:-1])), len(array))
 
 
 def _without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _Rows) -> int:
-    """Appends the changed nodes and packets of a tree without some primitives; returns its root node."""
+    """Appends the nodes and packets of a tree that change if some primitives are omitted; returns the new root node."""
     child = bvh.node[:, ROW_CHILD].view(np.int32)
     there = bvh.node[:, 0] <= bvh.node[:, 1]
     number = bvh.packet[:, ROW_PRIMITIVE].view(np.int32)
@@ -123,7 +123,10 @@ def _with_gaps(packet: Array, is_out: npt.NDArray[np.bool_]) -> Array:
 
 
 def _above(child: npt.NDArray[np.int32], there: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    """Returns the parent of each node of the world's own tree, (N,); the root's is itself; -1 for all other nodes."""
+    """Returns the parent of each node, (N,).
+
+    The root is its own parent; nodes outside the world's own tree have -1.
+    """
     above = np.full(len(child), -1, np.int64)
     above[0] = 0
     level = np.zeros(1, np.int64)

@@ -1,6 +1,6 @@
 """Computes the keys of moving bodies for renderer/bvh/motion.py.
 
-By separate additions, products, quotients and roots, for all bodies at once: the same bits on every host.
+Uses separate additions, products, quotients and roots, for all bodies at once: the same bits on every host.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ _NEAR = 1e-9
 
 
 def motion_keys(places: F64) -> F64:
-    """Returns the motion keys (N, K, KEY_COLUMNS) of N bodies' transforms at K keys, (N, K, 3, 4): an invertible matrix, a
-    translation.
+    """Returns the motion keys (N, K, KEY_COLUMNS) of N bodies.
+
+    places: (N, K, 3, 4), their transforms at K keys: an invertible matrix and a translation.
     """
     turn, stretch = polar(places[:, :, :, :3])
     rotation = _quaternions(turn)
@@ -39,7 +40,7 @@ def motion_keys(places: F64) -> F64:
 
 
 def turned_by(keys: F64) -> float:
-    """Returns the greatest rotation angle, in radians, of any body between two consecutive keys; keys: from `motion_keys`."""
+    """Returns the largest rotation angle, in radians, of any body between two consecutive keys. keys: from `motion_keys`."""
     return 2.0 * float(keys[:, :, ANGLE].max(initial=0.0))
 
 
@@ -122,7 +123,7 @@ def _dot(a: F64, b: F64) -> F64:
 
 
 def _ways(rotation: F64) -> tuple[F64, F64]:
-    """Returns half the angle from each key's rotation to the next's, (N, K - 1), and 1 / its sine; 0 if almost none."""
+    """Returns half the angle from each key's rotation to the next one, (N, K - 1), and 1 / its sine; 0 for almost no rotation."""
     before, after = rotation[:, :-1], rotation[:, 1:]
     across, along = after - before, after + before  # an arc cosine is imprecise for small angles (Kahan 2006)
     far, near = np.sqrt(_dot(across, across)), np.sqrt(_dot(along, along))
@@ -143,9 +144,9 @@ def _arctangent(tangent: F64) -> F64:
 
 
 def _straight(places: F64) -> F64:
-    """Returns the point of each body's space, (N, 3), whose motion is closest to linear in equal steps from key to key.
+    """Returns the point of each body, (N, 3) in its own space, whose motion from key to key is closest to linear in equal steps.
 
-    For rotation about an axis it is a point of that axis; for rotation with translation, the centre of rotation.
+    For rotation about an axis it is a point on that axis; for rotation with translation, the centre of rotation.
     """
     if places.shape[1] < 3:
         return np.zeros((len(places), 3))

@@ -1,8 +1,8 @@
 """The eight-lane types f32x8, f64x8 and mask8 for kernels, and their operations.
 
-LLVM does not turn a plain loop over eight lanes into min, max and fused multiply-adds, so the instructions are emitted here as
-LLVM IR. The operators + - * / work on vectors of one type; comparisons return a mask8, which & and | combine.
-The compiler preserves their order, and fuses a * b + c as described in renderer/fused_multiply_add.py; `product` is not fused.
+LLVM does not convert a plain loop over eight lanes to min, max and fused multiply-adds, so the instructions are emitted here as
+LLVM IR. The operators + - * / apply to vectors of one type; comparisons return a mask8, which & and | combine. The compiler
+preserves their order, and fuses a * b + c as described in renderer/fused_multiply_add.py; `product` is not fused.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _DOUBLE = ir.DoubleType()
 
 
 def _operator(symbol: Any, lower: Callable[[Any, Any, Any], Any], *kinds: Lanes) -> None:
-    """Defines the operator `symbol` between two vectors of each of the types."""
+    """Defines the operator `symbol` between two vectors of the same type, for each type."""
 
     class Template(ConcreteTemplate):
         key = symbol
@@ -109,7 +109,7 @@ def fetch(typingctx, address):
 
 @intrinsic
 def load_from(typingctx, address, offset):
-    """Loads eight float32, from `offset` float32 after the address."""
+    """Loads eight float32, starting `offset` float32 after the address."""
 
     def codegen(context, builder, sig, args):
         first = builder.gep(builder.inttoptr(args[0], _FLOAT.as_pointer()), [args[1]])
@@ -122,7 +122,7 @@ def load_from(typingctx, address, offset):
 
 @intrinsic
 def load(typingctx, array, index):
-    """Loads eight float32 of a C-contiguous array, from its flat element `index` on. Unchecked."""
+    """Loads eight float32 of a C-contiguous array, starting at its flat element `index`. Unchecked."""
 
     def codegen(context, builder, sig, args):
         pointer = row_at(context, builder, sig.args[0], *args, ir.VectorType(_FLOAT, LANES))
@@ -135,7 +135,7 @@ def load(typingctx, array, index):
 
 @intrinsic
 def store(typingctx, array, index, value):
-    """Stores eight float32 into a C-contiguous array, from its flat element `index` on. Unchecked."""
+    """Stores eight float32 into a C-contiguous array, starting at its flat element `index`. Unchecked."""
 
     def codegen(context, builder, sig, args):
         pointer = row_at(context, builder, sig.args[0], args[0], args[1], ir.VectorType(_FLOAT, LANES))
@@ -187,7 +187,7 @@ def fma(typingctx, a, b, c):
 
 @intrinsic
 def product(typingctx, a, b):
-    """Returns a * b, rounded even as an operand of a sum, which would fuse a plain product (renderer/fused_multiply_add.py)."""
+    """Returns a * b, always rounded: as an operand of a sum, a plain product would be fused (renderer/fused_multiply_add.py)."""
     return a(a, b), lambda context, builder, sig, args: builder.fmul(*args)
 
 
@@ -199,7 +199,7 @@ def sqrt(typingctx, a):
 
 @intrinsic
 def minimum(typingctx, a, b):
-    """Returns the lesser of each pair; `b` if one is NaN (one vminps)."""
+    """Returns the minimum of each pair; `b` if one is NaN (one vminps)."""
 
     def codegen(context, builder, sig, args):
         return builder.select(builder.fcmp_ordered("<", *args), *args)
@@ -209,7 +209,7 @@ def minimum(typingctx, a, b):
 
 @intrinsic
 def maximum(typingctx, a, b):
-    """Returns the greater of each pair; `b` if one is NaN (one vmaxps)."""
+    """Returns the maximum of each pair; `b` if one is NaN (one vmaxps)."""
 
     def codegen(context, builder, sig, args):
         return builder.select(builder.fcmp_ordered(">", *args), *args)
@@ -231,7 +231,7 @@ def less_equal(typingctx, a, b):
 
 @intrinsic
 def flip(typingctx, a, b):
-    """Returns a, f32x8, with its sign flipped where b is negative (or -0)."""
+    """Returns a, f32x8, with the sign flipped in lanes where b is negative (or -0)."""
 
     def codegen(context, builder, sig, args):
         integers = ir.VectorType(_I32, LANES)
@@ -243,7 +243,7 @@ def flip(typingctx, a, b):
 
 @intrinsic
 def select(typingctx, mask, a, b):
-    """Returns `a` where the mask is set, else `b`; also for scalars, as a selection without a branch."""
+    """Returns `a` where the mask is set, else `b`. For scalars too, as a selection without a branch."""
 
     def codegen(context, builder, sig, args):
         value = builder.select(*args)

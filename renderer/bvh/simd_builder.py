@@ -1,4 +1,4 @@
-"""Eight-lane operations for the builder (see simd.py): in-place maximum of rows, and swapped halves."""
+"""Eight-lane operations for the builder (see simd.py): in-place maximum of rows, and swapping of halves."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["store_maximum", "swapped"]
 
 @intrinsic
 def store_maximum(typingctx, array, index, value):
-    """Replaces eight float32 of a C-contiguous array, from its flat element `index` on, by their maximum with an f32x8.
+    """Replaces eight float32 of a C-contiguous array, starting at its flat element `index`, by their maximum with an f32x8.
 
-    Unchecked. LLVM would turn the plain form into one masked store, which takes AMD's processors twenty times as long.
+    Unchecked. LLVM would convert the plain form to one masked store, which takes AMD's processors twenty times as long.
     """
 
     def codegen(context, builder, sig, args):

@@ -1,9 +1,9 @@
 """Per-ray constants for tests against boxes and triangles; for one ray or for eight lanes.
 
 Hit distances on triangles are rounded, and biased by the side that the ray hits (`intersect_triangles` in
-renderer/bvh/packet.py).
-Culling of boxes must allow for both, or the nearest hit would depend on the order in which boxes are visited. So all distances
-of boxes are reduced by a factor, `_NEARER`, and by a multiple of `_margin_of`: both exceed the bias.
+renderer/bvh/packet.py). Culling of boxes must allow for both, or the nearest hit would depend on the order in which boxes are
+visited. Therefore all distances of boxes are reduced by a factor, `_NEARER`, and by a multiple of `_margin_of`; both exceed the
+bias.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ _EARLIER = np.float32(1 - 2.0**-16)
 
 
 class RayConstants(NamedTuple):
-    """A ray's constants for `intersect_boxes` (node_test.py) and `intersect_triangles` (packet.py), by axis."""
+    """A ray's constants for `intersect_boxes` (node_test.py) and `intersect_triangles` (packet.py), per axis."""
 
     planes: Any  # first elements of the rows of a node that hold the near planes
     inverse: Any  # 1 / direction, for boxes
-    near: Any  # a near plane at x is met at x * inverse + near,
+    near: Any  # a near plane at x is hit at distance x * inverse + near,
     far: Any  # a far one at x * inverse + far
     axes: Any  # of a packet's corners: rows of the axes, permuted so that the last is the direction's largest
     shear: Any
-    origin: Any  # permuted alike
+    origin: Any  # in the order of `axes`
     margin: Any  # from `_margin_of`
 
 
 @device
 def _margin_of(o, scale):
-    """Returns the distance added to a hit's own in the bound of its error, for the rounding of coordinates.
+    """Returns the distance that is added to a hit's own distance in its error bound, for the rounding of coordinates.
 
     Two tessellations of one plane differ by the rounding of their vertices, some ulps of their coordinates, however short the ray
     is. scale: 1 / the direction's component of largest magnitude.
@@ -65,7 +65,7 @@ def _planes_of(o, inverse, margin):
 
 @device
 def entry_limit(t, margin):
-    """Returns the distance, at least 0, such that boxes ending before it contain no hit at distance t or beyond."""
+    """Returns a distance, at least 0, such that boxes that end before it contain no hit at distance t or beyond."""
     return max(t * _EARLIER - margin * _LEAD, _ZERO)
 
 
@@ -77,10 +77,10 @@ def _inverse(d):
 
 @device
 def ray_constants(o, d, width):
-    """Returns a ray's RayConstants; of eight rays if o and d are of lanes.
+    """Returns the RayConstants of a ray, or of eight rays if o and d consist of lanes.
 
-    width: WIDTH of renderer/bvh/layout.py, of the integers' type. Values are chosen without branches: which axis is the largest
-    cannot be predicted.
+    width: WIDTH of renderer/bvh/layout.py, in the type of the integers. Values are selected without branches, since the axis of
+    the largest component is unpredictable.
     """
     ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
     ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])

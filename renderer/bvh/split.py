@@ -1,10 +1,10 @@
 """Builds the binary tree under the BVH: binned splits by the surface area heuristic (SAH).
 
 After Wald, "On fast construction of SAH-based bounding volume hierarchies" (2007). A node's primitives are put into bins by their
-centroids along each axis; a sweep over the bins finds the cheapest plane between two; the primitives are partitioned by it.
+centroids along each axis; a sweep over the bins finds the cheapest plane between two bins; the primitives are partitioned by it.
 
-The descendants of a node of n primitives have 2 n - 2 reserved rows of the tree, filled from the front. So threads that split
-different parts of one tree (top.py) need no synchronisation.
+The descendants of a node of n primitives have 2 n - 2 reserved rows of the tree, filled from the front. Therefore threads that
+split different parts of one tree (top.py) need no synchronisation.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ __all__ = [
 BINS = 16
 SAH_DEPTH = 40  # below this depth ranges are halved: see STACK_SIZE in layout.py
 _FEW_BINS = 8
-_FEW = 24  # primitives, up to which few bins find an equally good plane
+_FEW = 24  # up to so many primitives, few bins find an equally good plane
 _LEAST_BINS = 4  # for nodes that fit a leaf
 _NODE_COST = np.float32(0.2)  # cost of one binary level, in units of a packet test; measured on meshes and on Cornell boxes
 _LEAF_SIZE = 8
@@ -60,7 +60,7 @@ _BELOW_ONE = np.float32(1.0 - 1e-6)  # so that the greatest centroid falls into 
 
 
 class Bins(NamedTuple):
-    """The bins of one node, axis after axis; the arrays are reused for every node."""
+    """The bins of one node for all axes; the arrays are reused for every node."""
 
     box: Any  # (3 * BINS, 8) f32; if fewer are used, those of the next axis follow immediately
     count: Any  # (3 * BINS,) i64, of primitives; an instance counts for eight
@@ -90,8 +90,9 @@ def new_bins() -> Bins:
 
 @device
 def lay_grid(grid, spread, i, bins):
-    """Sets up equal bins along each axis from the least centroid to the greatest; row i of `spread` holds the bounds of the
-    centroids.
+    """Sets up equal bins along each axis from the smallest centroid to the largest.
+
+    Row i of `spread`: the bounds of the centroids.
     """
     for k in range(4, 7):
         grid[0, k] = -spread[i, k - 4]
@@ -111,7 +112,7 @@ def _place(row, grid, last):
 def fill_bins(bins, box, first, end, used, solids, weights):
     """Adds boxes first ... end - 1 to the `used` bins of each of the three axes.
 
-    weights: by box number, for how many primitives each counts; None: for 1, or for 8 if its number is not below `solids`.
+    weights: number of primitives for which a box counts, by box number; None: 1, or 8 for box numbers from `solids` on.
     """
     for b in range(3 * used):
         clear(bins.box, b)
@@ -138,13 +139,13 @@ def fill_bins(bins, box, first, end, used, solids, weights):
 
 @device
 def _cost(box, count):
-    """Returns the SAH cost of the packets that `count` primitives in a box fill; infinite for none."""
+    """Returns the SAH cost of the packets that `count` primitives in a box fill; infinite for count 0."""
     return half_area(box) * np.float32((count + 7) >> 3) if count > 0 else _INF
 
 
 @device
 def cheapest_plane(bins, used):
-    """Returns the Plane of least expected cost by the SAH, between two of the `used` bins."""
+    """Returns the Plane of lowest SAH cost between two of the `used` bins."""
     best_axis, best_bin, best_cost = -1, 0, _INF
     for axis in range(3):
         if bins.grid[1, 4 + axis] == _ZERO:
@@ -176,10 +177,10 @@ def bound_sides(bins, axis, bin, used, tree_box, rows):
 
 @device
 def partition(box, first, end, grid, axis, bin, spread, left, right):
-    """Partitions boxes first ... end - 1 by a plane; returns where the right side begins.
+    """Partitions boxes first ... end - 1 by a plane; returns the index where the right side begins.
 
     Rows left and right of `spread` receive the bounds of the doubled centroids of either side. Every box is swapped with the
-    first one of the right side, even if unnecessary: a branch mispredicted half of the time would cost more.
+    first one of the right side, even if unnecessary: a branch that is mispredicted half of the time would cost more.
     """
     lower, scale = grid[0, 4 + axis], grid[1, 4 + axis]
     limit = np.float32(bin)
@@ -202,7 +203,7 @@ def partition(box, first, end, grid, axis, bin, spread, left, right):
 
 @device
 def _partition_by_kind(box, first, end, kind, triangles, solids):
-    """Partitions boxes by kind: the given kind to the left; returns where the others begin."""
+    """Partitions boxes by kind, the given kind to the left; returns the index where the others begin."""
     middle = first
     for i in range(first, end):
         if last_kind(box, i, triangles, solids) == kind:
@@ -213,7 +214,7 @@ def _partition_by_kind(box, first, end, kind, triangles, solids):
 
 @device
 def _gather(box, clusters, begin, end, local, spread, tree_box, node):
-    """Copies the boxes of these clusters' primitives to `local`, and the numbers of their bounds to the node's box."""
+    """Copies the boxes of these clusters' primitives to `local`, and sets the primitive numbers in the node's box."""
     nothing = splat(_NOTHING)
     whole, centroids = nothing, nothing
     at = np.uintp(0)
@@ -234,8 +235,8 @@ def _gather(box, clusters, begin, end, local, spread, tree_box, node):
 def split(box, clusters, parts, local, bins, spread, stack, triangles, solids, order, tree_box, tree):
     """Splits parts of a tree (from clusters.py) until every leaf is a packet of one kind, or one instance.
 
-    tree: left child (the right one is the next) or -1, first in `order`, count; tree_box: the nodes' boxes.
-    stack: (STACK, 4) i64, pending nodes: node, first box, end and depth; spread: (STACK, 8) f32, with the bounds of their doubled
+    tree: rows of (left child or -1, first index in `order`, count); the right child follows the left. tree_box: the nodes' boxes.
+    stack: (STACK, 4) i64, pending nodes: node, first box, end and depth. spread: (STACK, 8) f32, the bounds of their doubled
     centroids. local: scratch for the boxes of the largest part.
     """
     for p in range(len(parts)):

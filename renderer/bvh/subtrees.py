@@ -1,9 +1,9 @@
 """Assembles the world's tree from separately built subtrees: static geometry, moving bodies, and geometry rebuilt for each frame.
 
-A top-level tree is built above them; it alone is rebuilt if only transforms change.
+A top-level tree is built above them; if only transforms change, only this is rebuilt.
 
-In the arrays the top comes first, with spare room, so that the offsets of the others do not depend on its size. Each part begins
-at a page boundary: files of parts can be mapped consecutively (renderer/scene/compiled_parts.py).
+In the arrays the top comes first, with spare rows, so that the offsets of the others do not depend on its size. Each part begins
+at a page boundary, so that files of parts can be mapped consecutively (renderer/scene/compiled_parts.py).
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ Array = npt.NDArray[Any]
 Tree = tuple[Array, Array]  # nodes and packets, as returned by `renderer.bvh.build.tree_of`
 Room = Callable[
     [str, int, tuple[int, ...], Any, tuple[object, ...]], tuple[Array, bool]
-]  # Kept.room of renderer/scene/frame_reuse.py
+]  # ShotCache.room of renderer/scene/frame_reuse.py
 
 
 def padded(count: int, row_bytes: int) -> int:
-    """Returns the count of rows, rounded up so that they end at a page boundary."""
+    """Returns the number of rows, rounded up so that they end at a page boundary."""
     whole = PAGE // math.gcd(PAGE, row_bytes)
     return -(-count // whole) * whole
 
@@ -45,7 +45,7 @@ NODE_BYTES, PACKET_BYTES = NODE_ROWS * WIDTH * 4, PACKET_ROWS * WIDTH * 4
 
 
 class AssembledBvh(NamedTuple):
-    """The assembled arrays, and the offsets in them of top, static, bodies and loose parts; the last number is the end."""
+    """The assembled arrays, and the offsets in them of the top, static, bodies and loose parts, followed by the end."""
 
     bvh: Bvh
     node: tuple[int, ...]
@@ -67,14 +67,14 @@ def assemble_bvh(
     keys: Sequence[Array] = (),
     loose_keys: int = 1,
 ) -> AssembledBvh:
-    """Assembles the whole tree. still: a complete tree, perhaps with instances; loose: one of world-space geometry, without
-    instances.
+    """Assembles the whole tree.
 
-    first_triangle: the number of the first triangle of each body, and first_loose: of the loose geometry; both are numbered from
-    0 in their trees. shown: (J,) the body of each further instance; to_world: (I, 3, 4) of all, the J of the bodies last.
-    room: returns the arrays to fill, perhaps those of another frame with their content.
-    While the shutter is open: keys of each of the J, (K, KEY_COLUMNS), none for a static one, or None if all are static;
-    loose_keys: the number of keys of a packet of `loose`.
+    still: a complete tree, possibly with instances. loose: a tree of world-space geometry, without instances. first_triangle: the
+    number of the first triangle of each body; first_loose: that of the loose geometry. Their trees number triangles from 0.
+    shown: (J,) the body of each further instance. to_world: (I, 3, 4) transforms of all instances, the J of the bodies last.
+    room: returns the arrays to fill, possibly those of another frame with their content. For motion while the shutter is open:
+    keys: of each of the J instances, (K, KEY_COLUMNS), without rows for a static one; None if all are static. loose_keys: the
+    number of keys of a packet of `loose`.
     """
     moving = to_world[len(to_world) - len(shown) :]
     boxes, children = _below_top(still, bodies, loose, shown, moving, keys)
@@ -84,7 +84,7 @@ def assemble_bvh(
         NODE_BYTES,
     )
     packets = _starts([0, len(still.packet), sum(len(packet) for _, packet in bodies), len(loose[1])], PACKET_BYTES)
-    # Rows of cached parts are reused if the same part was written to the same place.
+    # Rows of cached parts are reused if the same part was written to the same rows.
     heads = (still.node, *(array for body in bodies for array in body), *nodes[1:4], *packets[1:4], *first_triangle)
     node, has_nodes = room("node", nodes[-1], (NODE_ROWS, WIDTH), np.float32, heads)
     packet, has_packets = room("packet", packets[-1], (PACKET_ROWS, WIDTH), np.float32, heads)
@@ -114,7 +114,7 @@ def assemble_bvh(
 
 
 def _starts(lengths: Sequence[int], row_bytes: int) -> tuple[int, ...]:
-    """Returns the offsets of parts with these row counts, each at a page boundary, and the end of the last."""
+    """Returns the offsets of parts with these row counts, each at a page boundary, followed by the end of the last."""
     starts = [0]
     for i, length in enumerate(lengths):
         follows = any(lengths[i + 1 :])
@@ -131,7 +131,7 @@ def _put(tree: Tree, node: Array, packet: Array, first_node: int, first_packet: 
 def _below_top(
     still: Bvh, bodies: Sequence[Tree], loose: Tree, shown: Array, moving: Array, keys: Sequence[Array]
 ) -> tuple[Array, Array]:
-    """Returns the boxes under the top, (n, 2, 3), and what each is: 0 the static tree, 1 the loose one, else an instance + 2."""
+    """Returns the boxes below the top, (n, 2, 3), and their contents: 0 the static tree, 1 the loose one, 2 + i an instance."""
     placed = instance_boxes(list(bodies), shown, moving)
     for number, each in enumerate(keys):
         if len(each):
@@ -146,7 +146,7 @@ def _below_top(
 
 
 def _put_top(top: Array, number: Array, node: Array, room: int) -> None:
-    """Writes the top into its reserved rows; number: the child reference of each subtree under it."""
+    """Writes the top into its reserved rows. number: the child reference of each subtree below it."""
     node[: len(top)] = top
     node[len(top) : room] = 0
     child = node[: len(top), ROW_CHILD].view(np.int32)

@@ -1,6 +1,6 @@
 """Builds the binary tree with all threads: its top over clusters of primitives (clusters.py), and the subtrees part by part.
 
-The division into parts depends on the primitives only, so the tree does not depend on the number of threads.
+The division into parts depends only on the primitives, so the tree does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Integers = npt.NDArray[Any]
 
 
 def part_size(count: int) -> int:
-    """Returns the number of primitives of the parts that a tree over `count` is divided into."""
+    """Returns the number of primitives per part, into which a tree over `count` primitives is divided."""
     return max(LEAST_PART, -(-count // MOST_PARTS))
 
 
@@ -62,7 +62,7 @@ def split_all(box: F32, triangles: int, solids: int, team: Team) -> BinaryTree:
 
 
 def _sparse(shape: tuple[int, int], item: type[np.generic]) -> npt.NDArray[Any]:
-    """Allocates an array whose pages take memory only once written: leaves of several primitives leave most rows unused.
+    """Allocates an array whose pages occupy memory only once written, since leaves of several primitives leave most rows unused.
 
     NumPy's own allocation would use huge pages, each resident as a whole.
     """
@@ -92,7 +92,7 @@ def _top(box: F32, solids: int, part: int, binary: BinaryTree, team: Team) -> It
 
 
 def _sources(clusters: Clusters, part: Integers) -> Integers:
-    """Returns the primitives of a part."""
+    """Returns the primitives of a part, as indices of boxes."""
     number = numbers_of(clusters.box[part[5] : part[6]])
     return np.concatenate([clusters.source[clusters.first[c] : clusters.first[c] + clusters.count[c]] for c in number])
 

@@ -1,4 +1,4 @@
-"""Transforms of instances with the same bits on every host, without LAPACK, whose last bits depend on the processor."""
+"""Inverts and measures transforms of instances, with the same bits on every host: LAPACK's last bits depend on the processor."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def invert_transforms(transform: F64) -> F64:
 
 
 def scale_range(transform: F64) -> F64:
-    """Returns the greatest and least scale of (I, 3, 4) transforms, (I, 2); NaN if not finite."""
+    """Returns the maximum and minimum scale of (I, 3, 4) transforms, (I, 2); NaN if not finite."""
     transform = np.ascontiguousarray(transform, np.float64).reshape(-1, 3, 4)
     found = np.empty((len(transform), 2))
     _stretch(transform, np.empty((3, 3)), found)
@@ -32,7 +32,7 @@ def scale_range(transform: F64) -> F64:
 
 @device
 def _cofactor(m, i, row, column):
-    """Returns a cofactor of the transform's matrix."""
+    """Returns the cofactor of a matrix element of transform i."""
     a, b = (row + 1) % 3, (row + 2) % 3
     c, d = (column + 1) % 3, (column + 2) % 3
     return m[i, a, c] * m[i, b, d] - m[i, a, d] * m[i, b, c]
@@ -40,7 +40,7 @@ def _cofactor(m, i, row, column):
 
 @entry
 def _invert(transform, inverse):
-    """Inverts transforms by Cramer's rule; nearly singular ones are rejected earlier (renderer/scene/instances.py)."""
+    """Inverts transforms by Cramer's rule. Nearly singular ones were rejected before (renderer/scene/instances.py)."""
     for i in range(len(transform)):
         determinant = 0.0
         for k in range(3):
@@ -57,7 +57,7 @@ def _invert(transform, inverse):
 
 @entry
 def _stretch(transform, column, found):
-    """Computes the greatest and least singular value: the column lengths after rotations have made the columns orthogonal.
+    """Computes the maximum and minimum singular value: the column lengths after rotations have made the columns orthogonal.
 
     One-sided Jacobi: Golub & Van Loan, "Matrix Computations", 8.6.3. column: scratch, (3, 3).
     """
@@ -106,8 +106,8 @@ def _stretch(transform, column, found):
 def place_boxes(box, first, shown, to_world, slack, placed):
     """Fills placed (I, 2, 3): lower and upper corners of the world-space bounds of all boxes of each instance's tree.
 
-    box: (B, 2, 3) f64, of all trees, those of tree g from first[g] on; shown: (I,) the tree of each instance. slack: the relative
-    enlargement of a box by its size and position. A tree without boxes becomes a point.
+    box: (B, 2, 3) f64, the boxes of all trees; those of tree g start at first[g]. shown: (I,) the tree of each instance. slack:
+    the enlargement of a box relative to its size and position. A tree without boxes becomes a point.
     """
     for i in range(len(shown)):
         tree = shown[i]

@@ -3,11 +3,11 @@
 Ray-box slab tests use one fused multiply-add per plane. Its rounding is covered by a slack that each ray adds to its constants
 (and the builder to the boxes), so that no box with a hit is missed, including flat boxes and boxes that touch along an edge. A
 node's children are visited from the nearest to the farthest that is not farther than the hit so far: a vector of keys (distances
-whose last bits hold the lane) is all the state of a node, and the next key is found while the last leaf is tested. Shadow rays
-visit children in any order, leaves first.
+whose last bits contain the lane) is the whole state of a node, and the next key is computed while the last leaf is tested. Shadow
+rays visit children in any order, leaves first.
 
-Hits are ordered by (distance, instance, primitive), the world's before those of instances: of hits at equal distance the one
-with the lower number is the nearest. A ray that passes through a surface continues from the same origin, beyond that hit
+Hits are ordered by (distance, instance, primitive), those of the world before those of instances: of hits at equal distance the
+one with the lower number is the nearest. A ray that passes through a surface continues from the same origin, beyond that hit
 (`after`): it misses no surface and hits none twice, however close they are.
 """
 
@@ -71,7 +71,7 @@ __all__ = [
 NO_PRIMITIVE = np.int32(-1)
 _YES, _NO = np.bool_(True), np.bool_(False)
 FACING = _YES  # `facing` of `closest_hit`
-# Share of a shadow ray along which surfaces occlude: by rounding, a distant light's own surface may be hit just before the end.
+# Fraction of a shadow ray along which surfaces occlude: rounding may cause a hit on a distant light's surface just before the end.
 SHADOW_REACH = np.float32(1 - 2.0**-21)
 _ROOT = np.int32(0)
 _ZERO = np.float32(0.0)
@@ -108,15 +108,15 @@ def new_stack() -> npt.NDArray[np.float32]:
 
 @device
 def _lanes(vector):
-    """Returns three numbers in all lanes."""
+    """Returns the three numbers of a vector, each broadcast to all lanes."""
     return splat(vector[0]), splat(vector[1]), splat(vector[2])
 
 
 @device
 def _prepared(o, d, after, facing):
-    """Returns a ray's (constants of `intersect_boxes`; those of packets; distance before which boxes need not be visited).
+    """Returns a ray's (constants for `intersect_boxes`, constants for packets, distance before which boxes need not be visited).
 
-    The constants of packets: axes, shear, permuted origin, and the margin for `intersect_triangles`. after, facing: as of
+    The constants for packets: axes, shear, permuted origin, and the margin for `intersect_triangles`. after, facing: as for
     `closest_hit`.
     """
     ray = ray_constants(o, d, _W)
@@ -157,7 +157,7 @@ def place_at(bvh, leaf, stack, time):
 
 @device
 def _blocks(place, leaf, o, d, constants, t_max):
-    """Returns True if a leaf's packet, at that address, occludes a shadow ray. constants: of `_prepared`."""
+    """Returns True if the packet of a leaf, at address `place`, occludes a shadow ray. constants: from `_prepared`."""
     axes, shear, permuted, _ = constants
     if leaf & SPHERES:
         return bits(intersect_spheres(place, o, d, t_max, None, None, None)[0]) != np.uint32(0)
@@ -166,7 +166,7 @@ def _blocks(place, leaf, o, d, constants, t_max):
 
 @device
 def _met(place, leaf, o, d, constants, t_max, after, limit, numbers):
-    """Intersects a ray with a leaf's packet: (mask8, distance, u, v, determinant), still to be divided."""
+    """Intersects a ray with a leaf's packet; returns (mask8, distance, u, v, determinant), not yet divided by the determinant."""
     axes, shear, permuted, margin = constants
     if leaf & SPHERES:
         hit, t = intersect_spheres(place, o, d, t_max, after, limit, numbers)
@@ -176,10 +176,10 @@ def _met(place, leaf, o, d, constants, t_max, after, limit, numbers):
 
 @device
 def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
-    """Updates the nearest hit so far, (whether there is one, distance, primitive, u, v), with a leaf's packet.
+    """Updates the nearest hit, (whether there is one, distance, primitive, u, v), by intersecting a leaf's packet.
 
-    tie: a hit at the same distance is nearer if its primitive's number is lower than this. after: as of `closest_hit`; limit: of
-    `_limit`.
+    tie: a hit at the same distance is nearer if its primitive's number is lower than this. after: as for `closest_hit`. limit:
+    from `_limit`.
     """
     numbers = load(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES)
     hit, t, b, c, determinant = _met(place, leaf, o, d, constants, found[1] * MORE, after, limit, numbers)
@@ -197,7 +197,7 @@ def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
 
 @device
 def _limit(after, number):
-    """Returns the primitive that ends a ray's `after` in one space, the world's (-1) or an instance's."""
+    """Returns the last primitive to skip at the distance of `after`, in the world (number -1) or in instance `number`."""
     limit = ANY_PRIMITIVE
     if after is not None:
         limit = select(number > after[1], NO_PRIMITIVE, select(number < after[1], ANY_PRIMITIVE, after[2]))
@@ -206,7 +206,7 @@ def _limit(after, number):
 
 @device
 def _enter(node, base, slabs, t_min, best):
-    """Returns the keys of the children that the ray hits nearer than `best`, and the least key."""
+    """Returns the keys of the children that the ray enters before `best`, and the smallest key."""
     met, distance = intersect_boxes(node, base, *slabs, t_min, best)
     keys = hit_keys(met, distance)
     return keys, minimum_key(keys)
@@ -219,7 +219,7 @@ def _child(node, base, lane):
 
 @device
 def _push(stack, top, base, keys, key):
-    """Pushes a node's other children on the stack; returns the new top."""
+    """Pushes a node's other children on the stack; returns the stack's new top."""
     store(stack, top, keys)
     store_int(stack, top + _W, key)
     store_int(stack, top + _W + np.uintp(1), np.int32(base // _NODE))
@@ -228,7 +228,7 @@ def _push(stack, top, base, keys, key):
 
 @device
 def _pop(stack, top):
-    """Pops (node, keys, least key) from the stack."""
+    """Pops (node, keys, smallest key) from the stack."""
     key = load_int(stack, top + _W)
     base = np.uintp(np.uint32(load_int(stack, top + _W + np.uintp(1)))) * _NODE
     return base, load(stack, top), key
@@ -236,9 +236,9 @@ def _pop(stack, top):
 
 @subroutine
 def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, after, facing):
-    """Finds the hit in an instance's tree that is nearer than `best`: (distance, primitive, u, v); NO_PRIMITIVE if there is none.
+    """Finds the closest hit nearer than `best` in an instance's tree: (distance, primitive, u, v); NO_PRIMITIVE if there is none.
 
-    holder: the instance of the hit at distance `best`, -1 for the world; after, facing: as of `closest_hit`.
+    holder: the instance of the hit at distance `best`, -1 for the world. after, facing: as for `closest_hit`.
     """
     never_inline()
     number = np.int32(number)
@@ -290,9 +290,10 @@ def shadow_root(bvh):
 def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None, facing=FACING):
     """Returns the closest Hit along o + t d with 0 < t < t_max. stack: from `new_stack`.
 
-    time: of the shutter, 0 ... 1; None if nothing moves, or for its middle. root: the node to start at. after: only hits beyond
-    this one, (distance, instance, primitive), count; FROM_ORIGIN or None: all. facing: FACING: of coincident faces the one that
-    faces the origin is the closest (`intersect_triangles`); None: hits have the distances of `any_hit`.
+    time: shutter time, 0 ... 1; None if nothing moves, or for the middle of the shutter. root: the node at which to start. after:
+    only hits beyond this one, (distance, instance, primitive), are considered; FROM_ORIGIN or None: all. facing: FACING: of
+    coincident faces the one that faces the origin is the closest (`intersect_triangles`); None: hits have the distances of
+    `any_hit`.
     """
     slabs, constants, t_min = _prepared(o, d, after, facing)
     limit = _limit(after, WORLD)
@@ -335,7 +336,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None, faci
 
 @subroutine
 def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
-    """Returns True if a ray hits anything in an instance's tree; as `any_hit`."""
+    """Returns True if a ray hits anything in an instance's tree; see `any_hit`."""
     never_inline()
     o, d = ray_to_instance(bvh, number, o, d, time)
     slabs, constants, _ = _prepared(o, d, None, None)
@@ -360,7 +361,7 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
 
 @device
 def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
-    """Returns True if anything is hit along o + t d with 0 < t < t_max. stack, time, root: as of `closest_hit`."""
+    """Returns True if anything is hit along o + t d with 0 < t < t_max. stack, time, root: as for `closest_hit`."""
     slabs, constants, _ = _prepared(o, d, None, None)
     top = np.uintp(0)
     child = np.int32(root)

@@ -31,9 +31,9 @@ MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 
 
 class Batch(NamedTuple):
-    """The samples to render: `count` from number `first` on, for each pixel of a tile with its corner at (x, y).
+    """The samples to render: `count` samples from number `first` on, for each pixel of a tile whose upper left corner is (x, y).
 
-    origin: the compiled scene's origin in the film's fixed point; added to the position of each first hit.
+    origin: the compiled scene's origin in the film's fixed point, which is added to the position of each first hit.
     """
 
     x: int
@@ -44,18 +44,18 @@ class Batch(NamedTuple):
 
 
 class Output(NamedTuple):
-    """The arrays to which a batch is written."""
+    """The arrays to which a batch's results are written."""
 
     sums: npt.NDArray[np.int64]  # (CHANNELS, h, w), added to; its size is the tile's
-    bad: npt.NDArray[np.int64]  # (MAX_BAD, 3): x, y and number of samples that were NaN or infinite and so left out
+    bad: npt.NDArray[np.int64]  # (MAX_BAD, 3): x, y and number of samples that were NaN or infinite, which are not in the sums
     log: npt.NDArray[np.float64]  # rows for the last sample's path_trace.py, or none
 
 
-# Each is compiled at its first call. For frames there is a path tracer without other features, which follows many
-# paths at once.
+# Each kernel is compiled at its first call. Frames are rendered by a separate path tracer without other features, which processes
+# many paths at once.
 
 
-# The scene is handed to what does the work by reference (renderer/reference.py).
+# The scene is passed by reference to the functions that do the work (renderer/reference.py).
 
 
 @subroutine
@@ -103,9 +103,9 @@ def _render_ao(scene, stack, camera, options, batch, output):
 
 
 def has_variants(settings: RenderSettings) -> bool:
-    """Returns True if the kernel for these settings has variants with fewer features: only the pool path tracer does.
+    """Returns True if the kernel for these settings has variants with fewer features, which only the pool path tracer has.
 
-    The other kernels are compiled with all features, so that each compiles only once.
+    The other kernels are compiled with all features, so that each is compiled only once.
     """
     return renderer_of(settings) is _render_pool
 
@@ -132,5 +132,5 @@ def pool_stages(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
 
 
 def new_scratch(renderer: Renderer, width: int, height: int) -> Any:
-    """Returns the scratch memory that a kernel needs for a batch of a tile of that size."""
+    """Returns the scratch memory that a kernel needs for a batch of a tile of width x height pixels."""
     return pool_for(width, height) if renderer is _render_pool else new_stack()

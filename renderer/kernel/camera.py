@@ -30,13 +30,12 @@ Vector = tuple[np.float32, np.float32, np.float32]
 
 
 class Camera(NamedTuple):
-    """A view in the form that kernels read; numbers are float32 except the kind. Film points (x, y) are in pixels from the upper
-    left.
+    """A view in the form that kernels read.
 
-    perspective: the point in focus for (x, y) is eye + focus * (corner + x * across + y * down); the components of corner, across
-    and down along the line of sight are 1, 0, 0.
-    orthographic: the ray starts at eye + corner + x * across + y * down, in direction `forward`.
-    panorama: longitude and latitude are `turns` times the offset of x and y from the middle.
+    Numbers are float32 except the kind; film points (x, y) are in pixels from the upper left. perspective: the point in focus for
+    (x, y) is eye + focus * (corner + x * across + y * down); the components of corner, across and down along the line of sight
+    are 1, 0, 0. orthographic: the ray starts at eye + corner + x * across + y * down, in direction `forward`. panorama: longitude
+    and latitude are `turns` times the offset of x and y from the middle.
     """
 
     kind: np.int32
@@ -50,14 +49,14 @@ class Camera(NamedTuple):
     aperture: np.float32  # radius of the lens
     focus: np.float32  # along the line of sight
     near: np.float32  # along the line of sight, where rays start
-    middle: tuple[np.float32, np.float32]  # where the line of sight meets the film
+    middle: tuple[np.float32, np.float32]  # intersection of the line of sight with the film
     turns: tuple[np.float32, np.float32]  # a pixel of the panorama, in turns
     motion: npt.NDArray[np.float64]  # (K, KEY_COLUMNS) of right, up, back and eye (renderer/bvh/motion.py); or no rows
     lens: npt.NDArray[np.float64]  # (K, 6): a pixel's width, aperture, focus, near, middle 2
 
 
 def camera_frame(settings: RenderSettings) -> Camera:
-    """Returns the Camera of the settings' view, picture size, and views while the shutter is open."""
+    """Returns the Camera for the settings: their view, picture size, and views while the shutter is open."""
     view = settings.view
 
     def vector(v: npt.NDArray[np.float64]) -> Vector:
@@ -95,7 +94,7 @@ def _motion(views: tuple[View, ...]) -> npt.NDArray[np.float64]:
 
 
 def axes_of(view: View) -> tuple[npt.NDArray[np.float64], ...]:
-    """Returns the unit vectors right, up and back, and the eye, in world space: the columns of the camera's transform."""
+    """Returns the columns of the camera's transform: the unit vectors right, up and back, and the eye, in world space."""
     eye = np.array(view.eye, np.float64)
     sight = np.array(view.target, np.float64) - eye
     forward = sight / _length(sight)
@@ -111,15 +110,15 @@ def _length(vector: npt.NDArray[np.float64]) -> float:
 
 
 def extent_at_one(view: View) -> float:
-    """Returns the height, at distance 1, of what a perspective view shows."""
+    """Returns the visible height of a perspective view at distance 1."""
     sine, cosine = sin_cos(math.radians(view.fov) / 2.0)
     return 2.0 * sine / cosine
 
 
 def _lens(view: View, settings: RenderSettings) -> tuple[float, float, float, float, float, float]:
-    """Returns (pixel size, aperture, focus, near, and the line of sight's x and y on the film, in pixels).
+    """Returns (pixel size, aperture, focus, near, x and y of the line of sight on the film in pixels).
 
-    The pixel size is at distance 1, or in scene units for an orthographic view.
+    The pixel size is measured at distance 1; for an orthographic view it is in scene units.
     """
     width, height = settings.width, settings.height
     extent = view.height if view.projection == "orthographic" else extent_at_one(view)
@@ -139,7 +138,7 @@ def _panorama_ray(camera, x, y):
 
 @device
 def _lens_ray(camera, towards, u):
-    """Returns a thin lens ray (origin, unit direction) in world space.
+    """Returns a ray through a thin lens: (origin, unit direction) in world space.
 
     All rays of a film point intersect in the plane of focus (Cook et al. 1984).
     """
@@ -150,9 +149,9 @@ def _lens_ray(camera, towards, u):
 
 @device
 def camera_ray(camera, x, y, u):
-    """Returns the ray through film point (x, y), in pixels: (origin, unit direction, distance from the lens to the origin).
+    """Returns the ray through film point (x, y) in pixels: (origin, unit direction, distance from the lens to the origin).
 
-    u: two numbers in [0, 1) that select the point on the lens. Works on one sample or on eight lanes.
+    u: two numbers in [0, 1) that select the point on the lens. For one sample or for eight lanes.
     """
     if camera.kind == PANORAMA:
         return _panorama_ray(camera, x, y)
@@ -178,7 +177,7 @@ def _of_lens(camera, column, step, share):
 
 @subroutine
 def _camera_at(camera, x, y, u, v, time):
-    """Returns `camera_ray` of the camera interpolated to a shutter time. u, v: the lens sample."""
+    """Returns `camera_ray` for the camera interpolated to a shutter time. u, v: the lens sample."""
     a, b, c = placed_at(camera.motion, 0, len(camera.motion), time)
     step, share = step_at(time, len(camera.motion))
     pixel = _of_lens(camera, 0, step, share)
@@ -211,7 +210,7 @@ def _camera_at(camera, x, y, u, v, time):
 
 @device
 def moving_ray(camera, x, y, u, time):
-    """Returns `camera_ray` at a shutter time, 0 ... 1, for a camera that may move. Works on one sample or on eight lanes."""
+    """Returns `camera_ray` at a shutter time, 0 ... 1, for a camera that may move. For one sample or for eight lanes."""
     if len(camera.motion) > 0:
         return each_lane(_camera_at, x == x, (camera, x, y, u[0], u[1], time))
     return camera_ray(camera, x, y, u)

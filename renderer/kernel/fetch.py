@@ -3,7 +3,7 @@
 Numba's own indexing checks each index for a negative value and loads the table's strides. A path reads about a hundred rows, and
 a sixth of its instructions were spent on that.
 
-An index may also be a u32x8: then each column is a vector of eight lanes, f32x8 or, for int32, u32x8.
+An index may also be a u32x8. Then each column is a vector of eight lanes: f32x8, or u32x8 for int32.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def _index(builder, number):
 
 
 def _values(context, builder, sig, table, number, width, first, known=None):
-    """Emits a tuple of the row's values from column `first` on. known: `first` as a Python integer where it is a constant."""
+    """Emits a tuple of the row's values from column `first` on. known: `first` as a Python integer if it is a constant."""
     data = context.make_array(sig.args[0])(context, builder, table).data
     if is_wide(sig.args[1]):
         count = sig.return_type.count
@@ -68,7 +68,7 @@ def row(typingctx, table, number, width):
 
 @intrinsic(prefer_literal=True)
 def columns(typingctx, table, number, width, first, count):
-    """Returns `count` columns of a row from `first` on, see `row`; width and count are literals."""
+    """Returns `count` columns of a row from `first` on; see `row`. width, count: literals."""
     wide = width.literal_value
     numbers = types.UniTuple(_number(table, number), count.literal_value)
     known = first.literal_value if isinstance(first, types.IntegerLiteral) else None

@@ -1,4 +1,4 @@
-"""The film's fixed-point format and the half buffer for noise estimation, for kernels; see renderer/film.py."""
+"""The film's fixed-point format, and the half buffer for noise estimation, for kernels; see renderer/film.py."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _ROUNDER = 1.5 * 2.0**52  # added to a double below 2**51, rounds it to an integ
 
 @device
 def fixed(value, scale):
-    """Returns a value in the film's fixed point, clamped. Scaling by a power of two is exact; the conversion rounds once."""
+    """Converts a value to the film's fixed point, clamped. Scaling by a power of two is exact; the conversion rounds once."""
     return np.int64(np.rint(min(max(value, -_MOST), _MOST) * scale))
 
 
 @device
 def in_half(sample):
-    """Returns True if a sample belongs to the half buffer, as renderer.film.in_half: tests the second highest bit of the number.
+    """Returns True if a sample number belongs to the half buffer, like renderer.film.in_half: if its second highest bit is 0.
 
-    The bit is the top bit of the float32's mantissa.
+    That bit is the top bit of the mantissa of the number as float32.
     """
     second = np.int32(np.float32(sample).view(np.int32) >> _MANTISSA_TOP) & 1
     return second == 0 and sample != 1
@@ -39,8 +39,9 @@ def in_half(sample):
 
 @intrinsic
 def of_sample(typingctx, light, one, halved):
-    """Returns a sample's contribution to its pixel, f32x8: three channels of light and `one`, twice; the second copy is 0 unless
-    `halved`.
+    """Returns a sample's contribution to its pixel, f32x8: three channels of light and `one`, twice.
+
+    The second copy, for the half buffer, is 0 unless `halved`.
     """
 
     def codegen(context, builder, sig, args):
@@ -56,7 +57,7 @@ def of_sample(typingctx, light, one, halved):
 
 @intrinsic
 def _add_rounded(typingctx, sums, index, values, scale):
-    """Adds rint(value * scale) of eight values, |value * scale| < 2**51, to eight int64 from a flat index on."""
+    """Adds rint(value * scale) of eight values to eight int64 from a flat index on. |value * scale| must be below 2**51."""
 
     def codegen(context, builder, sig, args):
         pointer = row_at(context, builder, sig.args[0], args[0], args[1], _WORDS)

@@ -1,4 +1,4 @@
-"""The settings that affect a sample's colour, except view and environment, as kernels read them."""
+"""The settings that affect a sample's colour, except view and environment, in the form that kernels read."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NO_MISTAKE, LIGHT_CUTOFF, ATTENUATION = (np.int32(MISTAKES.index(name)) for name
 
 
 class Options(NamedTuple):
-    """The kernel's settings; names are replaced by their indices in the tuples of renderer/settings.py."""
+    """The kernel's settings. Names are replaced by their indices in the tuples of renderer/settings.py."""
 
     seed: np.uint32
     sampler: np.int32
@@ -46,16 +46,16 @@ class Options(NamedTuple):
     transmission_limit: np.float32  # transmissions likewise
     transparency_depth: np.float32  # surfaces that a path passes by their alpha; infinite: no limit
     has_depths: bool  # whether any of these four is a limit
-    transmission_depth: int  # upper bound of smooth transmissions, which are not counted as segments; 0: they are
+    transmission_depth: int  # upper bound of smooth transmissions, which do not count as segments; 0: they do
     light_samples: int
-    splitting: int  # branches that a path's first vertex scatters it into
+    splitting: int  # number of branches into which a path's first vertex scatters it
     scale: np.float32  # 2**film_exponent
     clamp: np.float32  # 0: none
     roulette: np.float32  # 0: by throughput
     roulette_floor: np.float32
     ao_distance: np.float32  # infinite: no limit
     ambient: tuple[np.float32, np.float32, np.float32]
-    transparent: bool  # whether anything in the scene lets light pass by its alpha
+    transparent: bool  # whether any material in the scene transmits light by its alpha
 
 
 def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
@@ -90,9 +90,9 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
 
 
 def _limit(settings: RenderSettings, name: str) -> float:
-    """Returns a depth limit by kind; infinite if it is off, or the integrator ignores it.
+    """Returns a depth limit by kind; infinite if it is switched off, or if the integrator ignores it.
 
-    The largest transmission depth is enforced without counting, by the upper bound of uncounted segments.
+    The largest transmission depth needs no counter: the upper bound of uncounted segments enforces it.
     """
     declared, value = SETTINGS[name], getattr(settings, name)
     is_read = not declared.shown.integrators or settings.integrator in declared.shown.integrators
@@ -101,8 +101,9 @@ def _limit(settings: RenderSettings, name: str) -> float:
 
 
 def is_special(settings: RenderSettings) -> bool:
-    """Whether the settings need the single-path integrator: other strategies, deliberate errors, or several light samples per
-    vertex.
+    """Returns True if the settings need the scalar path tracer of lineage/path.py.
+
+    They are: other strategies to find light, deliberate errors, or several light samples per vertex.
     """
     plain = settings.sampling == "mis" and settings.heuristic == "power"
     return not plain or settings.mistake != "" or settings.light_samples > 1

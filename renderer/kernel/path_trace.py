@@ -1,7 +1,7 @@
-"""The record of one path for inspection of a pixel: a row of numbers for each thing that its ray hit.
+"""The record of one path for inspection of a pixel: a row of numbers for each surface or medium event that its ray hit.
 
-Integrators write it when they are given rows. Frames are rendered without rows by the same machine code, so the record matches
-the film to the bit.
+Integrators fill it if they are given rows. Frames are rendered without rows by the same machine code, so the record has the same
+bits as the film.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def _record(log, row, kind, distance, point, normal, ray, path):
 
 @device
 def record_surface(log, row, surface, point, through, distance, ray, path):
-    """Records the surface hit by the path's ray, and whether the path passed through it, with the throughput on arrival.
+    """Records the surface hit by the path's ray, the throughput on arrival, and whether the path passed through the surface.
 
     log: the rows; a row beyond the last is not recorded. row: an integer, or a float without fraction.
     """
@@ -76,9 +76,9 @@ def record_surface(log, row, surface, point, through, distance, ray, path):
 
 @device
 def record_medium(log, row, point, distance, ray, path):
-    """Records a scattering point in a medium at `distance` along the ray, with the throughput on arrival.
+    """Records a scattering point in a medium at `distance` along the ray, and the throughput on arrival.
 
-    log, row: as in `record_surface`.
+    log, row: as for `record_surface`.
     """
     entry = np.int64(row)
     if entry < len(log):
@@ -89,7 +89,7 @@ def record_medium(log, row, point, distance, ray, path):
 
 @device
 def record_miss(log, row, ray, path):
-    """Records that the path's ray missed all surfaces and reached the environment. log, row: as in `record_surface`."""
+    """Records that the path's ray missed all surfaces and reached the environment. log, row: as for `record_surface`."""
     entry = np.int64(row)
     if entry < len(log):
         log[entry, OBJECT] = 0
@@ -107,9 +107,9 @@ def _record_light(log, row, column, radiance):
 
 @device
 def record_light(log, row, column, radiance):
-    """Records the accumulated radiance: from column EMITTED on with the vertex's emission, from DIRECT on with direct light.
+    """Records the accumulated radiance: in columns from EMITTED on, with the vertex's emission.
 
-    log, row: as in `record_surface`.
+    From DIRECT on, with direct light. log, row: as for `record_surface`.
     """
     entry = np.int64(row)
     if entry < len(log):

@@ -1,7 +1,7 @@
-"""Approximations of sin, cos, exp, log, pow and others in float32; the C library's results differ between hosts.
+"""Approximations of sin, cos, exp, log, pow and others in float32, since the C library's results differ between hosts.
 
 Each is a polynomial after range reduction, with coefficients from weighted least squares that approach the minimax error. They
-work on one number or on eight lanes (renderer/wide).
+accept one number or eight lanes (renderer/wide).
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def floor(x):
 def sincos_turns(turns):
     """Returns (sin, cos) of 2 pi turns, |turns| < 2**20; absolute error below 4e-7.
 
-    Free of branches, since a random angle's quadrant is unpredictable: with y = |x| - 1/4 for the remainder x after the nearest
+    Has no branches, since a random angle's quadrant is unpredictable: with y = |x| - 1/4 for the remainder x after the nearest
     whole turn, cos(2 pi x) = -sin(2 pi y) and sin(2 pi |x|) = cos(2 pi y), and y spans only half a turn.
     """
     x = turns - rint(turns)

@@ -78,7 +78,7 @@ def cross(a, b):
 
 @device
 def normalize(a):
-    """Returns a scaled to length 1; NaN where a is zero."""
+    """Returns a scaled to length 1; NaN if a is zero."""
     return scale(a, _ONE / math.sqrt(dot(a, a)))
 
 

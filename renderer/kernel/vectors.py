@@ -1,6 +1,6 @@
-"""Motion vector inputs: world positions of the points seen at pixel centres at shutter opening, middle and closing.
+"""Inputs of motion vectors: world positions, at shutter opening, middle and closing, of the points seen at pixel centres.
 
-One ray a pixel is traced through the centres of pixel and lens, at the middle of the shutter. Positions are computed in float64
+One ray per pixel is traced through the centres of pixel and lens, at the middle of the shutter. Positions are computed in float64
 at the keys, so that their difference has no float32 rounding noise.
 """
 
@@ -30,7 +30,7 @@ _MIDDLE = (_HALF, _HALF)
 
 @device
 def _key(keys, time):
-    """Returns the key's index for the opening, middle or closing time. keys: number of keys, odd."""
+    """Returns the index of the key at the opening, middle or closing of the shutter. keys: number of keys, odd."""
     return 0 if time == _OPENS else keys - 1 if time == _CLOSES else keys // 2
 
 
@@ -152,7 +152,7 @@ def _see_places(scene, stack, camera, top, places):
 def trace_motion_points(scene, stack, camera, top, places):
     """Fills `places`, (h, w, 3, 4) float64, for h rows of pixels from row `top` on.
 
-    For each of the three times: a world point (x, y, z, 1), or the ray's direction and 0 where nothing is hit.
-    scene: in the variant for moving scenes, with an odd number of keys. stack: from new_stack.
+    For each of the three times: a world point (x, y, z, 1), or if nothing is hit the ray's direction and 0. scene: in the variant
+    for moving scenes, with an odd number of keys. stack: from new_stack.
     """
     _see_places(by_reference(scene), stack, camera, top, places)

@@ -1,7 +1,7 @@
-"""Named tuples in memory: a layout is declared by the fields of the tuples, and their reads and writes are made from it.
+"""Named tuples in memory: the fields of a tuple declare its layout, from which the functions to read and write it are generated.
 
-A field is annotated with its kind. A tuple takes the columns of a row that its kinds need, in order. Read at one row it holds
-plain numbers, read at eight rows (u32x8) it holds vectors of eight lanes.
+A field's annotation is its kind. A tuple occupies the columns of a row that its kinds need, in order. A tuple read from one row
+contains plain numbers; one read from eight rows (u32x8) contains vectors of eight lanes.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ Flag = Annotated[Any, _FLAG]
 
 
 class _Place(NamedTuple):
-    """Where a field lies in its tuple's columns; bit: of a flag, else None."""
+    """The position of a field in the columns of its tuple. bit: that of a flag, else None."""
 
     kind: _Kind
     column: int
@@ -52,7 +52,7 @@ class _Place(NamedTuple):
 
 
 def _places(declared: type) -> dict[str, _Place]:
-    """Returns the place of each field of a named tuple."""
+    """Returns field name -> position for a named tuple."""
     places: dict[str, _Place] = {}
     column, bit = 0, 0
     for name, hint in get_type_hints(declared, include_extras=True).items():
@@ -76,7 +76,7 @@ def width_of(declared: type) -> int:
 
 
 def columns_of(declared: type, field: str) -> range:
-    """Returns the columns of a field of a named tuple, counted from the tuple's first one."""
+    """Returns the columns of a field of a named tuple, relative to the tuple's first column."""
     place = _places(declared)[field]
     return range(place.column, place.column + place.kind.columns)
 
@@ -87,7 +87,7 @@ def is_integer(declared: type, field: str) -> bool:
 
 
 class Layout:
-    """The columns of a row: named tuples one after the other; those that are listed together share their columns."""
+    """The columns of a row: consecutive named tuples. Tuples that are listed together share their columns."""
 
     def __init__(self, *groups: type | tuple[type, ...]) -> None:
         self.first: dict[type, int] = {}
@@ -104,7 +104,7 @@ class Layout:
 
 
 def _type_of(declared: Any, wide: bool) -> Any:
-    """Returns the Numba type of a named tuple, of plain numbers or of lanes."""
+    """Returns the Numba type of a named tuple of plain numbers, or if `wide` of lanes."""
     fields = []
     for place in _places(declared).values():
         number = place.kind.lanes if wide else place.kind.number
@@ -113,7 +113,7 @@ def _type_of(declared: Any, wide: bool) -> Any:
 
 
 def _decoded(builder: Any, place: _Place, columns: list[Any], wide: bool) -> list[Any]:
-    """Returns a field's numbers from the columns, which are floats."""
+    """Emits code that converts the columns of a field, which are floats, to the field's numbers."""
     word = columns[place.column]
     if place.bit is not None:
         bits = builder.bitcast(word, INTS if wide else _I32)
@@ -126,7 +126,7 @@ def _decoded(builder: Any, place: _Place, columns: list[Any], wide: bool) -> lis
 
 
 def _columns_of(context: Any, builder: Any, declared: Any, kind: Any, value: Any, wide: bool) -> list[Any]:
-    """Returns the columns of a named tuple as floats, zeros in unused ones."""
+    """Emits code that converts a named tuple to its columns as floats, zeros in unused ones."""
     number, whole = (FLOATS, INTS) if wide else (_FLOAT, _I32)
     columns = [ir.Constant(number, None) for _ in range(width_of(declared))]
     flags: dict[int, Any] = {}
@@ -150,7 +150,7 @@ def _columns_of(context: Any, builder: Any, declared: Any, kind: Any, value: Any
 
 
 def _bool(builder: Any, value: Any) -> Any:
-    """Returns a bool as one bit; in a tuple Numba keeps it in a byte."""
+    """Emits code that converts a bool, which Numba stores as a byte in tuples, to one bit."""
     return builder.trunc(value, _I1) if isinstance(value.type, ir.IntType) and value.type.width > 1 else value
 
 
@@ -162,10 +162,10 @@ def _pointer(context: Any, builder: Any, kind: Any, table: Any, row: Any, width:
 
 
 def accessors(layout: Layout) -> tuple[Any, Any]:
-    """Returns (gather, scatter) for rows of that layout, to be called in kernels.
+    """Returns (gather, scatter) for rows with this layout, to be called in kernels.
 
     gather(table, rows, Tuple) returns the named tuple of one row or of eight rows (u32x8) of a C-contiguous float32 table;
-    scatter(table, rows, value) writes one. Of two lanes with one row the last is written last. Unchecked.
+    scatter(table, rows, value) writes one. If several lanes have the same row, the last lane is written last. Unchecked.
     """
 
     @intrinsic

@@ -20,10 +20,10 @@ _NUMBERS: dict[types.Type, types.Type] = {f32x8: types.float32, u32x8: types.uin
 
 @intrinsic
 def each_lane(typingctx, function, wanted, arguments):
-    """Calls function(*arguments) for each lane in the mask `wanted`, with that lane's values; other lanes get 0 and False.
+    """Calls function(*arguments) for each lane in the mask `wanted`, with that lane's values. Other lanes get 0 and False.
 
-    The function's result, a number or nested tuples of numbers, becomes one of eight lanes each, with integers as u32x8. For a
-    single path `wanted` is a bool, and the function's result is returned unchanged.
+    Each number of the function's result, a number or nested tuples of numbers, becomes a value of eight lanes, integers as u32x8.
+    For a single path `wanted` is a bool, and the function's result is returned unchanged.
     """
     wide = is_wide(wanted)
     plain = tuple(_mapped(kind, _of_lane) if wide else kind for kind in arguments)
@@ -94,7 +94,7 @@ def _leaves(builder: Any, kind: Any, value: Any) -> list[Any]:
 
 
 def _tuple(context: Any, builder: Any, kind: Any, leaves: Iterator[Any]) -> Any:
-    """Returns the nested tuples of these numbers: the inverse of `_leaves`."""
+    """Returns nested tuples of type `kind` of these numbers: the inverse of `_leaves`."""
     if not _is_tuple(kind):
         return next(leaves)
     return context.make_tuple(builder, kind, [_tuple(context, builder, part, leaves) for part in kind])
@@ -117,7 +117,7 @@ def _each_bit(builder: Any, mask: Any, at: Any) -> None:
 
 
 def _extracted(builder: Any, leaf: Any, lane: Any) -> Any:
-    """Returns a lane's value: an element of a vector, or a scalar that is the same in all lanes."""
+    """Returns a lane's value: an element of a vector, or the scalar if it is the same in all lanes."""
     return builder.extract_element(leaf, lane) if isinstance(leaf.type, ir.VectorType) else leaf
 
 
@@ -126,7 +126,7 @@ def _element(kind: Any) -> ir.Type:
 
 
 def _memory(builder: Any, kind: types.Type) -> Any:
-    """Allocates eight zeroed numbers on the stack: in registers, each lane's result would have to be blended with all others."""
+    """Allocates eight zeroed numbers on the stack. In registers, each lane's result would have to be blended with all others."""
     return cgutils.alloca_once_value(builder, ir.Constant(ir.VectorType(_element(kind), LANES), None))
 
 

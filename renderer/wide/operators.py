@@ -1,7 +1,7 @@
 """Python's operators for eight-lane values, so that a formula is written once for float32 and f32x8.
 
-f32x8, mask8 and the BVH's operations are in renderer/bvh/simd.py; this module adds operators between scalars and vectors,
-comparisons, roots, and u32x8. A scalar operand is broadcast to all lanes.
+f32x8, mask8 and the BVH's operations are in renderer/bvh/simd.py. This module adds operators between scalars and vectors,
+comparisons, roots, and u32x8. Scalar operands are broadcast to all lanes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ INTS = ir.VectorType(_I32, LANES)
 def _binary(
     symbol: Any, lower: Callable[[Any, Any, Any], Any], result: Lanes, wide: Lanes, plain: Any, known: bool = False
 ) -> None:
-    """Defines operator `symbol` between a vector and a scalar, in either order, and (unless it is known) between two vectors."""
+    """Defines operator `symbol` between a vector and a scalar, in either order, and between two vectors unless `known`."""
     pairs = [(wide, plain), (plain, wide)] + ([] if known else [(wide, wide)])
 
     class Template(ConcreteTemplate):
@@ -60,7 +60,7 @@ def _compared(sign: str) -> Callable[[Any, Any, Any], Any]:
 
 
 def _chosen(sign: str) -> Callable[[Any, Any, Any], Any]:
-    """Returns a min or max like Numba's scalar one: the second operand only if it is strictly beyond the first."""
+    """Returns a min or max function with the rule of Numba's scalar one: the second operand only if strictly beyond the first."""
     return lambda builder, a, b: builder.select(builder.fcmp_ordered(sign, b, a), b, a)
 
 

@@ -1,7 +1,7 @@
 """Gathers and scatters of table rows, eight at a time: columns of eight arbitrary rows become vectors, and vectors become rows.
 
-A row is read contiguously and the eight rows are transposed in registers, at half an instruction per number; AVX2's gathers cost
-three times that on current processors.
+Each row is read contiguously, and the eight rows are transposed in registers, at half an instruction per number. AVX2's gathers
+cost three times that on current processors.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ def _shuffled(builder: Any, a: Any, b: Any, mask: list[int]) -> Any:
 
 
 def _quarters(builder: Any, rows: list[Any]) -> list[Any]:
-    """Returns four vectors of eight, columns of four pairs of quartets; rows[k] has row k in its lower half, row k + 4 above."""
+    """Transposes four columns of eight rows to four vectors of eight.
+
+    Rows[k]: row k in the lower half, row k + 4 in the upper half.
+    """
     a, b = _shuffled(builder, rows[0], rows[1], _LOW), _shuffled(builder, rows[0], rows[1], _HIGH)
     c, d = _shuffled(builder, rows[2], rows[3], _LOW), _shuffled(builder, rows[2], rows[3], _HIGH)
     pairs = ((a, c, _FIRST), (a, c, _SECOND), (b, d, _FIRST), (b, d, _SECOND))
@@ -75,7 +78,10 @@ def _quartet(builder: Any, pointer: Any, count: int) -> Any:
 
 
 def emit_gather(builder: Any, data: Any, index: Any, width: Any, first: Any, count: int) -> list[Any]:
-    """Returns `count` vectors of eight: columns from `first` on of the rows `index` of a table of 32-bit numbers at `data`."""
+    """Emits code that returns `count` vectors of eight: columns from `first` on of the rows `index` of a table at `data`.
+
+    The table has 32-bit numbers.
+    """
     if count == 1:
         undefined = ir.Constant(FLOATS, ir.Undefined)
         vector = undefined
@@ -95,7 +101,7 @@ def emit_gather(builder: Any, data: Any, index: Any, width: Any, first: Any, cou
 
 
 def emit_scatter(builder: Any, data: Any, index: Any, width: Any, first: Any, columns: list[Any]) -> None:
-    """Stores eight vectors of eight into the columns from `first` on of the rows `index`; see `emit_gather`."""
+    """Emits code that stores eight vectors of eight into the columns from `first` on of the rows `index`; see `emit_gather`."""
     rows = _transposed(builder, columns)
     for pointer, row in zip(_pointers(builder, data, index, width, first), rows, strict=True):
         builder.store(row, builder.bitcast(pointer, FLOATS.as_pointer())).align = 4
@@ -103,7 +109,7 @@ def emit_scatter(builder: Any, data: Any, index: Any, width: Any, first: Any, co
 
 @intrinsic
 def load_ints(typingctx, array, index):
-    """Loads eight integers of a C-contiguous array of 32-bit integers, from its flat element `index` on: u32x8. Unchecked."""
+    """Loads eight integers of a C-contiguous array of 32-bit integers, starting at its flat element `index`: u32x8. Unchecked."""
 
     def codegen(context, builder, sig, args):
         data = context.make_array(sig.args[0])(context, builder, args[0]).data

@@ -1,4 +1,4 @@
-"""Functions for selections, integers and tables in formulas that take float32 or f32x8.
+"""Selections, integers and tables for formulas that accept float32 or f32x8.
 
 An integer is an intp for one path and a u32x8 for eight; a condition is a bool or a mask8.
 """
@@ -37,7 +37,7 @@ _I32 = ir.IntType(32)
 
 @intrinsic
 def where(typingctx, mask, a, b):
-    """Returns a where the mask is set, else b: both are evaluated, without a branch."""
+    """Returns a where the mask is set, else b. Both are evaluated, without a branch."""
     wide = next((kind for kind in (a, b) if is_wide(kind)), None)
     if wide is None:
         wide = a if not is_wide(mask) else {types.float32: f32x8, types.uint32: u32x8, types.boolean: mask8}[a]
@@ -56,13 +56,13 @@ def where(typingctx, mask, a, b):
 
 @device
 def where3(mask, a, b):
-    """Returns `where` of 3-vectors."""
+    """Returns `where` for each component of 3-vectors."""
     return where(mask, a[0], b[0]), where(mask, a[1], b[1]), where(mask, a[2], b[2])
 
 
 @intrinsic
 def any_of(typingctx, mask):
-    """Returns True if the mask is set in any lane: a bool, to branch on."""
+    """Returns True if the mask is set in any lane: a bool on which to branch."""
 
     def codegen(context, builder, sig, args):
         if not is_wide(sig.args[0]):
@@ -97,7 +97,7 @@ def to_int(typingctx, a):
 
 @intrinsic
 def to_float(typingctx, a):
-    """Converts an integer to a float. In lanes: from int32; else from any integer."""
+    """Converts an integer to a float. Lanes contain int32; scalars may be any integer."""
 
     def codegen(context, builder, sig, args):
         kind = sig.args[0]
@@ -110,7 +110,7 @@ def to_float(typingctx, a):
 
 @intrinsic
 def u32(typingctx, a):
-    """Converts an integer to uint32; lanes are u32x8 already."""
+    """Converts an integer to uint32; lanes, which are u32x8 already, are unchanged."""
 
     def codegen(context, builder, sig, args):
         return args[0] if is_wide(sig.args[0]) else context.cast(builder, args[0], sig.args[0], types.uint32)
@@ -120,7 +120,7 @@ def u32(typingctx, a):
 
 @intrinsic
 def zero_like(typingctx, a):
-    """Returns 0 of the type of a."""
+    """Returns 0 in the type of a."""
     return a(a), lambda context, builder, sig, args: ir.Constant(args[0].type, None)
 
 
@@ -138,13 +138,13 @@ def as_wide(typingctx, number, like):
 
 @device
 def as_wide3(vector, like):
-    """Returns `as_wide` of a 3-vector."""
+    """Returns `as_wide` for each component of a 3-vector."""
     return as_wide(vector[0], like), as_wide(vector[1], like), as_wide(vector[2], like)
 
 
 @intrinsic
 def double(typingctx, a):
-    """Converts a float32, or eight, to double precision."""
+    """Converts a float32, or eight of them, to double precision."""
     wide = is_wide(a)
 
     def codegen(context, builder, sig, args):
@@ -155,7 +155,7 @@ def double(typingctx, a):
 
 @intrinsic
 def single(typingctx, a):
-    """Rounds a double, or eight, to float32."""
+    """Rounds a double, or eight of them, to float32."""
     wide = is_wide(a)
 
     def codegen(context, builder, sig, args):
@@ -166,7 +166,7 @@ def single(typingctx, a):
 
 @intrinsic
 def as_ints(typingctx, a):
-    """Returns the bits of a float32 as uint32, of an f32x8 as u32x8."""
+    """Reinterprets the bits of a float32 as uint32, or of an f32x8 as u32x8."""
 
     def codegen(context, builder, sig, args):
         return builder.bitcast(args[0], INTS if is_wide(sig.args[0]) else _I32)
@@ -176,7 +176,7 @@ def as_ints(typingctx, a):
 
 @intrinsic
 def as_floats(typingctx, a):
-    """Returns the float32 with a uint32's bits; the f32x8 of a u32x8."""
+    """Reinterprets the bits of a uint32 as float32, or of a u32x8 as f32x8."""
 
     def codegen(context, builder, sig, args):
         return builder.bitcast(args[0], FLOATS if is_wide(sig.args[0]) else ir.FloatType())

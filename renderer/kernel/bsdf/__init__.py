@@ -1,9 +1,9 @@
-"""BSDF models, one a file, each with eval_x and pdf_x (or both as eval_and_pdf_x) and sample_x.
+"""BSDF models, one per file, each with eval_x and pdf_x (or both as eval_and_pdf_x) and sample_x.
 
-All work in a local frame whose z is the shading normal on the viewer's side: wo points to the viewer (z > 0), wi to the
-light, below (z < 0) where the model transmits; both are unit. eval_x returns f(wo, wi) |cos wi| per channel; sample_x returns
-(wi, eval / pdf, pdf), with a weight of 0 where nothing is scattered. Discrete (specular) models have only sample_x, since no
-other direction can find their peak.
+All use a local frame whose z is the shading normal on the viewer's side: wo points to the viewer (z > 0), wi to the light, below
+(z < 0) if the model transmits; both are unit. eval_x returns f(wo, wi) |cos wi| per channel; sample_x returns (wi, eval / pdf,
+pdf), with a weight of 0 where nothing is scattered. Discrete (specular) models have only sample_x, since other sampling cannot
+find their directions.
 
 models        diffuse, mirror, glass, metallic_roughness (the fast ones), conductor, blinn_phong, layered (all of glTF)
 lobes         clearcoat, sheen, rough_glass, iridescence (reflectance of a thin film): the components of layered.py

@@ -50,9 +50,10 @@ CHARLIE_LAMBDA = (25.3245, 3.32435, 0.16801, -1.27393, -4.85967), (21.5473, 3.82
 
 
 def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, float]:
-    """Returns (A, B): the single-scattering albedo of GGX with Schlick's Fresnel from this direction is F0 A + F90 B.
+    """Returns (A, B), such that F0 A + F90 B is the single-scattering albedo of GGX with Schlick's Fresnel for this direction.
 
-    The mean of G2 / G1 times Schlick's two terms over visible normals, by midpoints in the square from which those are sampled.
+    A and B are means over visible normals of G2 / G1 times Schlick's two terms, by midpoints in the square from which normals are
+    sampled.
     """
     wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
     h = _visible_normals(wo, alpha, alpha, steps, steps // 2)
@@ -69,7 +70,7 @@ def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, fl
 def _visible_normals(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns: int, distribution: str = "ggx") -> F64:
     """Returns microfacet normals, (steps, turns, 3), distributed as visible from wo.
 
-    Steps / 2 turns for the half circle y > 0.
+    The half circle y > 0 has steps / 2 turns.
     """
     if distribution == "beckmann":
         return _visible_beckmann(wo, alpha_x, alpha_y, steps, turns)
@@ -85,9 +86,9 @@ def _visible_normals(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns:
 
 
 def _visible_beckmann(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns: int) -> F64:
-    """Returns `_visible_normals` of Beckmann's distribution.
+    """Returns `_visible_normals` for Beckmann's distribution.
 
-    Slopes along wo's azimuth by the tabulated inverse of their distribution; slopes across it are Gaussian.
+    Slopes along wo's azimuth are computed by the tabulated inverse of their distribution; slopes across it are Gaussian.
     """
     x, y = wo[0] * alpha_x, wo[1] * alpha_y
     sine = float(np.hypot(x, y))
@@ -112,7 +113,7 @@ def _visible_beckmann(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns
 
 
 def _lambda(tangent: float | F64, distribution: str) -> F64:
-    """Returns Smith's Lambda; tangent: of the direction's angle to the normal, times alpha."""
+    """Returns Smith's Lambda. tangent: that of the angle between direction and normal, times alpha."""
     tangent = np.asarray(tangent, np.float64)
     if distribution == "ggx":
         return np.asarray((np.sqrt(1 + tangent**2) - 1) / 2)
@@ -129,7 +130,7 @@ def _smith_lambda(cosine: float | F64, alpha: float, distribution: str = "ggx") 
 
 
 def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64, distribution: str = "ggx") -> tuple[float, float]:
-    """Returns (A, B), see `ggx_albedo`, for anisotropic microfacets with two alphas, for light from direction wo."""
+    """Returns (A, B), see `ggx_albedo`, of anisotropic microfacets with two alphas for light from direction wo."""
     h = _visible_normals(wo, alpha_x, alpha_y, steps, steps, distribution)
     cosine_h = np.clip(h @ wo, 0, 1)
     wi = 2 * cosine_h[..., None] * h - wo
@@ -162,7 +163,7 @@ def brushed_node(i: int, j: int, k: int, n: int, distribution: str = "ggx") -> t
 
 
 def brushed_means(plane: F64, j: int) -> list[float]:
-    """Returns the means over the hemisphere of a plane of the table, (cosines, azimuths, 2), at node j of the ratio of alphas."""
+    """Returns the means over the hemisphere of a table plane, (cosines, azimuths, 2), at node j of the ratio of alphas."""
     least = (j / (BRUSHED_NODES[1] - 1)) ** 2  # the lesser alpha over the greater
     turn = (np.arange(256) + 0.5) / 256 * np.pi / 2
     alpha = np.sqrt(np.cos(turn) ** 2 + (least * np.sin(turn)) ** 2)
@@ -172,7 +173,7 @@ def brushed_means(plane: F64, j: int) -> list[float]:
 
 
 def brushed_table(distribution: str = "ggx") -> F64:
-    """Returns the table of (A, B) at BRUSHED_NODES, with one more row on the third axis for the means over the hemisphere."""
+    """Returns the table of (A, B) at BRUSHED_NODES. The third axis has one more row, with the means over the hemisphere."""
     table = np.array([brushed_node(i, j, k, n, distribution) for i, j, k, n in np.ndindex(BRUSHED_NODES)]).reshape(
         *BRUSHED_NODES, 2
     )
@@ -181,7 +182,7 @@ def brushed_table(distribution: str = "ggx") -> F64:
 
 
 def glass_albedo(cosine: float, alpha: float, eta: float, steps: int = 128, distribution: str = "ggx") -> float:
-    """Returns the single-scattering albedo of a rough boundary, reflection and transmission together, for one direction.
+    """Returns the single-scattering albedo of a rough dielectric boundary for one direction: reflection plus transmission.
 
     eta: index beyond the boundary over index on this side.
     """
@@ -206,7 +207,7 @@ def glass_albedo(cosine: float, alpha: float, eta: float, steps: int = 128, dist
 def glass_table(distribution: str = "ggx") -> F64:
     """Returns the table (GLASS_SIZE, GLASS_SIZE + 1, GLASS_SIZE), by index, roughness and cosine.
 
-    The last row of the middle axis holds the means over the hemisphere.
+    The last row of the middle axis contains the means over the hemisphere.
     """
     node = np.arange(GLASS_SIZE) / (GLASS_SIZE - 1)
     bend = (2 * node - 1) * MOST_BEND
@@ -227,9 +228,9 @@ def glass_table(distribution: str = "ggx") -> F64:
 
 
 def facets_pass(cosine: float, eta: float, alpha: float, distribution: str = "ggx", steps: int = 96) -> tuple[float, float]:
-    """Returns (reflected, transmitted): the fractions of light from one direction after single scattering.
+    """Returns (reflected, transmitted): the fractions of light from one direction after single scattering; the rest is lost.
 
-    Shadowed by G1(wo) G1(wi). eta: index beyond the boundary over index on this side. The rest is lost between facets.
+    Shadowing is G1(wo) G1(wi). eta: index beyond the boundary over index on this side.
     """
     wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
     h = _visible_normals(wo, alpha, alpha, steps, steps // 2, distribution)
@@ -250,9 +251,9 @@ def facets_pass(cosine: float, eta: float, alpha: float, distribution: str = "gg
 
 
 def coat_table(distribution: str = "ggx") -> F64:
-    """Returns the fraction of light from outside transmitted by a coat's facets, at COAT_NODES.
+    """Returns the fraction of light from outside that a coat's facets transmit, at COAT_NODES.
 
-    The last axis has one more entry, the fraction of diffuse light from inside that the facets reflect back.
+    The last axis has one more entry: the fraction of diffuse light from inside that the facets reflect back.
     """
     bends, roughnesses, cosines = (np.linspace(0, 1, nodes) for nodes in COAT_NODES)
     found = np.empty((len(bends), len(roughnesses), len(cosines) + 1))
@@ -289,7 +290,7 @@ def _charlie_lambda(cosine: float | F64, alpha: float) -> F64:
 
 
 def sheen_table() -> F64:
-    """Returns the table (SIZE + 1, SIZE), laid out as `ggx_table`; the last row holds the means."""
+    """Returns the table (SIZE + 1, SIZE) with the layout of `ggx_table`; the last row contains the means over the hemisphere."""
     node = np.arange(SIZE) / (SIZE - 1)
     table = np.array([[sheen_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST)) for t in node] for r in node])
     return np.concatenate([table, [[mean_over_hemisphere(row) for row in table]]])
@@ -298,7 +299,7 @@ def sheen_table() -> F64:
 def ggx_table() -> F64:
     """Returns the table (SIZE + 1, SIZE, 2): [i, j] is (A, B) at roughness i / (SIZE - 1) and cosine (j / (SIZE - 1))**2.
 
-    The last row of the first axis holds the means over the hemisphere, by roughness.
+    The last row of the first axis contains the means over the hemisphere, by roughness.
     """
     node = np.arange(SIZE) / (SIZE - 1)
     table = np.array([[ggx_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST)) for t in node] for r in node])
@@ -320,7 +321,7 @@ def table_path(name: str) -> Path:
 
 
 def main() -> None:
-    """Writes all tables."""
+    """Writes all tables to their files."""
     np.save(table_path("ggx_albedo"), ggx_table().astype(np.float32))
     np.save(table_path("brushed_albedo"), brushed_table().astype(np.float32))
     np.save(table_path("glass_albedo"), glass_table().astype(np.float32))

@@ -1,8 +1,8 @@
 """The empirical Blinn-Phong model: diffuse reflectance kd, and a highlight ks (n.h)**shininess normalised at normal incidence.
 
-Blinn, "Models of Light Reflection for Computer Synthesized Pictures" (1977). The highlight's factor is exact for
-light along the normal, (s + 2)(s + 4) / (8 pi (2**(-s / 2) + s)) (Giesen, "Phong Normalization Factor Derivation", 2009); at
-other angles less is reflected. Where kd + ks exceeds 1, both are scaled down to a sum of 1 (scene/material.py).
+Blinn, "Models of Light Reflection for Computer Synthesized Pictures" (1977). The highlight's factor is exact for light along the
+normal: (s + 2)(s + 4) / (8 pi (2**(-s / 2) + s)) (Giesen, "Phong Normalization Factor Derivation", 2009); at other angles less is
+reflected. If kd + ks exceeds 1, both are scaled down to a sum of 1 (scene/material.py).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _LEAST = np.float32(1e-6)
 
 @device
 def _choice(kd, ks):
-    """Returns the probability, 0 ... 1, of sampling the highlight: its share of the reflectances kd + ks."""
+    """Returns the probability, 0 ... 1, of sampling the highlight: its fraction of the reflectances kd + ks."""
     highlight = vec.luminance(ks)
     return highlight / max(highlight + vec.luminance(kd), _LEAST)
 
@@ -52,7 +52,7 @@ def eval_and_pdf_blinn_phong(kd, ks, shininess, wo, wi):
 
 @device
 def sample_blinn_phong(kd, ks, shininess, wo, choose, u):
-    """Samples a local direction about the mirror direction or the normal, chosen by the weights of both: (wi, weight, pdf)."""
+    """Samples a local direction around the mirror direction or the normal, chosen by their weights; returns (wi, weight, pdf)."""
     if choose < _choice(kd, ks):
         z = power(_ONE - u[0], _ONE / (shininess + _ONE))
         radius = math.sqrt(max(_ONE - z * z, _ZERO))

@@ -1,7 +1,7 @@
 """Single-scattering albedo of anisotropic GGX and Beckmann surfaces, from tables (albedo_tables.py).
 
-It depends on the azimuth as well: across the grooves, where facets tilt most, far more light is lost at grazing angles than along
-them. An isotropic surface cannot match both.
+It depends on the azimuth too: across the grooves, where facets tilt most, far more light is lost at grazing angles than along
+them. An isotropic surface cannot reproduce both.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _TABLE = np.concatenate([np.load(table_path(name)) for name in ("brushed_albedo"
 _LAST_ROUGHNESS, _LAST_RATIO, _LAST_COSINE, _LAST_AZIMUTH = (np.float32(nodes - 1) for nodes in BRUSHED_NODES)
 # Number of entries (A, B) for one roughness; the means follow the nodes of the cosine.
 _RATIOS, _COSINES, _AZIMUTHS = (np.uint32(entries) for entries in _TABLE.shape[1:4])
-_BECKMANN = np.uint32(BRUSHED_NODES[0])  # index of Beckmann's first roughness
+_BECKMANN = np.uint32(BRUSHED_NODES[0])  # index of the lowest roughness of Beckmann
 _MEANS = np.uint32(BRUSHED_NODES[2])
 _FIRST = np.uint32(0)
 _LEAST = np.float32(1e-6)
@@ -45,14 +45,14 @@ def _share(side, t):
 
 @device
 def _entry(roughness, ratio, cosine, azimuth):
-    """Returns (A, B) at a node of the table, given by its four indices."""
+    """Returns (A, B) at the table node with these four indices."""
     number = ((roughness * _RATIOS + ratio) * _COSINES + cosine) * _AZIMUTHS + azimuth
     return columns(_TABLE, number, 2, 0, 2)
 
 
 @device
 def _first(beckmann):
-    """Returns the index of the distribution's first roughness in the table."""
+    """Returns the index in the table of the lowest roughness of the distribution, GGX or Beckmann."""
     first = _FIRST
     if beckmann is not None:  # noqa: SIM102
         if beckmann != _ZERO:
@@ -62,7 +62,7 @@ def _first(beckmann):
 
 @device
 def _is_tabled(beckmann, alpha_x, alpha_y):
-    """Returns True if this table holds the surface's albedo: for all surfaces except isotropic GGX."""
+    """Returns True if this table contains the surface's albedo, which is the case for all surfaces but isotropic GGX."""
     tabled = alpha_x > alpha_y
     if beckmann is not None:
         tabled = tabled | (beckmann != _ZERO)
@@ -108,7 +108,7 @@ def _mean_lookup(first, alpha_x, alpha_y):
 def brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y):
     """Returns (A, B), see `ggx_albedo`, for direction w in the frame whose x axis has alpha_x >= alpha_y.
 
-    beckmann: as in facets.py; roughness: the square root of both alphas where they are equal.
+    beckmann: see facets.py. roughness: the square root of both alphas if they are equal.
     """
     brushed = _is_tabled(beckmann, alpha_x, alpha_y)
     a = b = zero_like(w[2])

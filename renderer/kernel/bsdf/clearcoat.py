@@ -1,4 +1,4 @@
-"""A clearcoat of index 1.5 over a material: KHR_materials_clearcoat. GGX about its own normal, given in the base's frame."""
+"""A clearcoat of index 1.5 over a material: KHR_materials_clearcoat. GGX around its own normal, given in the base's frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LEAST_COSINE = np.float32(0.01)
 
 @subroutine
 def clearcoat_albedo(roughness, cosine):
-    """Returns the clearcoat's albedo, 0 ... 1, for a direction at this cosine to its normal."""
+    """Returns the clearcoat's albedo, 0 ... 1, for a direction whose cosine with its normal is `cosine`."""
     a, b = ggx_albedo(cosine, roughness)
     return _F0 * a + b
 
@@ -36,7 +36,7 @@ def clearcoat_mean_albedo(roughness):
 
 @device
 def _frame(n, wo):
-    """Returns the local frame of the coat's normal n, or of the base's if wo is below n's horizon."""
+    """Returns the local frame of the coat's normal n, or that of the base if wo is below the coat's horizon."""
     if vec.dot(n, wo) < _LEAST_COSINE:
         n = (_ZERO, _ZERO, _ONE)
     s, t = vec.basis(n)
@@ -45,7 +45,7 @@ def _frame(n, wo):
 
 @subroutine
 def eval_and_pdf_clearcoat(roughness, normal, wo, wi):
-    """Returns (f |cos|, pdf per steradian), the same f for all channels; wo, wi, normal in the base's frame."""
+    """Returns (f |cos|, equal for all channels; pdf per steradian). wo, wi, normal: in the base's frame."""
     s, t, n = _frame(normal, wo)
     o = vec.to_local(s, t, n, wo)
     i = vec.to_local(s, t, n, wi)

@@ -38,9 +38,9 @@ def fresnel_rgb(cosine, eta, k):
 
 @device
 def _albedo(beckmann, w, roughness, alpha_x, alpha_y):
-    """Returns the single-scattering albedo of the microfacets, which is the probability of sampling them.
+    """Returns the single-scattering albedo of the microfacets for direction w.
 
-    Otherwise the multiple-scattering lobe is sampled.
+    It is the probability of sampling them, rather than the multiple-scattering lobe.
     """
     a, b = brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y)
     return a + b
@@ -72,8 +72,8 @@ def _above(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
 def eval_and_pdf_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
     """Returns (f |cos| per channel, pdf per steradian) for local directions.
 
-    beckmann: as in facets.py; mean_fresnel: the cosine-weighted mean over the hemisphere. roughness: the square root of both
-    alphas if they are equal.
+    beckmann: see facets.py. mean_fresnel: the cosine-weighted mean over the hemisphere. roughness: the square root of both alphas
+    if they are equal.
     """
     none = zero_like(wi[2])
     f, pdf = (none, none, none), none
@@ -101,5 +101,5 @@ def sample_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y
 
 @device
 def sample_smooth_conductor(eta, k, wo):
-    """Returns (wi, weight) of a smooth conductor, wi being the local mirror direction."""
+    """Returns (wi, weight) of a smooth conductor. wi: the local mirror direction."""
     return (-wo[0], -wo[1], wo[2]), fresnel_rgb(wo[2], eta, k)

@@ -1,7 +1,7 @@
 """Multiple scattering between GGX microfacets: compensates the energy that single scattering loses with a diffuse-like lobe.
 
-Kulla & Conty, "Revisiting Physically Based Shading at Imageworks" (SIGGRAPH course, 2017): a lobe in proportion to
-(1 - E(wo)) (1 - E(wi)), which is reciprocal, and makes a white metal of any roughness reflect exactly all light. E is the
+Kulla & Conty, "Revisiting Physically Based Shading at Imageworks" (SIGGRAPH course, 2017): a lobe proportional to
+(1 - E(wo)) (1 - E(wi)), which is reciprocal, and with which a white metal of any roughness reflects exactly all light. E is the
 single-scattering albedo of perfectly reflecting microfacets. It is stored split for Schlick's Fresnel: the albedo for F0 and F90
 is F0 A + F90 B, and E = A + B. Tables: albedo_tables.py.
 """
@@ -45,14 +45,14 @@ def _node(x):
 
 @device
 def _pair(number, t):
-    """Returns (A, B) interpolated between node `number` of the flat table and the next."""
+    """Returns (A, B), interpolated between node `number` of the flat table and the next one."""
     a, b, next_a, next_b = columns(_TABLE, number, 2, 0, 4)
     return _between(a, next_a, t), _between(b, next_b, t)
 
 
 @subroutine
 def ggx_albedo(cosine, roughness):
-    """Returns (A, B) for one direction; roughness is the square root of alpha, 0 ... 1."""
+    """Returns (A, B) for one direction. roughness: the square root of alpha, 0 ... 1."""
     i, s = _node(roughness)
     j, t = _node(math.sqrt(max(_ZERO, cosine)))
     smoother_a, smoother_b = _pair(i * _COSINES + j, t)
@@ -69,7 +69,7 @@ def ggx_mean_albedo(roughness):
 
 @device
 def schlick_mean(f0, f90):
-    """Returns the cosine-weighted mean over the hemisphere of Schlick's reflectance, of one channel."""
+    """Returns the cosine-weighted mean over the hemisphere of Schlick's reflectance, for one channel."""
     return f0 + (f90 - f0) * _MEAN_WEIGHT
 
 
@@ -77,6 +77,6 @@ def schlick_mean(f0, f90):
 def multiple_scattering(mean_fresnel, mean_albedo):
     """Returns the fraction of the light lost by single scattering that leaves after further bounces (Fdez-Aguera 2019).
 
-    mean_fresnel: fraction of the light that each bounce reflects. mean_albedo: of the single-scattering microfacets.
+    mean_fresnel: fraction of the light that each bounce reflects. mean_albedo: single-scattering albedo of the microfacets.
     """
     return mean_fresnel * mean_fresnel * mean_albedo / (_ONE - mean_fresnel * (_ONE - mean_albedo))

@@ -1,7 +1,7 @@
 """Dispatch between the two distributions of microfacets: GGX (microfacet.py) and Beckmann (beckmann.py).
 
-`beckmann` is 0 or 1, for a single path; or None, where all paths use GGX and Beckmann is not compiled. The test for None is a
-statement of its own, so that Numba prunes the branch.
+`beckmann` is 0 or 1 for a single path; it is None if all paths use GGX, and then Beckmann is not compiled. The test for None is a
+separate statement, so that Numba prunes the branch.
 """
 
 from __future__ import annotations
@@ -48,6 +48,9 @@ def sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u):
 
 @device
 def pdf_visible_facet(beckmann, wo, h, alpha_x, alpha_y):
-    """Returns the pdf of `sample_visible_facet`, per steradian of h; that of the reflected direction is this over 4 wo.h."""
+    """Returns the pdf of `sample_visible_facet`, per steradian of h.
+
+    The pdf of the reflected direction is this divided by 4 wo.h.
+    """
     masking = _ONE + facet_lambda(beckmann, wo, alpha_x, alpha_y)
     return max(vec.dot(wo, h), _ZERO) * facet_density(beckmann, h, alpha_x, alpha_y) / (masking * wo[2])

@@ -19,7 +19,7 @@ def sample_glass(tint, eta, wo, u):
     """Samples reflection or refraction with Fresnel's probability: (local wi, weight, whether transmitted).
 
     The weight is 1 for reflection and tint / eta**2 for refraction. The factor 1 / eta**2 is the compression of radiance into a
-    smaller cone on the denser side, which leaving the glass reverses (pbrt 4ed, 9.5.2).
+    smaller cone on the denser side, which is reversed when the path leaves the glass (pbrt 4ed, 9.5.2).
     """
     reflectance, refracted = fresnel_dielectric(wo[2], eta)
     reflected = u < reflectance

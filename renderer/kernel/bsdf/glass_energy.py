@@ -54,7 +54,7 @@ def _plane(k, i, j, s, t):
 
 @subroutine
 def glass_albedo(beckmann, cosine, roughness, eta):
-    """Returns the single-scattering albedo, reflection and transmission together, for a direction at this cosine.
+    """Returns the single-scattering albedo (reflection plus transmission) for a direction with this cosine.
 
     eta: index beyond the boundary over index on this side.
     """

@@ -42,7 +42,7 @@ def _gauss(k, path, turns):
 def _sensitivity(path, turns):
     """Returns the linear Rec.709 response to a wave with an optical path difference of `path` / (2 pi) metres and a phase shift.
 
-    turns: phase shift in turns, one for each channel, since the base's phase jump depends on the channel.
+    turns: phase shift per channel in turns, since the base's phase jump depends on the channel.
     """
     x = _gauss(0, path, turns[0]) + _gauss(3, path, turns[0])
     y = _gauss(1, path, turns[1])
@@ -56,7 +56,7 @@ def _sensitivity(path, turns):
 
 @device
 def _index(f0, outside):
-    """Returns the index of refraction whose boundary with `outside` has the reflectance f0 at normal incidence."""
+    """Returns the index of refraction for which a boundary with `outside` has the reflectance f0 at normal incidence."""
     root = math.sqrt(min(f0, _MOST_F0))
     return outside * (_ONE + root) / (_ONE - root)
 
@@ -84,7 +84,7 @@ def _airy(r12, r23, t121, first, second):
 
 @subroutine
 def film_reflectance(f0, film_ior, thickness, cosine):
-    """Returns the reflectance of three channels, 0 ... 1; thickness in nanometres, f0 of the base without film."""
+    """Returns the reflectance of three channels, 0 ... 1. thickness: nanometres; f0: of the base without the film."""
     # As the thickness fades to 0 the film's index becomes that of air, which leaves the bare surface.
     fade = min(max(thickness * _FADE, _ZERO), _ONE)
     fade = fade * fade * (np.float32(3.0) - _TWO * fade)

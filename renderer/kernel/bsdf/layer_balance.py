@@ -1,6 +1,6 @@
 """Albedo and transmission of the layers of the glTF surface.
 
-m is a layered material's row (renderer/arrays/rows.py) with its textures looked up.
+m is the row of a layered material (renderer/arrays/rows.py) after its textures were looked up.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def mean_cosine(a, b):
 
 @subroutine
 def _dielectric_albedo(m, cosine, a, b, again, loss):
-    """Returns the albedo of the dielectric's microfacets for one direction with multiple scattering: the largest channel."""
+    """Returns the albedo of the dielectric's microfacets for one direction, with multiple scattering: the largest channel."""
     film = m[rows.IRIDESCENCE]
     bare = vec.maximum(dielectric_f0(m)) * a + m[rows.SPECULAR] * b
     if film > _ZERO:
@@ -118,9 +118,7 @@ def sheen_passing(m, cosine):
 
 @device
 def to_anisotropy_frame(m, w):
-    """Returns the local direction w in the anisotropy's frame, whose x axis is the direction along which highlights are
-    stretched.
-    """
+    """Returns the local direction w in the anisotropy's frame, along whose x axis highlights are stretched."""
     c, s = m[rows.ROTATION], m[rows.ROTATION + 1]
     return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
 
@@ -129,7 +127,7 @@ def to_anisotropy_frame(m, w):
 def base_view(m, w):
     """Returns the base layer's terms for one direction w above the horizon.
 
-    They are: (a, b, loss, mean loss, multiple scattering of the metal, of the dielectric, transmission into the dielectric,
+    The terms: (a, b, loss, mean loss, multiple scattering of the metal, of the dielectric, transmission into the dielectric,
     transmission of the coat, of the sheen).
     """
     cosine = w[2]
@@ -161,7 +159,10 @@ def base_view(m, w):
 
 @subroutine
 def mean_passing(m):
-    """Returns the mean transmission of all layers to the diffuse base: the product of their means, with covariances."""
+    """Returns the mean transmission of all layers to the diffuse base.
+
+    It is the product of the layers' means, corrected by their covariances.
+    """
     mean_a, mean_b = brushed_mean_albedo(m[HAS_BECKMANN], m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     mean = mean_a + mean_b
     a, b = brushed_albedo(m[HAS_BECKMANN], (_ZERO, _ZERO, _ONE), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])

@@ -1,17 +1,18 @@
 """The complete glTF surface: clearcoat over sheen over a mixture of metal, dielectric and glass, as defined by the extensions.
 
-    clearcoat        GGX of index 1.5 about its own normal
+    clearcoat        GGX of index 1.5 around its own normal
     sheen            Charlie
-    metal            microfacets, Schlick by the base colour                  share: metallic
-    glass            rough or smooth boundary, or thin pane           share: (1 - metallic) transmission
-    dielectric       microfacets by f0 and f90 over a diffuse base,        share: the rest
+    metal            microfacets, Schlick by the base colour                  fraction: metallic
+    glass            rough or smooth boundary, or thin pane                   fraction: (1 - metallic) transmission
+    dielectric       microfacets by f0 and f90 over a diffuse base,           fraction: the rest
                      of which diffuse_transmission goes below
     iridescence      a thin film that replaces both Fresnels
 
-Layers attenuate what is below them, both ways. The diffuse base is coupled to them exactly (metallic_roughness.py); narrow lobes
-are attenuated by min(T(wo), T(wi)), T = 1 - albedo of the layer, which is reciprocal and conserves energy.
+Layers attenuate the light of those below in both directions. The diffuse base is coupled to them exactly (metallic_roughness.py);
+narrow lobes are attenuated by min(T(wo), T(wi)), T = 1 - albedo of the layer, which is reciprocal and conserves energy.
 
-A layered material is given as its row (renderer/arrays/rows.py), textures looked up, by `resolve` in kernel/material/layers.py.
+A layered material is given as its row (renderer/arrays/rows.py) with textures looked up by `resolve` in
+kernel/material/layers.py.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ def _glass_is_smooth(m):
 def _choices(m, wo):
     """Returns the sampling probabilities of the lobes, by their albedo for wo.
 
-    They are: (clearcoat, sheen, microfacets, diffuse above, diffuse below, glass).
+    The lobes: (clearcoat, sheen, microfacets, diffuse above, diffuse below, glass).
     """
     a, b, loss, _, again_metal, again, passing, coat, sheen = base_view(m, wo)
     metallic = m[rows.METALLIC]
@@ -118,9 +119,9 @@ def _glass(m, eta, wo, wi):
 
 @subroutine
 def eval_and_pdf_layered(m, eta, wo, wi):
-    """Returns (f |cos|, pdf per steradian), without smooth glass.
+    """Returns (f |cos|, pdf per steradian) of all lobes except smooth glass.
 
-    m: (LAYER_SLOTS,), from `resolve`; eta: index beyond the surface over index on this side.
+    m: (LAYER_SLOTS,), from `resolve`. eta: index beyond the surface over index on this side.
     """
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _BLACK, _ZERO

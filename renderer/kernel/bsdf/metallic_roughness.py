@@ -1,9 +1,9 @@
 """glTF's metallic-roughness surface: GGX over a diffuse base, Schlick's Fresnel, energy-compensated and reciprocal.
 
-The metal reflects by its base colour; the dielectric by f0 (three channels) and f90, from KHR_materials_ior and
-KHR_materials_specular. Light that the dielectric's microfacets transmit is scattered diffusely: the base receives
-(1 - E(wo)) (1 - E(wi)) / (1 - mean) of it, E being the microfacets' total albedo, so that a white base reflects exactly what they
-transmit (Kelemen & Szirmay-Kalos 2001). alpha is roughness squared. Source of the model: the glTF 2.0 specification, appendix B.
+The metal's reflectance is its base colour; the dielectric's is f0 (three channels) to f90, from KHR_materials_ior and
+KHR_materials_specular. Light that the dielectric's microfacets transmit is scattered diffusely: the base receives the fraction
+(1 - E(wo)) (1 - E(wi)) / (1 - mean) of it, where E is the microfacets' total albedo, so that a white base reflects exactly what
+they transmit (Kelemen & Szirmay-Kalos 2001). alpha is roughness squared. Source: the glTF 2.0 specification, appendix B.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 def _view(base, metallic, roughness, f0, f90, wo):
     """Returns the terms that do not depend on the light's direction.
 
-    They are: (f0 of the mixture, its f90, energy lost by single scattering for wo, its mean, factor of multiple scattering,
-    transmission into the dielectric from wo over its mean, probability of sampling the microfacets).
+    The terms: (f0 of the mixture, its f90, energy lost by single scattering for wo, its mean, factor of multiple scattering,
+    transmission into the dielectric from wo divided by its mean, probability of sampling the microfacets).
     """
     a, b = ggx_albedo(wo[2], roughness)
     mean_a, mean_b = ggx_mean_albedo(roughness)
@@ -106,8 +106,9 @@ def eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi):
 
 @device
 def sample_metallic_roughness(base, metallic, roughness, f0, f90, wo, choose, u):
-    """Samples a local direction: (wi, weight, pdf per steradian); `choose` selects microfacets or the diffuse base, u the
-    direction.
+    """Samples a local direction; returns (wi, weight, pdf per steradian).
+
+    choose: selects the microfacets or the diffuse base. u: selects the direction.
     """
     view = _view(base, metallic, roughness, f0, f90, wo)
     mirrored = choose < view[6]

@@ -55,6 +55,9 @@ def sample_visible_normal(wo, alpha_x, alpha_y, u):
 
 @device
 def pdf_visible_normal(wo, h, alpha_x, alpha_y):
-    """Returns the pdf of `sample_visible_normal`, per steradian of h; that of the reflected direction is this over 4 wo.h."""
+    """Returns the pdf of `sample_visible_normal`, per steradian of h.
+
+    The pdf of the reflected direction is this divided by 4 wo.h.
+    """
     masking = _ONE + smith_lambda(wo, alpha_x, alpha_y)
     return max(vec.dot(wo, h), _ZERO) * ggx_density(h, alpha_x, alpha_y) / (masking * wo[2])

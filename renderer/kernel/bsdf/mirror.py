@@ -9,5 +9,5 @@ __all__ = ["sample_mirror"]
 
 @device
 def sample_mirror(reflectance, wo):
-    """Returns (wi, weight) of the local mirror direction; the weight is the reflectance."""
+    """Returns (wi, weight) of a mirror: the local mirror direction and the reflectance."""
     return (-wo[0], -wo[1], wo[2]), reflectance

@@ -1,14 +1,14 @@
 """Rough plastic: a diffuse base under a rough dielectric coat, with single scattering between microfacets.
 
-Light is transmitted by the coat's facets on its way in and out. With T(w) the transmitted share of light from w, and R
-the share of diffuse light from inside that the facets reflect back, a base of reflectance d scatters
+The coat's facets transmit light on its way in and out. With T(w) the transmitted fraction of light from w, and R the fraction of
+diffuse light from inside that the facets reflect back, a base of reflectance d scatters
 
-    f(wo, wi) = d / (1 - R d') T(wo) T(wi) / (pi eta**2),   d' = d where nonlinear, else 1.
+    f(wo, wi) = d / (1 - R d') T(wo) T(wi) / (pi eta**2),   d' = d if nonlinear, else 1.
 
 Source: W. Jakob, Mitsuba 3, src/bsdfs/roughplastic.cpp, with the same separable shadowing, G1(wo) G1(wi). Table of T and R:
 albedo_tables.py.
 
-A material is given as its row (renderer/arrays/rows.py), textures looked up, by `resolve` in kernel/material/layers.py.
+A material is given as its row (renderer/arrays/rows.py) with textures looked up by `resolve` in kernel/material/layers.py.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _mix(a, b, t):
 
 @device
 def _place(m):
-    """Returns (plane of the index of refraction, its fraction, row of the roughness, its fraction) in the table."""
+    """Returns the material's position in the table: (plane by index of refraction, fraction, row by roughness, fraction)."""
     ior = m[rows.IOR]
     k, r = _node((ior - _ONE) / (ior + _ONE) * _BENDS_PER_UNIT, _BENDS)
     i, s = _node(m[rows.ROUGHNESS] * np.float32(_ROUGHNESSES - 1), _ROUGHNESSES)
@@ -71,7 +71,7 @@ def _at(k, r, i, s, j):
 
 @subroutine
 def _passing(m, cosine):
-    """Returns T: the share of light from outside that the facets transmit."""
+    """Returns T: the fraction of light from outside that the facets transmit."""
     never_inline()
     k, r, i, s = _place(m)
     j, t = _node(math.sqrt(max(cosine, _ZERO)) * np.float32(_COSINES - 1), _COSINES)
@@ -80,21 +80,21 @@ def _passing(m, cosine):
 
 @device
 def _inner(m):
-    """Returns R: the share of diffuse light from inside that the facets reflect back."""
+    """Returns R: the fraction of diffuse light from inside that the facets reflect back."""
     k, r, i, s = _place(m)
     return _at(k, r, i, s, _COSINES)
 
 
 @device
 def _tint(m):
-    """Returns the factor, rgb, of the coat's reflection."""
+    """Returns the colour factor, rgb, of the coat's reflection."""
     scale = m[rows.SPECULAR]
     return m[rows.SPECULAR_COLOR] * scale, m[rows.SPECULAR_COLOR + 1] * scale, m[rows.SPECULAR_COLOR + 2] * scale
 
 
 @device
 def _paint(m, inner):
-    """Returns d / (1 - R d') / eta**2, rgb, the base's factor in the module's equation; inner: R."""
+    """Returns d / (1 - R d') / eta**2, rgb: the base's factor in the module's equation. inner: R."""
     base = m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2]
     squeeze = _ONE / (m[rows.IOR] * m[rows.IOR])
     if m[HAS_NONLINEAR] != _ZERO:
@@ -136,7 +136,10 @@ def eval_and_pdf_plastic(m, wo, wi):
 
 @subroutine
 def sample_plastic(m, wo, choose, u):
-    """Samples a local direction: (wi, weight, pdf per steradian); `choose` selects coat or diffuse base, u the direction."""
+    """Samples a local direction; returns (wi, weight, pdf per steradian). choose: selects coat or diffuse base.
+
+    u: the direction.
+    """
     if choose < _choice(m, _passing(m, wo[2]), _paint(m, _inner(m))):
         h = sample_visible_facet(m[HAS_BECKMANN], wo, m[ALPHA_X], m[ALPHA_X], u)
         wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)

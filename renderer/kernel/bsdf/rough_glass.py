@@ -34,9 +34,9 @@ _TINY = np.float32(1e-12)
 
 @subroutine
 def eval_and_pdf_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, wi):
-    """Returns (f |cos|, pdf per steradian) of white glass, for wi above or below; refracted radiance has the factor 1 / eta**2.
+    """Returns (f |cos|, pdf per steradian) of white glass, for wi above or below. Refracted radiance has the factor 1 / eta**2.
 
-    beckmann: as in facets.py; roughness: of the equivalent isotropic surface, for energy compensation.
+    beckmann: see facets.py. roughness: that of the equivalent isotropic surface, for energy compensation.
     """
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _ZERO, _ZERO
@@ -55,7 +55,7 @@ def eval_and_pdf_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, wi)
 
 @device
 def _lost(beckmann, eta, roughness):
-    """Returns (mean energy lost by single scattering over the hemisphere, the share of it that is finally reflected)."""
+    """Returns (mean energy lost by single scattering over the hemisphere, the fraction of it that is finally reflected)."""
     lost = max(_ONE - glass_mean_albedo(beckmann, roughness, eta), _LEAST_LOSS)
     beyond = max(_ONE - glass_mean_albedo(beckmann, roughness, _ONE / eta), _LEAST_LOSS)
     # Reciprocal for any two sides, since (1 - mean Fresnel) over eta**2 is the same from both.
@@ -91,8 +91,9 @@ def _scattered_once(beckmann, eta, alpha_x, alpha_y, wo, wi):
 
 @subroutine
 def sample_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, choose, u):
-    """Samples a local direction above or below the surface: (wi, weight, pdf); weight 0 if a microfacet scatters into the
-    surface.
+    """Samples a local direction above or below the surface; returns (wi, weight, pdf).
+
+    The weight is 0 if the sampled direction is on the wrong side: below for a reflection, above for a refraction.
     """
     albedo = glass_albedo(beckmann, wo[2], roughness, eta)
     if choose >= albedo:
@@ -120,7 +121,7 @@ def _pane_reflectance(f0, f90, cosine):
 def eval_and_pdf_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, wi):
     """Returns (f |cos|, pdf per steradian) of a white thin pane.
 
-    Light that its microfacets do not reflect is transmitted, mirrored at the pane's plane.
+    Light that a microfacet does not reflect is transmitted, in the reflected direction mirrored at the pane's plane.
     """
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _ZERO, _ZERO
@@ -137,7 +138,10 @@ def eval_and_pdf_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, wi):
 
 @subroutine
 def sample_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, choose, u):
-    """Samples a local direction above or below the pane: (wi, weight, pdf); weight 0 if light hits the surface again."""
+    """Samples a local direction above or below the pane; returns (wi, weight, pdf).
+
+    The weight is 0 if wi points into the surface.
+    """
     h = sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u)
     cosine = vec.dot(wo, h)
     wi = vec.sub(vec.scale(h, _TWO * cosine), wo)

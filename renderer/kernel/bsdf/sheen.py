@@ -1,8 +1,8 @@
 """Sheen of upright fibres, which reflect at grazing angles: the Charlie distribution of KHR_materials_sheen.
 
-Estevez & Kulla, "Production Friendly Microfacet Sheen BRDF" (2017), without their softened terminator, which is not
-reciprocal. alpha is roughness squared. Zeltner's linearly transformed cosines, which Cycles uses, are not reciprocal either, and
-glTF requires Charlie.
+Estevez & Kulla, "Production Friendly Microfacet Sheen BRDF" (2017), without their softened terminator, which is not reciprocal.
+alpha is roughness squared. Zeltner's linearly transformed cosines, which Cycles uses, are not reciprocal either, and glTF
+requires Charlie.
 """
 
 from __future__ import annotations

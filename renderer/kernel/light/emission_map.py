@@ -1,15 +1,15 @@
 """Directional emission maps of lights without a surface: IES profiles, panoramic images and projected images.
 
-A light's intensity is multiplied by its map. The map has a frame of its own: f is the direction in which the light shines, r
-points to the right of f, and u = r x f points up for a viewer that looks along f. A direction w from the light to the lit point
-is turned into two map coordinates, by the kind of the map:
+A light's intensity is multiplied by its map. The map has its own frame: f is the direction in which the light shines, r points to
+the right of f, and u = r x f points up for a viewer that looks along f. A direction w from the light to the lit point is
+converted to two map coordinates, depending on the kind of the map:
 
 SPHERE: the azimuth of w about f, from r towards u, and the angle between w and f, 0 ... pi. For a photometric web (IES LM-63,
     type C) these are the horizontal angle, from the plane C0 at r, and the vertical angle.
-WINDOW: the point where w meets the plane at distance 1, to the right and up. The texel is an intensity.
+WINDOW: the point where w intersects the plane at distance 1, to the right and up. The texel is an intensity.
 SCREEN: the same point, but the texel is the irradiance on that plane; it is multiplied by 1 / cos^3 to give an intensity.
 
-Texels are interpolated bilinearly; outside a map's edges the result is 0.
+Texels are interpolated bilinearly. Outside a map's edges the result is 0.
 """
 
 from __future__ import annotations
@@ -68,11 +68,12 @@ def _mixed(a, b, k, share):
 def _emission(scene, frame, place, shines, extent, p, w):
     """Returns the map's factor, rgb, for a light given by its columns; see `emission_towards`.
 
-    frame: the map's axis r and the map's number, below 0 for a light without a map.
+    frame: the map's axis r, and the map's number, which is negative for a light without a map.
     """
     if frame[3] < _ZERO:
         return _EVEN
-    # Measured from the centre, as for spots, so that an extent does not blur the map; for disks from the sampled point.
+    # The direction is measured from the light's centre, as for spots, so that an extent does not blur the map; for disks from the
+    # sampled point.
     towards = vec.neg(w) if extent < _ZERO else vec.sub(p, place)
     square = vec.dot(shines, shines)
     if not square > _ZERO:

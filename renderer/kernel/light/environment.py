@@ -1,10 +1,10 @@
 """The environment: an equirectangular image, or a constant colour as an image of one texel, plus a sun disk.
 
-Directions are sampled texel by texel in proportion to luminance times solid angle, and uniformly in solid angle within the
-texel: a constant environment is sampled without noise, and the density of an image is constant over each texel. Lookups are
-bilinear; where the interpolation spills light into a black texel, only BSDF sampling finds it, and MIS weights it correctly. The
-sun is a separate disk, since image texels are too coarse for it: a fixed share of the samples is taken on the disk, and the
-density is that of the mixture.
+Directions are sampled texel by texel in proportion to luminance times solid angle, and uniformly in solid angle within the texel:
+a constant environment is sampled without noise, and the density of an image is constant over each texel. Lookups are bilinear.
+Where interpolation spreads light into a black texel, only BSDF sampling finds it, and MIS weights it correctly. The sun is a
+separate disk, since image texels are too coarse for it: a fixed fraction of the samples is taken on the disk, and the density is
+that of the mixture.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def _stretched(cdf, i, u):
 
 @device
 def sample_cdf_row(cdf, start, row, u):
-    """Returns bit for bit what `sample_cdf` returns for row `row` of a table of cdfs, for u in [0, 1).
+    """Returns the same bits as `sample_cdf` for row `row` of a table of cdfs, for u in [0, 1).
 
     start: guide table with the position where the search begins (renderer/scene/cutpoints.py).
     """
@@ -115,7 +115,7 @@ def _uv(frame, d):
 
 @device
 def _place(environment, frame, d):
-    """Returns `_uv`, or (1/2, 1/2) without computing it where the image has a single texel."""
+    """Returns `_uv`; if the image has a single texel, (1/2, 1/2) without computing it."""
     if environment.shape[0] * environment.shape[1] == 1:
         middle = as_wide(_HALF, d[0])
         return middle, middle
@@ -126,7 +126,7 @@ def _place(environment, frame, d):
 def _on_sun(frame, d):
     """Returns True if the unit direction d (world space) is on the sun's disk.
 
-    Compares the squared chord, since the cosine in float32 has an error of a hundredth of the disk.
+    Compares the squared chord, since a float32 cosine has an error of a hundredth of the disk.
     """
     on_sun = as_wide(False, d[0])
     if frame[7] > _ZERO:
@@ -144,7 +144,7 @@ def environment_radiance(environment, frame, d):
 
 @device
 def environment_light(scene, d, judged):
-    """Returns (radiance from world direction d, pdf of d under `sample_environment`, per steradian; 0 unless `judged`)."""
+    """Returns (radiance from world direction d, pdf of d under `sample_environment` per steradian; 0 unless `judged`)."""
     frame = scene.environment_frame
     u, v = _place(scene.environment, frame, d)
     on_sun = _on_sun(frame, d)
@@ -206,9 +206,9 @@ def _sine(turns):
 
 @device
 def _row_extent(number, height):
-    """Returns the difference of cos(theta) over a row of texels, computed as a product.
+    """Returns the difference of cos(theta) between the edges of a row of texels, computed as a product.
 
-    The difference of the two cosines would cancel near the poles.
+    Subtracting the two cosines would cancel near the poles.
     """
     step = _HALF / np.float32(height)
     return _TWO * _sine((to_float(_from_pole(number, height)) + _HALF) * step) * _sine(_HALF * step)
@@ -216,7 +216,7 @@ def _row_extent(number, height):
 
 @device
 def _from_pole(number, height):
-    """Returns the number of rows between that row and the nearer pole."""
+    """Returns the number of rows between row `number` and the nearer pole."""
     opposite = u32(np.uint32(height - 1) - number)
     return where(number < opposite, number, opposite)
 
@@ -253,9 +253,9 @@ def _sample_sun(scene, u):
 
 @device
 def _sample_beside_sun(scene, u):
-    """Samples a world direction from the image: (direction, pdf per steradian).
+    """Samples a world direction from the image, not the sun: (direction, pdf per steradian).
 
-    The pdf includes the sun's probability if the direction is on the disk.
+    The pdf includes the sun's density if the direction is on the disk.
     """
     frame = scene.environment_frame
     d, pdf = _sample_image(scene, u)

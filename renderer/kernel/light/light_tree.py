@@ -76,16 +76,15 @@ def _dot(x, y, z, a, b, c):
 
 @device
 def _importances(node, base, p, n):
-    """Returns the importances of a node's eight children, f32x8: estimated irradiance at p on a surface with normal n (world
-    space).
+    """Returns the importances of a node's eight children, f32x8: estimated irradiance at p on a surface with normal n.
 
-    n: zero for light from all sides. An importance is 0 only if the child's lights contribute nothing.
+    n: in world space; zero for light from all sides. An importance is 0 only if the child's lights contribute nothing.
 
-    The lights of a child are in a sphere of radius r, with its centre at distance d and at height h above the tangent plane at p.
-    The paper divides by d**2, but by r**2 where d is less, and takes the cosine of the sphere's highest point, an upper bound
-    that overestimates near and large children. This function places the lights about 0.3 r from the centre and weights those
-    below the horizon by 0.3, which halves the variance in a room with a thousand lamps. The only root needed is that of d**2,
-    which may be approximate.
+    The lights of a child are in a sphere of radius r, whose centre is at distance d and at height h above the tangent plane at p.
+    The paper divides by d**2, or by r**2 if d is less, and uses the cosine of the sphere's highest point, an upper bound that
+    overestimates near and large children. This function assumes the lights at about 0.3 r from the centre and weights those below
+    the horizon by 0.3, which halves the variance in a room with a thousand lamps. The only root needed is that of d**2, which may
+    be approximate.
 
     If the emitters are directional, the paper's bound of the cosine is used, with sines and cosines multiplied by d.
     """
@@ -122,10 +121,10 @@ def _importances(node, base, p, n):
 
 @device
 def descend(node, base, p, n, choice):
-    """Descends one level from the node at offset `base`: (child, its probability, `choice` rescaled to [0, 1)).
+    """Descends one level from the node at offset `base`; returns (child, its probability, `choice` rescaled to [0, 1)).
 
-    The child is a node's number, or ~ the number of a light. The probability is 0 if no child reaches p; the child is then the
-    complement of light 0, which ends the descent. The function is free of branches.
+    The child is a node's number, or ~ the number of a light. If no child reaches p, the probability is 0 and the child is ~0,
+    which ends the descent. The function has no branches.
     """
     weights = _importances(node, base, p, n)
     sums = running_sum(weights)
@@ -143,9 +142,9 @@ def descend(node, base, p, n, choice):
 
 @subroutine
 def sample_light_tree(node, p, n, choice):
-    """Chooses a light by `choice` in [0, 1): (light number, its probability).
+    """Chooses a light by `choice` in [0, 1); returns (light number, its probability).
 
-    The probability is 0 if the descent reaches a node none of whose children illuminates p.
+    The probability is 0 if the descent reaches a node whose children do not illuminate p.
     """
     never_inline()
     chance = _ONE
@@ -160,7 +159,7 @@ def sample_light_tree(node, p, n, choice):
 
 @subroutine
 def tree_probability(node, p, n, light):
-    """Returns the probability with which `sample_light_tree` picks `light`, with the same rounding."""
+    """Returns the probability with which `sample_light_tree` chooses `light`, with the same rounding."""
     never_inline()
     chance = _ONE
     base = np.uintp(0)

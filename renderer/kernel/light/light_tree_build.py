@@ -128,9 +128,9 @@ def _fit(center, radius, axis, spread, reach, intensity, both, order, begin, end
 
 @builder
 def _best_split(center, radius, axis, spread, reach, intensity, both, order, begin, end):
-    """Finds the binned split of order[begin:end] with the least cost: (axis, plane, box minimum, box extent).
+    """Finds the binned split of order[begin:end] with the lowest cost; returns (axis, plane, box minimum, box extent).
 
-    axis is -1 where no plane separates the lights; plane counts bins.
+    axis: -1 if no plane separates the lights. plane: number of bins before it.
     """
     best = _INF
     best_axis = -1
@@ -237,7 +237,7 @@ def _sum(intensity, order, begin, end):
 
 @device
 def _to_part(border, strength, parts):
-    """Returns the index of the part to split next, or -1 where each part is a single light.
+    """Returns the index of the part to split next; -1 if each part is a single light.
 
     Chooses the strongest part among those with more lights than a node has children, else the strongest of the others. Splitting
     by strength keeps frequently sampled lights near the root; splitting large parts first fills the last nodes.
@@ -256,7 +256,7 @@ def _to_part(border, strength, parts):
 def build(center, radius, axis, spread, reach, intensity, both, distant, order, node):
     """Builds the tree: reorders `order`, fills `node` and returns the number of nodes.
 
-    The first `distant` lights of `order` are infinitely far and are kept apart from the others. The other arrays are those of
+    The first `distant` lights of `order` are infinitely distant and are separated from the others. The other arrays are those of
     LightBounds and LightTree (renderer/scene/light_tree.py).
     """
     todo = np.empty((len(order) + 1, 3), np.int64)

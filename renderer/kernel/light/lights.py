@@ -1,8 +1,8 @@
 """Light sampling: chooses a light, then a point on it or a direction.
 
-The environment is chosen with a fixed probability; other lights by power where they are few, by a light tree where they are
-many. Triangles are sampled uniformly by area and environments by radiance; spheres, parallelograms and punctual lights have
-modules of their own.
+The environment is chosen with a fixed probability; other lights by power if they are few, by a light tree if they are many.
+Triangles are sampled uniformly by area and environments by radiance; spheres, parallelograms and punctual lights have separate
+modules.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def _sample_triangle(scene, number, area, p, u, time):
 
 @device
 def _sample_parallelogram(scene, light, number, area, p, n, u, time):
-    """Samples a point on parallelogram `light`, whose first triangle is `number`: a LightSample as from `_sample_triangle`.
+    """Samples a point on parallelogram `light`, whose first triangle is `number`; returns a LightSample like `_sample_triangle`.
 
     n: see `sample_parallelogram`.
     """
@@ -111,13 +111,13 @@ def _sample_parallelogram(scene, light, number, area, p, n, u, time):
 
 @device
 def choose_light(scene, p, n, choice):
-    """Chooses a light other than the environment: (light number, probability); the probability is 0 where no light reaches p."""
+    """Chooses a light other than the environment: (light number, probability). The probability is 0 if no light reaches p."""
     return _choose_light(scene, p, n, choice, as_wide(True, choice))
 
 
 @device
 def _choose_light(scene, p, n, choice, wanted):
-    """Returns `choose_light` in the lanes where `wanted`; any valid light in the others."""
+    """Returns `choose_light` in the lanes where `wanted` is True; any valid light in the others."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
         light, chance = each_lane(sample_light_tree, wanted, (scene.light_node, p, n, choice))
         return u32(light), chance
@@ -127,7 +127,7 @@ def _choose_light(scene, p, n, choice, wanted):
 
 @device
 def sample_one_light(scene, light, p, n, u, time=None):
-    """Samples light number `light` from p: a LightSample whose pdf excludes the probability of choosing the light.
+    """Samples light number `light` from p; returns a LightSample whose pdf excludes the probability of choosing the light.
 
     n: the normal at p; zero for light from all sides; None to sample parallelograms uniformly. time: shutter time, 0 ... 1; None
     for a scene without motion.
@@ -169,7 +169,7 @@ def _is_parallelogram(scene, light):
 
 @device
 def _sample_alone(scene, number, wanted, p, u, time):
-    """Returns `sample_punctual`, moving or not, in the lanes where `wanted`, with the radiance multiplied by the emission map."""
+    """Returns `sample_punctual` in the lanes where `wanted` is True, for lights that may move and have emission maps."""
     if time is not None and len(scene.key_punctual) > 0:
         sample = each_lane(sample_moving_punctual, wanted, (scene.punctual_kind, scene.key_punctual, number, p, u, time))
     else:
@@ -199,9 +199,9 @@ def nearby_choice(scene, choice):
 
 @device
 def sample_light(scene, p, n, choice, u, time=None):
-    """Samples the direct light at the world point p with normal n: a LightSample. `choice` selects the light, u the point on it.
+    """Samples the direct light at the world point p with normal n; returns a LightSample.
 
-    n: zero for light from all sides. time: as for `sample_one_light`.
+    choice: selects the light. u: selects the point on it. n: zero for light from all sides. time: as for `sample_one_light`.
     """
     light, chance = as_wide(_FIRST, choice), zero_like(choice)
     if len(scene.light_primitive) > 0:
@@ -213,7 +213,7 @@ def sample_light(scene, p, n, choice, u, time=None):
 
 @device
 def sample_by_power(scene, p, n, choice, u, time):
-    """Returns `sample_light` for scenes without a light tree: lights are chosen by power."""
+    """Returns `sample_light` for scenes without a light tree, in which lights are chosen by power."""
     light, chance = as_wide(_FIRST, choice), zero_like(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
@@ -224,9 +224,9 @@ def sample_by_power(scene, p, n, choice, u, time):
 
 @device
 def sample_chosen(scene, p, n, choice, u, light, chance, time):
-    """Samples the environment where `choice` selects it, else the given light: a LightSample; see `sample_light`.
+    """Samples the environment if `choice` selects it, else the given light; returns a LightSample, see `sample_light`.
 
-    light, chance: the light chosen beforehand and its probability; 0 where there is none.
+    light, chance: the light chosen beforehand and its probability; 0 if there is none.
     """
     environment_chance = scene.environment_frame[3]
     from_far = choice < environment_chance
@@ -244,9 +244,9 @@ def sample_chosen(scene, p, n, choice, u, light, chance, time):
 
 @device
 def _sample_nearby(scene, p, n, u, light, chance, wanted, time):
-    """Samples the given light for `sample_chosen`, in the lanes where `wanted`.
+    """Samples the given light for `sample_chosen`, in the lanes where `wanted` is True.
 
-    The pdf includes the probability of the choice.
+    The pdf includes the probability of choosing the light.
     """
     sample = empty_light_sample(p)
     if len(scene.light_primitive) > 0 and any_of(wanted & (chance != _ZERO)):

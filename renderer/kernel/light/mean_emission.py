@@ -1,4 +1,4 @@
-"""Mean emission of textured triangles, used for the probability with which each is chosen as a light."""
+"""Mean emission of textured triangles, from which follows the probability of choosing each as a light."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 """Sampling of parallelogram lights in proportion to their approximate contribution to the shaded point.
 
-The contribution of a light's point is proportional to the receiver's cosine over the fourth power of the distance: the cosine at
-the light is the distance of its plane divided by that of the point. It is evaluated at the four corners and interpolated
-bilinearly, and points are sampled from that density by a warp of the unit square, as in Hart et al., "Practical Product Sampling
-by Fitting and Composing Warps", 2020. Unlike uniform sampling of the solid angle this leaves no noise from the receiver's
-cosine, and needs no trigonometric functions.
+The contribution of a point on the light is proportional to the receiver's cosine over the fourth power of the distance, since the
+cosine at the light is the distance of its plane divided by that of the point. It is evaluated at the four corners and
+interpolated bilinearly, and points are sampled from that density by a warp of the unit square, as in Hart et al., "Practical
+Product Sampling by Fitting and Composing Warps", 2020. Unlike uniform sampling of the solid angle this leaves no noise from the
+receiver's cosine, and needs no trigonometric functions.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def _edges(shape):
 
 @device
 def _brought(shape, p, n):
-    """Returns the relative contributions of the four corners to p, scaled to 0 ... 1 times the distance of the nearest corner."""
+    """Returns the relative contributions of the four corners to p, scaled to at most the distance of the nearest corner."""
     u, v = _edges(shape)
     to_corner = vec.sub((shape[0], shape[1], shape[2]), p)
     along = vec.add(to_corner, u)

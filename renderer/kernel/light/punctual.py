@@ -1,7 +1,7 @@
 """Punctual lights: point, spot and distant lights, in the units of Light (renderer/scene/description.py).
 
 With an extent they are spheres, disks and cones of constant radiance, which soften shadows. Rays do not intersect them, except
-for suns, which are distant lights with an angle.
+for suns: distant lights with an angle.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ __all__ = [
     "sample_punctual",
 ]
 
-# Kinds of punctual lights, as in `punctual_kind`. The last two are distant lights that rays hit; camera rays do not hit the very
-# last. A new kind goes before them.
+# Kinds of punctual lights, as in `punctual_kind`. The last two are distant lights that rays hit; camera rays do not hit the last one.
+# New kinds must be inserted before these two.
 POINT, SPOT, DIRECTIONAL, SPOT_SMOOTH, SPOT_LINEAR, SPOT_SMOOTH_ANGLE, SUN, SUN_UNSEEN = range(8)
 
 _ZERO = np.float32(0.0)

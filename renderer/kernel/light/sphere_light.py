@@ -66,7 +66,7 @@ def _sphere(scene, number, time):
 
 @device
 def sample_sphere(scene, number, p, u, time):
-    """Samples a point of a sphere, uniformly in solid angle from p; by area where p is inside or close: a LightSample.
+    """Samples a point of a sphere, uniformly in solid angle from p; by area if p is inside or close. Returns a LightSample.
 
     The pdf excludes the probability of choosing the light.
     """
@@ -99,7 +99,7 @@ def sample_sphere(scene, number, p, u, time):
 
 @device
 def faces_viewer(scene, number):
-    """Whether a sphere light acts as a disk through its centre that faces the shaded point, as with Cycles' soft falloff."""
+    """Returns True if a sphere light acts as a disk through its centre that faces the shaded point, like Cycles' soft falloff."""
     facing = as_wide(False, number)
     if scene.has.textures is not None:
         facing = u32(lookup(scene.material_flags, u32(lookup(scene.sphere_material, number)))) & _FACING != _FIRST
@@ -108,7 +108,7 @@ def faces_viewer(scene, number):
 
 @device
 def sample_facing(scene, number, p, u, time):
-    """Samples a sphere light that acts as a disk facing p; the result is as from `sample_sphere`."""
+    """Samples a sphere light that acts as a disk facing p; returns a LightSample like `sample_sphere`."""
     center, radius = _sphere(scene, number, time)
     to_center = vec.sub(center, p)
     square = vec.dot(to_center, to_center)
@@ -129,10 +129,10 @@ def sample_facing(scene, number, p, u, time):
 
 @device
 def hits_emitting_side(scene, light, p, w, front, time):
-    """Returns True if a ray from the vertex p in direction w that hit a light hit its emitting side.
+    """Returns True if a ray from the vertex p in direction w that has hit a light has hit its emitting side.
 
-    front: whether it hit the front side. For a sphere that acts as a facing disk the ray must pass through the disk; only one of
-    the sphere's two intersections counts.
+    front: whether it hit the front side. For a sphere that acts as a facing disk, the ray must pass through the disk, and only
+    one of its two intersections with the sphere is valid.
     """
     if scene.has.textures is not None and len(scene.sphere) > 0:
         number = u32(u32(lookup(scene.light_primitive, light)) - np.uint32(len(scene.triangle)))
@@ -145,7 +145,7 @@ def hits_emitting_side(scene, light, p, w, front, time):
             square, along, off = vec.dot(d, d), vec.dot(d, w), vec.cross(d, w)
             on_disk = (along > _ZERO) & (vec.dot(off, off) * square < radius * radius * along * along)
             outside = square > radius * radius
-            first = (front & outside) | not_(front | outside)  # else the disk has been counted already
+            first = (front & outside) | not_(front | outside)  # otherwise the disk has already been counted
             front = (facing & on_disk & first) | (front & not_(facing))
     return front
 

@@ -1,4 +1,4 @@
-"""Ambient occlusion: the share of a white environment that each surface sees, without materials and lights.
+"""Ambient occlusion: the fraction of a white environment that each surface sees, without materials and lights.
 
 Zhukov et al., 1998.
 """
@@ -37,10 +37,10 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 
 @template
 def trace_ao(scene, stack, camera, medium_stack, options, log, first):
-    """Traces one ambient occlusion sample, see `trace_path`: 1 where no surface is within options.ao_distance.
+    """Traces one ambient occlusion sample, see `trace_path`: 1 if no surface is within options.ao_distance, else 0.
 
     The direction is cosine-weighted. Camera rays that miss return 1. The expectation is 1 for a convex body, and 1 - D^2 / 4
-    inside the unit sphere at distance D up to 2.
+    inside the unit sphere at an ao_distance D of up to 2.
     """
     ray, path = camera_path(camera.o, camera.d)
     last, crossings, time = LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start), camera.time

@@ -1,7 +1,7 @@
-"""Direction sampling from a mixture: one half follows the material, the other aims at guide targets such as lights.
+"""Direction sampling from a mixture: half of the samples follow the material, half aim at guide targets such as lights.
 
-As in Shirley, Black & Hollasch, "Ray Tracing: The Rest of Your Life": no shadow rays, one direction a bounce, weighed by the
-mixture's density. Targets are chosen uniformly, and each one's density is evaluated, so their number should be small
+As in Shirley, Black & Hollasch, "Ray Tracing: The Rest of Your Life": no shadow rays, one direction per bounce, weighted by the
+mixture's density. Targets are chosen uniformly, and the density of each is evaluated, so their number should be small
 (renderer/scene/guiding_targets.py). Light outside all targets is found by the material's half.
 """
 
@@ -50,7 +50,7 @@ def _one_minus_cos(square, radius):
 def target_density(scene, primitive, p, d):
     """Returns the density, per steradian, with which `sample_towards` samples the unit direction d from p towards a primitive.
 
-    0 if d misses it.
+    The density is 0 if d misses the primitive.
     """
     triangles = len(scene.triangle)
     if primitive >= triangles:
@@ -83,11 +83,9 @@ def target_density(scene, primitive, p, d):
 
 @device
 def sample_towards(scene, primitive, p, u):
-    """Samples a direction from p towards a primitive: (unit direction, density per steradian).
+    """Samples a direction from p towards a primitive: (unit direction, density per steradian; 0 if there is none).
 
-    Density 0 where there is none.
-
-    Triangles are sampled by area, spheres by solid angle, and uniformly over all directions from inside.
+    Triangles are sampled by area, spheres by solid angle, or from inside uniformly over all directions.
     """
     triangles = len(scene.triangle)
     if primitive >= triangles:
@@ -115,10 +113,10 @@ def sample_towards(scene, primitive, p, u):
 
 @subroutine
 def mixture_bounce(scene, p, frame, material, wo, choose, u):
-    """Samples a direction from the mixture: (wi, weight, pdf, radiance scale), as `sample_material`.
+    """Samples a direction from the mixture: (wi, weight, pdf, radiance scale), like `sample_material`.
 
-    The pdf is 0, so that emission that is hit counts fully. p: the point; frame: its shading frame (s, t, n). Discrete directions
-    come only from the material's half.
+    The pdf is 0, so that emission that the ray hits has the full weight. p: the point. frame: its shading frame (s, t, n).
+    Discrete directions come only from the material's half.
     """
     never_inline()
     s, q, n = frame

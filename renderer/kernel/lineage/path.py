@@ -13,7 +13,7 @@ __all__ = ["trace_special_path"]
 
 @device
 def _has_lights(scene, options):
-    """Whether the selected strategy samples lights: of those without a body, which rays cannot hit, every strategy does."""
+    """Returns True if the selected strategy samples lights. Every strategy samples punctual lights, which rays cannot hit."""
     lit = has_lights(scene)
     if options.sampling != MIS and options.sampling != LIGHT:
         lit = len(scene.punctual_kind) > 0

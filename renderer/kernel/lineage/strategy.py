@@ -24,14 +24,14 @@ _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _TWO_PI = np.float32(2.0 * math.pi)
 _EIGHT_PI = np.float32(8.0 * math.pi)
-_LEFT_TO_LIGHTS = np.float32(-1.0)  # in place of a pdf: the emission hit next is left to light sampling
+_LEFT_TO_LIGHTS = np.float32(-1.0)  # in place of a pdf: emission hit next does not count, since light sampling adds it
 _CUTOFF = np.float32(1000.0)
-_FARTHEST = np.float32(1e30)  # squared; farther points are the environment
+_FARTHEST = np.float32(1e30)  # squared distance; farther points are the environment
 
 
 @device
 def heuristic_weight(heuristic, a, b):
-    """Returns the MIS weight by the selected heuristic: power, or balance, a / (a + b)."""
+    """Returns the MIS weight by the selected heuristic: the power heuristic, or balance, a / (a + b)."""
     if heuristic == BALANCE:
         a = min(max(a, LEAST_PDF), MOST_PDF)
         return a / (a + min(b, MOST_PDF))
@@ -42,7 +42,7 @@ def heuristic_weight(heuristic, a, b):
 def weigh_hit(options, ray, path, last, point, light_pdf):
     """Returns the weight of light that a path hits, under the selected heuristic and mistake; see `hit_weight` of steps/mis.py.
 
-    point: where the light is; None for the environment, which no mistake changes.
+    point: the light's position; None for the environment, which no mistake changes.
     """
     weight = heuristic_weight(options.heuristic, ray.pdf, light_pdf) if ray.pdf > _ZERO else _ONE
     if point is not None and options.mistake != NO_MISTAKE and path.number > _ZERO:
@@ -67,8 +67,8 @@ def weigh_light(options, light, scatter_pdf, branches, point):
 def _uniform_bounce(material, wo, choose, u):
     """Samples a direction independently of the material: (wi, weight, radiance scale).
 
-    Uniform over the hemisphere, or over the sphere where the material transmits; there, with probability 1/2, a discrete
-    direction of the material is taken instead, since uniform sampling cannot find it.
+    It is uniform over the hemisphere, or over the sphere if the material transmits. In the latter case a discrete direction of
+    the material is used with probability 1/2, since uniform sampling cannot find it.
     """
     never_inline()
     both = material.two_sided
@@ -87,9 +87,9 @@ def _uniform_bounce(material, wo, choose, u):
 
 @device
 def sample_direction(scene, vertex, options, choose, u):
-    """Samples a direction by the selected strategy: a BsdfSample, whose pdf determines the weight of light hit next.
+    """Samples a direction by the selected strategy; returns a BsdfSample, whose pdf determines the weight of light hit next.
 
-    pdf 0: the light counts fully; negative: not at all, since light sampling has counted it.
+    pdf 0: that light has weight 1. Negative pdf: weight 0, since light sampling has added it already.
     """
     material, wo, sampling = vertex.material, vertex.wo, options.sampling
     if sampling == MIXTURE and not is_specular(material):
@@ -111,7 +111,7 @@ def sample_direction(scene, vertex, options, choose, u):
 def mistake_factor(mistake, a, b):
     """Returns the factor by which a deliberate error changes the light of point b at a; 1 for the environment.
 
-    LIGHT_CUTOFF drops lights farther than sqrt(1000); ATTENUATION multiplies radiance by 1/d^2, although radiance is constant
+    LIGHT_CUTOFF omits lights farther than sqrt(1000); ATTENUATION multiplies radiance by 1/d^2, although radiance is constant
     along a ray.
     """
     way = vec.sub(b, a)

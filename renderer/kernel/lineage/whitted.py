@@ -1,10 +1,10 @@
 """Ray tracing after Whitted, "An Improved Illumination Model for Shaded Display" (1980), for comparison with path tracing.
 
-Only mirrors and glass are followed: diffuse and glossy surfaces receive direct light, and a constant in place of indirect light.
+Only mirrors and glass are followed: diffuse and glossy surfaces receive direct light, and a constant instead of indirect light.
 Where Whitted splits a ray at glass, the sampler chooses one direction.
 
-With one light sample a light is sampled at its centre: shadows are sharp, and only the choice among lights is random. With
-more, at as many random points, for soft shadows. The environment has no centre.
+With one light sample per vertex a light is sampled at its centre: shadows are sharp, and only the choice among lights is random.
+With more light samples, as many random points are sampled, for soft shadows. The environment has no centre.
 """
 
 from __future__ import annotations
@@ -74,10 +74,10 @@ def _edge2(scene, i, j):
 
 @device
 def _middle(scene, light):
-    """Returns the random numbers for which `sample_one_light` gives a light's centre.
+    """Returns the random numbers for which `sample_one_light` samples a light's centre.
 
-    For a triangle it is the middle of its longest edge, as if it were half of a rectangle; for a sphere the point nearest to the
-    lit point.
+    For a triangle that is the middle of its longest edge, as if it were half of a rectangle; for a sphere the point nearest to
+    the lit point.
     """
     primitive = scene.light_primitive[light]
     if primitive >= len(scene.triangle):
@@ -95,7 +95,7 @@ def _middle(scene, light):
 
 @device
 def _look_at_light(scene, p, normal, middle, choice, u, time):
-    """Returns `sample_light`; if `middle` is set, the light's centre is sampled."""
+    """Returns `sample_light`; if `middle` is True, with the light sampled at its centre."""
     chance = scene.environment_frame[3]
     if not middle or choice < chance or len(scene.light_primitive) == 0:
         return sample_light(scene, p, normal, choice, u, time)
@@ -200,7 +200,7 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
 
 @template
 def _add_direct(scene, stack, vertex, path, crossings, options, stream, time):
-    """Adds direct light at the path's vertex: (path, number of shadow rays)."""
+    """Adds direct light at the path's vertex; returns (path, number of shadow rays)."""
     surface = vertex.surface
     s, t, n = vertex.frame
     rays = 0

@@ -1,7 +1,6 @@
-"""Texture lookups for eight lanes: the vector form of texture.py for static textures with one layer.
+"""Texture lookups for eight lanes: the vector form of texture.py for static textures without layers.
 
-A lookup takes some two hundred instructions, most of them for addressing and decoding; only the reads of texels are done lane by
-lane.
+A lookup takes some two hundred instructions, most of them for addressing and decoding; only texels are read lane by lane.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ def is_rare(scene, number):
 
 @device
 def _wrapped(i, size, mode):
-    """Returns the texel indices for integer positions i (int32x8) under the wrap modes."""
+    """Returns the texel indices for the integer positions i (int32x8) under the wrap modes."""
     outside = i >= size
     if any_of(outside):
         at, width = to_float(i), to_float(size)  # below 2**24, so only the quotient is rounded
@@ -72,7 +71,7 @@ def _mix(a, b, t):
 def image_colors(scene, number, uv, uv1):
     """Returns the linear RGB, 0 ... 1, of eight textures (number: u32x8).
 
-    Each is looked up at uv or uv1 (two f32x8 each), as selected by the texture.
+    Each texture selects the coordinates: uv or uv1 (two f32x8 each).
     """
     first, width, height, by_x, by_y, srgb, second = columns(scene.texture, number, TEXTURE_COLUMNS, 0, 7)
     nearest = columns(scene.texture, number, TEXTURE_COLUMNS, NEAREST, 1)[0] != _NO

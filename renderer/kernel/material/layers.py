@@ -1,4 +1,4 @@
-"""Looks up the textured parameters of the material kinds with many properties."""
+"""Looks up the textured parameters of materials of the kinds with many properties."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _multiply(m, column, color):
 
 @subroutine
 def resolve(kind, material, textures, base, metallic, roughness, pane, m):
-    """Fills m (LAYER_SLOTS,) with the material's parameters; base, metallic and roughness are looked up already.
+    """Fills m (LAYER_SLOTS,) with the material's parameters. base, metallic, roughness: already looked up.
 
     pane: whether its glass is thin, without refraction. COAT_NORMAL is set to the shading normal. For a conductor only the
     parameters from ANISOTROPY on, and its alphas, are filled.
@@ -90,9 +90,9 @@ def _resolve_layers(textures, base, metallic, pane, m):
 
 @device
 def _leave_to_inside(m):
-    """Moves the subsurface share of diffuse light to the transmitted light, and scales the colour to conserve energy.
+    """Adds the subsurface fraction of diffuse light to the transmitted light, and scales the colour to conserve energy.
 
-    It is then handled by kernel/medium/subsurface.py. SUBSURFACE becomes the share of all diffuse light that enters the interior.
+    kernel/medium/subsurface.py then processes it. SUBSURFACE becomes the fraction of all diffuse light that enters the interior.
     """
     below = m[rows.DIFFUSE_TRANSMISSION]
     inside = (_ONE - below) * m[rows.SUBSURFACE]
@@ -136,7 +136,7 @@ def _turn(textures, m):
 
 @device
 def _spread(m, roughness):
-    """Sets both alphas (KHR_materials_anisotropy), and the roughness of the isotropic surface with about the same energy loss."""
+    """Sets both alphas (KHR_materials_anisotropy), and the roughness of an isotropic surface with about the same energy loss."""
     alpha = max(roughness * roughness, MIN_ALPHA)
     strength = m[rows.ANISOTROPY]
     along = alpha + (_ONE - alpha) * strength * strength

@@ -1,8 +1,8 @@
 """Material evaluation: texture lookups, and the only module that dispatches to the BSDF models.
 
 To add a model: a file in bsdf/, its `Kind` in renderer/arrays/rows.py, its parameters in renderer/scene/material.py, and a
-branch in `eval_material` and `sample_material`, or in rare_materials.py; for a model that is evaluated for eight paths at a time
-also its list in renderer/kernel/backends/cpu/surfaces.py.
+branch in `eval_material` and `sample_material`, or in rare_materials.py. A model that is evaluated for eight paths at a time also
+needs a list in renderer/kernel/backends/cpu/surfaces.py.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ _SPREAD = np.float32(0.025)  # spread of the index over the channels, KHR_materi
 
 
 class Material(NamedTuple):
-    """A material at a surface point, with its textures looked up. Fields are float32, except the kind."""
+    """A material at a surface point, after its textures were looked up. Fields are float32, except the kind."""
 
     kind: int
     base: tuple[float, float, float]
@@ -107,15 +107,15 @@ def _texture(scene, number, slot):
 
 @device
 def has_flag(scene, number, flag):
-    """Returns True if material `number` has a flag of renderer/arrays/rows.py, a uint32."""
+    """Returns True if material `number` has a flag of renderer/arrays/rows.py. flag: uint32."""
     return (u32(lookup(scene.material_flags, number)) & flag) != _NONE
 
 
 @device
 def texture_factors(scene, number, uv, uv1, time):
-    """Returns the factors from the textures of material `number`: (colour, metallic, roughness).
+    """Returns the factors of the textures of material `number`: (colour, metallic, roughness).
 
-    time: shutter time, 0 ... 1, in this module; None for a scene without motion.
+    time, in this module: shutter time, 0 ... 1; None for a scene without motion.
     """
     color, metallic, roughness = (_ONE, _ONE, _ONE), _ONE, _ONE
     texture = _texture(scene, number, rows.BASE_TEXTURE)
@@ -130,7 +130,7 @@ def texture_factors(scene, number, uv, uv1, time):
 
 @device
 def factors_at(scene, surface, time):
-    """Returns `texture_factors` of one surface; 1 where its material has no textures."""
+    """Returns `texture_factors` for one surface; 1 if its material has no textures."""
     factors = (_ONE, _ONE, _ONE), _ONE, _ONE
     if scene.has.textures is not None and scene.material_flags[surface.material] & rows.TEXTURED != 0:
         factors = texture_factors(scene, surface.material, surface.uv, surface.uv1, time)
@@ -148,7 +148,7 @@ class Parameters(NamedTuple):
 
 @device
 def parameters_at(scene, surface, factors):
-    """Returns the Parameters of surfaces. factors: `texture_factors` of their textures, 1 where there are none."""
+    """Returns the Parameters of surfaces. factors: their `texture_factors`, 1 if they have no textures."""
     base = _rgb(scene.material, surface.material, rows.BASE)
     metallic, roughness, ior = columns(scene.material, surface.material, COLUMNS, rows.METALLIC, 3)
     if scene.has.textures is not None:
@@ -160,7 +160,7 @@ def parameters_at(scene, surface, factors):
 
 @device
 def relative_index(ior, front):
-    """Returns the index of refraction beyond the surface over that on the viewer's side."""
+    """Returns the index of refraction beyond the surface divided by that on the viewer's side."""
     return where(front, ior, _ONE / ior)
 
 
@@ -175,7 +175,7 @@ def dielectric_reflectance(scene, number):
 def material_of(scene, surface, parameters, frame, layers, time):
     """Returns the Material of one surface from its Parameters.
 
-    frame: from `shading_frame`; layers: (LAYER_SLOTS,) float32, written here and referenced by the Material.
+    frame: from `shading_frame`. layers: (LAYER_SLOTS,) float32, which is filled here and referenced by the Material.
     """
     number = surface.material
     kind = scene.material_kind[number]
@@ -191,7 +191,7 @@ def material_of(scene, surface, parameters, frame, layers, time):
 
 @device
 def fetch_material(scene, surface, frame, layers, time):
-    """Returns `material_of` one surface with its textures looked up."""
+    """Returns the Material of one surface, with its textures looked up; see `material_of`."""
     return material_of(scene, surface, parameters_at(scene, surface, factors_at(scene, surface, time)), frame, layers, time)
 
 
@@ -199,7 +199,7 @@ def fetch_material(scene, surface, frame, layers, time):
 def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, frame, layers, time):
     """Fills `layers`, (LAYER_SLOTS,) float32, for a material of kind CONDUCTOR or above.
 
-    base, metallic, roughness: looked up already; shading: the shading normal; frame: from `shading_frame`.
+    base, metallic, roughness: already looked up. shading: the shading normal. frame: from `shading_frame`.
     """
     kind, flags = scene.material_kind[number], scene.material_flags[number]
     pane = flags & rows.THIN != 0 or abs(_value(scene.material, number, rows.IOR) - _ONE) < _MATCHED
@@ -217,7 +217,7 @@ def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, f
 
 @subroutine
 def _channel(throughput, u):
-    """Chooses a colour channel in proportion to the throughput: (channel, weight that compensates for the two dropped ones)."""
+    """Chooses a colour channel in proportion to the throughput: (channel, weight that compensates for the other two)."""
     total = throughput[0] + throughput[1] + throughput[2]
     at = u * total
     if at < throughput[0]:
@@ -229,9 +229,9 @@ def _channel(throughput, u):
 
 @device
 def colored_index(scene, number, throughput, u):
-    """Chooses a wavelength channel for dispersive material `number`: (index of refraction, throughput of that channel alone).
+    """Chooses a colour channel for dispersive material `number`: (index of refraction, throughput of that channel only).
 
-    The channel is chosen by u in proportion to the throughput; channels at 0 are never chosen, so a path keeps its channel at
+    The channel is chosen by u in proportion to the throughput. Channels at 0 are never chosen, so a path keeps its channel at
     later surfaces.
     """
     channel, weight = _channel(throughput, u)
@@ -247,7 +247,7 @@ def colored_index(scene, number, throughput, u):
 
 @device
 def opacity(scene, number, uv, uv1, vertex_alpha, time):
-    """Returns the probability, 0 ... 1, that a ray hits material `number` there rather than passes through."""
+    """Returns the probability, 0 ... 1, that a ray hits material `number` at this point rather than passes through."""
     chance = as_wide(_ONE, number)
     if scene.has.textures is not None:
         transparent = has_flag(scene, number, _TRANSPARENT)
@@ -317,8 +317,8 @@ def eval_material(material, wo, wi):
 def sample_material(material, wo, choose, u):
     """Samples a local direction: (wi, weight, pdf per steradian, radiance scale).
 
-    pdf is 0 for a discrete direction. The radiance scale is eta**2 for a refraction, the inverse of its effect on the radiance,
-    which Russian roulette compensates; else 1.
+    pdf is 0 for a discrete direction. The radiance scale is eta**2 for a refraction, the inverse of the factor in its weight, for
+    Russian roulette; else 1.
     """
     if material.kind == DIFFUSE:
         wi, weight, pdf = sample_diffuse(material.base, wo, u)

@@ -82,7 +82,7 @@ def shading_frame(scene, surface, wo, time):
 
 @device
 def bent_frame(scene, material, front, tangent, uv, uv1, geometric, n, wo, time):
-    """Returns `shading_frame` for a material with a normal map or tangents, from the required fields of the Surface."""
+    """Returns `shading_frame` for a material with a normal map or tangents, from the fields of the Surface that it needs."""
     # Seen from behind, the frame is inverted: bumps of the map become dents.
     sign = _ONE if front else -_ONE
     s, t = _tangents(n, (tangent[0] * sign, tangent[1] * sign, tangent[2] * sign, tangent[3] * sign))
@@ -97,7 +97,7 @@ def bent_frame(scene, material, front, tangent, uv, uv1, geometric, n, wo, time)
 
 @device
 def coat_normal(scene, material, shading, uv, uv1, frame, time):
-    """Returns the clearcoat's unit normal in the shading frame: from its own normal map, else the surface's normal `shading`."""
+    """Returns the clearcoat's unit normal in the shading frame: from its normal map, else the surface's normal `shading`."""
     s, t, n = frame
     normal = shading
     texture = scene.material_texture[material, CLEARCOAT_NORMAL_TEXTURE]

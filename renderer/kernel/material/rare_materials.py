@@ -1,4 +1,4 @@
-"""Scattering of the rarer material kinds, from their looked-up parameters, and of vertices within a medium."""
+"""Scattering by the rarer material kinds, from their looked-up parameters, and at vertices in a medium."""
 
 from __future__ import annotations
 
@@ -42,8 +42,9 @@ def _conductor(m):
 
 @device
 def _turned(m, w, sign):
-    """Returns w rotated about the normal by the anisotropy's angle: into the anisotropy's frame (sign 1) or back to the local one
-    (-1).
+    """Returns w rotated about the normal by the anisotropy's angle.
+
+    sign: 1 into the anisotropy's frame, -1 back to the local frame.
     """
     c, s = m[rows.ROTATION], sign * m[rows.ROTATION + 1]
     return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
@@ -59,7 +60,7 @@ def _kd_ks(m):
 
 @subroutine
 def eval_rare(has, kind, m, eta, wo, wi):
-    """Returns (f |cos|, pdf per steradian), as `eval_material`, for the rarer kinds from their looked-up parameters m."""
+    """Returns (f |cos|, pdf per steradian) like `eval_material`, for the rarer kinds, from their looked-up parameters m."""
     never_inline()
     if has.layers is not None and kind == LAYERED:
         return eval_and_pdf_layered(m, eta, wo, wi)
@@ -81,7 +82,7 @@ def eval_rare(has, kind, m, eta, wo, wi):
 
 @subroutine
 def sample_rare(has, kind, m, eta, wo, choose, u):
-    """Samples a local direction, as `sample_material`, for the rarer kinds from their looked-up parameters m.
+    """Samples a local direction like `sample_material`, for the rarer kinds, from their looked-up parameters m.
 
     Returns (wi, weight, pdf per steradian, radiance scale).
     """

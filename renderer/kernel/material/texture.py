@@ -59,9 +59,9 @@ def _code(texel, row, column):
 
 @device
 def _decoded_16(texel, first, place, encoding):
-    """Returns the linear RGBA of a texel with 16 bits a channel, which takes two rows.
+    """Returns the linear RGBA of a texel with 16 bits per channel, which occupies two rows.
 
-    place: its row if each texel took one; first: the texture's first row.
+    place: its row if each texel occupied one. first: the texture's first row.
     """
     row = first + np.int64(2) * (place - first)
     r, g, b, a = _code(texel, row, 0), _code(texel, row, 2), _code(texel, row + 1, 0), _code(texel, row + 1, 2)
@@ -77,7 +77,7 @@ def _from_half(code):
 
 @subroutine
 def _mixed_16(texel, first, a, b, c, d, s, t, encoding):
-    """Returns the bilinear interpolation of four texels with 16 bits a channel; out of line, since they are rare."""
+    """Returns the bilinear interpolation of four texels with 16 bits per channel. Called out of line, since they are rare."""
     never_inline()
     above = _mix(_decoded_16(texel, first, a, encoding), _decoded_16(texel, first, b, encoding), s)
     below = _mix(_decoded_16(texel, first, c, encoding), _decoded_16(texel, first, d, encoding), s)
@@ -88,7 +88,7 @@ def _mixed_16(texel, first, a, b, c, d, s, t, encoding):
 def _placed(transform, keys, number, u, v, time):
     """Returns the image coordinates of (u, v) under the texture's transform, interpolated between keys.
 
-    The image spans [0, 1].
+    The image spans 0 ... 1.
     """
     if keys is not None and time is not None and len(keys) > 0:
         count = len(keys) // len(transform)
@@ -103,7 +103,7 @@ def _placed(transform, keys, number, u, v, time):
 
 @device
 def _between(keys, k, column, share, u, v):
-    """Returns a row of the matrix interpolated between keys k and k + 1, multiplied by (u, v, 1)."""
+    """Returns a row of the matrix interpolated between keys k and k + 1, times (u, v, 1)."""
     a, b, c = keys[k, column], keys[k, column + 1], keys[k, column + 2]
     a += share * (keys[k + 1, column] - a)
     b += share * (keys[k + 1, column + 1] - b)
@@ -113,7 +113,7 @@ def _between(keys, k, column, share, u, v):
 
 @device
 def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
-    """Returns the linear RGBA, 0 ... 1, of row `number`'s image, without layers."""
+    """Returns the linear RGBA, 0 ... 1, of the image of texture row `number`, without layers."""
     first = np.int64(texture[number, 0])
     width = np.int64(texture[number, 1])
     height = np.int64(texture[number, 2])
@@ -172,11 +172,10 @@ def _stacked(texture, transform, texel, number, uv, uv1, keys, time, color):
 
 @subroutine
 def lookup(texture, transform, texel, number, uv, uv1, keys, time):
-    """Returns the linear RGBA of texture `number` with its layers: 0 ... 1, except for emission, where layers may sum to more.
+    """Returns the linear RGBA of texture `number` with its layers: 0 ... 1, except for emission, whose layers may sum to more.
 
-    The texture selects the first or the second coordinates; (0, 0) is the image's upper left corner.
-    keys, time: transforms while the shutter is open, as in CompiledScene, and the shutter time, 0 ... 1; None for a scene without
-    motion.
+    The texture selects the coordinates, uv or uv1; (0, 0) is the image's upper left corner. keys, time: transforms while the
+    shutter is open, as in CompiledScene, and the shutter time, 0 ... 1; None for a scene without motion.
     """
     color = _look_up_image(texture, transform, texel, np.int64(number), uv, uv1, keys, time)  # one type: compiled once
     if texture[number, ABOVE] >= 0:
@@ -186,5 +185,5 @@ def lookup(texture, transform, texel, number, uv, uv1, keys, time):
 
 @device
 def sample_texture(scene, number, uv, uv1, time):
-    """Returns `lookup` in a scene's textures."""
+    """Returns `lookup` for a texture of the scene."""
     return lookup(scene.texture, scene.texture_transform, scene.texel, number, uv, uv1, scene.key_texture, time)

@@ -1,4 +1,4 @@
-"""Finds the media that contain the camera, from the surfaces that a ray leaves."""
+"""Finds the media that contain the camera, by tracing a ray and the surfaces that it leaves from inside."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ def _media_at(scene, stack, o, time):
 
 @device
 def media_of_camera(scene, stack, camera, samples):
-    """Returns the stack of media in which all paths of an image begin: at the central ray's origin, in the middle of the shutter.
+    """Returns the stack of media with which all paths of an image begin: that at the central ray's origin at mid-shutter.
 
-    0 for a scene without media. samples: number of samples in the batch; 0: no ray is traced.
+    Returns 0 for a scene without media. samples: number of samples in the batch; 0: no ray is traced.
     """
     medium_stack = _WORLD
     if scene.has.media is not None:

@@ -1,8 +1,8 @@
 """Free flights in homogeneous media: distances sampled exponentially, for one path or for eight lanes.
 
-Coefficients depend on the wavelength, so a distance is sampled for one channel and weighed by the mixture density of all channels
-(single-sample multiple importance sampling, Veach 1997, 9.2.4). The channel is chosen in proportion to the path's throughput;
-then the sum of the throughput never grows from flight to flight.
+Coefficients depend on the wavelength, so a distance is sampled for one channel and weighted by the mixture density of all
+channels (single-sample multiple importance sampling, Veach 1997, 9.2.4). The channel is chosen in proportion to the path's
+throughput; then the sum of the throughput never grows from flight to flight.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def left_after(sigma_t, distance):
 
 @device
 def flight_distance(sigma_t, throughput, u):
-    """Samples the distance of a flight without obstacles; infinite where the channel chosen by u[1] has a coefficient of 0.
+    """Samples the distance of a flight without obstacles; infinite if the channel chosen by u[1] has a coefficient of 0.
 
     sigma_t: extinction coefficient per unit length, rgb. u: two numbers in [0, 1).
     """
@@ -57,10 +57,10 @@ def flight_distance(sigma_t, throughput, u):
 
 @device
 def carried(sigma_t, sigma_s, throughput, distance, scatters):
-    """Returns the throughput after a flight that scatters after `distance`, or reaches a surface there.
+    """Returns the throughput after a flight of length `distance`, which ends with scattering or at a surface.
 
     sigma_t, sigma_s: extinction and scattering coefficients per unit length, rgb; without scattering the result is deterministic.
-    scatters: whether the flight ends in the medium. The result is 0 where the density or the throughput is not positive.
+    scatters: whether the flight ends in the medium. The result is 0 if the density or the throughput is not positive.
     """
     red, green, blue = throughput
     total = red + green + blue
@@ -77,7 +77,7 @@ def carried(sigma_t, sigma_s, throughput, distance, scatters):
 
 @device
 def free_flight(sigma_t, sigma_s, throughput, reach, u):
-    """Samples a Flight with that throughput; reach: distance to the next surface, infinite where there is none."""
+    """Samples a Flight with that throughput. reach: distance to the next surface, infinite if there is none."""
     distance = flight_distance(sigma_t, throughput, u)
     scatters = (vec.maximum(sigma_s) > _ZERO) & (distance < reach)
     distance = where(scatters, distance, reach)

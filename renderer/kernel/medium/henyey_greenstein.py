@@ -24,7 +24,7 @@ _INV_4PI = np.float32(0.25 / math.pi)
 
 @device
 def pdf_henyey_greenstein(g, wi):
-    """Returns the pdf of direction wi, per steradian; g: mean cosine of the scattering angle, -1 < g < 1."""
+    """Returns the pdf of direction wi, per steradian. g: mean cosine of the scattering angle, -1 < g < 1."""
     narrow = _ONE - g
     square = narrow * narrow + _TWO * g * (_ONE + wi[2])  # 1 + g**2 - 2 g cosine
     return _INV_4PI * (_ONE - g * g) / (square * math.sqrt(square))
@@ -32,13 +32,13 @@ def pdf_henyey_greenstein(g, wi):
 
 @device
 def eval_henyey_greenstein(g, wi):
-    """Returns the phase function, per steradian; equals its pdf, since it is sampled exactly."""
+    """Returns the phase function, per steradian, which equals its pdf, since it is sampled exactly."""
     return pdf_henyey_greenstein(g, wi)
 
 
 @device
 def sample_henyey_greenstein(g, u):
-    """Samples a direction wi, in the local frame, by the inverse CDF, rearranged without the division by g: valid for g = 0."""
+    """Samples a local direction wi by the inverse CDF, rearranged to avoid the division by g: valid for g = 0."""
     k = (_ONE - g - _TWO * u[0]) / (_ONE - g + _TWO * g * u[0])
     cosine = min(max(_HALF * g - k - _HALF * g * k * k, -_ONE), _ONE)
     radius = math.sqrt(max(_ONE - cosine * cosine, _ZERO))

@@ -1,6 +1,6 @@
 """The stack of nested media of a path: the numbers of up to three media in a uint32, ten bits each, the innermost lowest.
 
-Beyond the third is the world's medium, number 0. For one path or for eight lanes.
+Outside of these is the world's medium, number 0. For one path or for eight lanes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NO_MEDIUM = np.uint32(0xFFFFFFFF)
 
 @device
 def entered(medium_stack, medium):
-    """Returns the stack after entering the medium; a fourth medium drops the outermost."""
+    """Returns the stack after entering a medium. A fourth medium drops the outermost."""
     return u32(u32(u32(medium_stack << _DIGITS) | medium) & _THREE)
 
 
@@ -43,7 +43,7 @@ def holds(medium_stack, medium):
 
 @device
 def left(medium_stack, medium):
-    """Returns the stack after leaving the medium; where bodies overlap, media entered later remain."""
+    """Returns the stack after leaving a medium. Media entered later remain in it, since bodies may overlap."""
     first, second, third = _parts(medium_stack)
     without_third = where(third == medium, u32(medium_stack & _TWO), medium_stack)
     without_second = where(second == medium, u32(u32(third << _DIGITS) | first), without_third)
@@ -52,13 +52,13 @@ def left(medium_stack, medium):
 
 @device
 def beneath(medium_stack, depth, medium):
-    """Returns the stack with the medium added at an empty depth, 0 ... 2; unchanged for greater depths."""
+    """Returns the stack with a medium at an empty depth, 0 ... 2; unchanged for greater depths."""
     return u32(medium_stack | u32(medium << u32(_DIGITS * depth))) if depth < _DEEPEST else medium_stack
 
 
 @device
 def crossed(scene, medium_stack, material, front):
-    """Returns the stack after crossing a surface of that material; front: whether the surface was hit from its front."""
+    """Returns the stack after crossing a surface with this material. front: whether the surface was hit from its front."""
     inside = u32(lookup(scene.material_medium, material))
     beyond = where(front, entered(medium_stack, inside), left(medium_stack, inside))
     return where(inside == NO_MEDIUM, medium_stack, beyond)
@@ -66,6 +66,6 @@ def crossed(scene, medium_stack, material, front):
 
 @device
 def coefficients(scene, medium_stack):
-    """Returns the innermost medium's (sigma_a + sigma_s, sigma_s, g): rgb per unit length, and the mean cosine."""
+    """Returns the coefficients of the innermost medium: (sigma_a + sigma_s, sigma_s, g), rgb per unit length and mean cosine."""
     ar, ag, ab, sr, sg, sb, g, _ = row(scene.medium, u32(medium_stack & _ONE), MEDIUM_COLUMNS)
     return (ar + sr, ag + sg, ab + sb), (sr, sg, sb), g

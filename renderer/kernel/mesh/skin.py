@@ -1,4 +1,4 @@
-"""Skinning of a mesh's vertices, compiled like the kernels so that the result is the same to the bit on every host."""
+"""Skins a mesh's vertices; compiled like the kernels so that the result has the same bits on every host."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ __all__ = ["carry"]
 
 @entry
 def carry(matrix, joint, weight, point, normal, tangent, placed, turned, bent):
-    """Fills placed, turned and bent, (V, 3) float32, with points, normals and tangents transformed by the weighted mean of their
-    joints.
+    """Fills placed, turned and bent, (V, 3) float32: points, normals and tangents moved by the weighted mean of their joints.
 
-    matrix: (J, 4, 4) f64, one for each joint; joint, weight: (V, K), the joints of a vertex and their weights, in any scale; a
-    vertex whose weights are all 0 stays where it is. normal with turned, and tangent with bent, may have no rows. Normals are
+    matrix: (J, 4, 4) f64, one for each joint. joint, weight: (V, K), the joints of a vertex and their weights, in any scale; a
+    vertex whose weights are all 0 does not move. normal with turned, and tangent with bent, may have no rows. Normals are
     transformed by the cofactor matrix and not normalised.
     """
     for i in range(len(point)):
@@ -48,7 +47,7 @@ def carry(matrix, joint, weight, point, normal, tangent, placed, turned, bent):
 
 @device
 def _added(column, share, matrix, joint, k):
-    """Returns a column of the mean matrix with one joint's weighted column added."""
+    """Returns a column of the mean matrix plus one joint's weighted column."""
     return (
         column[0] + share * matrix[joint, 0, k],
         column[1] + share * matrix[joint, 1, k],

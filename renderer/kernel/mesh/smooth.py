@@ -1,4 +1,4 @@
-"""Distinct points of a mesh, and computed normals for meshes that have none. All arrays are allocated by the caller."""
+"""Finds the distinct points of a mesh, and computes normals for meshes that have none. All arrays are allocated by the caller."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def _mixed(value):
 
 @builder
 def number_points(bits, salt, slot, first, number):
-    """Numbers the distinct rows of bits (V, 3) u32 by hashing and records the first row of each; returns their count.
+    """Numbers the distinct rows of bits (V, 3) u32 by hashing and records the first row of each; returns their number.
 
-    salt: u64, varies the hash so that a file cannot force collisions; the result does not depend on it. slot: the hash table, a
-    power of two of at least 2 V, all -1. first, number: (V,) i32.
+    salt: u64, varies the hash so that a file cannot force collisions; the result does not depend on it. slot: the hash table,
+    whose size is a power of two of at least 2 V, all -1. first, number: (V,) i32.
     """
     mask = np.uint64(len(slot) - 1)
     count = 0
@@ -49,7 +49,7 @@ def number_points(bits, salt, slot, first, number):
 
 @builder
 def sort_corners(triangle, number, start, order):
-    """Fills order (3 T,) with the corners grouped by point, and start (P + 1,), all 0 before, with each group's first index."""
+    """Fills order (3 T,) with the corners grouped by point, and start (P + 1,), initially 0, with each group's first index."""
     for i in range(len(triangle)):
         for k in range(3):
             start[number[triangle[i, k]] + 1] += 1
@@ -67,9 +67,9 @@ def sort_corners(triangle, number, start, order):
 
 @builder
 def measure_corners(position, triangle, unit, across, along):
-    """Computes each triangle's unit normal, 0 without an area, and each corner's cross and dot product of its edges.
+    """Computes each triangle's unit normal (0 without an area), and for each corner cross and dot product of its edges.
 
-    across: (3 T,), length of the cross product; along: (3 T,), dot product.
+    across: (3 T,), length of the cross product. along: (3 T,), dot product.
     """
     corner = np.empty((3, 3), np.float64)
     for i in range(len(triangle)):
@@ -93,10 +93,10 @@ def measure_corners(position, triangle, unit, across, along):
 def round_corners(unit, angle, start, order, vertex, limit, most, normal, kind, kept):
     """Computes each corner's normal: the mean, weighted by angle, of the adjacent faces within the crease angle of its own face.
 
-    Numbers the distinct (vertex, normal) pairs, records the normal and the first corner of each, and returns their count.
+    Numbers the distinct (vertex, normal) pairs, records the normal and the first corner of each, and returns their number.
 
-    limit: the cosine of the crease angle. most: largest number of corners at a point that are considered. vertex, kind, kept:
-    (3 T,) i32; kind is all -1. normal: (3 T, 3) f32.
+    limit: the cosine of the crease angle. most: largest number of corners at a point that are considered. vertex, kind, kept: (3
+    T,) i32; kind is initially all -1. normal: (3 T, 3) f32.
     """
     some = np.empty(_MOST_KINDS, np.int64)
     count = 0

@@ -13,7 +13,7 @@ __all__ = ["place_all_normals", "place_all_points", "place_normals", "place_poin
 def place_points(point, transform, first, end, placed):
     """Transforms points first ... end - 1 by a 4x4 matrix into `placed`.
 
-    Returns the largest absolute coordinate, NaN if one is NaN.
+    Returns the largest absolute coordinate; NaN if one is NaN.
     """
     largest = 0.0
     for i in range(first, end):

@@ -1,4 +1,4 @@
-"""Pixel filters by importance sampling: film samples are distributed as the filter function.
+"""Pixel filters by importance sampling: film samples are distributed like the filter function.
 
 Each sample has weight 1 and belongs to one pixel, and tiles need no border (Ernst et al., "Filter Importance Sampling", 2006).
 The filters are separable and non-negative.
@@ -36,7 +36,7 @@ def blackman_harris(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def _inverse() -> npt.NDArray[np.float32]:
-    """Returns the distance from the middle beyond which the fraction t**2 of the window lies, for t = 0, 1/_INTERVALS ... 1.
+    """Returns the distance from the middle beyond which the fraction t**2 of the window is, for t = 0, 1/_INTERVALS ... 1.
 
     The table is indexed by the root of the fraction, which resolves the window's flat ends as finely as its middle.
     """

@@ -1,4 +1,4 @@
-"""Samplers: the random numbers of a path as a function of (seed, pixel, sample number, block) alone.
+"""Samplers: the random numbers of a path as a function of (seed, pixel, sample number, block) only.
 
 A block is a group of four numbers. Counters may be uint32, or eight of them (u32x8). There are two samplers:
 
@@ -54,7 +54,9 @@ _UNITS = np.float32(2.0**24)
 # Digits to flip, found by search: for the first 1, 2, 4, ... 256 points with their flipped copies, of all ways to divide
 # the square into as many equal rectangles, by powers of two, more than two thirds have one point in each.
 _TURNED = (np.uint32(0x600C07), np.uint32(0xFD9F6F), np.uint32(0x4A694C))
-_LATTICE = np.uint32(192955923)  # for all 2**k up to 2**21, least distance at least 0.65 times the best of any lattice
+_LATTICE = np.uint32(
+    192955923
+)  # lattice whose least distance is at least 0.65 times that of the best lattice, for all 2**k points up to 2**21
 
 
 @device
@@ -83,10 +85,10 @@ def _mix(x):
 
 @device
 def pixel_key(x, y):
-    """Returns a pixel's counter, a hash of (x, y) that is independent of the frame's size and of the tile.
+    """Returns a pixel's counter, a bijective hash of (x, y) that is independent of the frame's size and of the tile.
 
-    The hash is bijective. It is needed since y occupies the upper bits and pcg4d's products propagate bits upwards only: without
-    it the low bits of the numbers would be correlated along a column.
+    Without the hash the low bits of the numbers would be correlated along a column, since y occupies the upper bits and pcg4d's
+    products propagate bits upwards only.
     """
     return _mix(u32(u32(y) << _SHIFT) | u32(x))
 
@@ -139,7 +141,7 @@ def _scramble(x, seed):
 
 @device
 def _fitting(index):
-    """Returns the bit-reversed sample order of a block that is to be stratified jointly with one in the order `index`.
+    """Returns the bit-reversed sample order of a block that is stratified jointly with the block whose order is `index`.
 
     The order is a linear map over GF(2) that adds to each binary digit of the sample number a fixed choice of the digits after
     it. It is one of those for which most divisions of the four dimensions into 16, 32 or 64 equal boxes have one point in each
@@ -152,7 +154,7 @@ def _fitting(index):
 
 @device
 def sobol4(seed, pixel, sample, block):
-    """Returns four uint32, the scrambled and shifted Sobol' point.
+    """Returns four uint32: the scrambled and shifted Sobol' point.
 
     Dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers. Blocks 4, 8, 12, ... use the order of the block two before
     them (`_fitting`), so that the directions sampled at a path's first and second vertex are stratified in four dimensions; all
@@ -168,7 +170,7 @@ def sobol4(seed, pixel, sample, block):
 
 @device
 def uniform4(sampler, seed, pixel, sample, block):
-    """Returns four numbers in [0, 1) from the sampler SOBOL or INDEPENDENT; the other arguments are uint32.
+    """Returns four numbers in [0, 1) from the sampler SOBOL or INDEPENDENT. The other arguments are uint32.
 
     A two-dimensional sample should use the first two numbers, which are the best stratified.
     """
@@ -190,7 +192,7 @@ class Stream(NamedTuple):
 
 @device
 def draw4(stream, block):
-    """Returns the four numbers of a block, as `uniform4`."""
+    """Returns the four numbers of a block; see `uniform4`."""
     return uniform4(stream.sampler, stream.seed, stream.pixel, stream.sample, block)
 
 

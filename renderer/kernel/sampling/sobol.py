@@ -1,9 +1,9 @@
 """The first four dimensions of the Sobol' sequence, scrambled and shifted, for one index or for eight.
 
-Random scrambling places each point at random within the elementary cell that it alone occupies, which suits smooth integrands.
-Lighting is not smooth: shadows have edges, and many details are as fine as the spacing of the points. There the relative
-position of neighbouring points matters. So one linear scrambling with good relative positions is fixed (docs/speed-notes.md,
-"Points that fit together"), and the randomisation is a digital shift, which preserves them.
+Random scrambling puts each point at random within its elementary cell, which suits smooth integrands. Lighting is not smooth:
+shadows have edges, and many details are as fine as the spacing of the points. There the relative position of neighbouring points
+matters. Therefore one linear scrambling with good relative positions is fixed (docs/speed-notes.md, "Points that fit together"),
+and the randomisation is a digital shift, which preserves them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _QUARTET = ir.VectorType(_I32, _DIMENSIONS)
 def direction_numbers() -> np.ndarray:
     """Returns the columns of the Sobol' generator matrices, (4, 32) uint32, most significant bit first.
 
-    Source: Joe & Kuo 2008, new-joe-kuo-6. Column k is added, by exclusive or, where bit k of the index is set.
+    Source: Joe & Kuo 2008, new-joe-kuo-6. Column k is added, by exclusive or, if bit k of the index is set.
     """
     # Degree, inner coefficients and first odd numbers of a primitive polynomial over GF(2), for dimensions 2, 3, 4.
     columns = [[1 << (31 - k) for k in range(32)]]
@@ -80,9 +80,9 @@ _COLUMNS[:, _BITS:] = 0
 
 
 def _by_digit(bits: int, digits: int) -> np.ndarray:
-    """Returns the contribution of each value of each digit of a bit-reversed index: (digits, 2**bits, 4) uint32.
+    """Returns the contribution to a point of each value of each digit of a bit-reversed index: (digits, 2**bits, 4) uint32.
 
-    The first digit holds the lowest bits of the index, which are uppermost after the reversal, lowest bit first.
+    The first digit consists of the lowest bits of the index, which are uppermost after the reversal, lowest bit first.
     """
     table = np.zeros((digits, 2**bits, _DIMENSIONS), np.uint32)
     for digit in range(digits):
@@ -102,7 +102,7 @@ def _vector(kind: Any, values: Any) -> Any:
 
 
 def _shifted(builder: Any, x: Any, seed: Any) -> Any:
-    """Emits x xor `_mix(seed)` (sampler.py) for vectors of any length."""
+    """Emits code for x xor `_mix(seed)` (sampler.py), for vectors of any length."""
 
     def constant(value: Any) -> Any:
         return _vector(x.type, [value] * x.type.count)
@@ -113,7 +113,7 @@ def _shifted(builder: Any, x: Any, seed: Any) -> Any:
 
 
 def _rows(builder: Any, data: Any, index: Any) -> Any:
-    """Emits the four dimensions of one index as a vector, from the table of nibbles."""
+    """Emits code for the four dimensions of one index as a vector, from the table of nibbles."""
     x = _vector(_QUARTET, [0] * _DIMENSIONS)
     for nibble in range(_NIBBLES):
         value = builder.and_(builder.lshr(index, _I32(28 - 4 * nibble)), _I32(15))
@@ -125,7 +125,7 @@ def _rows(builder: Any, data: Any, index: Any) -> Any:
 
 
 def _permuted(builder: Any, index: Any, dimension: int) -> Any:
-    """Emits one dimension of eight indices, looking up three bits at a time in a register of eight numbers (AVX2's vpermd)."""
+    """Emits code for one dimension of eight indices: looks up three bits at a time in a register (AVX2's vpermd)."""
     permute = cgutils.get_or_insert_function(builder.module, ir.FunctionType(INTS, [INTS, INTS]), "llvm.x86.avx2.permd")
     x = _vector(INTS, [0] * LANES)
     for triple in range(_TRIPLES):
@@ -137,7 +137,7 @@ def _permuted(builder: Any, index: Any, dimension: int) -> Any:
 
 
 def _matrices(dimension: int, turned: int) -> list[int]:
-    """Returns the four 8x8 bit matrices that map each index byte, `turned` places above a point's byte, to that byte.
+    """Returns the four 8x8 bit matrices that map each byte of the index to the byte of the point `turned` places below it.
 
     Format of vgf2p8affineqb: the row of the uppermost bit is lowest.
     """
@@ -153,7 +153,7 @@ def _matrices(dimension: int, turned: int) -> list[int]:
 
 
 def _multiplied(builder: Any, index: Any) -> list[Any]:
-    """Emits the four dimensions of eight indices as a product with the generator matrices, byte by byte (AVX-512's GFNI)."""
+    """Emits code for the four dimensions of eight indices: a product with the generator matrices, by bytes (AVX-512's GFNI)."""
     bytes_, words = ir.VectorType(ir.IntType(8), 4 * LANES), ir.VectorType(ir.IntType(64), 4)
     kind = ir.FunctionType(bytes_, [bytes_, bytes_, ir.IntType(8)])
     multiply = cgutils.get_or_insert_function(builder.module, kind, "llvm.x86.vgf2p8affineqb.256")
@@ -175,7 +175,7 @@ def _multiplied(builder: Any, index: Any) -> list[Any]:
 
 
 def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
-    """Emits the four dimensions of eight indices, one lane at a time."""
+    """Emits code for the four dimensions of eight indices, one lane at a time."""
     columns = [ir.Constant(INTS, ir.Undefined)] * _DIMENSIONS
     for lane in range(LANES):
         row = _rows(builder, data, builder.extract_element(index, _I32(lane)))
@@ -188,8 +188,8 @@ def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
 def points(typingctx, table, index, key):
     """Returns point `index` (bits reversed) of the sequence, each dimension shifted by `_mix` of the key plus an offset.
 
-    Four uint32, or four u32x8 for eight indices and keys. table: TABLE. `_mix` is evaluated for four dimensions at once in
-    explicit vectors, since LLVM does not vectorise it: a third of the time.
+    Returns four uint32, or four u32x8 for eight indices and keys. table: TABLE. `_mix` is computed for four dimensions at once in
+    explicit vectors, which takes a third of the time, since LLVM does not vectorise it.
     """
     far = [(i + 1) * int(GOLDEN) % 2**32 for i in range(_DIMENSIONS)]
 

@@ -1,4 +1,4 @@
-"""Warps from the unit square to other domains: each square_to_x with the density square_to_x_pdf of its result."""
+"""Warps from the unit square to other domains: each square_to_x with square_to_x_pdf, the density of its result."""
 
 from __future__ import annotations
 
@@ -40,8 +40,9 @@ _INV_4PI = np.float32(0.25 / math.pi)
 
 @device
 def _concentric(u):
-    """Maps the square to the unit disk by the concentric map (Shirley & Chiu 1997): (radius, sin, cos); the radius may be
-    negative.
+    """Maps the square to the unit disk by the concentric map (Shirley & Chiu 1997).
+
+    Returns (radius, sin, cos); the radius may be negative.
     """
     a = _TWO * u[0] - _ONE
     b = _TWO * u[1] - _ONE

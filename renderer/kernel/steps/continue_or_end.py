@@ -1,9 +1,9 @@
-"""Whether a path continues: limits on its length, and Russian roulette, which ends paths with a small expected contribution.
+"""Decides whether a path continues: limits on its length, and Russian roulette for paths with a small expected contribution.
 
 Arvo & Kirk, "Particle Transport and Image Synthesis", 1990. The throughput is compared with the first vertex's weight, which
-determines the pixel's brightness: paths of a green wall matter as much to its pixels as paths of a white wall to its own. A path
-survives with certainty while it carries five sevenths of that: most of its cost is already spent, so earlier termination would
-save little and add much noise.
+determines the pixel's brightness: paths from a green wall matter as much to its pixels as paths from a white wall to its own. A
+path survives with certainty while its throughput is at least five sevenths of that: most of its cost is already spent, so earlier
+termination would save little and add much noise.
 """
 
 from __future__ import annotations
@@ -25,9 +25,11 @@ _GENEROUS = np.float32(1.4)
 _SHORT = np.float32(3.0)  # segments without roulette: a dark surface may still see a bright one
 _LONG = np.float32(8.0)  # segments from which on survival is never certain, so that paths in white rooms end
 _ON_SURFACES = np.float32(MAX_FLOOR)  # upper bound of survival from there on,
-_IN_MEDIA = np.float32(0.99)  # where hundreds of white vertices in a row are common: 0.95 each would make sparks of light
+_IN_MEDIA = np.float32(
+    0.99
+)  # the same in media, where hundreds of white vertices in a row are common: 0.95 each would cause fireflies
 _LEAST = np.float32(1e-12)
-MAX_UNCOUNTED = 64  # segments that do not count, of one path: each has about an even chance to be the last of its vertex
+MAX_UNCOUNTED = 64  # limit of a path's segments that do not count: each has about an even chance of being the last at its vertex
 _MAX_AGAIN = np.float32(MAX_UNCOUNTED)
 UNCOUNTED = -2.0  # survival of a path that has left too many surfaces without a counted segment
 _AGAIN = np.float32(UNCOUNTED)
@@ -35,9 +37,9 @@ _AGAIN = np.float32(UNCOUNTED)
 
 @device
 def is_last(path, counts, unlit, options):
-    """Returns True if the path ends at its vertex by a limit on its segments or bounces, or at an unlit material.
+    """Returns True if the path ends at its vertex because of a limit on its segments or bounces, or at an unlit material.
 
-    counts: of its Crossings.
+    counts: those of its Crossings.
     """
     last = unlit | (path.depth + _ONE >= np.float32(options.max_depth))
     if options.has_depths:
@@ -47,9 +49,9 @@ def is_last(path, counts, unlit, options):
 
 @device
 def roulette_weight_after(roulette_weight, number, weight, eta2):
-    """Returns the factor that relates a path's throughput to the first vertex's weight, after a vertex.
+    """Returns the updated factor, after a vertex, that relates a path's throughput to the first vertex's weight.
 
-    number: count of earlier vertices, a float; weight: the vertex's weight, three channels; eta2: the radiance scale of a
+    number: count of earlier vertices, a float. weight: the vertex's weight, three channels. eta2: the radiance scale of a
     refraction, which must not affect survival.
     """
     return where(number == _ZERO, eta2 / max(vec.maximum(weight), _LEAST), roulette_weight * eta2)
@@ -59,7 +61,7 @@ def roulette_weight_after(roulette_weight, number, weight, eta2):
 def survival(throughput, roulette_weight, depth, options, is_surface):
     """Returns the survival probability of a path with `depth` segments, a float.
 
-    roulette_weight: from `roulette_weight_after`; is_surface: false for a vertex in a medium.
+    roulette_weight: from `roulette_weight_after`. is_surface: False for a vertex in a medium.
     """
     most = where(depth < _LONG, _ONE, where(is_surface, _ON_SURFACES, _IN_MEDIA))
     by_throughput = min(max(_GENEROUS * vec.maximum(throughput) * roulette_weight, options.roulette_floor), most)
@@ -69,10 +71,10 @@ def survival(throughput, roulette_weight, depth, options, is_surface):
 
 @device
 def continue_or_end(path, ray, u, is_surface, options):
-    """Returns (PathState, survival) of a path that has been scattered, by the number u in [0, 1).
+    """Returns (PathState, survival) of a path after scattering. u: a random number in [0, 1).
 
-    survival: the probability with which it continues; negative where it ends, AGAIN where it has too many segments that do not
-    count, 0 where nothing is left of it. NaN continues, so the film can count it.
+    survival: the probability with which it continues; negative if it ends (UNCOUNTED if it has too many segments that do not
+    count); 0 if its throughput is 0. Paths with NaN continue, so that the film can count them.
     """
     chance = survival(path.throughput, ray.roulette_weight, path.depth, options, is_surface)
     outcome = where(u >= chance, -chance, chance)

@@ -1,8 +1,8 @@
-"""Limits on what a path does at surfaces, by kind, besides the limit on its segments; for one path or for eight lanes.
+"""Limits on the number of a path's bounces by kind, besides the limit on its segments; for one path or for eight lanes.
 
-A path counts its reflections, which are diffuse or glossy, its transmissions, and the surfaces that it passes by their alpha. A
-reflection is diffuse if its pdf is at most the maximum of a cosine lobe, 1 / pi per steradian; glossy if it is greater, or if the
-direction is discrete, as for a mirror. Vertices in a medium have no count, nor have boundaries of media and bodiless lamps.
+A path counts its diffuse reflections, glossy reflections, transmissions, and surfaces that it passes by their alpha. A reflection
+is diffuse if its pdf is at most the maximum of a cosine lobe, 1 / pi per steradian; it is glossy if the pdf is greater, or if the
+direction is discrete, as for a mirror. Not counted are vertices in a medium, boundaries of media and lamps without a body.
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ DIFFUSE_LIMIT, GLOSSY_LIMIT, TRANSMISSION_LIMIT = 1.0, 2.0, 3.0
 def count_bounce(counts, left, reflected, pdf):
     """Returns the counts after a bounce.
 
-    left: whether it left its facet; pdf: of the whole material; 0 for a discrete direction.
+    left: whether the ray has left its facet. reflected: else transmitted. pdf: that of the whole material; 0 for a discrete
+    direction.
     """
     diffuse, glossy, transmitted, layers = counts
     is_glossy = reflected & ((pdf > _LAMBERT) | (pdf == _ZERO))
@@ -64,7 +65,7 @@ def reached_limit(counts, options):
 
 @device
 def limit_of(counts, options):
-    """Returns the limit by which one path is `reached_limit`; 0: none."""
+    """Returns the limit that makes `reached_limit` True for one path; 0: none."""
     diffuse, glossy, transmitted, _ = counts
     limit = TRANSMISSION_LIMIT if transmitted >= options.transmission_limit else 0.0
     limit = GLOSSY_LIMIT if glossy >= options.glossy_depth else limit
@@ -73,7 +74,7 @@ def limit_of(counts, options):
 
 @device
 def is_layer(scene, material):
-    """Whether a surface that rays pass through counts: by its alpha, not as a boundary of media or a lamp without a body."""
+    """Returns True if a surface that a ray passes is counted: one passed by its alpha, no media boundary or bodiless lamp."""
     flags = u32(lookup(scene.material_flags, material))
     is_boundary = u32(lookup(scene.material_kind, material)) == _INTERFACE
     return not_(is_boundary) & ((flags & _TRANSPARENT) != _NONE) & ((flags & _LAMP) == _NONE)
@@ -94,5 +95,5 @@ def layers_left(counts, options):
 
 @device
 def is_blocked(scene, material, counts, options):
-    """Returns True if the path ends at a surface that it would pass, because no more layers may be passed."""
+    """Returns True if the path ends at a surface through which it would pass, because no more layers may be passed."""
     return is_layer(scene, material) & (layers_left(counts, options) < _ONE)

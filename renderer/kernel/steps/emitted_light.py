@@ -1,4 +1,4 @@
-"""Emission that a path's ray hits: of surfaces, of the environment, of suns; and how a path gains light."""
+"""Emission that a path's ray hits: of surfaces, the environment and suns; and its addition to the path's radiance."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Emission(NamedTuple):
 def emitted_light(scene, surface, lit, ray, last, time):
     """Returns the Emission of a surface that the ray hits.
 
-    lit: whether it counts; last: the LastVertex; time: shutter time, 0 ... 1; None in a scene without motion.
+    lit: whether its emission counts. last: the LastVertex. time: shutter time, 0 ... 1; None in a scene without motion.
     """
     light = where(lit, surface.light, _FIRST_LIGHT)
     front = hits_emitting_side(scene, light, last.point, ray.d, surface.front, time)
@@ -46,23 +46,26 @@ def emitted_light(scene, surface, lit, ray, last, time):
 
 @device
 def emitted_by_environment(scene, ray):
-    """Returns the Emission of the environment where a ray has hit nothing."""
+    """Returns the Emission of the environment for a ray that has hit nothing."""
     radiance, light_pdf = environment_seen(scene, ray.d, ray.pdf > _ZERO)
     return Emission(radiance, light_pdf)
 
 
 @device
 def emitted_by_sun(scene, which, ray, last, number, time):
-    """Returns the Emission of a sun where a ray has hit nothing. which: index in scene.sun; number: count of vertices so far."""
+    """Returns the Emission of a sun for a ray that has hit nothing.
+
+    which: index in scene.sun; number: count of earlier vertices.
+    """
     radiance, light_pdf = sun_seen(scene, which, last.point, last.normal, ray.d, ray.pdf > _ZERO, number == _ZERO, time)
     return Emission(radiance, light_pdf)
 
 
 @device
 def clamp_indirect(light, segments, limit):
-    """Returns the light of a path, clamped if it is indirect: scaled so that its largest channel is at most `limit`.
+    """Returns light that reaches the camera by a path; indirect light is scaled so that its largest channel is at most `limit`.
 
-    segments: number of the path's segments; limit 0: no clamping.
+    segments: number of the path's segments. limit 0: no clamping.
     """
     if limit > _ZERO:
         most = vec.maximum(light)
@@ -74,6 +77,9 @@ def clamp_indirect(light, segments, limit):
 
 @device
 def add_light(path, light, mask, options):
-    """Returns the path with light that its ray hits added where `mask` is set. light: with its MIS weight."""
+    """Returns the path with the light that its ray hits added, where `mask` is True.
+
+    light: already multiplied by its MIS weight.
+    """
     brought = clamp_indirect(vec.mul(path.throughput, light), path.depth + _ONE, options.clamp)
     return with_radiance(path, where3(mask, vec.add(path.radiance, brought), path.radiance))

@@ -1,7 +1,7 @@
-"""Where a path scatters in its medium, before it reaches a surface. Compiled only for scenes with media.
+"""Samples where a path scatters in its medium before it reaches a surface. Compiled only for scenes with media.
 
-Such a vertex is represented by a surface at the point that faces the viewer, without object and material, lit from all sides: so
-light sampling, scattering and splitting work as for other vertices.
+Such a vertex is represented by a surface at that point that faces the viewer, without object and material, and that receives
+light from all sides. So light sampling, scattering and splitting work as for other vertices.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class MediumEvent(NamedTuple):
 
 @device
 def medium_event(scene, path, crossings, reach, stream, row):
-    """Samples the free flight towards the next surface: a MediumEvent.
+    """Samples the free flight towards the next surface; returns a MediumEvent.
 
-    reach: the surface's distance, infinite for a miss; row: number of vertices and passed surfaces before it, a float, which
+    reach: distance of the surface, infinite for a miss. row: number of earlier vertices and passed surfaces, a float, which
     selects the flight's random numbers.
     """
     sigma_t, sigma_s, g = coefficients(scene, crossings.medium_stack)

@@ -1,4 +1,4 @@
-"""Multiple importance sampling: the power heuristic, and the weights of both ways to find a light.
+"""Multiple importance sampling: the power heuristic, and the weights of BSDF sampling and light sampling.
 
 Veach, "Robust Monte Carlo Methods for Light Transport Simulation" (1997), 9.2.
 """
@@ -19,7 +19,7 @@ LEAST_PDF, MOST_PDF = np.float32(1e-18), np.float32(1e18)  # bounds whose square
 
 @device
 def power_heuristic(a, b):
-    """Returns the MIS weight of a sample with own density a > 0 and the other strategy's density b: exponent 2."""
+    """Returns the MIS weight, with exponent 2, of a sample with density a > 0 where the other strategy has density b."""
     a = min(max(a, LEAST_PDF), MOST_PDF)
     b = min(b, MOST_PDF)
     return a * a / (a * a + b * b)
@@ -27,18 +27,18 @@ def power_heuristic(a, b):
 
 @device
 def hit_weight(pdf, light_pdf):
-    """Returns the weight of light that a path hits; 1 where light sampling cannot find it.
+    """Returns the MIS weight of light that a path hits; 1 if light sampling cannot find it.
 
-    pdf: of the ray by the BSDF, 0 for a discrete direction; light_pdf: of the same direction by light sampling.
+    pdf: of the ray's direction by BSDF sampling, 0 for a discrete direction. light_pdf: of the same direction by light sampling.
     """
     return where(pdf > _ZERO, power_heuristic(pdf, light_pdf), _ONE)
 
 
 @device
 def branches_to_light(alone, number, options):
-    """Returns how many of a vertex' scattered directions may find the sampled light.
+    """Returns the number of a vertex's scattered directions that can find the sampled light.
 
-    alone: whether rays cannot hit it; number: count of earlier vertices.
+    alone: whether rays cannot hit the light. number: count of earlier vertices.
     """
     none = zero_like(number)
     return where(alone, none, where(number == _ZERO, none + np.float32(options.splitting), _ONE))
@@ -46,5 +46,5 @@ def branches_to_light(alone, number, options):
 
 @device
 def light_weight(light_pdf, scatter_pdf, branches):
-    """Returns the weight of a light sample. branches: from `branches_to_light`."""
+    """Returns the MIS weight of a light sample. branches: from `branches_to_light`."""
     return where(branches == _ZERO, _ONE, power_heuristic(light_pdf, branches * scatter_pdf))

@@ -1,4 +1,4 @@
-"""Surfaces that rays pass through: transparent ones, boundaries of media, lamps without a body; and absorption in between."""
+"""Surfaces through which rays pass (transparent ones, boundaries of media, lamps without a body), and absorption in between."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _LAMP, _TRANSPARENT, _ABSORBING = np.uint32(LAMP), np.uint32(TRANSPARENT), np.ui
 
 @device
 def is_passed(scene, surface, stream, row, options, time):
-    """Whether the ray passes through the surface that it hits: by its alpha, chosen randomly, or as a lamp without a body.
+    """Returns True if the ray passes the surface that it hits: by its alpha, chosen randomly, or as a lamp without a body.
 
-    row: number of surfaces hit before, passed or not, a float; time: shutter time, 0 ... 1; None in a scene without motion.
+    row: number of surfaces hit before, passed or not, a float. time: shutter time, 0 ... 1; None in a scene without motion.
     """
     through = surface.error != surface.error
     if scene.has.textures is not None:
@@ -44,7 +44,7 @@ def is_passed(scene, surface, stream, row, options, time):
 
 @device
 def counts_emission(scene, surface, through):
-    """Returns True if emission of the surface counts: not of surfaces that the ray passes, but for lamps without a body."""
+    """Returns True if emission of the surface counts: if the ray does not pass through it, or if it is a lamp without a body."""
     counts = not_(through)
     if scene.has.textures is not None:
         counts = counts | has_flag(scene, surface.material, _LAMP)
@@ -53,7 +53,7 @@ def counts_emission(scene, surface, through):
 
 @subroutine
 def absorbed(throughput, a, start, end):
-    """Returns the throughput after absorption from start to end: Beer's law. a: absorption coefficient, rgb per unit length."""
+    """Returns the throughput after absorption between two points: Beer's law. a: absorption coefficient, rgb per unit length."""
     never_inline()
     way = vec.sub(end, start)
     distance = math.sqrt(vec.dot(way, way))
@@ -62,9 +62,9 @@ def absorbed(throughput, a, start, end):
 
 @device
 def absorb(scene, surface, through, throughput, start):
-    """Returns the throughput at the surface, absorbed inside its material from the last vertex, `start`, on.
+    """Returns the throughput at the surface, after absorption in its material since the last vertex, `start`.
 
-    In a scene with media the free flights include it.
+    In a scene with media, the free flights include the absorption.
     """
     if scene.has.layers is not None and scene.has.media is None:
         inside = not_(surface.front | through) & has_flag(scene, surface.material, _ABSORBING)
@@ -76,7 +76,7 @@ def absorb(scene, surface, through, throughput, start):
 
 @device
 def pass_through(scene, surface, through, crossings, options):
-    """Returns (Crossings beyond the surface where the path passes `through` it, mask of paths that may pass no more layers)."""
+    """Returns (Crossings beyond the surface for paths that pass `through` it, mask of paths that may not pass more layers)."""
     diffuse, glossy, transmitted, layers = crossings.counts
     layers = where(through, with_layer(scene, surface.material, crossings.counts)[3], layers)
     medium_stack = crossings.medium_stack

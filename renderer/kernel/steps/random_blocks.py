@@ -1,7 +1,7 @@
-"""The blocks of four random numbers (renderer/kernel/sampling/sampler.py) that a sample's decisions draw from.
+"""The blocks of four random numbers (renderer/kernel/sampling/sampler.py) from which a sample's decisions draw.
 
-A vertex, counted from 0, has block 2 n + 1 for its light and block 2 n + 2 for its scattering; block 0 is the camera's. Blocks of
-flights and of subsurface walks are in renderer/kernel/medium.
+Vertex n, counted from 0, uses block 2 n + 1 for its light and block 2 n + 2 for its scattering; block 0 is the camera's. Blocks
+of flights and of subsurface walks are in renderer/kernel/medium.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from renderer.wide.values import to_int, u32
 
 __all__ = ["draw_color", "draw_light", "draw_passing", "draw_scattering", "draw_time"]
 
-_PASSING_BLOCKS = np.uint32((1 << 16) - 1)  # mask of the surface's number: paths that pass through more use the same again
+_PASSING_BLOCKS = np.uint32((1 << 16) - 1)  # mask of the surface's number: paths that pass more surfaces reuse the blocks
 _PASSING = np.uint32(1 << 16)  # first block of transparent surfaces; vertices use lower ones
 _COLOR = np.uint32(1 << 17)  # first block of dispersive surfaces
 _TIME = np.uint32(1 << 18)  # block whose first number is the sample's shutter time
@@ -23,13 +23,13 @@ _ONE, _TWO = np.uint32(1), np.uint32(2)
 
 @device
 def draw_light(stream, number):
-    """Returns a vertex' numbers for its light: two for the point, one for the choice. number: count of earlier vertices."""
+    """Returns a vertex's numbers for light sampling: two for the point, one for the choice. number: count of earlier vertices."""
     return draw4(stream, u32(u32(to_int(number)) * _TWO + _ONE))
 
 
 @device
 def draw_scattering(stream, number):
-    """Returns a vertex' numbers for its scattering: two for the direction, one for the choice of a lobe, one for roulette."""
+    """Returns a vertex's numbers for scattering: two for the direction, one for the choice of a lobe, one for roulette."""
     return draw4(stream, u32(u32(to_int(number)) * _TWO + _TWO))
 
 
@@ -41,7 +41,7 @@ def draw_passing(stream, row):
 
 @device
 def draw_color(stream, number):
-    """Returns the number that chooses a channel at a dispersive surface."""
+    """Returns the number that chooses a colour channel at a dispersive surface."""
     return draw4(stream, u32(u32(to_int(number)) + _COLOR))[0]
 
 

@@ -1,6 +1,6 @@
-"""The AOVs of a path's first vertex: their fields, their values, and their planes in the film.
+"""The AOVs of a path's first vertex: their fields and values.
 
-A new AOV is a field of `FirstHit` and its value here, its planes in `FIRST_HIT` of renderer/film.py, and its entry in
+A new AOV needs a field of `FirstHit` and its value here, its planes in `FIRST_HIT` of renderer/film.py, and its entry in
 renderer/aovs.py.
 """
 
@@ -22,7 +22,7 @@ _NEXT, _NONE = np.uint32(1), np.uint32(0)
 
 
 class FirstHit(NamedTuple):
-    """What the film stores of a path's first vertex. All fields are 0 if it has none."""
+    """The values of a path's first vertex that the film stores. All fields are 0 if the path has none."""
 
     albedo: Vector
     distance: Float  # from the lens
@@ -36,9 +36,9 @@ class FirstHit(NamedTuple):
 def record_first_hit(surface, material, normal, distance, start):
     """Returns the FirstHit of a vertex.
 
-    material: with its base colour, metallic and roughness, as in `Parameters` and `Material`; in a medium the base colour is the
-    single-scattering albedo. normal: the shading normal on the viewer's side, or zero in a medium, where the surface has neither
-    object nor material. distance: along the ray; start: distance of the ray's origin from the lens.
+    material: with base colour, metallic and roughness, as in `Parameters` and `Material`; in a medium the base colour is the
+    single-scattering albedo. normal: the shading normal on the viewer's side; zero in a medium, where the surface has neither
+    object nor material. distance: along the ray. start: distance of the ray's origin from the lens.
     """
     return FirstHit(
         albedo=material.base,
@@ -59,7 +59,7 @@ def no_hit(like):
 
 
 def _planes(integers: bool) -> npt.NDArray[np.uintp]:
-    """Returns the (column of FirstHit, plane of the film) of all its integers, or of all its real numbers."""
+    """Returns (column of FirstHit, plane of the film) for each of its integers, or for each of its real numbers."""
     found: list[tuple[int, int]] = []
     for field, planes in FIRST_HIT.items():
         if is_integer(FirstHit, field) == integers:

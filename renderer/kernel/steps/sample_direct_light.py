@@ -21,7 +21,7 @@ _FIRST = np.uint32(0)
 
 @device
 def media_beyond(scene, surface, medium_stack, is_surface):
-    """Returns the media beyond the vertex' surface; those around it for a vertex in a medium."""
+    """Returns the media beyond the vertex's surface; for a vertex in a medium, those around it."""
     material = where(is_surface, surface.material, _FIRST)
     return where(is_surface, crossed(scene, medium_stack, material, surface.front), medium_stack)
 
@@ -30,8 +30,8 @@ def media_beyond(scene, surface, medium_stack, is_surface):
 def sample_direct_light(scene, surface, path, light, wi, f, weight, medium_stack, is_surface):
     """Returns the ShadowRay towards a light sample.
 
-    wi: direction of the light in the shading frame; f: f |cos| there; weight: the sample's MIS weight; medium_stack: the media
-    that contain the viewer's side; is_surface: false for a vertex in a medium.
+    wi: direction of the light in the shading frame. f: f |cos| for wi. weight: the sample's MIS weight. medium_stack: the media
+    that contain the viewer's side. is_surface: False for a vertex in a medium.
     """
     brought = vec.mul(path.throughput, vec.scale(vec.mul(f, light.radiance), weight / light.pdf))
     above = wi[2] > _ZERO
@@ -45,5 +45,5 @@ def sample_direct_light(scene, surface, path, light, wi, f, weight, medium_stack
 
 @device
 def add_direct_light(radiance, brought, left, segments, options):
-    """Returns the radiance with direct light added. left: transmittance, rgb; segments: number of the path's segments."""
+    """Returns the radiance with direct light added. left: transmittance, rgb. segments: number of the path's segments."""
     return vec.add(radiance, clamp_indirect(vec.mul(brought, left), segments, options.clamp))

@@ -1,4 +1,4 @@
-"""Scattering at a vertex: the next ray, what the path carries, and what it has crossed."""
+"""Scattering at a vertex: the next ray, the path's state, and the surfaces that it has crossed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ONE = np.float32(1.0)
 
 
 class Bounce(NamedTuple):
-    """How a vertex has scattered a path, for `cross_surface`."""
+    """The kind of a path's scattering at a vertex, for `cross_surface`."""
 
     has_left: Any  # whether the ray has left its facet, as `leaves` returns (surface/ray_origins.py)
     reflected: Any
@@ -34,9 +34,9 @@ class Bounce(NamedTuple):
 def is_counted(has_left, reflected, pdf, options):
     """Returns True if a segment, sampled with that pdf, counts towards the depth.
 
-    Smooth transmission, the only one with pdf 0 that is not reflected, counts only if `transmission_depth` is 0. has_left: as
-    `leaves` returns (surface/ray_origins.py). A ray that hits its own facet again, which bent normals can cause, has not left the
-    vertex and is not counted; otherwise white objects would darken towards their silhouettes at low depths.
+    Smooth transmission, the only one with pdf 0 that is not reflected, counts only if `transmission_depth` is 0. has_left: from
+    `leaves` (surface/ray_origins.py). A ray that hits its own facet again, which bent normals can cause, has not left the vertex
+    and is not counted; otherwise white objects would darken towards their silhouettes at low depths.
     """
     is_clear = (pdf == _ZERO) & not_(reflected)
     return where(options.transmission_depth > 0, has_left & not_(is_clear), has_left)
@@ -46,7 +46,7 @@ def is_counted(has_left, reflected, pdf, options):
 def scatter(surface, frame, ray, path, sample, branches, options):
     """Returns (Ray, PathState, Bounce) after the vertex has scattered the path.
 
-    sample: a BsdfSample; branches: the number of branches into which the vertex splits the path, a float.
+    sample: a BsdfSample. branches: the number of branches into which the vertex splits the path, a float.
     """
     s, t, n = frame
     weight, pdf = share_of_branch(sample.weight, sample.pdf, branches)

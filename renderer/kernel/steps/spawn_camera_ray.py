@@ -21,7 +21,7 @@ _HALF = np.float32(0.5)
 
 
 class CameraRay(NamedTuple):
-    """A sample's ray from the camera."""
+    """A sample's ray from the camera, with its time and random numbers."""
 
     o: Any
     d: Any  # unit
@@ -34,7 +34,7 @@ class CameraRay(NamedTuple):
 def spawn_camera_ray(motion, camera, options, x, y, sample):
     """Returns the CameraRay of a sample of pixel (x, y).
 
-    motion: None for a scene without motion (renderer/arrays/scene_features.py); sample: its number, uint32.
+    motion: None for a scene without motion (renderer/arrays/scene_features.py). sample: its number, uint32.
     """
     stream = stream_of(options, pixel_key(x, y), sample)
     u = draw_film(stream)

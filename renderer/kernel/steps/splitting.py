@@ -1,8 +1,7 @@
 """Path splitting: the first vertex scatters a path into several branches, for one path or for eight lanes.
 
-Arvo & Kirk, "Particle Transport and Image Synthesis", 1990. Most of the noise arises after the first vertex, and its cost is
-shared by the branches. The branches are samples of one strategy and are weighed together against light sampling (Veach 1997,
-9.2).
+Arvo & Kirk, "Particle Transport and Image Synthesis", 1990. Most of the noise arises after the first vertex, and the branches
+share its cost. They are samples of one strategy and are weighted together against light sampling (Veach 1997, 9.2).
 """
 
 from __future__ import annotations
@@ -30,18 +29,21 @@ def splits(number, specular):
 
 @device
 def share_of_branch(weight, pdf, branches):
-    """Returns (a branch's share of a vertex's weight, the density of all branches' directions together). branches: a float."""
+    """Returns (the fraction of a vertex's weight for one branch, the density of all branches' directions together).
+
+    branches: their number, a float.
+    """
     return vec.scale(weight, _ONE / branches), branches * pdf
 
 
 @device
 def second_branch_numbers(numbers):
-    """Returns the second branch's random numbers at the splitting vertex, stratified against those of the first."""
+    """Returns the second branch's random numbers at the splitting vertex, stratified together with those of the first."""
     x, y, choose = opposite(numbers)
     return x, y, choose, numbers[3]
 
 
 @device
 def second_branch_stream(stream):
-    """Returns the random number stream of a second branch after the splitting vertex: that of a distant pixel."""
+    """Returns the random number stream of a second branch after the splitting vertex: the stream of a distant pixel."""
     return Stream(stream.sampler, stream.seed, u32(stream.pixel ^ _ALL), stream.sample)

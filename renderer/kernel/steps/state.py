@@ -1,6 +1,6 @@
 """The state of a path, as named tuples of plain values: of one path, of eight lanes, or of a thread.
 
-Vectors are in world space; directions are unit.
+Vectors are in world space. Directions are unit.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ _ONE = np.float32(1.0)
 
 
 class Ray(NamedTuple):
-    """The ray o + t d that a path follows next."""
+    """The next ray of a path, o + t d."""
 
-    o: Vector  # off the last vertex's surface
+    o: Vector  # origin, offset from the last vertex's surface
     d: Vector
-    pdf: Float  # of d by the BSDF; 0: discrete, or from the camera; below 0: emission that is hit does not count
+    pdf: Float  # of d by the BSDF; 0: discrete direction, or camera ray; negative: emission that is hit does not count
     roulette_weight: Float  # factor from the path's throughput to its importance for the pixel (continue_or_end.py)
 
 
@@ -54,18 +54,21 @@ class PathState(NamedTuple):
 
 
 class Crossings(NamedTuple):
-    """The surfaces that a path has crossed. Read only in scenes with media, or where bounces are limited by kind."""
+    """The media that contain a path, and its bounces by kind.
+
+    Used only in scenes with media, or if bounces are limited by kind.
+    """
 
     medium_stack: Int  # the media that contain it (kernel/medium/medium_stack.py)
-    counts: Four  # of what it did at surfaces, by kind (depths.py)
+    counts: Four  # bounces and passed surfaces by kind (depths.py)
     behind: Float  # distance along the ray of the surface that it passed through last; 0: none
 
 
 class LastVertex(NamedTuple):
-    """The vertex that a ray left, as light sampling sees it."""
+    """The vertex that a ray has left, for the pdf of light sampling."""
 
     point: Vector
-    normal: Vector  # lights on its side count; zero: on both sides
+    normal: Vector  # lights on this side are sampled; zero: lights on both sides
 
 
 class ShadowRay(NamedTuple):
@@ -73,8 +76,8 @@ class ShadowRay(NamedTuple):
 
     start: Vector
     end: Vector
-    is_cast: Any  # whether there is light to bring
-    brought: Vector  # radiance that the path gains
+    is_cast: Any  # whether the shadow ray must be traced
+    brought: Vector  # radiance added if it is not occluded
     segments: Float  # number of the path's segments with this one
     medium_stack: Any  # the media that contain its start
 
@@ -100,13 +103,13 @@ class Vertex(NamedTuple):
 
 @device
 def stream_of(options, pixel, sample):
-    """Returns the random numbers of a sample. pixel: its key (sampler.py)."""
+    """Returns the random number stream of a sample. pixel: its key (sampler.py)."""
     return Stream(options.sampler, options.seed, pixel, sample)
 
 
 @device
 def camera_path(o, d):
-    """Returns (Ray, PathState) of a path that begins with the camera's ray."""
+    """Returns (Ray, PathState) of a path that begins with the camera ray o + t d."""
     none = zero_like(d[0])
     one = none + _ONE
     return Ray(o, d, none, one), PathState((none, none, none), none, (one, one, one), none)
@@ -114,7 +117,7 @@ def camera_path(o, d):
 
 @device
 def no_crossings(medium_stack, like):
-    """Returns the Crossings of a path that has crossed nothing. like: a float or lanes."""
+    """Returns the Crossings of a path that has crossed nothing. like: a float or lanes, which determine the type."""
     none = zero_like(like)
     return Crossings(as_wide(medium_stack, like), (none, none, none, none), none)
 
@@ -133,7 +136,7 @@ def with_throughput(path, throughput):
 
 @device
 def scattering_surface(point, error, geometric, shading, front, material, smooth, lift, uv, uv1, number):
-    """Returns a Surface with what scattering needs. number: of its object."""
+    """Returns a Surface with the fields that scattering needs. number: of its object."""
     none = zero_like(error)
     one = none + _ONE
     light = as_wide(NO_LIGHT, error)

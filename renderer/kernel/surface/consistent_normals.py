@@ -1,4 +1,4 @@
-"""Consistent shading normals: their mirror directions of the viewer lie above the geometric surface.
+"""Consistent shading normals: those for which the mirror direction of the viewer is above the geometric surface.
 
 A vertex normal or mapped normal may deviate so far from the facet that the mirror direction points below it, where the ray would
 hit its own facet. Keller et al., "The Iray Light Transport Simulation and Rendering System" (2017), and Cycles rotate such
@@ -23,16 +23,16 @@ _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _INV_2PI = np.float32(0.5 / math.pi)
-_LEAST_HEIGHT = np.float32(0.01)  # sine of the least angle between reflected ray and facet,
-_OF_VIEWER = np.float32(0.9)  # or this share of the viewer's
+_LEAST_HEIGHT = np.float32(0.01)  # sine of the least angle between reflected ray and facet, or
+_OF_VIEWER = np.float32(0.9)  # this fraction of the sine of the viewer's angle, if that is less
 
 
 @subroutine
 def consistent_normal(n, geometric, wo):
     """Returns n, rotated towards the geometric normal by the least angle for which the mirror direction of wo leaves the surface.
 
-    With n = sin a x + cos a g in the plane of the geometric normal g, and wo's coordinates (p, q) there, the mirror direction
-    has the height p sin 2a + q cos 2a = r cos(2a - phi). All three are unit; wo is on the geometric normal's side.
+    With n = sin a x + cos a g in the plane of n and the geometric normal g, and wo's coordinates (p, q) there, the mirror
+    direction has the height p sin 2a + q cos 2a = r cos(2a - phi). All three are unit. wo is on the geometric normal's side.
     """
     never_inline()
     height = vec.dot(geometric, wo)

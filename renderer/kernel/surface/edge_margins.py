@@ -1,4 +1,4 @@
-"""Margins of a triangle: the distance that ray origins keep from its edges, and the intersection's positional error."""
+"""Margins of a triangle: the distance of ray origins from its edges, and the intersection's positional error."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ROUNDED = np.float32(2.0**-23)  # error bound of the area, relative to the squa
 
 @device
 def edge_margins(a, b, c, cross):
-    """Returns (an upper bound of 1 / inscribed radius, the distance at which a ray may find a hit off the triangle).
+    """Returns (an upper bound of 1 / inscribed radius, the distance from the triangle at which a ray may find a hit).
 
     cross: cross product of the edges. The distance is significant only for slivers, where float32's error in the hit distance
     grows as the length squared over the width. The perimeter is bounded by the edges' largest coordinates.

@@ -48,7 +48,7 @@ _UNIT = np.float32(1e-6)
 _LEAST_COSINE = np.float32(0.01)
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
 POINT_ERROR = np.float32(20 * 2.0**-24)
-_INWARD = np.float32(1.5)  # multiple of it, away from the triangle's edges: enough for walls that meet at 35 degrees
+_INWARD = np.float32(1.5)  # multiple of `error` by which points move away from edges: enough for walls at an angle of 35 degrees
 _FURTHEST = np.float32(12.0)
 _TINY = np.float32(1e-30)
 _SPHERE_ERROR = np.float32(1e-14)
@@ -94,7 +94,7 @@ def triangle_point(position, triangle, number, u, v):
 
 @device
 def _between(a, b, c, u, v):
-    """Returns `triangle_point` for three corners."""
+    """Returns `triangle_point` for a triangle given by its three corners."""
     error = POINT_ERROR * ((_ONE - u - v) * vec.magnitude(a) + u * vec.magnitude(b) + v * vec.magnitude(c))
     return _mix3(a, b, c, u, v), error, vec.cross(vec.sub(b, a), vec.sub(c, a))
 
@@ -112,8 +112,8 @@ def _inward(scene, hit, error, curvature):
     """Returns the offset, in world space, that moves a point near an edge towards its triangle's centroid.
 
     A point near an edge may be rounded to the far side of an adjoining wall, so that rays from it leave the room; so may an
-    origin offset by `error` where walls meet at an acute angle. Moving it by a multiple of `error` over the inscribed circle's
-    radius prevents that. In slivers the move is limited, to be invisible.
+    origin offset by `error` where walls form an acute angle. Moving it by a multiple of `error` divided by the inscribed circle's
+    radius prevents that. In slivers the move is limited, so that it remains invisible.
     """
     never_inline()
     i, j, k, _ = row(scene.triangle, hit.primitive, 4)
@@ -139,7 +139,7 @@ def triangle_uv(uv, triangle, number, u, v):
 
 @subroutine
 def sphere_uv(n):
-    """Returns a sphere's texture coordinates by its outward normal, laid out as for environments: +y is up, -z the middle."""
+    """Returns a sphere's texture coordinates from its outward normal, laid out as for environments: +y up, -z in the middle."""
     return _HALF + atan2(n[0], -n[2]) * _INV_2PI, acos(n[1]) * _INV_PI
 
 
@@ -147,14 +147,14 @@ def sphere_uv(n):
 def sphere_point(sphere, number, o, d, t):
     """Returns the point o + t d projected onto the sphere: (point, error bound, outward unit normal).
 
-    In float64: with a radius of 1e5, float32 cannot represent the point's distance from the surface.
+    Computed in float64: for a radius of 1e5, float32 cannot represent the point's distance from the surface.
     """
     return _on_ball(row(sphere, number, 4), o, d, t)
 
 
 @subroutine
 def _moving_sphere_point(ball, o, d, t):
-    """Returns `sphere_point` for a centre and a radius."""
+    """Returns `sphere_point` for a sphere given by its centre and radius."""
     return _on_ball(ball, o, d, t)
 
 
@@ -171,7 +171,7 @@ def _on_ball(ball, o, d, t):
     inward = double(radius) / length
     point = (single(cx + nx * inward), single(cy + ny * inward), single(cz + nz * inward))
     normal = (single(nx / length), single(ny / length), single(nz / length))
-    # Seen from there, float64 rounds the height above a sphere to some 1e-16 of its radius: more, beside the origin.
+    # The height above a sphere is rounded in float64 by some 1e-16 of the radius, by more if the sphere is far from the origin.
     return point, POINT_ERROR * vec.magnitude(point) + _SPHERE_ERROR * abs(radius), normal
 
 
@@ -184,7 +184,7 @@ def _sphere_point_at(scene, number, o, d, hit):
 
 @device
 def _tangent(array, i, j, k, u, v):
-    """Returns the interpolated tangent of three vertices, whose signs agree (renderer/scene/tangents.py)."""
+    """Returns the interpolated tangent of three vertices, which have the same sign (renderer/scene/tangents.py)."""
     x, y, z, sign = _mix4(row(array, i, 4), row(array, j, 4), row(array, k, 4), u, v)
     square = x * x + y * y + z * z
     there = square > _ZERO
@@ -212,7 +212,7 @@ def _is_textured(scene, material):
 
 @device
 def _triangle_surface(scene, wo, hit):
-    """Returns `surface_at` for a triangle, with the shading normal not yet turned to the viewer."""
+    """Returns `surface_at` for a triangle, before its shading normal is turned to the viewer."""
     primitive, u, v = u32(hit.primitive), hit.u, hit.v
     i, j, k, part = row(scene.triangle, primitive, 4)
     part_material, number, shines = row(scene.part, part, PART_COLUMNS)
@@ -240,7 +240,7 @@ def _triangle_surface(scene, wo, hit):
     if scene.has.textures is not None and len(scene.tangent) > 0:
         tangent = _tangent(scene.tangent, i, j, k, u, v)
     length2 = vec.dot(shading, shading)
-    smooth = not_(abs(length2 - _ONE) <= _UNIT)  # or no normal at all; flat meshes are spared the root
+    smooth = not_(abs(length2 - _ONE) <= _UNIT)  # or without a normal; avoids the root for flat meshes
     lift = none, none, none
     if any_of(smooth):
         raised = lifted(corners, normals, point, u, v, shading, where3(front, upright, vec.neg(upright)))
@@ -263,7 +263,7 @@ def _triangle_surface(scene, wo, hit):
         number = scene.instance_object[hit.instance]
         if scene.instance_material[hit.instance] >= 0:
             material = np.uint32(scene.instance_material[hit.instance])
-    beside = min(_ONE - u - v, min(u, v)) < _INWARD * error * curvature  # else it is far enough from the edges
+    beside = min(_ONE - u - v, min(u, v)) < _INWARD * error * curvature  # otherwise the point is far enough from the edges
     if any_of(beside):
         moved = vec.add(point, _inward(scene, hit, error, curvature))
         point = where3(beside, moved, point)
@@ -283,7 +283,7 @@ def _triangle_surface(scene, wo, hit):
 
 @device
 def _sphere_surface(scene, o, d, hit):
-    """Returns `surface_at` for a sphere, with the shading normal not yet turned to the viewer."""
+    """Returns `surface_at` for a sphere, before its shading normal is turned to the viewer."""
     ball = u32(u32(hit.primitive) - u32(len(scene.triangle)))
     wo = vec.neg(d)
     material = u32(lookup(scene.sphere_material, ball))
@@ -318,7 +318,7 @@ def _sphere_surface(scene, o, d, hit):
 
 @device
 def _turned(scene, surface, wo):
-    """Returns the surface with its shading normal turned to the viewer, and consistent with the facet where needed."""
+    """Returns the surface with its shading normal turned to the viewer, and made consistent with the facet if necessary."""
     shading = _facing(surface.shading, surface.geometric, wo)
     # Materials without reflection keep their normal for any view direction.
     bent = surface.smooth & (u32(lookup(scene.material_kind, surface.material)) != _DIFFUSE)

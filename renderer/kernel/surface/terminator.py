@@ -20,9 +20,9 @@ _MOST_BEND = np.float32(math.cos(math.radians(45.0)))
 
 @device
 def _lift(point, corner, normal, up, side):
-    """Returns the offset from a facet's point up to the tangent plane at a corner; zero where the plane is below the point.
+    """Returns the offset from a facet's point up to the tangent plane at a corner; zero if the plane is below the point.
 
-    side: 1, or -1 where the corner's normal points to the other side than `up`, the facet's unit normal. Normals that deviate by
+    side: 1, or -1 if the corner's normal points to the other side than `up`, the facet's unit normal. Normals that deviate by
     more than 45 degrees are ignored: they indicate a box without sharp edges rather than a round surface.
     """
     height = side * vec.dot(vec.sub(point, corner), normal)
@@ -34,7 +34,7 @@ def _lift(point, corner, normal, up, side):
 def lifted(corners, normals, point, u, v, shading, up):
     """Returns the offset from a point on a smooth triangle to the round surface implied by the vertex normals.
 
-    A ray from there passes above the neighbouring facets, so the shadow boundary is smooth and does not follow the facets:
+    A ray that starts there passes above the neighbouring facets, so the shadow boundary is smooth and does not follow the facets:
     Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021). corners, normals: the triangle's. up: the
     facet's normal, of any length.
     """

@@ -19,7 +19,7 @@ _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 
 @subroutine
 def normal_to_world(to_local, number, n):
-    """Transforms a normal from instance to world space, not normalised. It keeps its side under mirroring transforms."""
+    """Transforms a normal from instance to world space, without normalising it. Mirroring transforms do not change its side."""
     never_inline()
     m = to_local[number]
     x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
@@ -48,7 +48,7 @@ def point_to_world(to_world, number, p, w):
 
 @subroutine
 def _moving_normal(motion, first, keys, time, n):
-    """Returns `normal_to_world` of a moving instance at a shutter time."""
+    """Returns `normal_to_world` for a moving instance at a shutter time."""
     never_inline()
     a, b, c = inverse_of(placed_at(motion, first, keys, time))
     x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
@@ -60,7 +60,7 @@ def _moving_normal(motion, first, keys, time, n):
 
 @subroutine
 def _moving_point(motion, first, keys, time, p, w):
-    """Returns `point_to_world` of a moving instance at a shutter time."""
+    """Returns `point_to_world` for a moving instance at a shutter time."""
     never_inline()
     a, b, c = placed_at(motion, first, keys, time)
     x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
@@ -93,9 +93,9 @@ def point_of_hit(scene, hit, p, w):
 
 @device
 def tangent_to_world(scene, hit, tangent):
-    """Transforms a tangent (xyz and the bitangent's sign) to world space: unit, or zeros where it vanishes.
+    """Transforms a tangent (xyz and the bitangent's sign) to world space; returns a unit tangent, or zeros if it vanishes.
 
-    The sign is flipped for mirroring transforms, since the normal keeps its side.
+    Mirroring transforms flip the sign, since the normal stays on its side.
     """
     number = hit.instance
     d = point_of_hit(scene, hit, (tangent[0], tangent[1], tangent[2]), _ZERO)

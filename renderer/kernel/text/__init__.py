@@ -1,1 +1,1 @@
-"""Parsing of numbers in text files, byte by byte."""
+"""Parses numbers in text files, byte by byte."""

@@ -1,4 +1,4 @@
-"""Parsing of one decimal number in a byte array."""
+"""Parses one decimal number in a byte array."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LAST_POWER = len(_POWERS) - 1
 
 @device
 def read_number(text: Bytes, i: int) -> tuple[float, int]:
-    """Parses a decimal number at index i: (value, index after it); (0.0, i) where there is none."""
+    """Parses a decimal number at index i: (value, index after it); (0.0, i) if there is none."""
     n, begin = len(text), i
     negative = i < n and text[i] == _MINUS
     if i < n and (negative or text[i] == _PLUS):

@@ -1,4 +1,4 @@
-"""Parsing of text rows that differ only in their numbers. All arrays are allocated by the caller."""
+"""Parses text rows that differ only in their numbers. All arrays are allocated by the caller."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def read_rows(text, begin, end, words, starts, table):
 
 @device
 def _past(text, i, end, words, first, last):
-    """Returns the index after the word words[first:last] if the text at i is that word; else -1."""
+    """Returns the index after the word words[first:last] if it begins at text[i]; else -1."""
     if i + (last - first) > end:
         return -1
     for k in range(last - first):

@@ -1,7 +1,4 @@
-"""Adds the radiance of terminated paths to the film's fixed-point sums per pixel.
-
-At the end, moves them to its planes.
-"""
+"""Adds the radiance of terminated paths to fixed-point sums per pixel, and at the end moves these to the film's planes."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
 _ONE = np.float32(1.0)
 _GROUPS = width_of(FirstHit) // 8
-SUMS = 8 + 8 * _GROUPS  # numbers kept of a pixel: radiance 3, samples; of the half 3, samples; FirstHit
+SUMS = 8 + 8 * _GROUPS  # numbers per pixel: radiance 3, samples; the same of the half buffer; FirstHit
 _SUMS, _PATHS, _1, _2, _8 = (np.uintp(k) for k in (SUMS, PATHS, 1, 2, 8))
 _COLUMNS = {plane: 8 + first_hit_column for first_hit_column, plane in (*MEANS.tolist(), *IDS.tolist())}
 _COLUMNS.update({SAMPLES: 3, SAMPLES_HALF: 7})
@@ -39,7 +36,7 @@ assert columns_of(FirstHit, "albedo")[0] == 0, "FirstHit begins with its albedo"
 
 @subroutine
 def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count):
-    """Adds the samples whose branches have all terminated to their pixels' sums, and leaves the free rows on the list DONE.
+    """Adds the samples whose branches have all terminated to their pixels' sums. The list DONE then contains the free rows.
 
     Returns the number of bad samples (NaN or infinite), which are listed in `bad` and not added.
     """
@@ -87,7 +84,7 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count):
 
 @subroutine
 def flush_film(film, sums):
-    """Moves the pixels' sums to the planes, (CHANNELS, h, w), and resets them to 0.
+    """Moves the pixels' sums to the film's planes, (CHANNELS, h, w), and resets them to 0.
 
     Works row by row, one plane at a time, since one pixel's entries in all planes map to the same cache sets.
     """

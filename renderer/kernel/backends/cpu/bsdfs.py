@@ -1,7 +1,7 @@
 """BSDF evaluation and sampling for each kind of material, eight paths at a time.
 
 Each function returns (f |cos| and its pdf for the light direction wi; the sampled direction, its weight, pdf, and eta**2), as
-`eval_material` and `sample_material` of renderer/kernel/material/material.py. The first two are 0 for specular materials.
+`eval_material` and `sample_material` of renderer/kernel/material/material.py do. The first two are 0 for specular materials.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _CONDUCTOR, _GLASS = np.uint32(CONDUCTOR), np.uint32(GLASS)
 class Material(NamedTuple):
     """The materials of eight vertices.
 
-    In a plain scene the fields between `front` and `shading` are read from the material's row.
+    In scenes without textures and layers the fields between `front` and `shading` are not set, but read from the material's row.
     """
 
     material: Any
@@ -102,7 +102,7 @@ def _eta(scene, m):
 
 @device
 def _indices(scene, m):
-    """Returns a conductor's (eta, k), three channels each."""
+    """Returns a conductor's complex index (eta, k), three channels each."""
     table = scene.material
     return columns(table, m.material, COLUMNS, rows.ETA, 3), columns(table, m.material, COLUMNS, rows.K, 3)
 
@@ -152,7 +152,7 @@ def eval_and_sample_conductor(scene, m, wo, wi, choose, u):
 
 @device
 def eval_and_sample_in_medium(scene, m, wo, wi, choose, u):
-    """Evaluates and samples the phase function of vertices in a medium; m.roughness holds g."""
+    """Evaluates and samples the phase function of vertices in a medium. m.roughness contains g."""
     one = zero_like(choose) + _ONE
     phase = eval_henyey_greenstein(m.roughness, wi)
     on = sample_henyey_greenstein(m.roughness, u)
@@ -162,7 +162,7 @@ def eval_and_sample_in_medium(scene, m, wo, wi, choose, u):
 
 @subroutine
 def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, shading, s, t, n, time, wo, wi, choose, u):
-    """Evaluates and samples one path's material of a rarer kind."""
+    """Evaluates and samples the material of one path, of a kind that is not processed in eight lanes."""
     never_inline()
     layers = local_floats(LAYER_SLOTS)
     look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers, time)

@@ -1,4 +1,4 @@
-"""Generates camera rays in free rows."""
+"""Starts new paths in free rows by generating their camera rays."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _NUMBER, _PLACE, _X, _Y = (column(Sample, field) for field in ("number", "place"
 
 
 class NextSample(NamedTuple):
-    """The next sample of the batch to be started; pixel by pixel, row by row."""
+    """The next sample of the batch to be started, in order: samples of a pixel, pixels of a row, rows."""
 
     x: Any
     y: Any
@@ -43,7 +43,7 @@ class NextSample(NamedTuple):
 
 @device
 def _number(pool, lists, count, following, width, height, batch):
-    """Assigns the next samples to the first `count` rows of the list DONE."""
+    """Assigns the next samples to the first `count` rows on the list DONE, and adds these to ACTIVE; returns the next sample."""
     x, y, sample = following.x, following.y, following.sample
     for k in range(count):
         path = row(lists, DONE, k)
@@ -66,7 +66,7 @@ def _number(pool, lists, count, following, width, height, batch):
 def start_paths(pool, lists, following, width, height, camera, options, batch, motion, medium_stack):
     """Starts paths in free rows while samples remain; returns the next sample to start.
 
-    motion: None for a scene without motion (renderer/arrays/scene_features.py). medium_stack: the media that contain the camera,
+    motion: None for a scene without motion (renderer/arrays/scene_features.py). medium_stack: the media that contain the camera;
     None for a scene without media.
     """
     never_inline()

@@ -1,4 +1,4 @@
-"""Traces each path's ray, and the vertices' shadow rays."""
+"""Traces the paths' rays and the vertices' shadow rays."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _IS_CAST, _SURVIVAL = column(Outcome, "is_cast"), column(Outcome, "survival")
 
 @subroutine
 def _trace_passed(scene, alone, pool, lists):
-    """Continues the rays on the list PASSED, one at a time, beyond the surfaces that they have passed through."""
+    """Continues the rays on the list PASSED, one at a time, beyond the surfaces through which they have passed."""
     never_inline()
     for k in range(length(lists, PASSED)):
         number = row(lists, PASSED, k)
@@ -79,7 +79,7 @@ def _trace_passed(scene, alone, pool, lists):
 
 @device
 def _wait_for_nodes(scene, pool, lists, count):
-    """Puts the first `count` active rays that `_trace_passed` has not traced on the list NODES, without a hit."""
+    """Moves the first `count` active rays, except those that `_trace_passed` has traced, to the list NODES, without a hit."""
     waiting = np.uintp(0)
     for k in range(count):
         path = row(lists, ACTIVE, k)
@@ -96,7 +96,7 @@ def _wait_for_nodes(scene, pool, lists, count):
 
 @subroutine
 def intersect_closest(scene, alone, stack, pool, lists):
-    """Traces the active paths' rays, and lists the paths by what they hit: nothing, a triangle or a sphere."""
+    """Traces the active paths' rays, and lists each path by what its ray hits: nothing, a triangle or a sphere."""
     never_inline()
     count = pad(lists, ACTIVE)
     for k in range(0, count, 8):
@@ -133,7 +133,7 @@ def intersect_closest(scene, alone, stack, pool, lists):
 
 @device
 def _light_through(scene, alone, pool, lists, options):
-    """Adds the direct light of the rows on WAITING, with transmittance through transparent surfaces and media."""
+    """Adds the direct light of the rows on WAITING, multiplied by the transmittance of transparent surfaces and media."""
     for k in range(length(lists, WAITING)):
         path = row(lists, WAITING, k)
         ray, light = gather(pool, path, Outcome), gather(pool, path, DirectLight)
@@ -150,7 +150,7 @@ def _light_through(scene, alone, pool, lists, options):
 
 @device
 def _light(scene, alone, stack, pool, lists, options):
-    """Adds the direct light of the rows on WAITING, in scenes where any surface occludes."""
+    """Adds the direct light of the rows on WAITING in scenes without transparent surfaces and media."""
     count = pad(lists, WAITING)
     for k in range(0, count, 8):
         rows = eight_rows(lists, WAITING, k)
@@ -192,7 +192,7 @@ def resolve_shadow_rays(scene, alone, stack, pool, lists, options):
 
 @device
 def _go_on(pool, lists, which):
-    """Distributes the rows of a list to WAITING if they have a shadow ray, and to ACTIVE or DONE."""
+    """Adds the rows of a list to WAITING if they have a shadow ray, and to ACTIVE if the path continues, else to DONE."""
     waiting, active, done = np.uintp(length(lists, WAITING)), np.uintp(length(lists, ACTIVE)), np.uintp(length(lists, DONE))
     for k in range(length(lists, which)):
         path = row(lists, which, k)

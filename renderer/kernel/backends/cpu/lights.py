@@ -1,6 +1,6 @@
 """Samples a light for each vertex that can use light sampling.
 
-With a light tree, all vertices descend it together, one step each in turn: a step is a few long sums and roots, which the
+With a light tree, all vertices descend it together, one level at a time: a level consists of a few long sums and roots, which the
 processor can overlap between vertices.
 """
 
@@ -42,14 +42,14 @@ _LEFT, _CHANCE, _HERE = (column(LightDescent, field) for field in ("left", "chan
 
 @device
 def _numbers(pool, rows, options):
-    """Returns the random numbers of eight rows: two for the point on the light, one for the choice of the light."""
+    """Returns the random numbers of eight rows for light sampling: two for the point, one for the choice of the light."""
     u = draw_light(streams_of(pool, rows, options), gather(pool, rows, PathState).number)
     return u[0], u[1], u[2]
 
 
 @subroutine
 def _descend(scene, pool, lists, options):
-    """Chooses a light for each listed vertex by the light tree; writes LightDescent."""
+    """Chooses a light for each listed vertex by descending the light tree; writes LightDescent."""
     never_inline()
     waiting = np.uintp(pad(lists, LIT))
     for k in range(0, np.int64(waiting), 8):

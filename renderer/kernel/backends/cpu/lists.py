@@ -1,7 +1,7 @@
 """Lists of row numbers: the work of each stage.
 
-A list is read eight numbers at a time, with its last number repeated to a multiple of eight; processing a row twice has the same
-result as once.
+A list is read eight numbers at a time, with its last number repeated to a multiple of eight: processing a row twice has the same
+result as processing it once.
 """
 
 from __future__ import annotations
@@ -46,18 +46,18 @@ __all__ = [
     "truncate",
 ]
 
-# Vertices that are to scatter are listed by how they do. RARE is what has many properties; RARE_SPECULAR is on that list as well,
-# and light sampling finds nothing for it.
+# Vertices to be scattered are listed by their scattering model. RARE: materials with many properties. RARE_SPECULAR vertices are
+# also on that list; light sampling finds nothing for them.
 DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR = range(6)
 SCATTERING = RARE_SPECULAR
-# From here on numbers that Numba takes for values: for each plain one it would compile `length` and the others anew.
+# These are typed numbers, since Numba would compile `length` and the other functions again for each literal.
 ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = (np.uintp(which) for which in range(SCATTERING + 1, SCATTERING + 8))
-# Rays on their way through the tree, by what they are to look into next: a node, a packet of triangles, anything else.
+# Rays in traversal, by the next object to visit: a node, a packet of triangles, or another leaf.
 NODES, PACKETS, OTHERS, ENDED, WAITING = (np.uintp(which) for which in range(SCATTERING + 8, SCATTERING + 13))
-# Where there are media: vertices in one, which are to scatter too, and those that may go on inside of what they have met.
+# In scenes with media: vertices in a medium, to be scattered too, and vertices where a subsurface walk may begin.
 MEDIUM_VERTICES, SUBSURFACE_VERTICES = (np.uintp(which) for which in range(SCATTERING + 13, SCATTERING + 15))
 LISTS = SCATTERING + 15
-LIST_SIZE = ROWS + 8  # its length, the numbers, and room for the last one's repetition
+LIST_SIZE = ROWS + 8  # the length, the numbers, and space for repeating the last one
 _SIZE = np.uintp(LIST_SIZE)
 _ONE = np.uintp(1)
 
@@ -103,7 +103,7 @@ def truncate(lists, which, count):
 
 @device
 def pad(lists, which):
-    """Repeats the last number, so that `eight_rows` is valid up to the end; returns the list's length."""
+    """Repeats a list's last number, so that `eight_rows` is valid up to the end; returns the list's length."""
     base = np.uintp(which) * _SIZE
     count = np.uintp(lists[base])
     if count > np.uintp(0):

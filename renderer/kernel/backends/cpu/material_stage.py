@@ -23,7 +23,7 @@ _TEXTURED = np.uint32(TEXTURED)
 
 @subroutine
 def _one_surface(scene, d, t, primitive, u, v, instance, time):
-    """Returns `triangle_at` of one ray, as numbers in tuples."""
+    """Returns `triangle_at` for one ray, as nested tuples of numbers."""
     never_inline()
     s = triangle_at(scene, d, Hit(t, primitive, u, v, np.int32(instance), time))
     shape = s.point, s.error, s.geometric, s.shading, s.uv, s.front
@@ -58,7 +58,7 @@ def _textures_move(scene, time):
 
 @device
 def _image_factors(scene, number, there, surface):
-    """Returns the colours of eight textures, white where `there` is false. number: the textures' numbers."""
+    """Returns the colours of eight textures; white in lanes where `there` is False. number: the textures' numbers."""
     one = as_wide(_ONE, surface.error)
     color = one, one, one
     if any_of(there):
@@ -68,7 +68,7 @@ def _image_factors(scene, number, there, surface):
 
 @device
 def texture_factors_of(scene, surface, time):
-    """Returns `texture_factors`, (colour, metallic, roughness), of eight surfaces; 1 where their materials have no textures."""
+    """Returns `texture_factors`, (colour, metallic, roughness), of eight surfaces; 1 for materials without textures."""
     one = as_wide(_ONE, surface.error)
     color, metallic, roughness = (one, one, one), one, one
     if scene.has.textures is not None:

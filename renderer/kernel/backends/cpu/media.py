@@ -1,4 +1,4 @@
-"""Free flights of the active paths, for scenes with media, and their vertices in media."""
+"""For scenes with media: samples the free flights of the active paths, and creates their vertices in media."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ __all__ = ["list_medium_vertices", "sample_free_flights"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_SURFACE = np.uint32(0)  # in place of an object's number, which only a vertex in a medium lacks
+_SURFACE = np.uint32(0)  # replaces the object's number at surfaces; vertices in a medium have NO_OBJECT
 _IN_MEDIUM, _OVER = np.uint32(MEDIUM_VERTICES), np.uint32(DONE)
 _SCATTERS = column(MediumFlight, "scatters")
 
@@ -73,7 +73,8 @@ def _store_vertices(pool, rows, surface, g, which):
 def sample_free_flights(scene, pool, lists, options):
     """Samples free flights of the active paths and updates their throughput.
 
-    Paths that scatter in a medium are removed from the lists of hits; they are done, or listed on DRIFTING.
+    Paths that scatter in a medium are removed from the lists of hits, and added to DONE if they end there, else to
+    MEDIUM_VERTICES.
     """
     never_inline()
     count = pad(lists, ACTIVE)
@@ -126,7 +127,7 @@ def _remove_drifting(pool, lists, which):
 
 @subroutine
 def list_medium_vertices(lists):
-    """Adds the vertices in media to the list for light sampling, after surfaces were processed."""
+    """Adds the vertices in media to the list for light sampling. Called after surfaces were processed."""
     never_inline()
     for k in range(length(lists, MEDIUM_VERTICES)):
         append(lists, LIT, row(lists, MEDIUM_VERTICES, k))

@@ -55,15 +55,15 @@ def _is_on(lists, which):
 
 @device
 def radiance_of(pool, row):
-    """Returns the radiance that a row's path has found."""
+    """Returns the radiance that the path of a row has gathered so far."""
     return gather(pool, np.uintp(row), PathState).radiance
 
 
 @device
 def next_record_row(pool, lists, log):
-    """Returns (the first row's next row in the record, the number of surfaces it has passed through).
+    """Returns (row of the record for the next hit of the first path, number of surfaces through which the path has passed).
 
-    The row is beyond the record's end if nothing is recorded, or the path has ended.
+    The row is beyond the record's end if nothing is recorded, or if the path has ended.
     """
     passed = gather(pool, _FIRST, RowHit).passed
     number = np.int64(gather(pool, _FIRST, PathState).number + passed)
@@ -74,9 +74,9 @@ def next_record_row(pool, lists, log):
 
 @subroutine
 def record_arrival(pool, lists, log, number, passed, before, options):
-    """Records where the path's ray ended, after surfaces were processed.
+    """Records where the path's ray ended. Called after surfaces were processed.
 
-    number, passed: from `next_record_row`; before: the path's radiance before that.
+    number, passed: from `next_record_row`. before: the path's radiance before surfaces were processed.
     """
     never_inline()
     ray, met, path = gather(pool, _FIRST, Ray), gather(pool, _FIRST, RowHit), gather(pool, _FIRST, PathState)
@@ -102,7 +102,7 @@ def record_arrival(pool, lists, log, number, passed, before, options):
 
 @subroutine
 def record_departure(pool, lists, log, number, lit):
-    """Records the light chosen for the vertex, and whether the path continues. lit: as in scattering.py."""
+    """Records the light chosen for the vertex, and whether the path continues. lit: see `scatter_vertices`."""
     never_inline()
     scattered = False
     for which in range(SCATTERING):

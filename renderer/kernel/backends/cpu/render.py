@@ -1,6 +1,6 @@
 """Renders a batch with a pool of paths.
 
-Each stage processes all rows that are ready for it, and terminated paths free their rows for new ones.
+Each stage processes all rows that are ready for it. Terminated paths free their rows for new ones.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ _kept = threading.local()
 
 
 def pool_for(width: int, height: int) -> Pool:
-    """Returns the scratch memory for a batch of a tile of that size; reuses this thread's last one if it is large enough.
+    """Returns the scratch memory for a batch of a tile of width x height pixels; reuses this thread's last one if large enough.
 
-    New memory has to be cleared page by page, which takes as long as one sample a pixel.
+    The system clears new memory page by page, which takes as long as rendering one sample per pixel.
     """
     pool: Pool | None = getattr(_kept, "pool", None)
     if pool is None or len(pool.film) < width * height * SUMS:
@@ -112,11 +112,9 @@ def render_with_pool(scene, pool, camera, options, batch, output):
 
 
 def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, batch: Any, output: Any) -> list[Part]:
-    """Returns the functions that `render_with_pool` calls, with argument types, for compilation in any order.
+    """Returns the functions that `render_with_pool` calls, with argument types, for compilation in any order; the slowest first.
 
-    The slowest first.
-
-    has: of the scene; scene: the type of a reference to it.
+    has: the features of the scene. scene: the type of a reference to it.
     """
     alone, stack, paths, lists, film = map(typeof, pool)
     view, asked, wanted, lit = typeof(camera), typeof(options), typeof(batch), types.boolean

@@ -1,6 +1,6 @@
-"""The layout of a path's row: named tuples of renderer/kernel/steps and of this module, with the columns they take.
+"""The layout of a path's row: the columns of the named tuples of renderer/kernel/steps and of this module.
 
-`gather` and `scatter` are made from it: they read and write one of the tuples for one row, or for eight rows at once.
+`gather` and `scatter`, generated from it, read and write one of the tuples for one row or for eight rows at once.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ __all__ = [
 
 _LINE = 64  # bytes
 PATHS = 128  # 64 to 256 are equally fast
-ROWS = 2 * PATHS  # a path's second branch has the row PATHS behind that of the first
+ROWS = 2 * PATHS  # the row of a path's second branch is PATHS rows after that of the first
 SECOND = np.uint32(PATHS)
 SPARE = np.uint32(ROWS)  # an extra row, for writes to be discarded
 
 
 class RowHit(NamedTuple):
-    """The closest hit of a row's ray."""
+    """The closest hit of the row's ray."""
 
     t: Float
     u: Float
@@ -68,7 +68,7 @@ class RowHit(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """The sample that a row's path belongs to."""
+    """The sample to which the row's path belongs."""
 
     pixel: Int  # the pixel's key (sampler.py)
     number: Int
@@ -77,11 +77,11 @@ class Sample(NamedTuple):
     y: Int
     time: Float  # shutter time
     start: Float  # distance of the camera ray's origin from the lens
-    branches: Float  # in the first branch's row: how many branches are under way
+    branches: Float  # in the first branch's row: number of branches that have not terminated
 
 
 class Facet(NamedTuple):
-    """The position of the vertex, and its geometric surface."""
+    """The position of the row's vertex, and its geometric normal."""
 
     point: Vector
     error: Float
@@ -91,16 +91,16 @@ class Facet(NamedTuple):
 
 
 class Shading(NamedTuple):
-    """The shading normal of the vertex, and the number of its material."""
+    """The shading normal of the row's vertex, and the number of its material."""
 
     normal: Vector
     lift: Vector
     material: Int
-    list: Int  # the list that it is on (lists.py)
+    list: Int  # the list on which the vertex is (lists.py)
 
 
 class ChosenLight(NamedTuple):
-    """The light sample of a vertex."""
+    """The light sample of the row's vertex."""
 
     direction: Vector
     pdf: Float
@@ -109,7 +109,7 @@ class ChosenLight(NamedTuple):
 
 
 class DirectLight(NamedTuple):
-    """The direct light of the vertex, added if the shadow ray is not occluded."""
+    """The direct light of the row's vertex, which is added if the shadow ray is not occluded."""
 
     brought: Vector
     segments: Float
@@ -119,7 +119,7 @@ class DirectLight(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """The shadow ray of the vertex, and the survival probability of the path."""
+    """The shadow ray of the row's vertex, and the survival probability of the path."""
 
     start: Vector
     end: Vector
@@ -128,7 +128,10 @@ class Outcome(NamedTuple):
 
 
 class Appearance(NamedTuple):
-    """The material at the vertex; only in scenes with textures. Of a vertex in a medium `roughness` is the mean cosine."""
+    """The material of the row's vertex; only in scenes with textures.
+
+    In a medium, `roughness` is the phase function's mean cosine.
+    """
 
     base: Vector
     metallic: Float
@@ -146,36 +149,36 @@ class Axes(NamedTuple):
 
 
 class Mapped(NamedTuple):
-    """The normal of the shading frame after normal mapping, and that of LastVertex; only in scenes with textures."""
+    """The normal of the shading frame after normal mapping, and the normal of LastVertex; only in scenes with textures."""
 
     normal: Vector
     facing: Vector
 
 
 class Traversal(NamedTuple):
-    """The state of a ray's traversal (traversal_state.py)."""
+    """The state of the traversal of the row's ray (traversal_state.py)."""
 
     inverse: Vector  # 1 / direction
     near: Vector  # constants of the near planes: a plane at x is hit at x * inverse + constant
     top: Int  # offset of the ray's topmost stack entry
     child: Int  # the node or leaf to visit next, as in renderer/bvh/layout.py
     far: Vector  # constants of the far planes
-    plane_x: Int  # which rows of a node hold the near planes: their first elements; the far ones' differ by WIDTH
+    plane_x: Int  # first element of the row of a node with the near planes; far planes are WIDTH elements away
     plane_y: Int
     plane_z: Int
-    axis_x: Int  # of the watertight test (renderer/bvh/packet.py): which rows of a corner are x, y, z
+    axis_x: Int  # rows of a corner that are x, y, z in the watertight test (renderer/bvh/packet.py)
     axis_y: Int
     axis_z: Int
     shear: Vector
-    origin: Vector  # by the same axes
-    best: Float  # distance of the nearest hit so far; of a shadow ray: not 0 where it is occluded
+    origin: Vector  # in the order of these axes
+    best: Float  # distance of the nearest hit so far; for shadow rays: not 0 if occluded
     margin: Float  # of renderer/bvh/slabs.py
 
 
 class LightDescent(NamedTuple):
-    """The state of the descent of the light tree for a vertex."""
+    """The state of the descent of the light tree for the row's vertex."""
 
-    left: Float  # the random number that chooses, rescaled to [0, 1)
+    left: Float  # the random number for the next choice, rescaled to [0, 1)
     chance: Float  # probability of the nodes chosen so far
     here: Int  # the node, or ~ light
     u: Float
@@ -184,7 +187,7 @@ class LightDescent(NamedTuple):
 
 
 class MediumFlight(NamedTuple):
-    """Whether a row's path scatters in its medium before the hit: 0 or 1."""
+    """Whether the row's path scatters in its medium before the hit: 0 or 1."""
 
     scatters: Float
 
@@ -202,7 +205,7 @@ LAYOUT = Layout(
     Appearance,
     Axes,
     Mapped,
-    (Traversal, LightDescent, MediumFlight),  # stages that use these are not under way at one time
+    (Traversal, LightDescent, MediumFlight),  # the stages that use these never overlap
     Crossings,
 )
 assert LAYOUT.width & (LAYOUT.width - 1), "a power of two would map all rows' groups to the same cache sets"
@@ -212,7 +215,7 @@ gather, scatter = accessors(LAYOUT)
 
 
 def line_floats(count: int) -> npt.NDArray[np.float32]:
-    """Returns that many zeros, float32, with the first aligned to a cache line."""
+    """Returns `count` zeros, float32, aligned to a cache line."""
     memory = np.zeros(count + _LINE // 4, np.float32)
     first = -memory.ctypes.data % _LINE // 4
     return memory[first : first + count]
@@ -220,26 +223,29 @@ def line_floats(count: int) -> npt.NDArray[np.float32]:
 
 @device
 def at(row, field):
-    """Returns the flat index of a column of one row."""
+    """Returns the flat index in the pool of column `field` of a row."""
     return np.uintp(row) * ROW + field
 
 
 @device
 def time_of(motion, pool, rows):
-    """Returns the shutter time of samples, of one row or eight; None where motion, of arrays/scene_features.py, is None."""
+    """Returns the shutter times of the samples of one row or of eight.
+
+    Returns None if `motion` (renderer/arrays/scene_features.py) is None.
+    """
     return where_present(motion, gather(pool, rows, Sample).time)
 
 
 @device
 def streams_of(pool, rows, options):
-    """Returns the random number streams of the samples, of one row or eight."""
+    """Returns the random number streams of the samples of one row or of eight."""
     sample = gather(pool, rows, Sample)
     return stream_of(options, sample.pixel, sample.number)
 
 
 @device
 def last_vertex(scene, pool, rows):
-    """Returns the LastVertex of paths, before they arrive at the next one."""
+    """Returns the LastVertex of the rows' paths, before they arrive at the next vertex."""
     normal = gather(pool, rows, Shading).normal
     if scene.has.textures is not None:
         normal = gather(pool, rows, Mapped).facing
@@ -248,7 +254,7 @@ def last_vertex(scene, pool, rows):
 
 @device
 def surface_of(pool, rows, facet, shading):
-    """Returns the surfaces at the vertices, with what scattering needs. facet, shading: of the rows."""
+    """Returns the surfaces at the rows' vertices, with the fields that scattering needs. facet, shading: those of the rows."""
     uv, uv1, number = gather(pool, rows, Appearance).uv, gather(pool, rows, Axes).uv1, gather(pool, rows, RowHit).object
     return scattering_surface(
         facet.point,

@@ -1,4 +1,4 @@
-"""Evaluates the sampled light at each vertex, and samples the path's next direction. One list of vertices at a time."""
+"""Evaluates the sampled light at each vertex, and samples the path's next direction. Processes one list of vertices at a time."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ _PATHS = np.uintp(PATHS)
 
 @device
 def _material(scene, pool, rows, surface):
-    """Returns the vertices' materials, as far as they have been looked up."""
+    """Returns the vertices' materials, with the fields that have been looked up."""
     n = surface.shading
     s, t = vec.basis(n)
     seen, uv1 = gather(pool, rows, Appearance), gather(pool, rows, Axes).uv1
@@ -100,7 +100,10 @@ def _material(scene, pool, rows, surface):
 
 @device
 def _splitting(pool, lists, which):
-    """Lists the rows of a list that split at their vertex; returns that list, one that is free at this stage."""
+    """Copies those rows of a list whose paths split at their vertex to another list, NODES, which is free at this stage.
+
+    Returns it.
+    """
     count = np.uintp(0)
     for k in range(length(lists, which)):
         path = row(lists, which, k)
@@ -113,7 +116,7 @@ def _splitting(pool, lists, which):
 
 @device
 def _copy_vertices(scene, pool, rows, stream, facet, shading):
-    """Copies the vertices to the rows of second branches, with random numbers of their own."""
+    """Copies the vertices to the rows of their paths' second branches, which get separate random numbers."""
     others = rows + SECOND
     own = gather(pool, rows, Sample)
     pixel = second_branch_stream(stream).pixel
@@ -127,7 +130,7 @@ def _copy_vertices(scene, pool, rows, stream, facet, shading):
 
 @device
 def _list_branches(pool, lists, which):
-    """Adds the second branches of a list's rows to the active list, if they continue."""
+    """Adds the second branches of a list's rows to the list ACTIVE, if they continue."""
     for k in range(length(lists, which)):
         path = row(lists, which, k)
         if not (pool[at(path + _PATHS, _SURVIVAL)] <= _ZERO):  # NaN propagates, so the film can count it
@@ -139,8 +142,8 @@ def _list_branches(pool, lists, which):
 def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit, second):
     """Scatters the vertices on one list, see `scatter_vertices`.
 
-    answer: from bsdfs.py; is_lit: None where light sampling finds nothing; is_surface: false in a medium; lit, second: as in
-    `scatter_vertices`.
+    answer: the function of bsdfs.py for the list. is_lit: None if light sampling finds nothing there. is_surface: False in a
+    medium. lit, second: as for `scatter_vertices`.
     """
     taken = _splitting(pool, lists, which) if second else which
     for k in range(0, pad(lists, taken), 8):
@@ -232,8 +235,8 @@ def _scatter_in_medium(scene, pool, lists, options, lit, second):
 def scatter_vertices(scene, pool, lists, options, lit, second):
     """Scatters all listed vertices: writes the path's next ray, and the shadow ray towards the sampled light.
 
-    lit: whether light sampling can find anything in the scene. second: whether to start only the second branches of splitting
-    paths (steps/splitting.py), without scattering the others.
+    lit: whether light sampling can find anything in the scene. second: True: only starts the second branches of splitting paths
+    (steps/splitting.py).
     """
     never_inline()
     if scene.has.layers is not None and length(lists, _RARE) > 0:
@@ -251,7 +254,10 @@ def scatter_vertices(scene, pool, lists, options, lit, second):
 
 
 def kinds_of_scattering(has: Any) -> list[Any]:
-    """Returns the functions that `scatter_vertices` calls for scenes with these features; the slowest to compile first."""
+    """Returns the functions that `scatter_vertices` calls for scenes with these features.
+
+    First those that are slowest to compile.
+    """
     rare = [_scatter_rare] if has.layers is not None else []
     in_medium = [_scatter_in_medium] if has.media is not None else []
     return [*rare, *in_medium, _scatter_metallic_roughness, _scatter_conductor, _scatter_specular, _scatter_diffuse]

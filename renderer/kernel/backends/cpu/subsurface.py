@@ -1,6 +1,6 @@
-"""Subsurface walks of paths that hit a body with an interior, for scenes with media.
+"""Subsurface walks of paths that hit an object with subsurface scattering, for scenes with media.
 
-Each path walks by itself, and leaves at a diffuse vertex, which the following stages process.
+The walks are traced one path at a time. Each ends at a diffuse vertex, which the following stages process.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _SURVIVAL = column(Outcome, "survival")
 
 @device
 def _store_exit(pool, path, surface, which):
-    """Writes the exit of a path's walk to its row: a white diffuse vertex, seen along its normal."""
+    """Writes the exit of a walk to the path's row: a white diffuse vertex, seen along its normal."""
     n = surface.shading
     s, t = vec.basis(n)
     ray = gather(pool, path, Ray)
@@ -56,8 +56,9 @@ def _store_exit(pool, path, surface, which):
 
 @subroutine
 def trace_subsurface(scene, alone, pool, lists, options):
-    """Decides for each listed path whether it enters the surface, and lists it by its scattering model there, and for light
-    sampling.
+    """Decides for each listed path whether it enters the surface, and walks to its exit.
+
+    Adds the path to the list of its scattering model there, and to the list for light sampling.
     """
     never_inline()
     layers = local_floats(LAYER_SLOTS)

@@ -84,7 +84,7 @@ _LIST, _LIGHT_PDF = column(Shading, "list"), column(ChosenLight, "pdf")
 
 @subroutine
 def shade_misses(scene, pool, lists, options, is_recorded):
-    """Adds environment and sun light to the paths that hit nothing, and ends them. is_recorded: as in `shade_hits`."""
+    """Adds environment and sun light to the paths that hit nothing, and ends them. is_recorded: as for `shade_hits`."""
     never_inline()
     count = pad(lists, MISSED)
     for k in range(0, count, 8):
@@ -108,7 +108,7 @@ def shade_misses(scene, pool, lists, options, is_recorded):
 
 @device
 def _list_of(scene, material, kind, roughness):
-    """Returns the list whose stage scatters the vertex."""
+    """Returns the list on which a vertex is scattered, by its material."""
     smooth = (kind == _CONDUCTOR) & (roughness <= SMOOTH_GLASS)
     which = where(kind == _DIFFUSE, _TO_DIFFUSE, where(kind == _METALLIC_ROUGHNESS, _TO_METALLIC_ROUGHNESS, _TO_SPECULAR))
     which = where((kind == _CONDUCTOR) & not_(smooth), _TO_CONDUCTOR, which)
@@ -121,14 +121,14 @@ def _list_of(scene, material, kind, roughness):
 
 @device
 def _store_appearance(scene, pool, rows, surface, through, parameters, eta, frame):
-    """Writes the vertices' materials and frames to the rows, in scenes with textures."""
+    """Writes the vertices' materials and shading frames to the rows, in scenes with textures."""
     if scene.has.textures is not None:
         s, t, n = frame
         none = zero_like(eta)
         base, metallic, roughness, _ = parameters
         facing = where3(has_flag(scene, surface.material, _TRANSMITS), (none, none, none), n)
         if any_of(through):
-            facing = where3(through, gather(pool, rows, Mapped).facing, facing)  # keeps the last vertex's normal
+            facing = where3(through, gather(pool, rows, Mapped).facing, facing)  # if passed, the last vertex's normal stays
         scatter(pool, rows, Appearance(base, metallic, roughness, eta, surface.uv))
         scatter(pool, rows, Axes(s, t, surface.uv1))
         scatter(pool, rows, Mapped(n, facing))
@@ -136,7 +136,7 @@ def _store_appearance(scene, pool, rows, surface, through, parameters, eta, fram
 
 @subroutine
 def _arrive(scene, pool, lists, which, options, is_recorded):
-    """Processes the surfaces that the paths on one list have hit."""
+    """Processes the surfaces that the paths on one list have hit; see `shade_hits`."""
     never_inline()
     for k in range(0, pad(lists, which), 8):
         rows = eight_rows(lists, which, k)
@@ -186,7 +186,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
                 crossings, ends = pass_through(scene, surface, through, crossings, options)
                 scatter(pool, rows, crossings)
             which_next = where(through, where(ends, _OVER, _THROUGH), which_next)
-            point = where3(through, gather(pool, rows, Facet).point, point)  # keeps the last vertex
+            point = where3(through, gather(pool, rows, Facet).point, point)  # if passed, the last vertex stays
         if scene.has.textures is not None or is_recorded:  # subsurface walks read the object's number
             weight = where(lit, weight, none)
             scatter(pool, rows, RowHit(met.t, met.u, met.v, met.primitive, met.instance, passed, surface.object, weight))

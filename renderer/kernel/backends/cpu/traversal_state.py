@@ -1,4 +1,4 @@
-"""The traversal state of a ray in its path's row: its initialisation for eight rays at a time, and the rays' stacks."""
+"""The state of a ray's traversal in its path's row: its initialisation for eight rays at a time, and the rays' stacks."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ INVERSE, NEAR, FAR, AXES, SHEAR, ORIGIN = (
 TOP, CHILD, PLANES, BEST, MARGIN = (column(Traversal, field) for field in ("top", "child", "plane_x", "best", "margin"))
 OCCLUDED = BEST  # of a shadow ray
 
-# The stack holds one entry a level and ray, those of all rays of one level side by side: rays are mostly on few levels. An entry:
-# the keys of a node's children, the next of them, the node. Of a shadow ray: the children that are left, the node.
+# The stack has one entry per level and ray. The entries of all rays on one level are adjacent, since most rays are on few levels.
+# An entry: the keys of a node's children, the next key, the node. For a shadow ray: the remaining children, the node.
 _ENTRY = 16  # words: a cache line
 LEVEL = np.uintp((ROWS + 1) * _ENTRY)  # stride between levels; not a power of two, to avoid sharing cache sets
 # After the stacks, results passed from one loop over rays to the next, two cache lines each: walk.py.
@@ -64,7 +64,7 @@ def new_stacks() -> npt.NDArray[np.float32]:
 
 @device
 def load_vector(pool, place):
-    """Returns three consecutive floats of the pool from a flat index on, as a vector."""
+    """Returns three consecutive floats of the pool, starting at the flat index `place`, as a vector."""
     return pool[place], pool[place + _1], pool[place + _2]
 
 
@@ -78,8 +78,8 @@ def load_index(array, place):
 def start_traversal(pool, rows, o, d, best, root):
     """Initialises the traversal of eight rays at a tree node.
 
-    rows: u32x8; o, d: origins and directions, three f32x8 each; best: initial value of BEST or OCCLUDED, f32x8; root: the node's
-    number, u32x8.
+    rows: the paths' rows, u32x8. o, d: origins and directions, three f32x8 each. best: initial value of BEST or OCCLUDED, f32x8.
+    root: the node's number, u32x8.
     """
     ray = ray_constants(o, d, as_wide(_WIDTH, best))
     top = rows * np.uint32(_ENTRY)

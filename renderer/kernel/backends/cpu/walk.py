@@ -1,14 +1,14 @@
-"""Traversal of many rays, one step of each in turn: their closest hits, or whether shadow rays are occluded.
+"""Traverses many rays together, one step of each at a time: finds closest hits, or tests whether shadow rays are occluded.
 
 A single ray waits for its node, for the minimum over eight distances, and for mispredicted branches. Here one pass advances all
 rays at a node by one step, and another all rays at a packet. Steps of different rays are independent and almost free of
-unpredictable branches: a ray's next step is chosen by appending its number to a list. The processor overlaps several rays, and
-data for one ray is fetched meanwhile.
+unpredictable branches: a ray's next step is selected by appending its number to a list. The processor overlaps several rays, and
+fetches data for one while it processes others.
 
 Boxes and primitives are visited in the order and by the formulas of renderer/bvh/traverse.py, so the hits are the same.
 
-`closest` is a compile-time flag: None for shadow rays, which end at any hit. Their stack entries hold a mask of the children that
-are left, those of other rays the keys of the children.
+`closest` is a compile-time flag: None for shadow rays, which end at any hit. Their stack entries contain a mask of the remaining
+children; those of other rays contain the keys of the children.
 """
 
 from __future__ import annotations
@@ -72,14 +72,14 @@ _NODES, _PACKETS, _OTHERS, _ENDED = (np.uintp(k) for k in (NODES, PACKETS, OTHER
 
 @device
 def _lanes(pool, place):
-    """Returns three consecutive floats, each in all lanes."""
+    """Returns three consecutive floats of the pool, each broadcast to all lanes."""
     x, y, z = load_vector(pool, place)
     return splat(x), splat(y), splat(z)
 
 
 @device
 def _boxes(node, base, pool, path, t_max):
-    """Returns `intersect_boxes` of a row's ray. path: the row's flat offset."""
+    """Returns `intersect_boxes` for the ray of a row. path: the row's flat offset."""
     k = path + PLANES
     planes = load_index(pool, k), load_index(pool, k + _1), load_index(pool, k + _2)
     inverse, near, far = _lanes(pool, path + INVERSE), _lanes(pool, path + NEAR), _lanes(pool, path + FAR)
@@ -98,7 +98,7 @@ def _go_on(bvh, pool, lists, number, path, child, top, over):
 
 @device
 def _pop_nearest(node, stack, top, limit):
-    """Pops the nearest pending child within `limit` from a ray's stack: (child, the stack's new top, whether there is none)."""
+    """Pops the nearest pending child within `limit` from a ray's stack: (child, the stack's new top, True if there was none)."""
     key = load_int(stack, top + _W)
     while key > limit:
         top -= LEVEL
@@ -113,7 +113,7 @@ def _pop_nearest(node, stack, top, limit):
 
 @device
 def _pop_any(node, stack, top):
-    """Pops a pending child from a shadow ray's stack: (the child, the stack's new top, whether the stack was empty)."""
+    """Pops a pending child from a shadow ray's stack: (child, the stack's new top, True if the stack was empty)."""
     left = np.uint32(load_int(stack, top))
     base = load_index(stack, top + _1) * _NODE
     child = load_int(node, base + _CHILDREN + np.uintp(lowest_bit(left | _LAST)))
@@ -124,7 +124,7 @@ def _pop_any(node, stack, top):
 
 @device
 def _pop(node, pool, path, stack, closest):
-    """Pops a row's next child: (child, the stack's new top, whether the traversal has ended)."""
+    """Pops the next child for the ray of a row: (child, the stack's new top, True if the traversal has ended)."""
     if closest is not None:
         return _pop_nearest(node, stack, load_index(pool, path + TOP), key_limit(pool[path + BEST]))
     child, top, over = _pop_any(node, stack, load_index(pool, path + TOP))
@@ -133,10 +133,10 @@ def _pop(node, pool, path, stack, closest):
 
 @device
 def _send_on(bvh, pool, stack, lists, which, count, closest):
-    """Sends the first `count` rays of a cleared list to their next step.
+    """Pops the next child for the first `count` rays of a cleared list, and appends each ray to the list of its next step.
 
-    A loop of its own: the number of stack entries dropped is unpredictable, and a misprediction here discards only this little
-    work, not the box and triangle tests of following rays.
+    This is a separate loop because the number of stack entries dropped is unpredictable: a misprediction here discards only this
+    little work, not the box and triangle tests of following rays.
     """
     for k in range(count):
         number = row(lists, which, k)
@@ -177,7 +177,7 @@ def _visit_nodes(bvh, pool, stack, lists, closest):
 
 @device
 def _axes_of(pool, path):
-    """Returns (rows of the axes, shear, origin) of a row's ray, for `intersect_triangles`."""
+    """Returns (rows of the axes, shear, origin) of the ray of a row, for `intersect_triangles`."""
     k = path + AXES
     return (
         (load_index(pool, k), load_index(pool, k + _1), load_index(pool, k + _2)),
@@ -188,7 +188,7 @@ def _axes_of(pool, path):
 
 @device
 def _keep(pool, place, nearer, value):
-    """Stores a float where `nearer` is true. Selects on integers, since for floats the compiler emits a branch."""
+    """Stores a float if `nearer` is True. Selects between integers, since for floats the compiler emits a branch."""
     store_int(pool, place, select(nearer, np.int32(as_ints(value)), load_int(pool, place)))
 
 
@@ -196,8 +196,8 @@ def _keep(pool, place, nearer, value):
 def _test_packets(bvh, motion, alone, pool, stack, lists, count):
     """Intersects the first `count` listed rays with the triangles of their packets; stores the results for `_keep_nearest`.
 
-    A separate loop: the minimum over eight lanes and the lookup of its lane form a chain of short dependent steps, whose waiting
-    instructions would fill the reorder buffer and keep the processor from starting the next ray.
+    This is a separate loop because the minimum over eight lanes and the lookup of its lane form a chain of short dependent steps,
+    whose waiting instructions would fill the reorder buffer and keep the processor from starting the next ray.
     """
     for k in range(count):
         number = row(lists, PACKETS, k)
@@ -214,7 +214,7 @@ def _test_packets(bvh, motion, alone, pool, stack, lists, count):
 
 @device
 def _tie(bvh, pool, path):
-    """Returns `tie_of` a row's present hit."""
+    """Returns `tie_of` for the current hit of a row's ray."""
     tie = load_int(pool, path + _PRIMITIVE)
     if bvh.instances is not None:
         tie = tie_of(load_int(pool, path + _INSTANCE), tie)
@@ -223,7 +223,7 @@ def _tie(bvh, pool, path):
 
 @device
 def _keep_nearest(bvh, pool, stack, lists, count):
-    """Updates each ray's hit with the nearest stored intersection, where it is nearer than the present hit."""
+    """Replaces each ray's hit by its nearest stored intersection, if that is nearer."""
     for k in range(count):
         path, held = at(row(lists, PACKETS, k), np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
         best = pool[path + BEST]
@@ -282,7 +282,7 @@ def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
 
 @device
 def _meet_instance(bvh, alone, pool, path, instance, best, time):
-    """Intersects a row's ray with an instance, whose tree is traversed by this ray alone, and updates its hit."""
+    """Intersects a row's ray with an instance, whose tree this ray traverses separately, and updates its hit."""
     o, d = load_vector(pool, path + _O), load_vector(pool, path + _D)
     holder = load_int(pool, path + _INSTANCE)
     found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best, holder, time, None, FACING)
@@ -296,7 +296,7 @@ def _meet_instance(bvh, alone, pool, path, instance, best, time):
 
 @device
 def _occlude_by_others(bvh, alone, pool, path, leaf, time):
-    """Tests a row's shadow ray against an instance, or a packet of spheres."""
+    """Tests a row's shadow ray against an instance or a packet of spheres."""
     o = load_vector(pool, path + _START)
     d = vec.sub(load_vector(pool, path + _END), o)
     if bvh.instances is not None and leaf & INSTANCE:
@@ -327,11 +327,11 @@ def _visit_others(bvh, motion, alone, pool, stack, lists, closest):
 
 @device
 def traverse_rays(bvh, motion, alone, pool, stack, lists, closest):
-    """Traces the rays on the list NODES; they end on the list ENDED.
+    """Traces the rays on the list NODES. When they end, they are on the list ENDED.
 
-    closest: CLOSEST finds their closest hits, and writes RowHit, and the distance to BEST; None tests whether shadow rays are
-    occluded, and writes OCCLUDED. The rays were prepared by `start_traversal` (traversal_state.py). motion: of
-    renderer/arrays/scene_features.py; alone: from `new_stack`, for rays traced singly; stack: from `new_stacks`.
+    closest: CLOSEST: finds the closest hits, and writes RowHit, and the distance to BEST; None: tests whether shadow rays are
+    occluded, and writes OCCLUDED. The rays must be prepared by `start_traversal` (traversal_state.py). motion: as in
+    renderer/arrays/scene_features.py. alone: from `new_stack`, for rays traced singly. stack: from `new_stacks`.
     """
     while length(lists, NODES) + length(lists, PACKETS) + length(lists, OTHERS) > 0:
         _visit_nodes(bvh, pool, stack, lists, closest)

@@ -1,7 +1,7 @@
-"""The kernel of a graphics card: one thread renders some samples of one pixel, one path at a time.
+"""The kernel of a graphics card: each thread renders some samples of one pixel, one path at a time.
 
-The scalar backend's loop over samples (renderer/kernel/backends/scalar/tile.py) runs unchanged on a film of one pixel that the
-thread owns. Its sums are then added to the film with atomic integer additions, whose order has no effect.
+The scalar backend's loop over samples (renderer/kernel/backends/scalar/tile.py) runs unchanged on the thread's own film of one
+pixel. Its sums are then added to the film with atomic integer additions, whose order has no effect.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _BAD, _RAYS = np.uintp(BAD), np.uintp(RAYS)
 
 
 class Job(NamedTuple):
-    """The argument of the kernel: samples of a tile, and the arrays that they are added to."""
+    """The argument of the kernel: the samples of a tile to render, and the arrays to which they are added."""
 
     scene: Any
     camera: Any
@@ -44,7 +44,7 @@ class Job(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A thread's Batch: samples of one pixel."""
+    """The samples of one pixel that a thread renders, with the fields of Batch."""
 
     x: Any
     y: Any
@@ -54,7 +54,10 @@ class _Part(NamedTuple):
 
 
 class _Output(NamedTuple):
-    """A thread's Output (renderer/kernel/accumulate.py): lists no bad samples and records no path."""
+    """A thread's arrays, with the fields of Output (renderer/kernel/accumulate.py).
+
+    They list no bad samples and record no path.
+    """
 
     sums: Any
     bad: Any
@@ -63,7 +66,7 @@ class _Output(NamedTuple):
 
 @intrinsic(prefer_literal=True)
 def _local_zeros(typingctx: Any, dtype: Any, shape: Any) -> Any:
-    """Returns an array of zeros on the thread's stack, of a literal shape, valid until the calling function returns."""
+    """Returns an array of zeros on the thread's stack, valid until the calling function returns. shape: a literal."""
     lengths = [each.literal_value for each in shape]
     array = types.Array(dtype.dtype, len(lengths), "C")
 
@@ -102,7 +105,7 @@ def _add_atomically(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
 
 @subroutine
 def render_thread(job, thread):
-    """Renders the samples of thread number `thread`, below height * width * pieces, of a Job."""
+    """Renders the samples of one thread of a Job. thread: its number, below height * width * pieces."""
     film, batch = job.film, job.batch
     width, pixels = film.shape[2], film.shape[1] * film.shape[2]
     place, piece = thread // job.pieces, thread % job.pieces

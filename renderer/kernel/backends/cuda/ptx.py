@@ -1,8 +1,8 @@
 """Translates a kernel's LLVM IR to PTX, the assembly language of NVIDIA's driver, without a card, a driver or a toolkit.
 
-Numba's front end compiles the kernel as it does for the CPU, and the NVPTX back end of llvmlite's LLVM translates the result.
-No sum is fused with a product here (renderer/fused_multiply_add.py decides that in the source), and divisions and roots are
-correctly rounded, so a thread computes the bits of one path on the CPU.
+Numba's front end compiles the kernel as for the CPU, and the NVPTX back end of llvmlite's LLVM translates the result. No sums are
+fused with products here (renderer/fused_multiply_add.py decides that in the source), and divisions and roots are correctly
+rounded, so a thread computes the same bits as a path on the CPU.
 """
 
 from __future__ import annotations
@@ -73,11 +73,11 @@ _INEXACT = re.compile(r"\b\w+(?:\.\w+)*\.(?:approx|ftz|full)\b[\w.]*|\b(?:add|su
 
 
 class InexactError(Exception):
-    """A kernel contains an operation whose bits on a card differ from the CPU's, or whose code is missing."""
+    """Raised if a kernel contains an operation whose result on a card differs from the CPU's, or whose code is missing."""
 
 
 def linked_module(dispatcher: Any, signature: tuple[Any, ...]) -> tuple[llvm.ModuleRef, str]:
-    """Compiles a subroutine (renderer/jit.py), and returns the LLVM module of all functions that it calls, and its name there."""
+    """Compiles a subroutine (renderer/jit.py); returns the LLVM module with all functions that it calls, and its name in it."""
     dispatcher.compile(signature)
     library = dispatcher.overloads[signature].library
     module = llvm.parse_bitcode(library._final_module.as_bitcode())
@@ -103,10 +103,10 @@ def _retargeted(text: str) -> llvm.ModuleRef:
 
 
 def card_module(module: llvm.ModuleRef, name: str, size: int) -> llvm.ModuleRef:
-    """Returns the optimised LLVM module of the card's kernel, KERNEL(job, number of threads). Raises InexactError.
+    """Returns the optimised LLVM module of the card's kernel, KERNEL(job, number of threads).
 
-    module, name: as returned by `linked_module`, of a function of a reference to a job and a thread's number; size: the bytes of
-    a job.
+    module, name: from `linked_module`, of a function of a reference to a job and a thread's number. size: of a job in bytes.
+    Raises InexactError.
     """
     card = _retargeted(_PREFETCH.sub("", str(module)))
     declared = {each.name for each in card.functions if each.is_declaration}

@@ -1,4 +1,4 @@
-"""A path's first hit in an array of the caller's: carried through the integrator's loop as values, it would take registers."""
+"""Stores a path's first hit in an array of the caller. In the integrator's loop its values would occupy registers."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _X, _Y, _Z = range(POSITION.start, POSITION.stop)
 
 @device
 def forget_first_hit(first):
-    """Clears the array, (FIRST_HIT_SLOTS,) float32, as for a path that hits nothing."""
+    """Sets the array, (FIRST_HIT_SLOTS,) float32, to the values of a path that hits nothing."""
     _scatter(first, _ONLY, no_hit(_ZERO))
 
 
 @device
 def store_first_hit(first, hit):
-    """Stores a FirstHit."""
+    """Stores a FirstHit in the array."""
     _scatter(first, _ONLY, hit)
 
 
@@ -45,7 +45,7 @@ def is_finite_first_hit(first):
 
 @device
 def add_first_hit(sums, y, x, first, sample, scale, origin):
-    """Adds the stored FirstHit to a pixel's sums. origin: as in Batch."""
+    """Adds the stored FirstHit to a pixel's sums. origin: see Batch."""
     for k in range(len(MEANS)):
         sums[MEANS[k, 1], y, x] += fixed(first[MEANS[k, 0]], scale)
     if first[_DISTANCE] > _ZERO:

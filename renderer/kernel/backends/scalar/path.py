@@ -2,7 +2,7 @@
 
 Unidirectional paths with next-event estimation, multiple importance sampling, and Russian roulette, after Veach, "Robust Monte
 Carlo Methods for Light Transport Simulation" (1997); pbrt 4ed, 13.4 has the same steps. Frames are rendered by
-renderer/kernel/backends/cpu, which computes the same samples to the bit.
+renderer/kernel/backends/cpu, which computes the same bits of each sample.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ _YES, _NO = np.bool_(True), np.bool_(False)
 
 @template
 def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, weigh_hit, weigh_light, sample_bsdf):
-    """Traces one sample along its CameraRay: (radiance, number of rays).
+    """Traces one sample along its CameraRay; returns (radiance, number of rays).
 
-    medium_stack: media that contain the camera, 0 in a scene without media. log: rows for path_trace.py, none for frames; first:
-    (FIRST_HIT_SLOTS,), the FirstHit is stored there. The strategy to find light: lit, whether next-event estimation finds
-    anything; weigh_hit(options, ray, path, last, point or None, light_pdf) and weigh_light(options, light, scatter_pdf, branches,
-    point), MIS weights; sample_bsdf(scene, vertex, options, choose, u), a BsdfSample.
+    medium_stack: media that contain the camera, 0 in a scene without media. log: rows for path_trace.py; none for frames. first:
+    (FIRST_HIT_SLOTS,), receives the FirstHit. The other arguments are the strategy to find light. lit: whether next-event
+    estimation finds anything. weigh_hit(options, ray, path, last, point or None, light_pdf) and weigh_light(options, light,
+    scatter_pdf, branches, point) return MIS weights. sample_bsdf(scene, vertex, options, choose, u) returns a BsdfSample.
     """
     ray, path = camera_path(camera.o, camera.d)
     state = ray, path, LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start), _ZERO
@@ -76,7 +76,7 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
 
 @template
 def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh_hit, weigh_light, sample_bsdf):
-    """Follows a path to its end: (PathState, whether it splits, state of the second branch, number of rays).
+    """Follows a path to its end; returns (PathState, whether it splits, state of the second branch, number of rays).
 
     A state is (Ray, PathState, LastVertex, Crossings, number of surfaces passed, a float).
     """
@@ -156,7 +156,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
 
 @template
 def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, options, sample_bsdf):
-    """Scatters a path at its vertex, by four random numbers: (Ray, PathState, Crossings, survival)."""
+    """Scatters a path at its vertex, using the four random numbers u; returns (Ray, PathState, Crossings, survival)."""
     sample = sample_bsdf(scene, vertex, options, u[2], (u[0], u[1]))
     ray, path, bounce = scatter(vertex.surface, vertex.frame, ray, path, sample, branches, options)
     crossings = cross_surface(scene, vertex.surface, crossings, bounce, is_surface)

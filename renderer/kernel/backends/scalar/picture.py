@@ -30,6 +30,6 @@ def _sample_bsdf(scene, vertex, options, choose, u):
 
 @template
 def trace_picture(scene, stack, camera, medium_stack, options, log, first):
-    """Traces one sample as the pool of paths (renderer/kernel/backends/cpu) does, to the same bits; see `trace_path`."""
+    """Traces one sample with the same bits as the pool of paths (renderer/kernel/backends/cpu); see `trace_path`."""
     lit = has_lights(scene)
     return trace_path(scene, stack, camera, medium_stack, options, log, first, lit, _weigh_hit, _weigh_light, _sample_bsdf)

@@ -19,7 +19,7 @@ _COLOR, _COLOR_HALF = COLOR.start, COLOR_HALF.start
 
 @device
 def _add_radiance(sums, channel, count, y, x, radiance, scale):
-    """Adds a sample to three planes of radiance, from `channel` on, and to the plane `count`."""
+    """Adds a sample's radiance to three planes from `channel` on, and 1 to the plane `count`."""
     sums[channel, y, x] += fixed(radiance[0], scale)
     sums[channel + 1, y, x] += fixed(radiance[1], scale)
     sums[channel + 2, y, x] += fixed(radiance[2], scale)
@@ -30,8 +30,8 @@ def _add_radiance(sums, channel, count, y, x, radiance, scale):
 def render_tile(trace, scene, stack, camera, options, batch, output):
     """Renders a batch, one path at a time; returns (number of bad samples, number of rays).
 
-    trace: the integrator, a compile-time constant; stack: from new_stack; camera: from camera_frame; options: from
-    kernel_options; batch, output: as in accumulate.py. As many bad samples are listed as `output.bad` has rows.
+    trace: the integrator, a compile-time constant. stack: from new_stack. camera: from camera_frame. options: from
+    kernel_options. batch, output: see accumulate.py. At most as many bad samples are listed as `output.bad` has rows.
     """
     sums, bad, log = output.sums, output.bad, output.log
     x0, y0, first, count = batch.x, batch.y, batch.first, batch.count

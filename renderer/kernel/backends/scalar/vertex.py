@@ -1,4 +1,4 @@
-"""Where a path's ray ends: at a surface that it passes, or at a vertex where it scatters. One path at a time."""
+"""The end of a path's ray: a surface that it passes, or a vertex where it scatters. One path at a time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _TRANSMITS, _SCATTERS_WITHIN = np.uint32(TRANSMITS), np.uint32(SCATTERS_WITHIN)
 
 @device
 def reach_surface(scene, surface, path, last, row, stream, options, time):
-    """Returns (whether the path passes through the surface that it hit, the path with its throughput there).
+    """Returns (whether the path passes through the surface that it hit, the path with its throughput at the surface).
 
     row: number of surfaces hit before, a float.
     """
@@ -40,9 +40,10 @@ def reach_surface(scene, surface, path, last, row, stream, options, time):
 
 @device
 def surface_vertex(scene, surface, ray, path, stream, layers, time):
-    """Returns (the path's Vertex on a surface, the path, reduced to one colour channel if the material is dispersive).
+    """Returns (the path's Vertex on a surface, the path).
 
-    layers: (LAYER_SLOTS,) float32, filled with the rarer materials' parameters.
+    If the material is dispersive, the path is reduced to one colour channel. layers: (LAYER_SLOTS,) float32, receives the
+    parameters of rarer materials.
     """
     towards_viewer = vec.neg(ray.d)
     frame = shading_frame(scene, surface, towards_viewer, time)
@@ -56,7 +57,7 @@ def surface_vertex(scene, surface, ray, path, stream, layers, time):
 
 @device
 def medium_vertex(scene, ray, event, layers):
-    """Returns the Vertex at a MediumEvent, lit from all sides. layers: as for `surface_vertex`."""
+    """Returns the Vertex at a MediumEvent, which receives light from all directions. layers: as for `surface_vertex`."""
     surface = medium_surface(ray, event.distance)
     n = surface.shading
     s, t = vec.basis(n)
@@ -67,9 +68,9 @@ def medium_vertex(scene, ray, event, layers):
 
 @device
 def subsurface_vertex(scene, stack, vertex, path, stream, time):
-    """Returns (the Vertex at which the path scatters, the path): unchanged, or the exit of a subsurface walk.
+    """Returns (the Vertex at which the path scatters, the path): both unchanged, or those at the exit of a subsurface walk.
 
-    The throughput is 0 where the walk was absorbed.
+    The throughput is 0 if the walk was absorbed.
     """
     material, n = vertex.material, vertex.frame[2]
     if material.kind == MEDIUM or not has_flag(scene, vertex.surface.material, _SCATTERS_WITHIN):

@@ -27,7 +27,7 @@ def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time):
 
     Hits have the distances of `any_hit`: with those biased towards the origin (`intersect_triangles` in renderer/bvh/packet.py) a
     light would occlude itself from far away. medium_stack: the media that contain the first point
-    (kernel/medium/medium_stack.py), not read in scenes without media; layers, time: as for `transmittance`.
+    (kernel/medium/medium_stack.py); ignored in scenes without media. layers, time: as for `transmittance`.
     """
     never_inline()
     left = (_ONE, _ONE, _ONE)
@@ -56,8 +56,8 @@ def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time):
 def transmittance(scene, stack, start, end, transparent, layers, time=None):
     """Returns the fraction of light, 0 ... 1, that passes from `start` to `end` in a straight line.
 
-    transparent: whether any material in the scene is transparent by its alpha; if not, a single shadow ray is traced.
-    layers: number of such surfaces that the light passes at most, float32; infinite: no limit. time: as for `closest_hit`.
+    transparent: whether any material in the scene is transparent by its alpha; otherwise a single shadow ray is traced. layers:
+    maximum number of such surfaces that light passes, float32; infinite: no limit. time: as for `closest_hit`.
     """
     if scene.has.textures is not None and transparent:
         return transmittance_rgb(scene, stack, start, end, _WORLD, layers, time)[0]
@@ -67,7 +67,7 @@ def transmittance(scene, stack, start, end, transparent, layers, time=None):
 
 @device
 def shadow_transmittance(scene, stack, shadow, counts, options, time):
-    """Returns the transmittance, rgb, of a ShadowRay. counts: of the path's Crossings; time: shutter time."""
+    """Returns the transmittance, rgb, along a ShadowRay. counts: those of the path's Crossings. time: shutter time."""
     layers = layers_left(counts, options)
     if scene.has.media is not None and options.transparent:
         return transmittance_rgb(scene, stack, shadow.start, shadow.end, shadow.medium_stack, layers, time)
