@@ -90,7 +90,10 @@ def _warn(fault: str) -> None:
 
 
 def read_private(path: Path) -> bytes | None:
-    """Returns the bytes of a trusted file in a trusted folder; None, with a warning, if either is untrusted. Raises OSError."""
+    """Returns the bytes of a trusted file in a trusted folder; None, with a warning, if either is untrusted.
+
+    Raises OSError if the file cannot be read.
+    """
     if reason := reason_to_distrust(path.parent.stat()):
         _warn(f"the folder {path.parent} {reason}; what is in it is compiled anew")
         return None

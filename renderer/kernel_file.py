@@ -79,7 +79,10 @@ def signed_anew(artefact: bytes, key: str) -> bytes:
 
 
 def unpack(file: IO[bytes], key: str, folder: Path) -> int:
-    """Writes the files in a kernel file into the folder, each atomically; returns their number. Raises ArtefactError."""
+    """Writes the files in a kernel file into the folder, each atomically; returns their number.
+
+    Raises ArtefactError if the file is damaged or not signed with this key.
+    """
     if not is_signed(file, key):
         raise ArtefactError("the kernels are not signed with this farm's token")
     file.seek(0)

@@ -80,7 +80,7 @@ def _variants(text: str) -> list[str]:
 def main(arguments: Iterable[str] | None = None) -> None:
     """Compiles the kernels, loads each variant once more to complete its list, then copies the files.
 
-    Raises CalledProcessError.
+    Raises CalledProcessError if a compiling process fails.
     """
     parser = argparse.ArgumentParser(prog="python -m renderer.precompile", description="Compiles the kernels for pictures.")
     parser.add_argument("folder", nargs="?", type=Path, help="gets kernels/HASH")

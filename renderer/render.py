@@ -107,7 +107,7 @@ def _render(
 def _render_on(
     card: CardRenderer, scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int
 ) -> tuple[BatchSums, int]:
-    """Renders a batch on a card; returns the same as `_render`. Raises CardError."""
+    """Renders a batch on a card; returns the same as `_render`. Raises CardError if the card fails."""
     camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
     variant = next(name for name, has in KERNEL_VARIANTS.items() if has == scene.has)
@@ -139,7 +139,7 @@ def render_batch(
     """Renders samples first ... first + count - 1 of every pixel of the tile. Runs without the GIL; thread-safe without a card.
 
     The sums do not depend on the card or on how a frame is divided into batches: its batches always add up to the same bits.
-    card: renders the batch, if given and if `is_for_cards`. Raises CardError.
+    card: renders the batch, if given and if `is_for_cards`. Raises CardError if the card fails.
     """
     prepared = _prepared(scene, settings)
     if card is not None and is_for_cards(settings):

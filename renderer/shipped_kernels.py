@@ -37,7 +37,7 @@ def copy_finished_kernels(source: Path, to: Path) -> int:
     """Copies the files of all complete kernels in a folder, and their lists; returns the number of copied files.
 
     Existing files are not replaced: equal names imply equal content. The lists are copied last, so that every listed file exists.
-    Files writable by other users are not copied (renderer/cache_folders.py). Raises OSError.
+    Files writable by other users are not copied (renderer/cache_folders.py). Raises OSError if copying fails.
     """
     lists = sorted(source.glob(LISTS))
     names = sorted({name for each in lists for name in each.read_text().split()})

@@ -71,7 +71,7 @@ __all__ = [
 NO_PRIMITIVE = np.int32(-1)
 _YES, _NO = np.bool_(True), np.bool_(False)
 FACING = _YES  # `facing` of `closest_hit`
-# Fraction of a shadow ray along which surfaces occlude: rounding may cause a hit on a distant light's surface just before the end.
+# Fraction of a shadow ray along which surfaces occlude: rounding may cause a hit on a distant light's surface before the end.
 SHADOW_REACH = np.float32(1 - 2.0**-21)
 _ROOT = np.int32(0)
 _ZERO = np.float32(0.0)

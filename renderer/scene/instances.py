@@ -65,7 +65,7 @@ def plan_instancing(description: SceneDescription) -> Sharing:
 
 
 def plan_static_instancing(description: SceneDescription) -> StaticSharing:
-    """Decides for static instances, independently of the moving ones."""
+    """Decides how static instances are stored, independently of the moving ones."""
     instances, meshes = description.instances, description.meshes
     movers = [n for n, instance in enumerate(instances) if instance.moves or meshes[instance.mesh].deforms]
     moving = set(movers)

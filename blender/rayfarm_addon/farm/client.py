@@ -87,7 +87,7 @@ class Client:
     def json(self, method: str, path: str, said: Any = None, **headers: str) -> Any:
         """Sends a request with JSON content `said` (None: no content) and returns the decoded response; None if that is empty.
 
-        headers: further headers, with _ instead of -. Raises FarmError.
+        headers: further headers, with _ instead of -. Raises FarmError if the request fails.
         """
         data = None if said is None else json.dumps(said).encode()
         known = {"Content-Type": "application/json"} if data is not None else {}
@@ -110,7 +110,7 @@ class Client:
     ) -> Any:
         """Posts files as a multipart form and returns the decoded JSON response.
 
-        progress: called with bytes sent and total bytes; it may raise Cancelled. Raises FarmError.
+        progress: called with bytes sent and total bytes; it may raise Cancelled. Raises FarmError if the request fails.
         """
         kind, size, chunks = body_of(parts, fields)
 
@@ -128,7 +128,7 @@ class Client:
         return json.loads(body)
 
     def check(self) -> str:
-        """Tests the connection: returns a sentence that describes the farm. Raises FarmError."""
+        """Tests the connection; returns a sentence that describes the farm. Raises FarmError if the test fails."""
         info = self.json("GET", "/api/info")
         if not isinstance(info, dict) or "formats" not in info:
             raise FarmError(f"What answers at {self.url} is no Rayfarm. Is the address right?")

@@ -140,7 +140,10 @@ class Rendering:
             raise Cancelled
 
     def _listen(self, number: float) -> bool:
-        """Receives from the live channel; returns True if the job has ended. Raises Closed, FarmError, Cancelled."""
+        """Receives tiles and states from the live channel until the job has ended; then returns True.
+
+        Raises Closed or FarmError if the channel fails, Cancelled if the user cancels.
+        """
         frame = urllib.parse.quote(f"{number:g}")
         socket = Socket(self._client, f"/api/jobs/{self._job}/live?frame={frame}")
         last = time.monotonic()

@@ -81,7 +81,7 @@ class Uploads:
             return self._images[digest]
 
     def let_go(self, scene: str) -> None:
-        """Deletes a scene from the farm unless a job has rendered it. Raises FarmError."""
+        """Deletes a scene from the farm unless a job has rendered it. Raises FarmError if the request fails."""
         if scene in self.rendered:
             return
         if scene == self.scene:
@@ -103,7 +103,8 @@ class Uploads:
     ) -> dict[str, Any]:
         """Uploads a scene and waits until it is prepared. Uploads it again if it was deleted in the meantime.
 
-        Returns the scene as in GET /api/scenes/{id}. say: shows a status line. Raises FarmError, Cancelled.
+        Returns the scene as in GET /api/scenes/{id}. say: shows a status line. Raises FarmError if a request or the preparation
+        fails, Cancelled if the user cancels.
         """
         try:
             return self.wait(self.send(files, main, title, progress), is_over, say)

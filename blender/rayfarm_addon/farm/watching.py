@@ -124,7 +124,10 @@ class LiveView:
             self._report(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
 
     def _show_scene(self) -> None:
-        """Shows one scene until it is replaced by another. Raises FarmError, Closed, Cancelled."""
+        """Shows one scene until it is replaced by another.
+
+        Raises FarmError or Closed if the farm or the connection fails, Cancelled if the view ends.
+        """
         with self._lock:
             wanted = self._scene
         if wanted is None:

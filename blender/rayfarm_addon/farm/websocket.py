@@ -72,7 +72,7 @@ class Socket:
             raise FarmError(f"What answers at {client.url} is no Rayfarm. Is the address right?")
 
     def send(self, text: str) -> None:
-        """Sends a text message. Raises Closed."""
+        """Sends a text message. Raises Closed if the connection is closed."""
         self._send(TEXT, text.encode())
 
     def _send(self, kind: int, data: bytes) -> None:
@@ -87,7 +87,10 @@ class Socket:
             raise Closed(str(error)) from None
 
     def receive(self, wait_s: float) -> str | bytes | None:
-        """Returns the next message, or None if none arrives within `wait_s` seconds. Raises Closed."""
+        """Returns the next message, or None if none arrives within `wait_s` seconds.
+
+        Raises Closed if the connection is closed.
+        """
         while True:
             message = self._next()
             if message is not None:
@@ -140,6 +143,6 @@ class Socket:
         self._buffer += data
 
     def close(self) -> None:
-        """Closes the connection. Raises nothing."""
+        """Closes the connection. Never raises an exception."""
         with contextlib.suppress(OSError):
             self._socket.close()

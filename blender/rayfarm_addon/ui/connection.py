@@ -25,7 +25,10 @@ class Connection:
 
 
 def connect(url: str, token: str, project: str = "") -> Connection:
-    """Returns the connection for this address, token and project, created at first use. Raises FarmError."""
+    """Returns the connection for this address, token and project, created at first use.
+
+    Raises FarmError if the address is invalid.
+    """
     key = url, token, project
     with _lock:
         if key not in _known:

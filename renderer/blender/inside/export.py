@@ -108,7 +108,10 @@ def copied(job: dict[str, Any]) -> Path:
 
 
 def opened(path: Path) -> Any:
-    """Opens the file in Blender with factory settings (its home folder is empty); returns the bpy module. Raises DamagedError."""
+    """Opens the file in Blender with factory settings (its home folder is empty); returns the bpy module.
+
+    Raises DamagedError if Blender cannot read it.
+    """
     bpy = _started()
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
@@ -118,7 +121,10 @@ def opened(path: Path) -> Any:
 
 
 def imported(path: Path) -> Any:
-    """Imports an Alembic file into an empty scene; returns the bpy module. Raises DamagedError."""
+    """Imports an Alembic file into an empty scene; returns the bpy module.
+
+    Raises DamagedError if Blender cannot read it.
+    """
     bpy = _started()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     try:

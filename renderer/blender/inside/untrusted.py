@@ -160,7 +160,7 @@ class _Dna:
     """A file's DNA: its structs, by number."""
 
     def __init__(self, data: bytes, form: _Form) -> None:
-        """Parses the DNA. Raises DamagedError."""
+        """Parses the DNA. Raises DamagedError if it is malformed."""
         self._data, self._form, self._at = data, form, 4
         try:
             self._names = [name.decode("latin-1") for name in self._texts(b"NAME")]
@@ -178,7 +178,7 @@ class _Dna:
             raise DamagedError(f"has a damaged description of what is in it ({error}); save it anew") from None
 
     def places(self) -> dict[int, _Places]:
-        """Returns struct number -> the fields to replace. Raises DamagedError."""
+        """Returns struct number -> the fields to replace. Raises DamagedError if the DNA is inconsistent."""
         found = {}
         for number, (kind, _) in enumerate(self._structs):
             try:

@@ -32,8 +32,8 @@ __all__ = [
     "sample_punctual",
 ]
 
-# Kinds of punctual lights, as in `punctual_kind`. The last two are distant lights that rays hit; camera rays do not hit the last one.
-# New kinds must be inserted before these two.
+# Kinds of punctual lights, as in `punctual_kind`. The last two are distant lights that rays hit, SUN_UNSEEN only by rays not from
+# the camera. New kinds must be inserted before these two.
 POINT, SPOT, DIRECTIONAL, SPOT_SMOOTH, SPOT_LINEAR, SPOT_SMOOTH_ANGLE, SUN, SUN_UNSEEN = range(8)
 
 _ZERO = np.float32(0.0)

@@ -106,7 +106,7 @@ def card_module(module: llvm.ModuleRef, name: str, size: int) -> llvm.ModuleRef:
     """Returns the optimised LLVM module of the card's kernel, KERNEL(job, number of threads).
 
     module, name: from `linked_module`, of a function of a reference to a job and a thread's number. size: of a job in bytes.
-    Raises InexactError.
+    Raises InexactError if it contains an operation that a card lacks.
     """
     card = _retargeted(_PREFETCH.sub("", str(module)))
     declared = {each.name for each in card.functions if each.is_declaration}
@@ -128,7 +128,7 @@ def card_module(module: llvm.ModuleRef, name: str, size: int) -> llvm.ModuleRef:
 
 
 def emit_ptx(card: llvm.ModuleRef) -> str:
-    """Returns the PTX of a module. Raises InexactError."""
+    """Returns the PTX of a module. Raises InexactError if it contains an inexact operation."""
     ptx = _machine().emit_assembly(card)
     check_exact(ptx)
     return str(ptx)
