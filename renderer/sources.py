@@ -83,7 +83,7 @@ def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
     for path in files:
         total.update(path.relative_to(root).as_posix().encode() + b"\0")
         if path.suffix == ".py":
-            total.update("\n".join(_words(ast.parse(path.read_bytes()))).encode())
+            total.update("\n".join(_as_text(ast.parse(path.read_bytes()))).encode())
         else:
             total.update(path.read_bytes())
         total.update(b"\0")
@@ -112,7 +112,7 @@ def cached_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
     return found
 
 
-def _words(tree: ast.AST) -> list[str]:
+def _as_text(tree: ast.AST) -> list[str]:
     """Returns the syntax tree as text: only fields that are set, so that new fields of later Python versions have no effect."""
     words: list[str] = []
     _write(tree, words.append)

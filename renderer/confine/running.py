@@ -62,7 +62,7 @@ class _Launcher:
                     error=library_message(error),
                 )
             ) from error
-        self._words = _words_file()
+        self._words = _temporary_log()
         command = [sys.executable, "-I", "-X", "utf8", "-c", _START, json.dumps(_import_path())]
         with theirs:
             try:
@@ -422,7 +422,7 @@ def _import_path() -> list[str]:
     return found if str(_ROOT) in found else [str(_ROOT), *found]
 
 
-def _words_file() -> IO[bytes] | None:
+def _temporary_log() -> IO[bytes] | None:
     """Returns a temporary file for the launcher's standard error; None if none can be created."""
     try:
         if hasattr(os, "memfd_create"):

@@ -58,10 +58,10 @@ class Driver:
         except AttributeError as error:
             raise DriverError(f"the NVIDIA driver lacks the function {function}") from error
         if code := called(*arguments):
-            name, text = self._described(code)
+            name, text = self._error_texts(code)
             raise DriverError(f"{function} failed: {text} ({name})", name)
 
-    def _described(self, code: int) -> tuple[str, str]:
+    def _error_texts(self, code: int) -> tuple[str, str]:
         """Returns the driver's name and description of an error code."""
         texts = []
         for function in ("cuGetErrorName", "cuGetErrorString"):

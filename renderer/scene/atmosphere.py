@@ -84,7 +84,7 @@ def _densities(height: np.ndarray) -> np.ndarray:
     return np.stack([np.exp(-height / _RAYLEIGH_HEIGHT), np.exp(-height / _MIE_HEIGHT), ozone], axis=-1)
 
 
-def _to_top(radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+def _distance_to_top(radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
     """Returns the distance in metres from a point to the top of the atmosphere.
 
     radius: the point's distance to the earth's centre; cosine: of the zenith angle of the direction.
@@ -99,7 +99,7 @@ def _column(radius: np.ndarray, cosine: np.ndarray, steps: int = 16) -> np.ndarr
     The steps grow along the ray, since air gets thinner.
     """
     edge = np.linspace(0, 1, steps + 1) ** 2
-    length = _to_top(radius, cosine)
+    length = _distance_to_top(radius, cosine)
     total = np.zeros((*radius.shape, 3))
     for near, far in pairwise(edge):
         t = length * (near + far) / 2
@@ -149,12 +149,16 @@ def scattered(
     towards_sun = up * np.sin(sun) + np.cos(elevation) * np.cos(sun) * np.cos(azimuth)
     again = _scattered_again(air, ground)
     molecules, dust, more = (np.zeros((*up.shape, 18)) for _ in range(3))
-    for at in _along(np.full_like(up, start), up, np.sin(sun), towards_sun, _to_top(np.full_like(up, start), up), steps):
+    for at in _along(np.full_like(up, start), up, np.sin(sun), towards_sun, _distance_to_top(np.full_like(up, start), up), steps):
         seen = np.exp(-_thickness(air, at.passed)) * at.step[..., None]
         sunlight = seen * _sunlight(air, at.radius, at.cosine)
         molecules += sunlight * at.density[..., 0, None]
         dust += sunlight * at.density[..., 1, None]
-        more += seen * _scattering(air, at.density) * _looked_up(again, at.radius - _EARTH, np.arcsin(np.clip(at.cosine, -1, 1)))
+        more += (
+            seen
+            * _scattering(air, at.density)
+            * _interpolate_table(again, at.radius - _EARTH, np.arcsin(np.clip(at.cosine, -1, 1)))
+        )
     return molecules @ (_RAYLEIGH[:, None] * air.molecules * _RGB), dust @ (_MIE_SCATTERING * air.dust * _RGB), more @ _RGB
 
 
@@ -215,7 +219,7 @@ def _scattered_again(air: Air, ground: float, steps: int = 12) -> np.ndarray:
     towards_sun = up * np.sin(sun) + np.sqrt(1 - up * up) * np.cos(sun) * np.cos(turn)
     below = radius * radius * (up * up - 1) + _EARTH**2
     lands = (up < 0) & (below > 0)
-    length = np.where(lands, -radius * up - np.sqrt(np.maximum(below, 0)), _to_top(radius, up))
+    length = np.where(lands, -radius * up - np.sqrt(np.maximum(below, 0)), _distance_to_top(radius, up))
     second, again = np.zeros((*up.shape, 18)), np.zeros((*up.shape, 18))
     for at in _along(radius, up, np.sin(sun), towards_sun, length, steps):
         scattering = np.exp(-_thickness(air, at.passed)) * _scattering(air, at.density) * at.step[..., None]
@@ -229,7 +233,7 @@ def _scattered_again(air: Air, ground: float, steps: int = 12) -> np.ndarray:
     return np.asarray((second * share).sum(axis=(2, 3)) / (1 - (again * share).sum(axis=(2, 3))))
 
 
-def _looked_up(table: np.ndarray, height: np.ndarray, sun: np.ndarray) -> np.ndarray:
+def _interpolate_table(table: np.ndarray, height: np.ndarray, sun: np.ndarray) -> np.ndarray:
     """Interpolates the table of `_scattered_again` bilinearly between heights and suns."""
     y = np.interp(height, _HEIGHTS, np.arange(len(_HEIGHTS)))
     x = np.interp(sun, _SUNS, np.arange(len(_SUNS)))

@@ -34,7 +34,7 @@ def separate_coincident(
     attributes = [each for each in attributes if len(each) and (each != each[0]).any()]
     if len(triangle) < 2 or (not attributes and material.min() == material.max()):
         return position
-    numbers = _repeated(position, triangle, begins)
+    numbers = _candidates_by_hash(position, triangle, begins)
     if not len(numbers):
         return position
     space = np.searchsorted(np.asarray(begins, np.int64), numbers, "right")
@@ -42,7 +42,7 @@ def separate_coincident(
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     # Sums over corners do not depend on their order.
     sums = [each[triangle[numbers]].astype(np.float64).sum(axis=1) for each in attributes]
-    chosen = _facing_away(_places(corners, space), normal, _numbered([material[numbers], *sums]))
+    chosen = _has_opposite_face(_number_by_corners(corners, space), normal, _number_rows([material[numbers], *sums]))
     moved = np.zeros((len(position), 3))
     for each in np.unique(space[chosen]).tolist():
         here = np.flatnonzero(chosen & (space == each))
@@ -55,7 +55,7 @@ def separate_coincident(
     return (position + moved).astype(np.float32) if chosen.any() else position
 
 
-def _repeated(position: F32, triangle: I32, begins: Sequence[int]) -> I64:
+def _candidates_by_hash(position: F32, triangle: I32, begins: Sequence[int]) -> I64:
     """Returns the triangles with the same three corners, in any order, as another one; includes a few false positives."""
     vertex = np.zeros(len(position), np.uint64)
     for axis in range(3):
@@ -70,19 +70,19 @@ def _repeated(position: F32, triangle: I32, begins: Sequence[int]) -> I64:
     return np.flatnonzero(np.isin(code, twice)) if len(twice) else np.zeros(0, np.int64)
 
 
-def _places(corners: npt.NDArray[np.float64], space: I64) -> I64:
+def _number_by_corners(corners: npt.NDArray[np.float64], space: I64) -> I64:
     """Returns (N,) numbers, equal for triangles of one space with the same corners in any order."""
     order = np.lexsort(corners.transpose(2, 0, 1), axis=1)
-    return _numbered([np.take_along_axis(corners, order[..., None], axis=1).reshape(len(corners), 9), space])
+    return _number_rows([np.take_along_axis(corners, order[..., None], axis=1).reshape(len(corners), 9), space])
 
 
-def _numbered(columns: Sequence[npt.NDArray[np.generic]]) -> I64:
+def _number_rows(columns: Sequence[npt.NDArray[np.generic]]) -> I64:
     """Returns (N,) numbers, equal for rows that are equal in all columns."""
     _, number = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
     return number.reshape(-1)
 
 
-def _facing_away(place: I64, normal: npt.NDArray[np.float64], look: I64) -> npt.NDArray[np.bool_]:
+def _has_opposite_face(place: I64, normal: npt.NDArray[np.float64], look: I64) -> npt.NDArray[np.bool_]:
     """Returns a mask (N,) of triangles that coincide with one of opposite orientation and a different look."""
     count = int(place.max()) + 1
     first = np.full(count, len(place))

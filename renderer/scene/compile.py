@@ -84,7 +84,9 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     double_sided = np.array([m.double_sided for m in description.materials], bool)
     all_emitters = emitting_triangles(packed, geometry)
     emitters = emitters_with_area(all_emitters, geometry)
-    if left_out := max(len(all_emitters.triangle) - len(emitters.triangle), _dark_lamps(description, packed.emitted)):
+    if left_out := max(
+        len(all_emitters.triangle) - len(emitters.triangle), _count_emitters_without_area(description, packed.emitted)
+    ):
         description.warnings.append(
             Sentence("emitters-without-area", "Emitting triangles without an area give no light: {count}.", count=left_out)
         )
@@ -110,7 +112,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, kept, keys, sphere_keys
     )
     if (packed.material_flags & (UNSEEN | LAMP | SHADELESS)).any():
-        laid = exclude_primitives(laid, _of_kind(stood, UNSEEN), _of_kind(stood, LAMP | SHADELESS))
+        laid = exclude_primitives(laid, _mask_by_flag(stood, UNSEEN), _mask_by_flag(stood, LAMP | SHADELESS))
     arrays = CompiledScene(
         bvh=laid.bvh,
         to_world=placement.to_world,
@@ -311,7 +313,7 @@ def _camera_dict(camera: Camera) -> dict[str, Any]:
     return {**still, "views": [_view_dict(view) for view in camera.keys]} if camera.keys else still
 
 
-def _of_kind(stood: PlacedGeometry, flag: int) -> np.ndarray:
+def _mask_by_flag(stood: PlacedGeometry, flag: int) -> np.ndarray:
     """Returns a mask (T + S,) of the triangles and spheres whose material has the flag."""
     is_of = stood.packed.material_flags & flag != 0
     geometry = stood.joined.geometry
@@ -327,7 +329,7 @@ def _suns(primitive: I32, kind: I32, bodies: int) -> I32:
     )
 
 
-def _dark_lamps(description: SceneDescription, emitted: np.ndarray) -> int:
+def _count_emitters_without_area(description: SceneDescription, emitted: np.ndarray) -> int:
     """Returns the number of emissive triangles without area, which therefore emit nothing.
 
     Counts those of the description, since static ones are no longer in the compiled geometry.

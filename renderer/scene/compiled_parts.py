@@ -223,7 +223,7 @@ def load_parts(data: bytes, find: Find) -> CompiledScene:
         size = int(np.prod(shape, dtype=object)) * np.dtype(dtype).itemsize
         if size != sum(length for *_, length in pieces):
             raise SceneError(Sentence("compiled-piece-count-wrong", "the number of pieces of {name} is wrong", name=name))
-        found[name] = np.frombuffer(_mapped(pieces, parts, files), dtype, size // np.dtype(dtype).itemsize).reshape(shape)
+        found[name] = np.frombuffer(_map_pieces(pieces, parts, files), dtype, size // np.dtype(dtype).itemsize).reshape(shape)
         if name in _CUT and name not in _VERTICES and size:
             unchecked[name] = np.concatenate(list(_extremes_of(name, found[name], parts, pieces)))
     check(found, unchecked)
@@ -257,7 +257,7 @@ def _read(data: bytes) -> tuple[list[Part], dict[str, tuple[tuple[int, ...], lis
     return parts, arrays
 
 
-def _mapped(pieces: list[tuple[int, int, int]], parts: list[Part], files: list[Path]) -> Any:
+def _map_pieces(pieces: list[tuple[int, int, int]], parts: list[Part], files: list[Path]) -> Any:
     """Returns a read-only buffer in which the files' pieces are mapped consecutively."""
     if not pieces:
         return bytes(8)
@@ -279,7 +279,7 @@ def _mapped(pieces: list[tuple[int, int, int]], parts: list[Part], files: list[P
     return memoryview(whole).toreadonly()
 
 
-def _mapper() -> Callable[[int, int, int, int], int] | None:
+def _fixed_address_mmap() -> Callable[[int, int, int, int], int] | None:
     """Returns the C library's mmap, which can map at a fixed address; Python's mmap cannot.
 
     Returns None on systems without it, or with pages larger than those of the parts.
@@ -293,7 +293,7 @@ def _mapper() -> Callable[[int, int, int, int], int] | None:
     return lambda address, length, handle, at: function(address, length, mmap.PROT_READ, mmap.MAP_SHARED | fixed, handle, at)
 
 
-_maps_over = _mapper()
+_maps_over = _fixed_address_mmap()
 _seen: dict[tuple[str, str, int, int], Array] = {}
 
 

@@ -41,7 +41,7 @@ def join(sections: Sequence[Section], has_uvs: bool, kept: ShotCache) -> Joined:
     """
     parts = [section.geometry for section in sections]
     vertex, triangle = (_starts([len(getattr(p, name)) for p in parts]) for name in ("position", "triangle"))
-    parting, first_part = _parting(parts, triangle)
+    parting, first_part = _part_columns(parts, triangle)
     heads = tuple(parts[:-1])
     arrays: dict[str, Any] = {}
     is_one = not any(len(p.position) for p in parts[1:])
@@ -53,7 +53,7 @@ def join(sections: Sequence[Section], has_uvs: bool, kept: ShotCache) -> Joined:
         count = vertex[-1] if wanted else 0
         array, is_there = kept.room(name, count, (width,), np.float32, heads if wanted else ())
         for at, part in list(zip(vertex, parts, strict=False))[len(heads) if is_there else 0 :] if wanted else ():
-            array[at : at + len(part.position)] = _filled(part, name)
+            array[at : at + len(part.position)] = _attribute_or_default(part, name)
         arrays[name] = array
     corners, is_there = kept.room("triangle", triangle[-1], (4,), np.int32, heads)
     for i in range(len(heads) if is_there else 0, len(parts)):
@@ -75,7 +75,7 @@ def _starts(lengths: Sequence[int]) -> tuple[int, ...]:
     return tuple(starts)
 
 
-def _parting(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dict[str, Any], list[int]]:
+def _part_columns(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dict[str, Any], list[int]]:
     """Returns the columns first (triangle), material and object of all parts, and the index of each section's first part."""
     first, material, object, number = [], [], [], []
     count = 0
@@ -92,7 +92,7 @@ def _parting(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dict[str
     return columns, number
 
 
-def _filled(part: Geometry, name: str) -> Array | float:
+def _attribute_or_default(part: Geometry, name: str) -> Array | float:
     """Returns an attribute array of a section, or the value that replaces it if the section has none and others do.
 
     The second UVs are replaced by the first, colours by 1, all others by 0.

@@ -74,7 +74,7 @@ def emission_frames(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32
     if not maps:
         return np.zeros((0, 4), np.float32)
     number = {id(each): k for k, each in enumerate(maps)}
-    rows = [(*_right(light.direction, light.up), number.get(id(light.emission), -1)) for light in lights]
+    rows = [(*_right_vector(light.direction, light.up), number.get(id(light.emission), -1)) for light in lights]
     return np.array(rows, np.float32).reshape(-1, 4)
 
 
@@ -140,7 +140,7 @@ def _middles(start: float, end: float, count: int) -> F64:
     return start + (end - start) * (np.arange(count) + 0.5) / count
 
 
-def _right(direction: Vec3, up: Vec3) -> F64:
+def _right_vector(direction: Vec3, up: Vec3) -> F64:
     """Returns the unit vector (3,) to the right of an observer who looks along `direction`, with `up` upwards."""
     forward = np.array(direction, np.float64)
     forward = forward / max(float(np.linalg.norm(forward)), 1e-300)

@@ -82,7 +82,7 @@ def tabulate_environment(description: SceneDescription) -> EnvironmentTables:
     rotation = float(np.radians(source.rotation))
     sun = sun_of_sky(source.sky) if source.sky is not None else None
     tables = EnvironmentTables(radiance, cumulative(rows), cumulative(weight), rotation, mean, contrast, no_sun)
-    return tables if sun is None else _with_sun(tables, sun, color)
+    return tables if sun is None else _add_sun(tables, sun, color)
 
 
 def _radiance(description: SceneDescription, source: Environment, color: np.ndarray) -> F32:
@@ -98,7 +98,7 @@ def _radiance(description: SceneDescription, source: Environment, color: np.ndar
         return np.asarray(np.clip(pixels[..., :3] * color.astype(np.float32), 0, np.float32(_MAX_RADIANCE)))
 
 
-def _with_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> EnvironmentTables:
+def _add_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> EnvironmentTables:
     """Returns the tables of a sky with its sun added."""
     x, y, z = sun.direction
     sine, cosine = sin_cos(tables.rotation)

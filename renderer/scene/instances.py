@@ -72,7 +72,7 @@ def plan_static_instancing(description: SceneDescription) -> StaticSharing:
     still = [n for n in range(len(instances)) if n not in moving]
     sane = _are_invertible([instances[n] for n in still])
     fit = [n for n, is_sane in zip(still, sane, strict=True) if is_sane and not _is_placed_per_frame(description, n)]
-    groups = _repeated(description, number_objects(description).instance, still, fit)
+    groups = _group_repeated_meshes(description, number_objects(description).instance, still, fit)
     kept = {m for group in groups for m in group.meshes}
     once = {n for n in fit if instances[n].mesh in kept}
     return StaticSharing([n for n in still if n not in once], groups, movers)
@@ -88,7 +88,7 @@ def plan_moving_instances(description: SceneDescription, movers: list[int]) -> t
         if is_sane and not description.meshes[instances[n].mesh].deforms and not _is_placed_per_frame(description, n)
     ]
     bodies = set(bodily)
-    return _bodies(description, bodily), [n for n in movers if n not in bodies]
+    return _group_bodies(description, bodily), [n for n in movers if n not in bodies]
 
 
 def is_linearly_keyed(description: SceneDescription, instance: Instance) -> bool:
@@ -115,7 +115,7 @@ def _is_placed_per_frame(description: SceneDescription, number: int) -> bool:
     return is_placed_per_frame(description.materials[material])
 
 
-def _repeated(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:
+def _group_repeated_meshes(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:
     """Returns the groups of static instances that are worth storing once."""
     placed: dict[int, list[int]] = {}
     for number in fit:
@@ -140,7 +140,7 @@ def _repeated(description: SceneDescription, objects: list[int], still: list[int
     return groups
 
 
-def _bodies(description: SceneDescription, movers: list[int]) -> list[Group]:
+def _group_bodies(description: SceneDescription, movers: list[int]) -> list[Group]:
     """Groups moving instances of the same name and transform into rigid bodies: the primitives of a glTF node, for example."""
     parts: dict[tuple[object, ...], list[int]] = {}
     for number in movers:

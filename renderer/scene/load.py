@@ -164,7 +164,9 @@ class Shot:
             return first
         moving = merge_over_shutter(lambda each: first if each == moment else self.at(each), moment, shutter)
         if self._files.is_numbered:
-            between_files(moving, shutter, self._beside(moment, -1.0), self._beside(moment, 1.0))
+            between_files(
+                moving, shutter, self._read_neighbouring_files(moment, -1.0), self._read_neighbouring_files(moment, 1.0)
+            )
         return moving
 
     def between_frames(self, moment: Moment = _START) -> SceneDescription:
@@ -178,7 +180,7 @@ class Shot:
         except SceneError:
             return self.at(moment)
 
-    def _beside(self, moment: Moment, frames: float) -> SceneDescription | None:
+    def _read_neighbouring_files(self, moment: Moment, frames: float) -> SceneDescription | None:
         """Returns the scene at the moment, read from the files numbered `frames` frames later; None if these cannot be read."""
         if moment.frame + frames < 0:
             return None

@@ -66,15 +66,15 @@ def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
 
 def punctual_keys(lights: Sequence[Light]) -> F32:
     """Returns the rows (J, 12) of all lights that emit, with all keys of a light consecutive; empty if all lights are static."""
-    return np.array([row for over in _over_keys(lights) for row in light_rows(over)], np.float32).reshape(-1, 12)
+    return np.array([row for over in _lights_at_keys(lights) for row in light_rows(over)], np.float32).reshape(-1, 12)
 
 
 def emission_frame_keys(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32:
     """Returns the emission frames (J, 4) of these lights, in the order of `punctual_keys`; empty without maps."""
-    return emission_frames([each for over in _over_keys(lights) for each in over], maps)
+    return emission_frames([each for over in _lights_at_keys(lights) for each in over], maps)
 
 
-def _over_keys(lights: Sequence[Light]) -> list[Sequence[Light]]:
+def _lights_at_keys(lights: Sequence[Light]) -> list[Sequence[Light]]:
     """Returns, for each light that emits, the light at all keys; the emission map is that of the middle of the shutter."""
     lights = [light for light in lights if is_emitting(light)]
     keys = max((len(light.keys) for light in lights), default=0)

@@ -63,7 +63,7 @@ def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -
         token,
     )
     objects = numbers.instance
-    standing = kept.recall("standing", lambda: _standing_key(description), lambda: plan_static_instancing(description), token)
+    standing = kept.recall("standing", lambda: _static_key(description), lambda: plan_static_instancing(description), token)
     sharing = Sharing(standing.copied, standing.groups, *plan_moving_instances(description, standing.movers))
     check_size(description, sharing)
     still = kept.recall(
@@ -102,7 +102,7 @@ def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -
     )
 
 
-def _standing_key(description: SceneDescription) -> Any:
+def _static_key(description: SceneDescription) -> Any:
     """Returns the cache key of `plan_static_instancing`: all properties of the description that it depends on."""
     return (
         [(i.mesh, None if i.moves else i.transform, i.material, i.name, i.moves) for i in description.instances],

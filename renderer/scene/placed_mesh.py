@@ -79,7 +79,7 @@ def placed(
     tangent = np.zeros((0, 4), np.float32)
     bent = [description.materials[m] for m in materials if needs_tangents(description.materials[m])]
     if bent and mesh.tangents is not None and mesh.normals is not None:
-        tangent = _carried_tangents(mesh.tangents, transform, mirrors)
+        tangent = _transform_tangents(mesh.tangents, transform, mirrors)
     elif bent:
         uvs = mesh.uvs1 if tangent_uv_set(description, bent[0]) else mesh.uvs
         uv = finite(uvs, len(mesh.positions), 2)[vertex]
@@ -171,7 +171,7 @@ def _placed_normals(normals: F32, transform: npt.NDArray[np.float64], position: 
     return placed
 
 
-def _carried_tangents(tangents: F32, transform: np.ndarray, mirrors: bool) -> F32:
+def _transform_tangents(tangents: F32, transform: np.ndarray, mirrors: bool) -> F32:
     """Returns a file's tangents (V, 4) in world space.
 
     mirrors: the transform is a reflection. The sign in w is then flipped, since the normal stays on the same side.

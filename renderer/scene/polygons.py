@@ -42,12 +42,12 @@ def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Poi
     step = np.arange(len(face)) - start[face]
     fans = np.stack([first[face], first[face] + step + 1, first[face] + step + 2], axis=1)
     bent = np.flatnonzero(counts == 4)
-    bent = bent[_bent_quads(corners, first[bent], points)]
+    bent = bent[_concave_quads(corners, first[bent], points)]
     a = first[bent]
     fans[start[bent]] = np.stack([a, a + 1, a + 3], axis=1)
     fans[start[bent] + 1] = np.stack([a + 1, a + 2, a + 3], axis=1)
     scissors, unfilled = EarClipper(), 0
-    for k in _badly_fanned(counts, corners, points):
+    for k in _polygons_not_filled_by_fan(counts, corners, points):
         at, n = int(first[k]), int(counts[k])
         if not scissors.are_blunt:
             cut = scissors.cut(points[corners[at : at + n]].astype(np.float64))
@@ -57,7 +57,7 @@ def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Poi
     return Triangulation(fans, face, unfilled)
 
 
-def _bent_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> npt.NDArray[np.bool_]:
+def _concave_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> npt.NDArray[np.bool_]:
     """Returns a mask of the quads that must be cut along their other diagonal, since a fan's triangles would face each other.
 
     begin: the first corner of each quad.
@@ -68,7 +68,7 @@ def _bent_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> npt.
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), np.cross(c - a, d - a)) < 0
 
 
-def _badly_fanned(counts: Codes, corners: npt.NDArray[Any], points: Points) -> Codes:
+def _polygons_not_filled_by_fan(counts: Codes, corners: npt.NDArray[Any], points: Points) -> Codes:
     """Returns the polygons of five corners and more for which a fan has reversed triangles."""
     large = np.flatnonzero(counts > 4)
     if len(large) == 0:

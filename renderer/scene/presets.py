@@ -132,12 +132,12 @@ def _with_lamps(background: np.ndarray, lamps: tuple[_Lamp, ...]) -> np.ndarray:
             u = (x * right[0] + z * right[2]) / depth / math.tan(math.radians(wide))
             v = (x * over[0] + y * over[1] + z * over[2]) / depth / math.tan(math.radians(high))
         falloff = 1 - 0.35 * np.minimum(u * u + v * v, 1)
-        box = np.where(depth > 0, _edge(u) * _edge(v) * falloff, 0.0)
+        box = np.where(depth > 0, _soft_edge(u) * _soft_edge(v) * falloff, 0.0)
         lit = lit * (1 - box) + radiance * box
     return lit
 
 
-def _edge(place: np.ndarray) -> np.ndarray:
+def _soft_edge(place: np.ndarray) -> np.ndarray:
     """Returns 1 for values within -1 ... 1 and 0 outside, with a smooth transition from 0.9 to 1."""
     t = np.clip((1 - np.abs(place)) / 0.1, 0, 1)
     return np.asarray(t * t * (3 - 2 * t))

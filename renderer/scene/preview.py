@@ -121,7 +121,7 @@ def _colors(mesh: Mesh, shape: _Shape, material: Material, description: SceneDes
         base, texture = material.emission, material.emission_texture
     color = np.tile(np.asarray(base, np.float32), (len(shape.vertices), 1))
     if texture is not None and mesh.uvs is not None and texture < len(description.textures):
-        color *= _looked_up(description.textures[texture], description.images, mesh, shape.vertices)
+        color *= _nearest_texels(description.textures[texture], description.images, mesh, shape.vertices)
     if mesh.colors is not None and not emits:
         color *= mesh.colors[shape.vertices, :3]
     shading = UNSHADED if emits or material.kind == "unlit" else SHADED
@@ -129,7 +129,7 @@ def _colors(mesh: Mesh, shape: _Shape, material: Material, description: SceneDes
     return np.column_stack([coded, np.full(len(coded), shading, np.uint8)])
 
 
-def _looked_up(texture: Texture, images: list[Image], mesh: Mesh, vertices: npt.NDArray[np.int64]) -> F32:
+def _nearest_texels(texture: Texture, images: list[Image], mesh: Mesh, vertices: npt.NDArray[np.int64]) -> F32:
     """Returns a texture's nearest texels at the given vertices: linear (V, 3). All wrap modes are treated as repeat."""
     uvs = mesh.uvs1 if texture.uv_set == 1 and mesh.uvs1 is not None else mesh.uvs
     assert uvs is not None

@@ -47,7 +47,7 @@ def merge_over_shutter(read: Callable[[Moment], SceneDescription], moment: Momen
         return found[keys // 2]
     while True:
         middle = found[keys // 2] if keys % 2 else read(shutter.moment(moment, 0.5))
-        moving = _merged_as_keys(middle, found)
+        moving = _merge_as_keys(middle, found)
         if shutter.keys or keys == MOST_KEYS or _has_small_rotations(moving):
             return moving
         keys = 2 * keys - 1
@@ -55,10 +55,10 @@ def merge_over_shutter(read: Callable[[Moment], SceneDescription], moment: Momen
         found = [each for pair in zip(found, between, strict=False) for each in pair] + found[-1:]
 
 
-def _merged_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
+def _merge_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
     """Returns the description `middle` with the descriptions `found` as keys of its objects."""
     middle, found, changes = merge_moving_textures(middle, found)
-    instances, meshes, changed = _placed(middle, found)
+    instances, meshes, changed = _merge_instances(middle, found)
     cameras = [
         replace(camera, keys=_keys([c.view for c in over], camera.view))
         for camera, over in _matched(middle.cameras, [each.cameras for each in found], _name)
@@ -102,13 +102,13 @@ def between_files(
         beside = [_mesh_of(number, moving, other) or mesh for other in (before, after)]
         if all(are_equal(other.positions, mesh.positions) for other in beside):
             continue
-        if not all(_is_cut_alike(mesh, other) for other in beside):
+        if not all(_has_same_topology(mesh, other) for other in beside):
             moving.warnings.append(_not_blurred([_changes(mesh)]))
             continue
         moving.keys = moving.keys or shutter.keys or _FIRST_KEYS
         shares = [i / (moving.keys - 1) for i in range(moving.keys)]
         offsets = [shutter.moment(Moment(), share).offset for share in shares]
-        keys = [_mixed(mesh, beside[0] if offset < 0 else beside[1], min(abs(offset), 1.0)) for offset in offsets]
+        keys = [_interpolate_mesh(mesh, beside[0] if offset < 0 else beside[1], min(abs(offset), 1.0)) for offset in offsets]
         moving.meshes[number] = replace(mesh, keys=tuple(keys))
 
 
@@ -123,7 +123,7 @@ def _mesh_of(number: int, moving: SceneDescription, other: SceneDescription | No
     return next(other.meshes[its.mesh] for instance, its in places if instance.mesh == number)
 
 
-def _mixed(mesh: Mesh, other: Mesh, share: float) -> tuple[np.ndarray, np.ndarray | None]:
+def _interpolate_mesh(mesh: Mesh, other: Mesh, share: float) -> tuple[np.ndarray, np.ndarray | None]:
     near, part = np.float32(1.0 - share), np.float32(share)
     normals = None
     if mesh.normals is not None and other.normals is not None:
@@ -150,7 +150,7 @@ def _differs(part: str, found: Sequence[SceneDescription]) -> bool:
     return any(not are_equal(getattr(each, part), getattr(found[0], part)) for each in found[1:])
 
 
-def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[list[Instance], list[Mesh], list[str]]:
+def _merge_instances(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[list[Instance], list[Mesh], list[str]]:
     """Returns the instances and the meshes with their keys, and descriptions of meshes that change too much to have keys."""
     instances, meshes, changed = [], list(middle.meshes), []
     seen: set[int] = set()
@@ -161,7 +161,7 @@ def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tupl
             seen.add(instance.mesh)
             mesh = meshes[instance.mesh]
             others = [each.meshes[i.mesh] for each, i in zip(found, over, strict=True)]
-            if all(_is_cut_alike(mesh, other) for other in others):
+            if all(_has_same_topology(mesh, other) for other in others):
                 shapes = _keys([(other.positions, other.normals) for other in others], (mesh.positions, mesh.normals))
                 meshes[instance.mesh] = replace(mesh, keys=shapes, deforms=mesh.deforms or len(shapes) > 0)
             else:
@@ -169,7 +169,7 @@ def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tupl
     return instances, meshes, changed
 
 
-def _is_cut_alike(mesh: Mesh, other: Mesh) -> bool:
+def _has_same_topology(mesh: Mesh, other: Mesh) -> bool:
     return (
         mesh.positions.shape == other.positions.shape
         and are_equal(mesh.triangles, other.triangles)
@@ -189,10 +189,10 @@ def _matched(
 
     Objects are matched by name and by the number of earlier objects of that name.
     """
-    told = _numbered(things, name)
+    told = _occurrence_keys(things, name)
     found: list[list[_Thing]] = [[] for _ in things]
     for other in others:
-        names = _numbered(other, name)
+        names = _occurrence_keys(other, name)
         by_name = dict(zip(names, other, strict=True))
         for at, key in zip(found, told, strict=True):
             if key in by_name:
@@ -200,7 +200,7 @@ def _matched(
     return [(thing, at if len(at) == len(others) else []) for thing, at in zip(things, found, strict=True)]
 
 
-def _numbered(things: Iterable[_Thing], name: Callable[[_Thing], Hashable]) -> list[tuple[Hashable, int]]:
+def _occurrence_keys(things: Iterable[_Thing], name: Callable[[_Thing], Hashable]) -> list[tuple[Hashable, int]]:
     count: Counter[Hashable] = Counter()
     told = []
     for thing in things:
@@ -220,12 +220,12 @@ def _has_small_rotations(moving: SceneDescription) -> bool:
     for instance in moving.instances:
         if instance.keys:
             (straight if is_linearly_keyed(moving, instance) else free).append([each[:3] for each in instance.keys])
-    straight += [[_in_space(key) for key in texture.keys] for texture in moving.textures if texture.keys]
+    straight += [[_as_3d_transform(key) for key in texture.keys] for texture in moving.textures if texture.keys]
     free += [[np.stack(axes_of(view), -1) for view in camera.keys] for camera in moving.cameras if camera.keys]
     return _turn(free) <= _MOST_TURN and _turn(straight) <= _STRAIGHT_TURN
 
 
-def _in_space(transform: UvTransform) -> np.ndarray:
+def _as_3d_transform(transform: UvTransform) -> np.ndarray:
     """Returns a 2D texture transform as a 3x4 transform in the xy plane, so that its rotation is one about z."""
     a, b, c, d, e, f = transform
     return np.array([(a, b, 0.0, c), (d, e, 0.0, f), (0.0, 0.0, 1.0, 0.0)])

@@ -156,7 +156,7 @@ class Texels:
             pixels = image.pixels
             scale = max(float(pixels.max(initial=0)), 1e-6) if scaled else 1.0
             if pixels.dtype != np.uint8:
-                pixels = _in_16_bits(image, scale, _encoding(image, scaled))
+                pixels = _encode_16_bits(image, scale, _encoding(image, scaled))
             if self._count + pixels.size // 4 > _MAX_TEXELS:
                 raise SceneError(
                     Sentence(
@@ -192,7 +192,7 @@ def _encoding(image: Image, scaled: bool) -> int:
     return HALF_16 if image.srgb or scaled else LINEAR_16
 
 
-def _in_16_bits(image: Image, scale: float, encoding: int) -> np.ndarray:
+def _encode_16_bits(image: Image, scale: float, encoding: int) -> np.ndarray:
     """Returns an image of more than 8 bits, divided by `scale`, as texels of 16 bits: (2 h w, 4) uint8."""
     height, width = image.pixels.shape[:2]
     codes = np.full((height, width, 4), 0 if encoding == HALF_16 else 65535, "<u2")

@@ -33,7 +33,7 @@ def merge_moving_textures(
         return middle, list(found), False
     if any(len(each.materials) != len(middle.materials) for each in found):
         return middle, list(found), True
-    shelf = _Shelf()
+    shelf = _MovingTextures()
     materials: list[list[Material]] = [[] for _ in every]
     for over in zip(*(each.materials for each in every), strict=True):
         slots = {slot: [getattr(material, slot) for material in over] for slot in _SLOTS}
@@ -47,7 +47,7 @@ def merge_moving_textures(
     return replace(middle, materials=materials[0], textures=shelf.textures), others, shelf.changes
 
 
-class _Shelf:
+class _MovingTextures:
     """Collects textures with their keys, equal ones once."""
 
     def __init__(self) -> None:

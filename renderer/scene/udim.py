@@ -45,7 +45,7 @@ def side_by_side(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> npt.NDArray[
     tiles: tile number -> pixels as in `Image`. srgb: integer pixels are sRGB-encoded.
     """
     across, up = _extent(tiles)
-    tiles = _of_one_kind(tiles, srgb)
+    tiles = _convert_to_common_type(tiles, srgb)
     height, width = (max(pixels.shape[k] for pixels in tiles.values()) for k in (0, 1))
     height, width = min(height, MAX_ATLAS // up), min(width, MAX_ATLAS // across)
     first = next(iter(tiles.values()))
@@ -71,7 +71,7 @@ def _extent(numbers: dict[int, Any]) -> tuple[int, int]:
     return max((n - _FIRST) % 10 for n in numbers) + 1, max((n - _FIRST) // 10 for n in numbers) + 1
 
 
-def _of_one_kind(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> dict[int, npt.NDArray[Any]]:
+def _convert_to_common_type(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> dict[int, npt.NDArray[Any]]:
     """Returns the tiles converted to one dtype and number of channels: the most precise among them."""
     kinds = {pixels.dtype for pixels in tiles.values()}
     if len(kinds) == 1 and len({pixels.shape[2] for pixels in tiles.values()}) == 1:

@@ -30,12 +30,12 @@ class Ids:
 
     def object(self, numbers: I64) -> F32:
         """Returns the pass indices of objects, given the farm's object numbers."""
-        return _looked_up(self.objects, numbers)
+        return _look_up(self.objects, numbers)
 
     def material(self, numbers: I64, objects: I64) -> F32:
         """Returns the pass indices of materials, given the farm's numbers of materials and of the objects at the same pixels."""
         known = numbers < len(self.materials)
-        return np.where(known, _looked_up(self.materials, numbers), _looked_up(self.only, objects)).astype(np.float32)
+        return np.where(known, _look_up(self.materials, numbers), _look_up(self.only, objects)).astype(np.float32)
 
 
 def ids_of(scene: Scene) -> Ids:
@@ -66,5 +66,5 @@ def _copies(nodes: list[Node], used: list[list[str]]) -> list[str]:
     return [key for key, *_ in found]
 
 
-def _looked_up(table: F32, numbers: I64) -> F32:
+def _look_up(table: F32, numbers: I64) -> F32:
     return np.where((numbers >= 0) & (numbers < len(table)), table[np.clip(numbers, 0, len(table) - 1)], 0).astype(np.float32)

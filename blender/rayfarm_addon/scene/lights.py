@@ -148,7 +148,7 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
         strength = [c * size_factor(radius) for c in strength]
     if not is_spot and radius > LEAST:
         radiance = [c / (4 * math.pi**2 * radius**2) for c in strength]
-        scene.lamp_materials[name] = _shining(thing, radiance) | ({"facing": True} if is_facing else {})
+        scene.lamp_materials[name] = _emissive_material(thing, radiance) | ({"facing": True} if is_facing else {})
         scene.lamps.append({"type": "sphere", "name": name, "material": name, "center": to_y_up(place[:3, 3]), "radius": radius})
         return
     said: dict[str, Any] = {"type": "spot" if is_spot else "point", "name": name, "position": to_y_up(place[:3, 3])}
@@ -164,7 +164,7 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
     scene.lights.append(said)
 
 
-def _shining(thing: Any, radiance: list[float]) -> dict[str, Any]:
+def _emissive_material(thing: Any, radiance: list[float]) -> dict[str, Any]:
     """Returns the emissive material of a lamp with a surface."""
     said = {"color": 0, "emission": radiance, "lamp": True}
     return said if getattr(thing, "visible_camera", True) else {**said, "unseen": True}
@@ -187,7 +187,7 @@ def _add_area(scene: Scene, thing: Any, name: str, place: F64, strength: list[fl
         return
     if is_of_a_square_metre(light):
         strength = [c * area for c in strength]
-    scene.lamp_materials[name] = _shining(thing, [c / (math.pi * area) for c in strength])
+    scene.lamp_materials[name] = _emissive_material(thing, [c / (math.pi * area) for c in strength])
     matrix = (TO_Y_UP @ turned).tolist()
     kind = "disk" if is_round else "quad"
     scene.lamps.append({"type": kind, "name": name, "material": name, "transform": [{"matrix": matrix}]})

@@ -60,9 +60,9 @@ def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
     count = len(source.points)
     if not 0 < count <= MOST_POINTS:
         return None
-    points = _taken(source.points, "position", 3 * count, np.float32).reshape(-1, 3)
-    first = np.append(_taken(source.curves, "first_point_index", len(source.curves), np.int32), np.int32(count))
-    positions, normals, triangles = tubes(points, _taken(source.points, "radius", count, np.float32), first)
+    points = _read_attribute(source.points, "position", 3 * count, np.float32).reshape(-1, 3)
+    first = np.append(_read_attribute(source.curves, "first_point_index", len(source.curves), np.int32), np.int32(count))
+    positions, normals, triangles = tubes(points, _read_attribute(source.points, "radius", count, np.float32), first)
     mesh = Mesh(key, positions, [(0, triangles.astype(np.uint32).ravel())], normals)
     nothing = np.zeros(0, np.int32)
     return mesh, Corners((len(positions), count, len(triangles)), nothing, nothing, "POINT")
@@ -105,7 +105,7 @@ def spans(at: npt.NDArray[np.float64], uv: npt.NDArray[np.float64]) -> tuple[flo
     return float(np.average(across, weights=area)), float(np.average(up, weights=area))
 
 
-def _taken(collection: Any, name: str, count: int, kind: Any) -> npt.NDArray[Any]:
+def _read_attribute(collection: Any, name: str, count: int, kind: Any) -> npt.NDArray[Any]:
     found = np.empty(count, kind)
     collection.foreach_get(name, found)
     return found
@@ -115,8 +115,8 @@ def _positions(source: Any) -> F32:
     """Returns the vertex positions, (V, 3), copied as a block from Blender's array."""
     own = source.attributes.get("position")
     if own is None:
-        return _taken(source.vertices, "co", 3 * len(source.vertices), np.float32).reshape(-1, 3)
-    return _taken(own.data, "vector", 3 * len(source.vertices), np.float32).reshape(-1, 3)
+        return _read_attribute(source.vertices, "co", 3 * len(source.vertices), np.float32).reshape(-1, 3)
+    return _read_attribute(own.data, "vector", 3 * len(source.vertices), np.float32).reshape(-1, 3)
 
 
 def _corners(triangles: Any) -> I32:
@@ -127,12 +127,12 @@ def _corners(triangles: Any) -> I32:
     count = len(triangles)
     start = triangles[0].as_pointer()
     if triangles[count - 1].as_pointer() - start != TRIANGLE * (count - 1):
-        return _taken(triangles, "loops", 3 * count, np.int32)
+        return _read_attribute(triangles, "loops", 3 * count, np.int32)
     block = (ctypes.c_int32 * (3 * count)).from_address(start)
     found = np.frombuffer(block, np.int32).copy()
     few = [0, count // 2, count - 1]
     if any(tuple(triangles[i].loops) != tuple(found[3 * i : 3 * i + 3]) for i in few):
-        return _taken(triangles, "loops", 3 * count, np.int32)
+        return _read_attribute(triangles, "loops", 3 * count, np.int32)
     return found
 
 
@@ -140,8 +140,8 @@ def _vertex_of(source: Any) -> I32:
     """Returns the vertex index of each corner, copied as a block from Blender's array."""
     own = source.attributes.get(".corner_vert")
     if own is None:
-        return _taken(source.loops, "vertex_index", len(source.loops), np.int32)
-    return _taken(own.data, "value", len(source.loops), np.int32)
+        return _read_attribute(source.loops, "vertex_index", len(source.loops), np.int32)
+    return _read_attribute(own.data, "value", len(source.loops), np.int32)
 
 
 def _domain(source: Any) -> str:
@@ -155,15 +155,15 @@ def _domain(source: Any) -> str:
 def _corner_normals(source: Any) -> F32:
     count = 3 * len(source.loops)
     if hasattr(source, "corner_normals"):
-        return _taken(source.corner_normals, "vector", count, np.float32).reshape(-1, 3)
-    return _taken(source.loops, "normal", count, np.float32).reshape(-1, 3)
+        return _read_attribute(source.corner_normals, "vector", count, np.float32).reshape(-1, 3)
+    return _read_attribute(source.loops, "normal", count, np.float32).reshape(-1, 3)
 
 
 def _normals(source: Any, domain: str, vertex: I32, corner: I32) -> F32 | None:
     if domain == "FACE":
         return None
     if domain == "POINT":
-        return _taken(source.vertex_normals, "vector", 3 * len(source.vertices), np.float32).reshape(-1, 3)[vertex]
+        return _read_attribute(source.vertex_normals, "vector", 3 * len(source.vertices), np.float32).reshape(-1, 3)[vertex]
     return _corner_normals(source)[corner]
 
 
@@ -175,7 +175,7 @@ def _uv_layers(source: Any) -> list[Any]:
 
 
 def _uv(layer: Any, count: int) -> F32:
-    uv = _taken(
+    uv = _read_attribute(
         layer.uv if hasattr(layer, "uv") else layer.data, "vector" if hasattr(layer, "uv") else "uv", 2 * count, np.float32
     )
     uv = uv.reshape(-1, 2)
@@ -195,7 +195,7 @@ def _colors(source: Any, name: str, count: int) -> tuple[F32 | None, bool]:
         return None, False
     of_corners = found.domain == "CORNER"
     rows = count if of_corners else len(source.vertices)
-    return _taken(found.data, "color", 4 * rows, np.float32).reshape(-1, 4), of_corners
+    return _read_attribute(found.data, "color", 4 * rows, np.float32).reshape(-1, 4), of_corners
 
 
 def _split(vertex_of: I32, vertices: int, told: list[F32]) -> tuple[I32, I32, I32]:
@@ -233,7 +233,7 @@ def _parts(source: Any, corners: npt.NDArray[np.uint32], count: int) -> list[tup
     """Returns (material slot, corners of its triangles) for each slot that has triangles."""
     if len(source.materials) < 2:
         return [(0, corners)]
-    slots = _taken(source.loop_triangles, "material_index", count, np.int32)
+    slots = _read_attribute(source.loop_triangles, "material_index", count, np.int32)
     found = np.unique(slots)
     if len(found) == 1:
         return [(int(found[0]), corners)]

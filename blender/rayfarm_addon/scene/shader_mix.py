@@ -100,7 +100,7 @@ def under_coat(look: PrincipledLook) -> list[float] | None:
     return [1 + share * (min(max(c, 0.0), 1.0) ** WAY - 1) for c in tint]
 
 
-def _of_glossy(anisotropy: Any, rotation: Any) -> dict[str, Any]:
+def _principled_anisotropy(anisotropy: Any, rotation: Any) -> dict[str, Any]:
     """Converts the anisotropy and rotation of a Glossy BSDF to those of a Principled BSDF.
 
     The lobe of a Glossy BSDF is narrower along the tangent, by a factor of 1 - anisotropy.
@@ -150,11 +150,11 @@ def _look_of(source: Source | None, warn: Callable[[str], None]) -> PrincipledLo
 def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
     kind, at = source.node.type, source.input
     if kind == "BSDF_PRINCIPLED":
-        return PrincipledLook(_transmitted_color(at) | _is_skin(getattr(source.node, "subsurface_method", "")), at)
+        return PrincipledLook(_transmitted_color(at) | _skin_input(getattr(source.node, "subsurface_method", "")), at)
     color = at("Color", "Base Color")
     if kind == "SUBSURFACE_SCATTERING":
         inside = {f"Subsurface {name}": at(name) for name in ("Radius", "Scale", "Anisotropy", "IOR")}
-        inside |= _is_skin(getattr(source.node, "falloff", ""))
+        inside |= _skin_input(getattr(source.node, "falloff", ""))
         return _matt({"Base Color": color, "Normal": at("Normal"), "Subsurface Weight": ConstantValue(1.0), **inside})
     if kind in ("BSDF_DIFFUSE", "BSDF_TOON", "BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"):
         if kind != "BSDF_DIFFUSE":
@@ -164,9 +164,9 @@ def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | Non
         return _matt({"Base Color": color, "Normal": at("Normal"), **rough})
     if kind in ("BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"):
         if kind == "BSDF_METALLIC" and source.node.fresnel_type == "PHYSICAL_CONDUCTOR":
-            color = _of_metal(at("IOR"), at("Extinction"), color)
+            color = _conductor_color(at("IOR"), at("Extinction"), color)
         said = {"Base Color": color, "Metallic": ConstantValue(1.0), "Roughness": at("Roughness"), "Normal": at("Normal")}
-        return PrincipledLook(said | _of_glossy(at("Anisotropy"), at("Rotation")))
+        return PrincipledLook(said | _principled_anisotropy(at("Anisotropy"), at("Rotation")))
     if kind in ("BSDF_GLASS", "BSDF_REFRACTION"):
         said = {"Base Color": color, "Transmission Weight": ConstantValue(1.0), "Roughness": at("Roughness"), "IOR": at("IOR")}
         return PrincipledLook(said | {"Normal": at("Normal")})
@@ -184,7 +184,7 @@ def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | Non
     return None
 
 
-def _is_skin(method: str) -> dict[str, Any]:
+def _skin_input(method: str) -> dict[str, Any]:
     """Returns the input that tells whether the subsurface radius is interpreted as for skin."""
     return {"Subsurface Skin": ConstantValue(float(method == "RANDOM_WALK_SKIN"))}
 
@@ -210,7 +210,7 @@ def _pane(color: Any) -> PrincipledLook:
     return PrincipledLook(said)
 
 
-def _of_metal(ior: Any, extinction: Any, color: Any) -> Any:
+def _conductor_color(ior: Any, extinction: Any, color: Any) -> Any:
     """Returns a conductor's reflectance at normal incidence, or `color` if its ior and extinction are not constant."""
     n, k = constant_value(ior), constant_value(extinction)
     if not isinstance(n, list) or not isinstance(k, list):
@@ -235,18 +235,18 @@ def _mixed(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None
         return known
     by, _ = source_of(share)
     if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT") and constant_value(second.input("Metallic")) == 1.0:
-        return _reflecting(by, first, second, warn)
+        return _with_reflection(by, first, second, warn)
     plain = constant_value(share)
     if plain in (0.0, 1.0):
         return second if plain else first
     if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT", "CAMERA", "NEW_GEOMETRY"):
         warn(f"its shaders are mixed half and half, not by {by.node.bl_label or by.node.type}")
         share = ConstantValue(SHARE)
-    polished = _polished(plain, first, second)
+    polished = _as_coated_diffuse(plain, first, second)
     return polished if polished is not None else _Mix(share, first, second, warn)
 
 
-def _polished(share: Any, first: PrincipledLook, second: PrincipledLook) -> PrincipledLook | None:
+def _as_coated_diffuse(share: Any, first: PrincipledLook, second: PrincipledLook) -> PrincipledLook | None:
     """Expresses a mix of a diffuse shader and a metal as the diffuse shader under a coat; None if it is no such mix.
 
     share: the constant weight of the second. The coat's reflectance at normal incidence equals the metal's weight.
@@ -264,7 +264,7 @@ def _polished(share: Any, first: PrincipledLook, second: PrincipledLook) -> Prin
     return matt.over(said | {"Specular Tint": metal.input("Base Color")})
 
 
-def _reflecting(by: Source, beneath: PrincipledLook, gloss: PrincipledLook, warn: Callable[[str], None]) -> PrincipledLook:
+def _with_reflection(by: Source, beneath: PrincipledLook, gloss: PrincipledLook, warn: Callable[[str], None]) -> PrincipledLook:
     """Expresses a mix of two looks by Fresnel's law as a reflection with the roughness of `gloss` on the look `beneath`.
 
     by: the node that computes the factor.

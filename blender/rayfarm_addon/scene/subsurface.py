@@ -99,10 +99,10 @@ def _written(found: Medium) -> dict[str, Any]:
 
 def _number(look: Any, name: str, default: float) -> float:
     found = constant_value(look.input(name))
-    return found if isinstance(found, float) else _own(look, name, default)
+    return found if isinstance(found, float) else _own_value(look, name, default)
 
 
-def _own(look: Any, name: str, default: float) -> float:
+def _own_value(look: Any, name: str, default: float) -> float:
     """Returns the value set on an input itself, even if another node is connected to it."""
     value = getattr(getattr(look.input(name), "socket", None), "default_value", None)
     return float(value) if isinstance(value, int | float) else default

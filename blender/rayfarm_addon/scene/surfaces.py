@@ -73,7 +73,7 @@ class _Reader:
             self._extend("specular", specularFactor=0.0)
         else:
             self._shader(shader)
-        inside = subsurface.filled(tree, self._lets_in(), self._warn)
+        inside = subsurface.filled(tree, self._transmits_light(), self._warn)
         if inside is not None:
             self._more[subsurface.MEDIUM] = inside
         self._displace(tree)
@@ -99,7 +99,7 @@ class _Reader:
         if (coat := self._more.get("KHR_materials_clearcoat")) is not None:
             coat.setdefault("clearcoatNormalTexture", replace(picture, strength=1.0))
 
-    def _lets_in(self) -> bool:
+    def _transmits_light(self) -> bool:
         """Returns True if light enters the material by transmission."""
         return self._more.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0) > 0
 

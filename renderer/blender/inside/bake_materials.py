@@ -43,7 +43,7 @@ def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
                 notes.append(
                     f"Material {material.name}: what {told[0]} makes is another from elsewhere, and baked as of one place"
                 )
-            reason = _unfit(owners)
+            reason = _reason_not_to_bake(owners)
             if reason:
                 notes.append(f"Material {material.name}: what its nodes make is not baked, as {reason}")
                 continue
@@ -66,7 +66,7 @@ def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
             material = slot.material
             if material is None or not material.use_nodes or material.library is not None:
                 continue
-            entries = _odd(material)
+            entries = _unsupported_inputs(material)
             is_shared = thing.type == "MESH" and thing.data.users > 1 and len(split) < MOST_THINGS
             if is_shared and any(
                 differs_by_object(entry.links[0].from_node, entry.links[0].from_socket.name) for entry in entries
@@ -80,7 +80,7 @@ def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
     return [found[name] for name in sorted(found)]
 
 
-def _odd(material: Any) -> list[Any]:
+def _unsupported_inputs(material: Any) -> list[Any]:
     """Returns the inputs of the material's Principled BSDF that are connected to nodes the exporter does not support."""
     output = material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
     links = output.inputs["Surface"].links if output is not None else ()
@@ -91,7 +91,7 @@ def _odd(material: Any) -> list[Any]:
     return [entry for entry in entries if not is_supported(entry.links[0].from_node)]
 
 
-def _unfit(owners: list[Any]) -> str:
+def _reason_not_to_bake(owners: list[Any]) -> str:
     """Returns the reason why materials of these objects cannot be baked; empty if they can."""
     if any(thing.type != "MESH" for thing in owners):
         return "it is on curves or text: make meshes of these"

@@ -109,8 +109,8 @@ class _Simplifier:
         is_fed = through is None and look.input("Transmission Weight") is not None
         inside = self._filled(is_fed or (isinstance(through, float) and through > 0), told)
         is_own = source.node.type == "BSDF_PRINCIPLED" and not source.groups
-        principled = source.node if is_own else self._made(output)
-        shines = self._shine(principled, look)
+        principled = source.node if is_own else self._replace_shader(output)
+        shines = self._combine_emission(principled, look)
         for entry in list(principled.inputs):
             if entry.type == "SHADER" or entry.name in shines:
                 continue
@@ -136,7 +136,7 @@ class _Simplifier:
         found = self._modules.subsurface.filled(self._tree, lets_in, told.append)
         return {} if found is None else {self._modules.subsurface.MEDIUM: found}
 
-    def _shine(self, principled: Any, look: Any) -> tuple[str, ...]:
+    def _combine_emission(self, principled: Any, look: Any) -> tuple[str, ...]:
         """Combines images of emission colour and strength into one; returns the names of the inputs that are done."""
         nodes = self._modules.nodes
         names = ("Emission Color", "Emission Strength")
@@ -190,7 +190,7 @@ class _Simplifier:
             }
         return said
 
-    def _made(self, output: Any) -> Any:
+    def _replace_shader(self, output: Any) -> Any:
         """Replaces the material's surface shader by a new Principled BSDF, and returns it."""
         node = self._tree.nodes.new("ShaderNodeBsdfPrincipled")
         self._tree.links.new(node.outputs[0], output.inputs["Surface"])
@@ -232,7 +232,7 @@ class _Simplifier:
         source = nodes.source_of(at)[0]
         if source is None or source.node.type != "BUMP" or nodes.source_of(source.input("Normal"))[0] is not None:
             return False
-        return self._bend([entry], source)
+        return self._replace_bump([entry], source)
 
     def _displace(self, principled: Any, told: list[str]) -> None:
         """Converts displacement to a normal map, if the material has no other bump or normal map. told: receives notes."""
@@ -243,10 +243,10 @@ class _Simplifier:
         normal, coat = (principled.inputs.get(name) for name in ("Normal", "Coat Normal"))
         if normal.is_linked:
             told.append("its displacement is left out, as its normals are bent by another picture")
-        elif not self._bend([normal] if coat is None or coat.is_linked else [normal, coat], heights):
+        elif not self._replace_bump([normal] if coat is None or coat.is_linked else [normal, coat], heights):
             told.append("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
 
-    def _bend(self, entries: list[Any], source: Any) -> bool:
+    def _replace_bump(self, entries: list[Any], source: Any) -> bool:
         """Replaces a Bump node by a normal map on these inputs; returns False if its height is not an image."""
         numbers = [self._modules.nodes.constant_value(source.input(name)) for name in ("Strength", "Distance")]
         spans = _stretched(self._thing, self._modules.meshes.spans)

@@ -62,7 +62,7 @@ def note_surfaces(materials: list[Any], notes: list[str], is_read: bool) -> None
             lost = [words for entry, words in unknown.items() if _is_used(surface.inputs.get(entry))]
             if lost:
                 notes.append(f"{name}: {' and '.join(lost)} {'is' if len(lost) == 1 else 'are'} not taken over")
-        odd = sorted({_called(node) for node in _behind(surface) if node.type not in FOLLOWED | SURFACES})
+        odd = sorted({_called(node) for node in _upstream_nodes(surface) if node.type not in FOLLOWED | SURFACES})
         if odd and surface.type in SURFACES:
             notes.append(f"{name}: what {', '.join(odd[:6])} would make of it is not taken over; bake it to an image")
 
@@ -80,7 +80,7 @@ def _called(node: Any) -> str:
     return str(node.bl_label or node.type)
 
 
-def _behind(node: Any) -> list[Any]:
+def _upstream_nodes(node: Any) -> list[Any]:
     """Returns all nodes on which a node depends."""
     found: dict[str, Any] = {}
     left = [link.from_node for entry in node.inputs for link in entry.links]

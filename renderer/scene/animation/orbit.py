@@ -28,8 +28,8 @@ def orbit(view: View, turns: float, axis: Sequence[float] = (0.0, 1.0, 0.0)) -> 
     unit = (x / length, y / length, z / length)
     sine, cosine = sin_cos(2.0 * math.pi * (turns - math.floor(turns)))
     (tx, ty, tz), (ex, ey, ez) = view.target, view.eye
-    ax, ay, az = _turned((ex - tx, ey - ty, ez - tz), unit, sine, cosine)
-    return replace(view, eye=(tx + ax, ty + ay, tz + az), up=_turned(view.up, unit, sine, cosine))
+    ax, ay, az = _rotate((ex - tx, ey - ty, ez - tz), unit, sine, cosine)
+    return replace(view, eye=(tx + ax, ty + ay, tz + az), up=_rotate(view.up, unit, sine, cosine))
 
 
 def orbit_over(
@@ -55,7 +55,7 @@ def orbit_over(
     return tuple(orbit(each, when.seconds(fps) / seconds, axis) for each, when in zip(start, moments, strict=True))
 
 
-def _turned(v: Vec3, axis: Vec3, sine: float, cosine: float) -> Vec3:
+def _rotate(v: Vec3, axis: Vec3, sine: float, cosine: float) -> Vec3:
     """Rotates a vector about an axis by Rodrigues' formula."""
     (x, y, z), (a, b, c) = v, axis
     along = ((a * x + b * y) + c * z) * (1.0 - cosine)
