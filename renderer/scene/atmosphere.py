@@ -140,9 +140,9 @@ def scattered(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns the light towards an observer on the ground: scattered once by molecules, once by dust, and more than once.
 
-    The first two are not yet multiplied by their phase functions. ground: albedo of the ground. Angles in radians: sun: elevation
-    of the sun; elevation (...), above 0, and azimuth (...), relative to the sun's, of the viewing directions. Each result is
-    (..., 3), linear Rec.709.
+    The first two are not yet multiplied by their phase functions. ground: albedo of the ground. sun: elevation of the sun.
+    elevation (...), above 0, and azimuth (...), relative to the sun's: of the viewing directions. Angles are in radians. Each
+    result is (..., 3), linear Rec.709.
     """
     start = _EARTH + _EYE
     up = np.sin(elevation)
