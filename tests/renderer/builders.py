@@ -1,4 +1,4 @@
-"""Small scenes for tests, built as descriptions and compiled as any other."""
+"""Small scenes for tests, built as scene descriptions and compiled like any other scene."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def emitter(radiance: float, albedo: float = 0.0, **more: object) -> Material:
 
 
 def square(center: tuple[float, ...], u: tuple[float, ...], v: tuple[float, ...], material: int) -> Mesh:
-    """The parallelogram center +- u +- v; its front side is that of u x v."""
+    """Returns the parallelogram with corners center +- u +- v; its front side faces along u x v."""
     c, u_, v_ = (np.array(x, np.float64) for x in (center, u, v))
     corners = np.array([c - u_ - v_, c + u_ - v_, c + u_ + v_, c - u_ + v_], np.float32)
     return Mesh("square", corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), material=material)
 
 
 def disk(radius: float, height: float, segments: int, material: int) -> Mesh:
-    """A horizontal disk about the y axis that faces down, with the area of the circle."""
+    """Returns a horizontal disk about the y axis, facing down, with the area of a circle of the given radius."""
     turns = np.arange(segments) * (2 * np.pi / segments)
     radius *= np.sqrt(2 * np.pi / (segments * np.sin(2 * np.pi / segments)))
     rim = np.stack([np.cos(turns) * radius, np.full(segments, height), np.sin(turns) * radius], 1)
@@ -48,7 +48,7 @@ def scene(
     environment: float | np.ndarray | Environment | None = None,
     lights: tuple[Light, ...] = (),
 ) -> CompiledScene:
-    """The compiled scene; environment: a constant radiance, an image (h, w, 3) float32, or a whole one."""
+    """Returns the compiled scene. environment: a constant radiance, an image (h, w, 3) float32, or an Environment."""
     description = SceneDescription(
         meshes=list(meshes),
         instances=[Instance(i) for i in range(len(meshes))],
@@ -67,17 +67,17 @@ def scene(
 
 
 def as_rendered(made: CompiledScene) -> CompiledScene:
-    """Returns a static scene with the argument types of kernels that are compiled already, for test kernels."""
+    """Returns a static scene with the argument types of already compiled kernels, for use in test kernels."""
     return strip_absent_features(made, "full")
 
 
 def still(bvh: Bvh) -> Bvh:
-    """Returns `as_rendered` for a tree alone."""
+    """Returns a tree with the argument types of already compiled kernels, as `as_rendered` does for a scene."""
     return kept(bvh)._replace(motion=None, instance_motion=None, keyed_packets=None)
 
 
 def kept(bvh: Bvh) -> Bvh:
-    """Returns the tree with its first arrays read-only, as `build` returns them, also for a tree assembled by a test."""
+    """Returns the tree with its first four arrays read-only, as `build` returns them; for trees assembled by a test."""
     views = {name: getattr(bvh, name).view() for name in Bvh._fields[:4]}
     for view in views.values():
         view.flags.writeable = False
@@ -87,7 +87,7 @@ def kept(bvh: Bvh) -> Bvh:
 def settings(
     eye: tuple[float, ...], target: tuple[float, ...], fov: float = 1.0, size: int = 24, **more: object
 ) -> RenderSettings:
-    """Settings for a square picture with square pixels; `up` is chosen to suit any line of sight."""
+    """Returns settings for a square picture with square pixels, and an `up` vector not parallel to the line of sight."""
     more.setdefault("filter", "box")
     sight = np.subtract(target, eye)
     up = (0.0, 1.0, 0.0) if abs(sight[1]) < 0.9 * np.linalg.norm(sight) else (0.0, 0.0, 1.0)
@@ -95,7 +95,7 @@ def settings(
 
 
 def icosphere(levels: int, material: int = 0, scale: float = 1.0, center: tuple[float, ...] = (0, 0, 0)) -> Mesh:
-    """A closed mesh of 20 * 4**levels flat triangles facing outwards, with shared vertices on a sphere."""
+    """Returns a sphere approximated by 20 * 4**levels flat triangles with shared vertices, closed and facing outwards."""
     golden = (1 + 5**0.5) / 2
     corner = np.array([np.roll((0.0, s, t * golden), k) for k in range(3) for s in (-1, 1) for t in (-1, 1)])
     corner /= np.linalg.norm(corner[0])
@@ -122,6 +122,6 @@ def icosphere(levels: int, material: int = 0, scale: float = 1.0, center: tuple[
 
 
 def box(material: int, scale: float = 1.0, center: tuple[float, ...] = (0, 0, 0)) -> Mesh:
-    """A closed cube of side 2 * scale that faces outwards."""
+    """Returns a closed cube with edges of length 2 * scale, facing outwards."""
     mesh = shapes.cube("box")
     return replace(mesh, positions=(mesh.positions * scale + np.array(center)).astype(np.float32), material=material)

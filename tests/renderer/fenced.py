@@ -1,9 +1,9 @@
-"""Arrays between inaccessible memory pages, and a program that renders features with all kernel arrays placed this way.
+"""Places arrays next to inaccessible memory pages, and renders features with all kernel arrays placed this way.
 
-`python -m tests.renderer.fenced SIDE KERNEL FEATURE ...` prints each feature before it renders it, and dies of SIGSEGV if the
-kernel accesses memory outside an array. SIDE: behind or before, the end of each array with the inaccessible page; or checked:
-the arrays lie as always, and kernels are compiled with bounds checks, which raise IndexError. Those need a cache of their own
-($RAYFARM_CACHE), and do not see what is read by address, as eight lanes at once are.
+`python -m tests.renderer.fenced SIDE KERNEL FEATURE ...` prints each feature before rendering it, and crashes with SIGSEGV if the
+kernel accesses memory outside an array. SIDE is `behind` or `before`, the end of each array at which the inaccessible page is, or
+`checked`: arrays are placed as usual, and kernels are compiled with bounds checks, which raise IndexError. Such kernels need a
+separate cache ($RAYFARM_CACHE). Bounds checks do not cover reads by address, as for eight lanes at once.
 """
 
 from __future__ import annotations
@@ -31,11 +31,13 @@ _PAGE = mmap.PAGESIZE
 _PROT_NONE = 0
 _libc = ctypes.CDLL(None, use_errno=True)
 _libc.mprotect.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
-_kept: list[Any] = []  # the memory lives as long as the process
+_kept: list[Any] = []  # the memory is never freed
 
 
 def fenced(array: np.ndarray, side: str) -> np.ndarray:
-    """A copy of the array with an inaccessible page directly behind, or before, its elements; as it is for `checked`."""
+    """Returns a copy of the array with an inaccessible page directly behind or before its elements; the array itself for
+    `checked`.
+    """
     if side == CHECKED:
         return array
     pages = max(-(-array.nbytes // _PAGE), 1)
@@ -53,7 +55,7 @@ def fenced(array: np.ndarray, side: str) -> np.ndarray:
 
 
 def fenced_scene(scene: CompiledScene, side: str) -> CompiledScene:
-    """The scene, of any variant, with every array fenced."""
+    """Returns the scene, of any variant, with every array fenced."""
     arrays = {name: fenced(array, side) for name, array in flat(scene).items() if array is not None}
     of_tree = {name[4:]: array for name, array in arrays.items() if name.startswith("bvh.")}
     rest = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
@@ -61,7 +63,7 @@ def fenced_scene(scene: CompiledScene, side: str) -> CompiledScene:
 
 
 def _fence(side: str) -> None:
-    """Replaces the arrays that the renderer passes to kernels by fenced copies."""
+    """Makes the renderer pass fenced copies of its arrays to kernels."""
     prepared, scratch = render._prepared, render.new_scratch
 
     def given(*arguments: Any) -> Any:
@@ -115,7 +117,7 @@ RENDER: dict[str, Callable[[CompiledScene, RenderSettings], None]] = {
 
 
 def main(side: str, kernel: str, *names: str) -> None:
-    """Renders each feature; the name "warm-up of VARIANT" runs `warm_up` instead."""
+    """Renders each named feature; the name "warm-up of VARIANT" runs `warm_up` instead."""
     from tests.renderer.kernel.backends.features import made
 
     faulthandler.enable()

@@ -1,4 +1,4 @@
-"""Reflectance of an isotropically scattering half-space: Chandrasekhar, "Radiative Transfer" (1950)."""
+"""Reflectance of an isotropically scattering half-space (Chandrasekhar, "Radiative Transfer", 1950)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _X, _W = (np.polynomial.legendre.leggauss(64)[0] + 1) / 2, np.polynomial.legendr
 
 
 def _h(albedo: float) -> np.ndarray:
-    """Returns Chandrasekhar's H at the nodes, by its second integral equation."""
+    """Returns Chandrasekhar's H function at the quadrature nodes, from its second integral equation."""
     h = np.ones_like(_X)
     for _ in range(2000):
         h = 1 / (np.sqrt(1 - albedo) + albedo / 2 * (_W * _X * h / (_X[:, None] + _X)).sum(axis=1))
@@ -18,14 +18,14 @@ def _h(albedo: float) -> np.ndarray:
 
 
 def reflectance(albedo: float, cosine: float) -> float:
-    """Returns the reflectance of light from one direction into all.
+    """Returns the fraction of light from one direction that is reflected into all directions.
 
-    Equals the radiance in that direction under a white sky.
+    By reciprocity it equals the radiance in that direction under a white sky.
     """
     h = 1 / (np.sqrt(1 - albedo) + albedo / 2 * (_W * _X * _h(albedo) / (cosine + _X)).sum())
     return float(1 - np.sqrt(1 - albedo) * h)
 
 
 def diffuse_reflectance(albedo: float) -> float:
-    """Returns the reflectance of diffuse light."""
+    """Returns the reflectance under diffuse illumination."""
     return float(1 - 2 * np.sqrt(1 - albedo) * (_W * _X * _h(albedo)).sum())

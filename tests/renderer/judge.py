@@ -1,4 +1,4 @@
-"""Statistical assertions for random results: by their own standard error, and by chi-squared."""
+"""Statistical assertions for random results: by their own standard error, and by a chi-squared test."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import scipy.stats
 
 from renderer.film import COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF, Sums
 
-ALPHA = 0.01  # what all tests of a family together may fail by chance (Mitsuba's chi2.py)
+ALPHA = 0.01  # probability that any test of a family fails by chance (as in Mitsuba's chi2.py)
 
 
 def sidak(alpha: float, tests: int) -> float:
-    """Returns the significance level of one test so that all `tests` of a family together fail with probability alpha."""
+    """Returns the significance level of one test such that a family of `tests` tests fails by chance with probability alpha."""
     return 1 - (1 - alpha) ** (1 / tests)
 
 
@@ -23,7 +23,7 @@ def limit(tests: int) -> float:
 
 
 def mean_and_error(sums: Sums, film_exponent: int = 24) -> tuple[float, float]:
-    """Returns the mean over all pixels and channels, and its standard error from the film's two halves."""
+    """Returns the mean over all pixels and channels, and its standard error estimated from the film's two halves."""
     n, half = sums[SAMPLES].astype(float), sums[SAMPLES_HALF].astype(float)
     scale = 2.0**-film_exponent
     color = sums[COLOR].mean(0) * scale
@@ -34,10 +34,10 @@ def mean_and_error(sums: Sums, film_exponent: int = 24) -> tuple[float, float]:
 
 
 def assert_mean(sums: Sums, expected: float, slack: float = 1e-5, most_error: float = 0.01, tests: int = 1) -> None:
-    """Asserts that the mean is within three standard errors of the expected one.
+    """Asserts that the mean is within three standard errors of `expected`.
 
-    slack: relative rounding of the arithmetic or of the expectation. most_error: relative; a test with more noise would prove
-    nothing. tests: number of such comparisons in the family.
+    slack: allowed relative rounding error. most_error: largest relative standard error, above which the test would prove nothing.
+    tests: number of such comparisons in the family.
     """
     mean, error = mean_and_error(sums)
     assert error <= most_error * expected, f"too noisy to judge: {error / expected:.2%}"
@@ -46,9 +46,9 @@ def assert_mean(sums: Sums, expected: float, slack: float = 1e-5, most_error: fl
 
 
 def chi_squared(counts: np.ndarray, expected: np.ndarray, tests: int, name: str = "") -> None:
-    """Pearson's test with bins that expect fewer than five samples pooled, alpha 0.01 with Sidak's correction for `tests` tests.
+    """Asserts agreement by Pearson's chi-squared test, at level 0.01 with Sidak's correction for `tests` tests.
 
-    Fails if a sample is in a bin where none is expected.
+    Bins with fewer than five expected samples are pooled. Fails if a sample is in a bin where none is expected.
     """
     counts, expected = counts.ravel().astype(float), expected.ravel().astype(float)
     assert not counts[expected < 1e-6 * expected.max()].sum() > 1e-4 * counts.sum(), f"{name}: samples where the density is zero"
@@ -78,10 +78,10 @@ def direction_test(
     fine: int = 8,
     name: str = "",
 ) -> None:
-    """Compares sampled directions (n, 3), NaN for rejected samples, with their stated density per steradian.
+    """Asserts that sampled directions (n, 3), NaN for rejected samples, follow the given density per steradian.
 
-    Bins are equal in z and in azimuth; each is integrated with fine x fine midpoints. The density must integrate to the fraction
-    of accepted samples: the rest is a bin of its own.
+    Bins are equal in z and in azimuth; the density is integrated over each with fine x fine midpoints. The density must integrate
+    to the fraction of accepted samples; rejected samples have a bin of their own.
     """
     rows, columns = bins
     refused = np.isnan(directions[:, 0])

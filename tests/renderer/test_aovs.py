@@ -1,4 +1,4 @@
-"""The AOV planes: values, channels and display."""
+"""Tests of the AOV planes: values, channels and display."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from renderer.errors import SettingsError
 
 
 def sums_of(h=4, w=6):
-    """Two samples a pixel at the quantum 2**-4: normals +Z, depths that rise to the right, two objects."""
+    """Returns the sums of two samples per pixel at the quantum 2**-4: normals +Z, depths increasing to the right, two objects."""
     sums = np.zeros((film.CHANNELS, h, w), np.int64)
     sums[film.SAMPLES] = 2
     sums[film.SAMPLES_HALF] = 1

@@ -1,4 +1,4 @@
-"""Kernels only access memory inside their arrays: each array is next to an inaccessible page."""
+"""Tests that kernels access memory only inside their arrays: each array is next to an inaccessible page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.renderer.kernel.backends.features import FEATURES
 
 
 def rendered(side: str, kernel: str, names: list[str], **environment: str) -> None:
-    """Renders in a separate process with fenced arrays; fails with the name of the feature that crashed."""
+    """Renders features in a separate process with fenced arrays; fails with the name of the feature that crashed."""
     command = [sys.executable, "-m", "tests.renderer.fenced", side, kernel, *names]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **environment})
     assert done.returncode == 0, f"{done.stdout.splitlines()[-1:]} died of {-done.returncode}: {done.stderr[-2000:]}"
@@ -43,7 +43,7 @@ def test_every_feature_stays_inside_its_arrays(side: str, kernel: str) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.timeout(7200)  # compiles every kernel anew
+@pytest.mark.timeout(7200)  # compiles every kernel again
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_no_index_is_outside_of_an_array(tmp_path: Path, kernel: str) -> None:
     rendered(CHECKED, kernel, list(FEATURES), RAYFARM_CACHE=str(tmp_path))
@@ -51,7 +51,7 @@ def test_no_index_is_outside_of_an_array(tmp_path: Path, kernel: str) -> None:
 
 @pytest.mark.long
 def test_bounds_are_checked(tmp_path: Path) -> None:
-    """Bounds checks raise for an access outside an array; otherwise the test above would always pass."""
+    """With bounds checks an access outside an array raises; if it did not, the test above could never fail."""
     (tmp_path / "outside.py").write_text(
         "import numpy as np\nfrom renderer import jit, target\ntarget._Context.enable_boundscheck = True\n"
         "@jit.device\ndef inner(a, i):\n    return a[i]\n@jit.entry\ndef outer(a, i):\n    return inner(a, i)\n"
@@ -64,7 +64,7 @@ def test_bounds_are_checked(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_a_fence_stops_what_reads_beyond() -> None:
-    """An access beyond a fence crashes; otherwise the tests above would always pass."""
+    """An access beyond a fence crashes the process; if it did not, the tests above could never fail."""
     program = "import numpy as np; from tests.renderer.fenced import fenced; a = fenced(np.ones(3), '{}'); "
     program += "print(np.lib.stride_tricks.as_strided(a[{}:], (2,), ({},)))"
     for side, first, stride in (("behind", 2, 8), ("before", 0, -8)):

@@ -1,4 +1,4 @@
-"""Folders and files from which code is loaded: owned by this user or root, and not writable by others."""
+"""Tests of the checks on folders and files of code: owned by this user or root, and not writable by others."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ KEY = ("int64",), "target", "hashes"
 
 @pytest.fixture(autouse=True)
 def anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Isolates the test: a separate cache, and no warnings given yet."""
+    """Gives each test a cache of its own, with no warnings logged yet."""
     monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(cache_folders.tempfile, "tempdir", str(tmp_path))
     cache_folders._warn.cache_clear()
@@ -54,7 +54,7 @@ def test_a_folder_that_others_can_write_gives_way_to_a_private_one(
     assert chosen == home / f"private-{os.geteuid()}" / "kernels/00"
     assert reason_to_distrust(chosen.parent.parent.stat()) == ""
     assert private_folder("kernels/00") == chosen
-    (said,) = caplog.messages  # once
+    (said,) = caplog.messages  # logged once
     assert str(home / open_to_others) in said
     assert "0777" in said
 
@@ -84,7 +84,7 @@ def test_a_kernel_that_others_may_have_written_is_compiled_anew(tmp_path: Path, 
     path.chmod(0o600)
     folder.chmod(0o777)
     assert files.load(KEY) is None
-    files.save(("other", *KEY[1:]), "code")  # nothing is put where others can change it
+    files.save(("other", *KEY[1:]), "code")  # no file is written where others could change it
     assert [*folder.iterdir()] == [path]
     assert [said.split(" ")[1] for said in caplog.messages] == ["file", "folder"]
 

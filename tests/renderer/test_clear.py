@@ -1,4 +1,4 @@
-"""Clear surfaces transmit all light, however many there are: panes of clear glass, and layers of alpha 0."""
+"""Tests that clear surfaces transmit all light, however many there are: panes of clear glass, and layers of alpha 0."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.renderer.builders import gray, square
 VIEW = View((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), fov=20.0)
 GLASS = Material(kind="glass", base_color=gray(1.0), roughness=0.0)
 LAYERED = Material(base_color=gray(1.0), metallic=0.0, roughness=0.0, transmission=1.0)
-LIT = 0.5  # reflectance, and radiance, of a wall under an irradiance of pi
+LIT = 0.5  # reflectance of a wall, and its radiance under an irradiance of pi
 
 
 def mean(description: SceneDescription, spp: int, **settings: object) -> float:
@@ -45,7 +45,7 @@ def panes(count: int, material: Material) -> SceneDescription:
 
 
 def layers(count: int, **material: object) -> SceneDescription:
-    """Returns layers between the camera, a light behind it, and a wall, which would hide both."""
+    """Returns layers in front of a light and a wall, which would hide both if they were opaque."""
     cards = [square((0, 0, -3.0 * k / count), (3, 0, 0), (0, 3, 0), 0) for k in range(count)]
     return SceneDescription(
         meshes=[*cards, square((0, 0, -5), (9, 0, 0), (0, 9, 0), 1)],
@@ -62,13 +62,17 @@ def test_panes_of_clear_glass_in_a_white_furnace_are_white(count: int, material:
 
 
 def test_where_all_transmission_counts_it_uses_up_the_depth() -> None:
-    """With transmissions counted as in other renderers, two more glass bounces than the limit leave only the reflected light."""
+    """With every transmission counted in max_depth, as in other renderers, two glass bounces above the limit leave only
+    reflections.
+    """
     assert mean(panes(4, GLASS), 64, transmission_depth=0) < 0.2
     assert mean(panes(4, GLASS), 64, transmission_depth=0, max_depth=64) == pytest.approx(1.0, abs=5e-3)
 
 
 def test_so_many_transmissions_as_the_limit_are_let_through_and_no_more() -> None:
-    """Panes of a refractive index of 1 reflect nothing: each takes two transmissions. Rough ones count in max_depth, too."""
+    """The limit of transmissions is exact: panes of index 1 reflect nothing and take two each; rough ones also count in
+    max_depth.
+    """
     clear = panes(4, replace(GLASS, ior=1.0))
     assert mean(clear, 4, transmission_depth=8) == pytest.approx(1.0, abs=1e-3)
     assert mean(clear, 4, transmission_depth=7) == 0.0
@@ -82,25 +86,25 @@ def test_so_many_transmissions_as_the_limit_are_let_through_and_no_more() -> Non
     "integrator", ["path", "direct", *(pytest.param(name, marks=pytest.mark.long) for name in ("whitted", "ao"))]
 )
 def test_layers_have_a_limit_that_the_camera_and_shadow_rays_share(integrator: str) -> None:
-    """A path that passes 5 layers to the wall leaves its shadow rays 5 of 10 to pass on their way to the light."""
+    """A path that passes 5 layers on its way to the wall leaves its shadow rays 5 of 10 on their way to the light."""
     five = layers(5, alpha_mode="blend")
     asked = {"integrator": integrator, **({"ao_distance": 9.0} if integrator == "ao" else {})}
     lit = 1.0 if integrator == "ao" else LIT
     assert mean(five, 16, transparency_depth=10, **asked) == pytest.approx(lit, rel=1e-3)
-    if integrator != "ao":  # its rays leave sideways, and only some of them through all layers
+    if integrator != "ao":  # ambient occlusion rays leave sideways, and only some pass all layers
         assert mean(five, 16, transparency_depth=9, **asked) == 0.0
     assert mean(five, 16, transparency_depth=4, **asked) == 0.0
 
 
 def test_what_is_behind_so_many_layers_as_the_limit_is_seen() -> None:
     sky = replace(layers(5, alpha_mode="blend"), lights=[], environment=Environment(color=gray(1.0)))
-    sky.instances.pop()  # the wall
+    sky.instances.pop()  # removes the wall
     assert mean(sky, 4, transparency_depth=5) == pytest.approx(1.0, abs=1e-3)
     assert mean(sky, 4, transparency_depth=4) == 0.0
 
 
 def test_a_limit_of_layers_is_the_same_however_light_is_found() -> None:
-    """Half-transparent layers before a white wall in white light: equal limits for shadow rays and for scattered rays."""
+    """With half-transparent layers before a white wall in white light, shadow rays and scattered rays have equal limits."""
     room = layers(3, alpha_mode="mask")
     room.materials[0] = replace(room.materials[0], opacity=0.5, alpha_mode="blend")
     room = replace(room, lights=[], environment=Environment(color=gray(1.0)))
@@ -142,7 +146,7 @@ def test_layers_of_alpha_0_hide_nothing_from_the_camera_nor_from_lights(count: i
 
 
 def test_more_layers_than_there_are_random_numbers_hide_nothing() -> None:
-    """A path that passes through more than 65,536 surfaces reuses its random numbers and still transmits all light."""
+    """A path that passes more than 65,536 surfaces reuses its random numbers and still transmits all light."""
     count = 70_000
     corners = np.array([(-3, -3), (3, -3), (3, 3), (-3, 3)])
     positions = np.column_stack([np.tile(corners, (count, 1)), np.repeat(-3.0 * np.arange(count) / count, 4)]).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Scenes with a closed-form solution, compared within three standard errors of the film's own variance."""
+"""Tests of scenes with closed-form solutions: the mean is within three standard errors, estimated from the film."""
 
 import math
 from pathlib import Path
@@ -72,7 +72,7 @@ def test_form_factors(arrangement, factor):
         if arrangement == "parallel"
         else square((0, 0.5, 0.5), (0, 0.5, 0), (0.5, 0, 0), 1)
     )
-    # A plane seen straight on is sampled uniformly by area: the picture's mean is the receiver's.
+    # A plane viewed perpendicularly is sampled uniformly by area, so the picture's mean is the receiver's.
     eye = (0.0, 0.9, 0.0)
     sums = render_frame(
         scene([WHITE, emitter(1.0)], (receiver, light)),
@@ -91,7 +91,7 @@ def test_convex_lambertian_in_constant_light():
 def test_a_sphere_as_large_as_the_earth_has_no_rings():
     ground = scene([Material(base_color=gray(0.5))], spheres=(Sphere((0, -1e5, 0), 1e5),), environment=1.0)
     sums = render_frame(ground, settings((0, 1.5, 0), (0, 0.0, -20), 6, size=48), 64)
-    for row in range(0, 48, 4):  # rings of shadow would be rows of the picture
+    for row in range(0, 48, 4):  # ring-shaped shadows would show as rows of the picture
         assert_mean(sums[:, row : row + 4], 0.5)
 
 
@@ -111,8 +111,8 @@ def test_glass_slab():
 
 @pytest.mark.parametrize("ior", [1.0, 1.5])
 def test_absorbing_slab(ior):
-    """The transmitted light at normal incidence is exp(-sigma d), with all interreflections between the slab's sides."""
-    thickness, left = 0.2, 0.4  # of white, after one unit
+    """A slab transmits (1 - r)^2 t / (1 - (r t)^2) at normal incidence, with Fresnel reflectance r and t = exp(-sigma d)."""
+    thickness, left = 0.2, 0.4  # attenuation of white light after a distance of 1
     slab = tuple(square((0, 0, z), (s * 9, 0, 0), (0, 9, 0), 0) for z, s in ((thickness / 2, 1), (-thickness / 2, -1)))
     behind = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
     tinted = Material(kind="glass", base_color=gray(1.0), ior=ior, attenuation_color=gray(left), attenuation_distance=1.0)
@@ -158,7 +158,7 @@ def test_image_environment_on_lambert_is_its_cosine_integral():
     top = np.clip(np.floor(rows).astype(int), 0, 7)
     below = np.clip(np.floor(rows).astype(int) + 1, 0, 7)
     t = (rows - np.floor(rows))[:, None]
-    ring = (sky[top, :, 0] * (1 - t) + sky[below, :, 0] * t).mean(1)  # bilinear in u keeps each row's mean
+    ring = (sky[top, :, 0] * (1 - t) + sky[below, :, 0] * t).mean(1)  # linear interpolation in u preserves each row's mean
     theta = v * np.pi
     expected = (ring * np.clip(np.cos(theta), 0, None) * np.sin(theta)).sum() * np.pi / 4096 * 2
     assert_mean(sums, expected, slack=1e-3)
@@ -167,7 +167,7 @@ def test_image_environment_on_lambert_is_its_cosine_integral():
 @pytest.mark.parametrize("rotation", [0, 90])
 def test_environment_looks_where_the_description_says(rotation):
     sky = np.zeros((4, 8, 3), np.float32)
-    sky[:, 5:7] = 1.0  # the columns about +x
+    sky[:, 5:7] = 1.0  # the columns around +x
     small = square((0, -50, 0), (0.1, 0, 0), (0, 0, -0.1), 0)
     description = SceneDescription(
         meshes=[small],
@@ -176,7 +176,7 @@ def test_environment_looks_where_the_description_says(rotation):
         images=[Image("sky", sky, srgb=False)],
         environment=Environment(image=0, rotation=rotation),
     )
-    towards = (1, 0, 0) if rotation == 0 else (0, 0, -1)  # +x turned counter-clockwise about +y, seen from above
+    towards = (1, 0, 0) if rotation == 0 else (0, 0, -1)  # +x rotated about +y, counter-clockwise seen from above
     compiled = compile_scene(description)
     assert mean(render_frame(compiled, settings((0, 0, 0), towards, 10, size=4), 1), 24).min() > 0.99
     assert mean(render_frame(compiled, settings((0, 0, 0), tuple(-x for x in towards), 10, size=4), 1), 24).max() == 0
@@ -184,16 +184,16 @@ def test_environment_looks_where_the_description_says(rotation):
 
 @pytest.mark.parametrize("depth", [2, 5])
 def test_mirrors_multiply(depth):
-    """An oblique ray between two parallel mirrors hits them alternately, then the sky."""
+    """An oblique ray between two parallel mirrors hits them alternately, then leaves to the sky."""
     mirrors = tuple(square((0, y, 0), (s * 2, 0, 0), (0, 0, 2), 0) for y, s in ((1, 1), (-1, -1)))
     lit = scene([Material(kind="mirror", base_color=gray(0.8))], mirrors, environment=3.0)
-    # From the middle at 60 degrees from the normal: each crossing moves on by 2 tan 60 = 3.46; the first by half of that.
+    # The ray starts in the middle at 60 degrees to the normal: each crossing advances 2 tan 60 = 3.46, the first half of that.
     sums = render_frame(lit, settings((0, 0, 0), (math.tan(math.radians(60)), 1, 0), 0.01, max_depth=depth), 2)
     assert mean(sums, 24) == pytest.approx(3.0 * 0.8, rel=1e-5)
 
 
 def test_a_textured_light_shines_by_its_texels():
-    """A light with bilinear texels yields the integral over its area: E = sum of L cos cos' / d^2 dA."""
+    """The irradiance below a light with bilinear texels is the integral over its area: E = sum of L cos cos' / d^2 dA."""
     codes = np.random.default_rng(8).integers(0, 256, (4, 4, 4)).astype(np.uint8)
     light = square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)
     light.uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)

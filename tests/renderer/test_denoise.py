@@ -1,4 +1,4 @@
-"""Denoising by Open Image Denoise: lower error, edges preserved by the guides, the raw picture unchanged."""
+"""Tests of denoising by Open Image Denoise: lower error, edges preserved by the guides, the raw picture unchanged."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ SIZE = 64
 
 
 def rmse(a, b, where):
-    # Relative to what the eye sees: the lamp's radiance would drown all else.
+    # Relative error, as the eye perceives it: otherwise the lamp's radiance would dominate.
     return float(np.sqrt(np.square((a - b) / (0.1 + b))[where].mean()))
 
 
 @pytest.fixture(scope="module")
 def rendered():
-    """`rendered(seed, spp)`: (color, albedo, normal) of the Cornell box."""
+    """Returns a function `rendered(seed, spp)` that renders the Cornell box as (color, albedo, normal)."""
     description = read(SCENES, "cornell-box.yaml")
     scene = compile_scene(description)
     view = View.from_json(summarise(description, scene)["cameras"][0]["view"])
@@ -51,7 +51,7 @@ def pictures(rendered):
 
 
 def edges_of(albedo, normal):
-    """Returns the pixels next to a change of reflectance or normal."""
+    """Returns a mask of the pixels next to a change of albedo or normal."""
     guide = np.concatenate([albedo, normal], axis=-1)
     found = np.zeros(guide.shape[:2], bool)
     for axis in (0, 1):

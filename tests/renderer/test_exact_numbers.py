@@ -1,6 +1,6 @@
-"""Values that workers compute from settings, and the tables in kernels, have the same bits on every host.
+"""Tests that values computed by workers from settings, and tables in kernels, have the same bits on every host.
 
-The last bits of numpy's functions, BLAS and the C library depend on the processor and on the release.
+The last bits of NumPy's functions, BLAS and the C library depend on the processor and the release.
 """
 
 from __future__ import annotations
@@ -69,7 +69,9 @@ def test_a_turned_environment(request: pytest.FixtureRequest) -> None:
 
 
 def test_decoded_srgb_lies_far_from_where_its_rounding_turns() -> None:
-    """sRGB decoding uses the host's pow: a relative error of 1e-12 yields the same float32."""
+    """No sRGB code decodes to a value near a rounding boundary of float32, so a host's pow with a relative error of 1e-12 is
+    exact.
+    """
     getcontext().prec = 40
     for code in range(1, 256):
         value = Decimal(code) / 255

@@ -1,4 +1,4 @@
-"""The film's arithmetic, on synthetic sums."""
+"""Tests of the film's arithmetic on synthetic sums."""
 
 import hashlib
 
@@ -28,7 +28,7 @@ EXPONENT = 24
 
 
 def film_of(values, height=2, width=3):
-    """Returns the sums of samples (n, height, width, 3), numbered from 0."""
+    """Returns the film sums of samples (n, height, width, 3), numbered from 0."""
     fixed = np.rint(np.asarray(values, np.float64) * 2.0**EXPONENT).astype(np.int64)
     sums = np.zeros((CHANNELS, height, width), np.int64)
     sums[COLOR] = np.moveaxis(fixed.sum(0), -1, 0)
@@ -85,13 +85,13 @@ def test_digest_is_the_sha256_of_the_little_endian_planes():
 
 @given(st.integers(2, 9), st.integers(0, 2**32 - 1))
 def test_noise_is_the_standard_error_of_the_mean(n, seed):
-    """The noise estimate equals numpy's standard error in expectation, also for halves of unequal size, over many pixels."""
+    """The noise estimate equals NumPy's standard error in expectation over many pixels, also for halves of unequal size."""
     rng = np.random.default_rng(seed)
     spread, level, side = 0.3, 2.0, 64
     values = level + spread * rng.standard_normal((n, side, side, 3))
     found = noise(film_of(values, side, side), EXPONENT)
     expected = spread / np.sqrt(n) / level
-    pixels = 3 * side * side  # the root of a mean of squares of that many normal numbers
+    pixels = 3 * side * side  # the root mean square of that many normal variates
     assert found == pytest.approx(expected, rel=5 / np.sqrt(2 * pixels))
 
 

@@ -1,4 +1,4 @@
-"""Choice of the main scene file among many files."""
+"""Tests of the choice of the main scene file among many files."""
 
 import sys
 from importlib import import_module

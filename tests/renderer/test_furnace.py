@@ -1,6 +1,6 @@
-"""A closed sphere with constant radiance inside: all integrators, samplers, filters and cameras.
+"""Tests of a closed sphere with constant radiance inside, for all integrators, samplers, filters and cameras.
 
-The sphere has reflectance 1/2 and either emits radiance 1/2, or has a point light of intensity pi at its centre: pbrt's
+The sphere has reflectance 1/2 and either emits radiance 1/2 or has a point light of intensity pi at its centre, as in pbrt's
 cpu/integrators_test.cpp. Paths of unlimited depth yield 1/2 + 1/4 + 1/8 + ... = 1.
 """
 
@@ -26,7 +26,7 @@ CAMERAS = {
     "panorama": View(EYE, TARGET, projection="panorama"),
 }
 ALBEDO = 0.5
-# Whitted's rays and direct light end at the first diffuse surface; it emits 1/2 itself, and half of what comes in goes on.
+# Whitted and direct lighting end at the first diffuse surface: its emission, 1/2, plus the reflected half of the direct light.
 GLOW = {"path": 1.0, "direct": 0.75, "whitted": 0.75}
 LAMPLIGHT = {"path": 1.0, "direct": 0.5, "whitted": 0.5}
 INTEGRATORS = ["path", "direct", pytest.param("whitted", marks=pytest.mark.long)]
@@ -67,7 +67,7 @@ def test_a_point_light_in_the_middle(lit, integrator, sampler, camera):
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_ambient_occlusion(lit, sampler, camera):
-    """The chord at angle a to the normal has length 2 cos a, so the share shorter than D, (D / 2)^2, is occluded."""
+    """The chord at angle a to the normal has length 2 cos a, so the cosine-weighted share of chords below D is (D / 2)^2."""
     settings = _settings(camera, sampler, "ao", ao_distance=1.2)
     assert_mean(render_frame(lit, settings, 256), 1 - 0.6**2, slack=1e-4, tests=len(CAMERAS) * len(SAMPLERS))
     assert mean_and_error(render_frame(lit, replace(settings, ao_distance=0.0), 4))[0] == 0.0
@@ -87,9 +87,9 @@ def test_every_strategy_of_finding_lights(glowing, sampling, sampler):
 
 @pytest.mark.parametrize("survival", [0.2, 0.5, 0.8])
 def test_roulette_of_any_probability(survival):
-    """Any survival probability yields mean 1 at a reflectance of 0.3.
+    """Russian roulette with any survival probability yields mean 1 at a reflectance of 0.3.
 
-    At 0.5, a probability of 0.2 would have infinite variance (0.2 (0.5 / 0.2)^2 > 1).
+    At a reflectance of 0.5, a probability of 0.2 would have infinite variance: 0.2 (0.5 / 0.2)^2 > 1.
     """
     darker = scene([emitter(0.7, 0.3, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     settings = _settings("perspective", "independent", "path", roulette=survival)

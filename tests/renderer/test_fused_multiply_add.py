@@ -1,4 +1,4 @@
-"""Products in sums are fused exactly as in the source: the same bits for one value and for eight lanes."""
+"""Tests that products in sums are fused exactly as in the source: the same bits for one value and for eight lanes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _one(given, sums, rounded):
         named = given[i, 0] * given[i, 1]
         rounded[0, i] = named + given[i, 2]
         rounded[1, i] = given[i, 2] - named
-        sums[8, i] = given[0, 0] * given[0, 1] + given[i, 2]  # a product of numbers that all lanes share
+        sums[8, i] = given[0, 0] * given[0, 1] + given[i, 2]  # product of numbers shared by all lanes
 
 
 @entry
@@ -56,14 +56,14 @@ def _eight(columns, sums, rounded):
 
 
 def _nearest(value: Fraction, dtype: Any) -> Any:
-    """Returns the float nearest to a fraction, by way of float64; at most two ulps off."""
+    """Returns a float within two ulps of the fraction, rounded by way of float64."""
     middle = dtype(float(value))
     nearby = [middle, np.nextafter(middle, dtype(-np.inf)), np.nextafter(middle, dtype(np.inf))]
     return min(nearby, key=lambda each: abs(Fraction(float(each)) - value))
 
 
 def _given(dtype: Any) -> np.ndarray:
-    """Returns numbers whose products nearly cancel with the third, so that one rounding and two differ greatly."""
+    """Returns triples (a, b, c) where a b nearly cancels c, so that fused and unfused results differ greatly."""
     rng = np.random.default_rng(0)
     a, b = rng.uniform(0.5, 2.0, (2, N)).astype(dtype)
     c = (-(a * b) * rng.choice([-1.0, 1.0, 1.0 + 2.0**-20], N)).astype(dtype)
@@ -102,7 +102,7 @@ def test_eight_lanes_have_the_bits_of_one() -> None:
 @builder
 def _others(numbers, array):
     before = array
-    array += numbers[0] * array  # in place: what else refers to the array sees it
+    array += numbers[0] * array  # in place, so other references to the array see the change
     whole = numbers[0] * numbers[1] + 1
     mixed = numbers[0] * np.float32(0.5) - numbers[1]
     return whole, mixed, before[0] + array[0] * numbers[1]
@@ -122,7 +122,7 @@ def _quotient(columns):
 
 
 def test_quotients_and_roots_are_exact() -> None:
-    """Quotients and roots are those of IEEE 754, not approximations, which differ between Intel and AMD."""
+    """Quotients and square roots are those of IEEE 754, not approximations, which differ between Intel and AMD."""
     columns = np.arange(1, 25, dtype=np.float32)
     wanted = columns[:8] / columns[8:16]
     _quotient(columns)

@@ -1,4 +1,4 @@
-"""The picture does not depend on how geometry is stored, nor on its scale."""
+"""Tests that the picture depends neither on the storage of geometry nor on its scale."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from tests.renderer.judge import limit, mean_and_error
 
 
 def room(scale=1.0):
-    """Returns a closed room with a light, smooth and flat balls as instances, a sphere and glass."""
+    """Returns a closed room with a light, smooth and flat balls as instances, a sphere, and glass."""
     ball = icosphere(2)
     smooth = Mesh("smooth", ball.positions, ball.triangles, ball.positions)
     rng = np.random.default_rng(0)
@@ -47,12 +47,12 @@ def view(scale=1.0, seed=0, size=32):
 
 @pytest.fixture
 def kept(monkeypatch):
-    """Makes every repeated mesh an instance."""
+    """Makes the compiler turn every repeated mesh into instances."""
     monkeypatch.setattr("renderer.scene.instances._MIN_SAVED_TRIANGLES", 0)
 
 
 def test_instances_and_copies_give_one_picture(monkeypatch):
-    """Independent renders differ within their noise, pixel by pixel; ids and normals are equal at sample 0."""
+    """Renders of instances and of copies differ by noise only, pixel by pixel; ids and normals of sample 0 are equal."""
     films = []
     for seed, worth in ((1, 0), (2, 10**9), (1, 10**9)):
         monkeypatch.setattr("renderer.scene.instances._MIN_SAVED_TRIANGLES", worth)
@@ -62,7 +62,7 @@ def test_instances_and_copies_give_one_picture(monkeypatch):
     means = [mean_and_error(sums) for sums in films]
     assert abs(means[0][0] - means[1][0]) < limit(1) * np.hypot(means[0][1], means[1][1])
     assert means[0][1] < 0.01 * means[0][0]
-    kept, _, copied = films  # the same seed
+    kept, _, copied = films  # films of the same seed
     for plane in (OBJECT, MATERIAL):
         assert (kept[plane] == copied[plane]).mean() > 0.99
         assert len(np.unique(kept[plane])) >= 3
@@ -73,7 +73,7 @@ def test_instances_and_copies_give_one_picture(monkeypatch):
 
 @pytest.mark.parametrize("scale", [2.0**-10, 2.0**10])
 def test_a_power_of_two_in_size_changes_no_bit_of_the_picture(kept, scale):
-    """All thresholds and offsets are relative: scaling by a power of two changes no bit of the picture."""
+    """All thresholds and offsets are relative, so scaling the scene by a power of two changes no bit of the picture."""
     one, other = (render_frame(compile_scene(room(s)), view(s), 4) for s in (1.0, scale))
     for plane in (COLOR, ALBEDO, NORMAL, OBJECT, MATERIAL):
         np.testing.assert_array_equal(one[plane], other[plane])
@@ -87,7 +87,7 @@ def test_a_thousandth_and_a_thousand_times_the_size_are_the_same_picture(kept, s
 
 
 def test_a_coarse_smooth_ball_is_lit_as_a_sphere_to_its_terminator():
-    """No facets show at the shadow boundary: a ball of 320 triangles and a sphere differ only in their silhouettes."""
+    """A smooth ball of 320 triangles shows no facets at the shadow boundary and differs from a sphere only in its silhouette."""
     ball = icosphere(2)
     ball.normals = ball.positions
     films = []
@@ -102,8 +102,8 @@ def test_a_coarse_smooth_ball_is_lit_as_a_sphere_to_its_terminator():
     dim = within & (true > 0) & (true < 0.1 * true.max())
     assert dim.sum() > 40
     assert dark.sum() > 200
-    assert (ours[dim] > 0).mean() > 0.9  # pixels beside the terminator are lit,
-    assert (ours[dark] < 0.02 * true.max()).mean() > 0.99  # those beyond it are not,
+    assert (ours[dim] > 0).mean() > 0.9  # pixels next to the terminator are lit,
+    assert (ours[dark] < 0.02 * true.max()).mean() > 0.99  # those beyond it are dark,
     assert np.median(np.abs(ours - true)[within]) < 0.01 * true.max()
 
 

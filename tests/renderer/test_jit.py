@@ -1,4 +1,4 @@
-"""Compilation of kernels: which process compiles, and which wait."""
+"""Tests of kernel compilation by several processes: which compiles, and which wait."""
 
 import threading
 import time
@@ -16,7 +16,7 @@ def test_one_process_compiles_and_the_others_load_side_by_side(monkeypatch, tmp_
     def load():
         with jit.compiling("kernel"):
             order.append("loads")
-            together.wait()  # none waits for the other
+            together.wait()  # neither waits for the other
 
     others = [threading.Thread(target=load) for _ in range(2)]
     with jit.compiling("kernel"):
@@ -57,7 +57,7 @@ def test_who_waits_in_vain_compiles_too(monkeypatch, tmp_path):
         with jit.compiling("kernel"):
             entered.set()
 
-    with jit.compiling("kernel"):  # as one that was stopped in the middle
+    with jit.compiling("kernel"):  # as after a process that was stopped during compilation
         other = threading.Thread(target=wait)
         other.start()
         assert entered.wait(30)

@@ -1,4 +1,4 @@
-"""Compiled kernels packed in one signed file."""
+"""Tests of compiled kernels packed in one signed file."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def packed(folder: Path, key: str = "token", kernel: str = KERNEL) -> io.BytesIO
 
 
 def signed(archive: bytes) -> io.BytesIO:
-    """Returns the bytes signed like an artefact."""
+    """Returns a file of the bytes, signed like an artefact."""
     import hashlib
     import hmac
 

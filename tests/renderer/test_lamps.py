@@ -1,4 +1,4 @@
-"""Lamps that rays pass through, and objects hidden from the camera, in rendered pictures."""
+"""Tests of rendered lamps that camera rays pass through, and of objects hidden from the camera."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ WHITE, MIRROR = Material(base_color=gray(0.8)), Material(kind="mirror", base_col
 LAMP = emitter(4.0, lamp=True, unseen=True)
 FLOOR = square((0, 0, 0), (20, 0, 0), (0, 0, -20), 0)
 VIEW = View((0.0, 2.0, 6.0), (0.0, 1.0, 0.0), fov=40.0)
-BEFORE = square((0, 1.4, 2.0), (0.5, 0, 0), (0, 0.4, 0), 1)  # in the line of sight, facing it
+BEFORE = square((0, 1.4, 2.0), (0.5, 0, 0), (0, 0.4, 0), 1)  # in the camera's line of sight, facing the camera
 ABOVE = square((0, 3.0, 0), (1, 0, 0), (0, 0, 1), 1)  # faces down
 HIGHER = square((0, 3.5, 0), (1, 0, 0), (0, 0, 1), 2)
-PATH = {"light_samples": 2}  # what follows one path at a time
+PATH = {"light_samples": 2}  # an option for which the kernel traces one path at a time
 
 
 def picture(materials: list[Material], *meshes: object, spp: int = 64, view: View = VIEW, **more: object) -> Sums:
@@ -44,7 +44,7 @@ def planes(sums: Sums) -> np.ndarray:
     ],
 )
 def test_the_camera_sees_what_is_behind(kernel: dict[str, object]) -> None:
-    """The first-hit planes are identical to those without the lamp."""
+    """A hidden lamp does not appear in the first-hit planes: they are identical to those without it."""
     with_lamp = picture([WHITE, LAMP], FLOOR, BEFORE, spp=4, **kernel)
     without = picture(
         [WHITE, emitter(4.0)], FLOOR, replace(BEFORE, positions=BEFORE.positions + np.float32(100)), spp=4, **kernel
@@ -64,7 +64,7 @@ def test_it_lights_as_a_body_does(kernel: dict[str, object]) -> None:
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
-    """A mirror shows a light in front of another, and both in front of an emissive surface."""
+    """A mirror shows a hidden lamp: in front of another lamp, and both in front of an emissive surface."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=10.0)
     wall = square((0, 5.0, 0), (3, 0, 0), (0, 0, 3), 3)
     materials = [MIRROR, LAMP, emitter(2.0, lamp=True, unseen=True), emitter(0.5)]
@@ -74,7 +74,7 @@ def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
 
 @pytest.mark.long
 def test_nothing_lies_in_its_shade() -> None:
-    """With one lamp in front of another, the floor receives the light of both."""
+    """A hidden lamp casts no shadow: with one in front of another, the floor receives the light of both."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=20.0)
 
     def lit(*radiance: float, kernel: dict[str, object]) -> Sums:
@@ -88,17 +88,17 @@ def test_nothing_lies_in_its_shade() -> None:
 
 
 def test_one_that_is_not_hidden_shows_before_what_is_behind() -> None:
-    """The camera sees the light of both, and the first hit is the object behind."""
+    """The camera sees the radiance of a visible pass-through lamp and of what is behind; the first hit is the object behind."""
     lamp = emitter(4.0, lamp=True)
     found = picture([emitter(1.0), lamp], FLOOR, BEFORE, spp=4, max_depth=1)
     light = mean(found, 24)[..., 0]
     assert set(np.unique(np.round(light, 4))) >= {1.0, 5.0}
     hidden = picture([emitter(1.0), LAMP], FLOOR, BEFORE, spp=4, max_depth=1)
-    np.testing.assert_allclose(planes(found), planes(hidden), rtol=1e-4, atol=100)  # the way is measured in two parts
+    np.testing.assert_allclose(planes(found), planes(hidden), rtol=1e-4, atol=100)  # the distance is the sum of two parts
 
 
 def test_a_body_that_is_not_seen_casts_its_shadow() -> None:
-    """It is also visible in a mirror."""
+    """An object hidden from the camera casts its shadow and is visible in a mirror."""
     ball = Material(base_color=gray(0.0), unseen=True)
     blocker = square((0, 1.0, 0), (8, 0, 0), (0, 0, -8), 2)
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=20.0)

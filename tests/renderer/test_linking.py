@@ -1,4 +1,4 @@
-"""Compiled subroutines are linked from the cache; only kernels become machine code."""
+"""Tests that compiled subroutines are linked from the cache, and only kernels become machine code."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _between(values):
 
 @entry
 def kernel(values):
-    """Returns three times the sum, plus 1."""
+    """Writes three times the sum, plus 1."""
     return _between(values)
 
 
@@ -53,7 +53,7 @@ def test_only_the_kernel_is_machine_code(cold: None) -> None:
 
 
 def test_what_was_kept_is_linked_too(cold: None) -> None:
-    """In a new process, each cached function is loaded once from its file and linked under newly compiled callers."""
+    """In a new process each cached function is loaded from its file once, and linked into newly compiled callers."""
     assert kernel(np.arange(4.0)) == 19.0
     kernel._cache.flush()
     for function in (_apart_from_all, _between, kernel):
@@ -63,7 +63,7 @@ def test_what_was_kept_is_linked_too(cold: None) -> None:
 
 @entry
 def caller(values):
-    """Returns twice the kernel's result."""
+    """Writes twice the kernel's result."""
     return 2.0 * kernel(values)
 
 

@@ -1,4 +1,4 @@
-"""Cached machine code in files: found again, also by other processes, and only where it is valid."""
+"""Tests of cached machine code in files: found again, also by other processes, and only where it is valid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Participating media compared with closed forms: Beer's law, furnaces, single scattering, Chandrasekhar's half-space."""
+"""Tests of participating media against closed forms: Beer's law, furnaces, single scattering, Chandrasekhar's half-space."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.renderer.half_space import reflectance
 from tests.renderer.judge import assert_mean, limit
 
 AHEAD = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), fov=20.0)
-# A millimetre wide, so that all rays are alike.
+# A view 1 mm wide, so that all rays are nearly the same.
 NARROW = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), projection="orthographic", height=1e-3)
 BALL = (Sphere((0.0, 0.0, 0.0), 1.0, 0),)
 BLACK_SKY = Environment(gray(0.0))
@@ -49,19 +49,19 @@ def film(scene: Any, view: View = AHEAD, spp: int = 64, **more: Any) -> Any:
 
 
 def seen(scene: Any, view: View = NARROW, spp: int = 1, **more: Any) -> np.ndarray:
-    """Returns the picture's mean, rgb."""
+    """Returns the picture's mean rgb."""
     return np.asarray(mean(film(scene, view, spp, **more), 24).reshape(-1, 3).mean(0))
 
 
 def slab(depth: float, wide: float = 30.0, material: int = 0) -> Mesh:
-    """Returns a slab from z = -depth to 0, 2 * `wide` across."""
+    """Returns a slab from z = -depth to 0 that extends `wide` to each side."""
     mesh = box(material)
     stretched = mesh.positions * np.array((wide, wide, depth / 2)) - np.array((0.0, 0.0, depth / 2))
     return replace(mesh, positions=stretched.astype(np.float32))
 
 
 def assert_colors(sums: Any, expected: tuple[float, ...], tests: int = 1, slack: float = 1e-4) -> None:
-    """Asserts each channel's mean over the pixels within its standard error."""
+    """Asserts that each channel's mean over the pixels is within its standard errors of `expected`."""
     pixels = np.asarray(mean(sums, 24)).reshape(-1, 3)
     error = pixels.std(axis=0) / np.sqrt(len(pixels))
     assert (error < 0.02 * np.array(expected)).all(), f"too noisy to judge: {error}"
@@ -72,7 +72,7 @@ def assert_colors(sums: Any, expected: tuple[float, ...], tests: int = 1, slack:
 
 
 def test_what_is_absorbed_follows_beer() -> None:
-    """Exact, since without scattering nothing is random."""
+    """Absorption follows Beer's law exactly: without scattering nothing is random."""
     sigma = np.array((0.1, 0.7, 3.0))
     assert seen(described([interface(sigma_a=tuple(sigma))], meshes=(slab(1.5),))) == pytest.approx(
         np.exp(-1.5 * sigma), rel=3e-4
@@ -82,7 +82,7 @@ def test_what_is_absorbed_follows_beer() -> None:
 
 
 def test_media_in_media_each_take_their_part() -> None:
-    """Nested balls in a slab absorb by their own media; one of the slab's own medium has no effect."""
+    """Nested balls in a slab absorb by their own media; a ball of the slab's medium has no effect."""
     a, b, c = 0.2, 0.5, 0.7
     nested = described(
         [interface(sigma_a=gray(a)), interface(sigma_a=gray(b)), interface(sigma_a=gray(c))],
@@ -99,7 +99,7 @@ def test_media_in_media_each_take_their_part() -> None:
 
 
 def test_bodies_that_overlap_are_left_one_by_one() -> None:
-    """The medium entered last applies until it is left, then the other one."""
+    """In overlapping bodies the medium entered last applies until the ray leaves it, then the other one."""
     first, second = interface(sigma_a=gray(0.2)), interface(sigma_a=gray(0.5))
     balls = (Sphere((0, 0, 0.5), 1.0, 0), Sphere((0, 0, -0.5), 1.0, 1))
     assert seen(described([first, second], balls)) == pytest.approx(gray(np.exp(-1 * 0.2 - 2 * 0.5)), rel=3e-4)
@@ -135,7 +135,7 @@ def test_shadow_rays_pass_what_is_no_surface_and_lose_what_it_absorbs() -> None:
         described([material, Material(base_color=gray(0.5))], BALL, (floor,), lights=lights, environment=BLACK_SKY)
         for material in (interface(), interface(sigma_a=tuple(sigma)))
     )
-    # Straight up from the floor's middle to the light; the camera looks past below the ball.
+    # Shadow rays go straight up from the floor's middle to the light; the camera looks past the ball, below it.
     assert seen(smoke, view, max_depth=2) / seen(without, view, max_depth=2) == pytest.approx(np.exp(-2 * sigma), rel=1e-3)
 
 
@@ -152,7 +152,7 @@ FURNACES = {
 
 @grid("name", FURNACES, ordinary=("onwards", "glass"))
 def test_what_only_scatters_shows_the_sky_as_it_is(name: str) -> None:
-    """Scattering without absorption is invisible in constant light: any shape, density, phase function, also in glass."""
+    """Scattering without absorption is invisible in constant light, for any density and phase function, also in glass."""
     assert_mean(film(described([FURNACES[name]], BALL), spp=128), 1.0, most_error=0.02, tests=len(FURNACES))
 
 
@@ -163,9 +163,9 @@ def test_from_inside_what_only_scatters_the_sky_is_as_it_is() -> None:
 
 @pytest.mark.parametrize("g", [0.0, 0.7])
 def test_light_that_is_scattered_once(g: float) -> None:
-    """Single scattering in a slab under a distant light, at oblique view.
+    """Single scattering in a slab under a distant light, viewed obliquely, has radiance
 
-    E p(cos) s / u * integral of exp(-t z (1 / u + 1 / v)), u and v the cosines.
+    E p(cos) s / u * integral of exp(-t z (1 / u + 1 / v)), where u and v are the cosines of light and view.
     """
     sigma_s, sigma_t = np.array((0.2, 0.5, 1.0)), np.array((0.5, 0.7, 1.5))
     to_light, to_eye = np.array((0.6, 0.0, 0.8)), np.array((-0.28, 0.0, 0.96))
@@ -182,7 +182,7 @@ def test_light_that_is_scattered_once(g: float) -> None:
 
 @pytest.mark.parametrize("cosine", [1.0, 0.3])
 def test_a_half_space_sends_back_what_chandrasekhar_found(cosine: float) -> None:
-    """A half-space under a white sky reflects 1 - sqrt(1 - albedo) H(cosine)."""
+    """A half-space under a white sky reflects 1 - sqrt(1 - albedo) H(cosine), Chandrasekhar's solution."""
     albedos = np.array((0.5, 0.9, 0.99))
     deep = described([interface(sigma_s=tuple(albedos), sigma_a=tuple(1 - albedos))], meshes=(slab(300.0, 1e3),))
     eye = (5 * np.sqrt(1 - cosine**2), 0.0, 5 * cosine)
@@ -203,14 +203,14 @@ BODIES = {
 
 @grid("name", BODIES, ordinary=("wax",))
 def test_subsurface_looks_as_bright_as_the_colour_that_it_is_given(name: str) -> None:
-    """Seen from afar under a white sky, reflectance is within the two or three per cent of van de Hulst's approximation."""
+    """From afar under a white sky, a body's reflectance equals its subsurface colour within van de Hulst's 2 to 3 per cent."""
     slack = 0.03 if name == "onwards" else 0.02
     body = BODIES[name]
     assert_colors(film(described([body], meshes=(slab(1e3, 1e4),)), spp=256), body.base_color, tests=4, slack=slack)
 
 
 def test_layers_over_subsurface_are_those_over_the_diffuse_base() -> None:
-    """A varnished body is equally bright with subsurface scattering as with a diffuse base: all light that enters exits."""
+    """A varnished body is equally bright with a subsurface and with a diffuse base: all light that enters leaves again."""
     skin = {"kind": "metallic_roughness", "base_color": COLORED, "roughness": 0.5, "clearcoat": 0.5, "clearcoat_roughness": 0.2}
     bodies = (Material(**skin), Material(**skin, **SKIN), Material(**skin, **{**SKIN, "subsurface": 0.4}))
     without, *others = (film(described([body], meshes=(slab(1e3, 1e4),)), spp=256) for body in bodies)

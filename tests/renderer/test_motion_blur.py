@@ -1,4 +1,4 @@
-"""Motion blur compared with closed forms, and with static pictures averaged over the time that the shutter is open."""
+"""Tests of motion blur against closed forms, and against static pictures averaged over the time the shutter is open."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MATERIALS = [
     Material(base_color=gray(0.0), emission=gray(6.0), double_sided=True),
 ]
 
-At = Callable[[float], SceneDescription]  # the scene at a share -0.5 ... 0.5 of the time that the shutter is open
+At = Callable[[float], SceneDescription]  # Maps a share of the open shutter's time, -0.5 ... 0.5, to the scene at that time.
 
 
 def described(**things) -> SceneDescription:
@@ -44,7 +44,7 @@ def over(at: At, shutter: Shutter = OPEN) -> SceneDescription:
 
 
 def turned(angle: float, place: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
-    """Returns a rotation about the z axis followed by a translation."""
+    """Returns a rotation by `angle` about the z axis followed by a translation to `place`."""
     matrix = np.eye(4)
     matrix[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
     matrix[:3, 3] = place
@@ -60,14 +60,14 @@ def picture(scene: CompiledScene, settings: RenderSettings, spp: int) -> np.ndar
 
 
 def from_the_middle(size: int, height: float) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (x, y) of the pixel centres in the plane viewed by FLAT."""
+    """Returns x and y of the pixel centres in the plane viewed by FLAT."""
     y, x = np.mgrid[0:size, 0:size] + 0.5
     return (x / size - 0.5) * height, (0.5 - y / size) * height
 
 
 @pytest.mark.long
 def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
-    """At a distance r from its axis a rotating bar of half width w covers 4 asin(w / r) of the circle."""
+    """At a distance r from its axis, a rotating bar of half width w covers the share 4 asin(w / r) / (2 pi) of the circle."""
     bar = square((0, 0, 0), (1.8, 0, 0), (0, 0.15, 0), UNLIT)
     turning = over(lambda t: described(meshes=[bar], instances=[Instance(0, turned(2 * math.pi * t), moves=True)]))
     assert turning.keys == 9, "five keys would take a quarter of a turn for a step"
@@ -79,7 +79,7 @@ def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
     assert abs(found - known)[inside].max() < 0.03
     assert abs((found - known)[inside].mean()) < 0.001
     assert found[r > 1.9].max() == 0.0
-    # The same all around: nothing is brighter at the keys.
+    # The disc is uniform in angle: it is no brighter at the keys.
     sector = (np.floor((np.arctan2(y, x) / math.pi + 1) * 16) % 32).astype(int)
     around = [found[inside & (sector == k)].mean() / known[inside & (sector == k)].mean() for k in range(32)]
     np.testing.assert_allclose(around, 1.0, atol=0.02)
@@ -87,7 +87,7 @@ def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
 
 @pytest.mark.long
 def test_what_flies_leaves_a_streak_of_the_known_profile() -> None:
-    """A square that moves from -d to d covers a point for the time of its width, and less at the ends: a trapezoid."""
+    """The streak of a square moving from -d to d is a trapezoid: a point is covered for the square's width, less at both ends."""
     w, d = 0.25, 1.0
     dot = square((0, 0, 0), (w, 0, 0), (0, w, 0), UNLIT)
     flying = over(lambda t: described(meshes=[dot], instances=[Instance(0, turned(0, (2 * d * t, 0, 0)), moves=True)]))
@@ -101,7 +101,7 @@ def test_what_flies_leaves_a_streak_of_the_known_profile() -> None:
 
 
 def spinning_child(t: float) -> SceneDescription:
-    """Returns a bar that rotates about its centre, under a parent that rotates too: half a turn and a whole one."""
+    """Returns a bar that rotates half a turn about its centre, under a parent that rotates a whole turn."""
     parent = turned(math.pi * t) @ turned(0, (1.2, 0, 0))
     return described(
         meshes=[square((0, 0, 0), (0.5, 0, 0), (0, 0.1, 0), UNLIT)],
@@ -110,7 +110,7 @@ def spinning_child(t: float) -> SceneDescription:
 
 
 def growing(t: float) -> SceneDescription:
-    """Returns a mirrored and skewed body that grows, rotates and moves; lit, with its shadow on a static wall."""
+    """Returns a mirrored and skewed body that grows, rotates and moves, lit, with its shadow on a static wall."""
     skew = np.eye(4)
     skew[0, 0], skew[0, 1], skew[1, 1] = -0.8, 0.3, 0.7 + 0.4 * t
     ball = icosphere(3, 0, 0.7)
@@ -139,7 +139,7 @@ def bending(t: float) -> SceneDescription:
 
 
 def rolling(t: float) -> SceneDescription:
-    """Returns spheres that move and grow, beside a static one."""
+    """Returns spheres that move and grow, and a static one."""
     return described(
         spheres=[
             Sphere((1.2 * t, -0.6, 0.0), 0.5 + 0.3 * t, GRAY, "a", moves=True),
@@ -151,7 +151,7 @@ def rolling(t: float) -> SceneDescription:
 
 
 def lamps(t: float) -> SceneDescription:
-    """Returns a wall under moving lights: a rotating quad, a growing sphere, and a static one."""
+    """Returns a wall under moving lights: a rotating quad, a growing sphere, and a static light."""
     return described(
         meshes=[square((0, 0, -1), (3, 0, 0), (0, 3, 0), GRAY), square((0, 0, 0), (0.4, 0, 0), (0, 0.15, 0), LAMP)],
         instances=[
@@ -164,7 +164,7 @@ def lamps(t: float) -> SceneDescription:
 
 
 def turning_lamps(t: float) -> SceneDescription:
-    """Returns one-sided lights that rotate: at the shutter's middle none of them, or all of them, face the wall."""
+    """Returns one-sided lights that rotate: at mid-shutter none of them faces the wall, or all do."""
     scene = lamps(t)
     scene.materials[LAMP] = replace(scene.materials[LAMP], double_sided=False)
     for number, (angle, x) in enumerate(((3.0 * t, -1.0), (3.0 * t + math.pi, 1.0), (2.0 * t + math.pi, 0.0)), 1):
@@ -197,7 +197,7 @@ def punctual(t: float) -> SceneDescription:
 
 
 def striped() -> list[Image]:
-    """Returns images of soft stripes with alpha, bumps, and soft spots."""
+    """Returns images of soft stripes with alpha, of bumps, and of soft spots."""
     y, x = (np.mgrid[0:16, 0:16] + 0.5) * (2 * math.pi / 16)
     stripes = np.stack([0.5 + 0.45 * np.sin(x), 0.5 + 0.45 * np.sin(y), 0.6 + 0.3 * np.cos(x + y), 0.5 + 0.5 * np.cos(2 * x)], -1)
     bumps = np.stack([0.5 + 0.3 * np.sin(2 * x), 0.5 + 0.3 * np.cos(y), 0 * x + 0.9, 0 * x + 1], -1)
@@ -207,7 +207,7 @@ def striped() -> list[Image]:
 
 
 def sliding(t: float) -> SceneDescription:
-    """Returns surfaces with moving textures: colours and bumps of a wall, alpha of a pane, and a light's spots."""
+    """Returns surfaces with moving textures: a wall's colours and bumps, a pane's alpha, and a light's spots."""
     c, s = math.cos(0.9 * t), math.sin(0.9 * t)
     textures = [
         Texture(0, transform=(1.0, 0.0, 0.6 * t, 0.0, 1.0, 0.2 * t)),
@@ -246,7 +246,7 @@ def everything(t: float) -> SceneDescription:
 
 
 def fly_by(t: float) -> SceneDescription:
-    """Returns a camera that moves, rotates and zooms, past a body that moves the other way."""
+    """Returns a camera that moves, rotates and zooms, past a body that moves in the opposite direction."""
     view = View((1.0 * t, 0.3, 5.0), (2.0 * t, 0.0, 0.0), fov=45 + 20 * t)
     scene = growing(t)
     scene.cameras = [Camera("flight", view)]
@@ -275,8 +275,8 @@ def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
     assert known.max() > 0.1
     assert found.mean() == pytest.approx(known.mean(), rel=0.01)
     assert abs(found - known).mean() < 0.015 * known.mean() + 0.002
-    # What lies between 0 and b with mean m has a variance of m (b - m) at most. Of 576 pixels hardly one is 4.5 such deviations
-    # off; an edge that passes by may be off by half a moment on either side of it.
+    # A value between 0 and b with mean m has a variance of at most m (b - m). Of 576 pixels hardly one deviates by 4.5 standard
+    # deviations. A moving edge may be off by half a time step in either direction.
     error = np.sqrt(known * np.maximum(brightest - known, 0.0) / samples)
     assert (abs(found - known) < 4.5 * error + brightest / moments).all()
 
@@ -295,7 +295,7 @@ def test_a_lamp_that_stands_still_is_as_bright_where_something_deforms() -> None
     settings = settings_of(size=24, max_depth=2)
     found, known = (picture(compile_scene(made), settings, 256)[:, :16] for made in (over(under_a_lamp), under_a_lamp(0.0)))
     assert known.mean() > 0.1
-    assert found.mean() == pytest.approx(known.mean(), rel=0.01)  # the sheet is to the right
+    assert found.mean() == pytest.approx(known.mean(), rel=0.01)  # the right part of the picture, where the sheet is
 
 
 @pytest.mark.long
@@ -339,7 +339,7 @@ def test_a_replay_follows_the_sample_at_its_time() -> None:
 
 @pytest.mark.long
 def test_a_trailing_shutter_closes_at_the_frame_and_a_leading_one_opens() -> None:
-    """The streak covers the motion in the time before the frame, or after it."""
+    """The streak covers the motion before the frame's time for a trailing shutter, and after it for a leading one."""
     bar = square((0, 0, 0), (0.1, 0, 0), (0, 2, 0), UNLIT)
     flight = lambda t: described(meshes=[bar], instances=[Instance(0, turned(0, (t, 0, 0)), moves=True)])  # noqa: E731
     for at, low, high in (("centred", -0.5, 0.5), ("trailing", -1.0, 0.0), ("leading", 0.0, 1.0)):

@@ -1,4 +1,4 @@
-"""Parallel compilation: several processes compile exactly the functions a kernel needs, each function once."""
+"""Tests of parallel compilation: several processes compile exactly the functions that a kernel needs, each once."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from renderer.target import KernelDispatcher
 
 
 class TypedError(Exception):
-    """Raised to end a compilation after type inference."""
+    """Raised after type inference, to stop a compilation there."""
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
 class RecordCalls(FunctionPass):
-    """Records the called functions and their argument types."""
+    """A compiler pass that records the called functions and their argument types."""
 
     _name = "tell_calls"
     calls: frozenset[tuple[str, str]] = frozenset()
@@ -72,7 +72,7 @@ def calls_of(function: Any, arguments: tuple[types.Type, ...]) -> frozenset[tupl
 @pytest.mark.long
 @pytest.mark.parametrize("variant", [PLAIN, pytest.param(FULL, marks=pytest.mark.long)])
 def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPatch, variant: str) -> None:
-    warm_up(variant=variant)  # else all that is called would be compiled here
+    warm_up(variant=variant)  # otherwise all called functions would be compiled here
     asked: list[tuple[types.Type, ...]] = []
 
     def asking(*arguments: Any) -> tuple[int, int]:
@@ -86,7 +86,7 @@ def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPa
     called = calls_of(accumulate._with_pool, (Reference(arguments[0]), *arguments[1:]))
     for part, types_of_it in parts:
         if part.__name__ == "arrive":
-            wanted = (*types_of_it, types.boolean)  # the same, and one more
+            wanted = (*types_of_it, types.boolean)  # the types already compiled, and one more
             assert {s for name, s in called if name == "scatter_vertices"} == {str(wanted)}, (
                 "else it is compiled once more for each"
             )
@@ -98,19 +98,19 @@ def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPa
 
 
 class Part:
-    """A compilable part that records which process compiled it."""
+    """A compilable part that records the process that compiles it."""
 
     def __init__(self, folder: Path, number: int) -> None:
         self.path = folder / str(number)
 
     def compile(self, arguments: Any) -> None:
-        time.sleep(0.02)  # the others have their turn
+        time.sleep(0.02)  # lets the other processes take parts
         with self.path.open("a") as file:
             file.write(f"{os.getpid()}\n")
 
 
 class Deadly(Part):
-    """A part that kills the process compiling it, unless it is the test's."""
+    """A part that kills the process that compiles it, unless that is the test's own."""
 
     def compile(self, arguments: Any) -> None:
         if os.getppid() == arguments[0]:
@@ -120,7 +120,7 @@ class Deadly(Part):
 
 @pytest.fixture
 def parts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, tuple[int]]]:
-    """Parts shared with one helper process, which may be forked. Nothing else is compiled."""
+    """Returns the parts shared with one helper process, which may be forked; nothing else is compiled."""
     found: list[tuple[Any, tuple[int]]] = []
     monkeypatch.setattr(parallel_compile, "pool_stages", lambda *_: found)
     monkeypatch.setattr(parallel_compile, "_helpers", lambda: 1)
@@ -196,5 +196,5 @@ def test_there_are_as_many_helpers_as_cores_and_memory_allow(monkeypatch: pytest
     monkeypatch.setattr(parallel_compile, "cores", lambda: 1)
     assert parallel_compile._helpers() == 0
     with Helpers(PLAIN) as helpers:
-        helpers.share()  # who is alone compiles all of it with the kernel
+        helpers.share()  # without helpers this process compiles everything with the kernel
         helpers.finish()

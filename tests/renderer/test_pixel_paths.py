@@ -1,4 +1,4 @@
-"""Explaining a pixel: its samples match the film to the bit, and its points are where the camera sees them."""
+"""Tests of explaining a pixel: its samples match the film to the bit, and its path vertices are where the camera sees them."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def test_a_pixel_without_samples_shows_its_first(made):
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
 def test_what_a_pixel_sees_is_seen_in_the_pixel(made, projection):
-    """The first vertex projects to the sample's film position, within the filter's radius."""
+    """A path's first vertex projects to the sample's film position, within the filter's radius."""
     view = View((0, 2, 6), (0.3, 0.5, 0), up=(0.1, 1, 0), fov=50, projection=projection, height=3, shift_x=0.2, shift_y=-0.1)
     asked = replace(settings(*VIEW, size=40, max_depth=2), view=view)
     for x, y in ((3, 9), (20, 30), (34, 22)):

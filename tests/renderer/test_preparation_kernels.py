@@ -1,6 +1,6 @@
-"""Preparation of kernels: a starting worker waits for the parts that all scenes need.
+"""Tests of kernel preparation: a starting worker waits only for the parts that all scenes need.
 
-The rest follows with the second kernel.
+The remaining parts are compiled with the second kernel.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def test_what_comes_with_a_kernel(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, variant: str, prepares: bool, wanted: list[str]
 ) -> None:
     done: list[str] = []
-    monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)  # where that kernel would be listed
+    monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)  # the folder where that kernel would be listed
     monkeypatch.setattr(jit, "_ready", set())
     monkeypatch.setattr(render, "_render", lambda *_: None)
     monkeypatch.setattr(render, "load_preparing", lambda: None)

@@ -1,4 +1,4 @@
-"""Text made safe to print, and log records."""
+"""Tests of making text safe to print, and of log records."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ except ValueError as error:
 
 
 def test_nothing_is_printed_raw() -> None:
-    """All consoles are PlainConsole, and all arguments of `print` are constants, JSON or printable."""
+    """All consoles are PlainConsole, and all arguments of `print` are constants, JSON or printable text."""
     wrong = []
-    # Programs that run by Python's own library alone, and print nothing from elsewhere.
+    # Programs that import only Python's standard library, and print no text from elsewhere.
     alone = {"worker/healthy.py", "service/healthy.py", "renderer/precompile.py"}
     for folder in ("rayfarm", "service", "worker", "telemetry", "protocol", "renderer"):
         for path in (ROOT / folder).rglob("*.py"):

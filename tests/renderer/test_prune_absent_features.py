@@ -1,4 +1,4 @@
-"""Kernel code for arguments that are None is not compiled."""
+"""Tests that kernel code for arguments that are None is not compiled."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Whole(NamedTuple):
 
 @device
 def _first(whole):
-    # Indexing None does not compile: that it does is the proof that this branch is left out.
+    # Indexing None does not compile, so successful compilation proves that this branch is pruned.
     if whole.parts.table is not None:
         return whole.parts.table[0]
     return whole.otherwise

@@ -1,4 +1,4 @@
-"""Punctual lights in rendered pictures: their irradiance in closed form, and that rays never hit them."""
+"""Tests of punctual lights in rendered pictures: their irradiance in closed form, and that rays never hit them."""
 
 import math
 
@@ -20,14 +20,14 @@ EYE = (0.3, 2.0, -0.2)
 
 
 def irradiance(*lights, at=(0.0, 0.0, 0.0), blockers=(), spp=4):
-    """Returns the sums of a picture of the floor at point `at`, whose radiance is E / pi."""
+    """Returns the film sums of the floor seen at point `at`; its radiance is E / pi."""
     lit = scene([WHITE, Material(base_color=gray(0.0))], (FLOOR, *blockers), lights=lights)
     eye = (at[0] + EYE[0], EYE[1], at[2] + EYE[2])
     return render_frame(lit, settings(eye, at, 0.01, size=8, max_depth=2), spp)
 
 
 def assert_irradiance(sums, expected, rtol=1e-4):
-    """Asserts the irradiance of noise-free sums."""
+    """Asserts the irradiance of sums without noise."""
     found = mean(sums, 24).mean((0, 1)) * math.pi
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=rtol, atol=1e-6)
 
@@ -70,7 +70,7 @@ def smooth_step(x):
 )
 @pytest.mark.parametrize(("inner", "outer"), [(0, 45), (20, 30), (30, 30)])
 def test_a_spot_falls_off_as_each_renderer_says(falloff, by, curve, inner, outer):
-    """Falloffs equal those of Cycles and pbrt, Mitsuba and USD; renderer/kernel/light/punctual.py has the sources."""
+    """Spot falloffs equal those of Cycles, pbrt, Mitsuba and USD; renderer/kernel/light/punctual.py cites the sources."""
     start, end = by(math.radians(inner)), by(math.radians(outer))
     for degrees in (0, 10, 19, 22, 25, 28, 29.5, 31, 44, 46, 100):
         a = math.radians(degrees)
@@ -90,7 +90,7 @@ def test_directional(degrees):
 @pytest.mark.parametrize("kind", ["point", "spot"])
 @pytest.mark.parametrize("degrees", [0, 55])
 def test_a_radius_leaves_the_irradiance_where_the_sphere_is_above_the_horizon(kind, degrees):
-    """The irradiance of a sphere above the horizon is that of a point: E = pi L (r / d)^2 cos = I cos / d^2."""
+    """The irradiance of a sphere above the horizon equals a point's: E = pi L (r / d)^2 cos = I cos / d^2."""
     a = math.radians(degrees)
     place = (2 * math.sin(a), 2 * math.cos(a), 0)
     lamp = Light(kind, gray(5.0), place, tuple(-c for c in place), radius=0.8, inner_cone=30)
@@ -98,7 +98,7 @@ def test_a_radius_leaves_the_irradiance_where_the_sphere_is_above_the_horizon(ki
 
 
 def test_a_sphere_cut_by_the_horizon():
-    """A sphere with its centre in the floor's plane: half is visible; E by numerical integration over its cone."""
+    """A spherical light with its centre in the floor's plane is half visible; E is integrated numerically over its cone."""
     distance, radius = 2.0, 1.0
     lamp = Light("point", gray(1.0), (distance, 0, 0), radius=radius)
     theta = (np.arange(2000) + 0.5) / 2000 * math.asin(radius / distance)
@@ -121,7 +121,7 @@ def test_an_angle_leaves_the_irradiance_of_a_sun_overhead(angle):
 
 
 def test_a_suns_angle_makes_a_penumbra():
-    """A half plane at height h casts a penumbra of width 2 h tan(half angle), with half of the light at its middle."""
+    """A half plane at height h casts a penumbra of width 2 h tan(half angle), with half the light at its middle."""
     roof = square((-20, 1.0, 0), (20, 0, 0), (0, 0, 40), 1)
     sun = Light("directional", gray(1.0), direction=(0, -1, 0), angle=40)
     edge = math.tan(math.radians(20))

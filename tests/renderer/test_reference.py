@@ -1,4 +1,4 @@
-"""NamedTuples passed by reference: read like the tuple itself, and typed by their fields."""
+"""Tests of NamedTuples passed by reference: read like the tuple itself, and typed by their fields."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _read(outer, out):
     out[2] = outer.point[1]
     out[3] = 1.0 if outer.yes else 0.0
     if outer.absent is not None:
-        out[4] = outer.absent.nowhere  # does not compile
+        out[4] = outer.absent.nowhere  # would not compile
 
 
 @entry

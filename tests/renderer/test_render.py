@@ -1,4 +1,4 @@
-"""Batches and frames: exact for any division, bad samples reported, settings applied."""
+"""Tests of batches and frames: exact for any division, bad samples reported, settings applied."""
 
 from itertools import pairwise
 
@@ -62,7 +62,7 @@ def varied():
 
 @pytest.fixture(scope="module")
 def whole():
-    """Returns a scene and its frame in one batch."""
+    """Returns a scene and its frame rendered in one batch."""
     made = varied()
     return made, render_batch(made, MANY, Tile(0, 0, 40, 40), 0, SPP).sums
 
@@ -134,10 +134,10 @@ def test_seeds_and_pixels_and_samples_differ(whole):
     later = render_batch(made, MANY, Tile(0, 0, 40, 40), SPP, SPP).sums
     assert (later[COLOR] != expected[COLOR])[:, hit].mean() > 0.95
     assert (np.diff(expected[COLOR], axis=2) != 0)[:, hit[:, 1:] & hit[:, :-1]].mean() > 0.95
-    # the two are equally good estimates of one picture
+    # Both are unbiased estimates of the same picture.
     difference = (other[COLOR] - expected[COLOR]).astype(float).sum()
     halves = [2 * s[COLOR_HALF] - s[COLOR] for s in (other, expected)]
-    error = np.sqrt(sum((h.astype(float).sum(0) ** 2).sum() for h in halves))  # channels of a pixel are not independent
+    error = np.sqrt(sum((h.astype(float).sum(0) ** 2).sum() for h in halves))  # channels of a pixel are correlated
     assert abs(difference) < 3 * error
 
 
@@ -160,7 +160,7 @@ def test_bad_samples_are_left_out_counted_and_named(poison):
     assert len(stats.bad) == MAX_BAD
     assert all(0 <= b.x < 16 and 0 <= b.y < 8 and 0 <= b.sample < 3 for b in stats.bad)
     assert len(set(stats.bad)) == MAX_BAD
-    assert not sums[:, :8].any()  # nothing of a bad sample is in the film
+    assert not sums[:, :8].any()  # bad samples add nothing to the film
     assert (sums[SAMPLES, 8:] == 3).all()
     assert np.isfinite(mean(sums, 24)).all()
 
@@ -193,14 +193,16 @@ def test_what_is_too_bright_is_clamped():
 
 
 def test_first_hit_planes_of_a_known_plane():
-    """For a floor one unit below the eye, normal and albedo are exact to the quantum, and depth is between those at a pixel's
-    corners.
+    """For a floor one unit below the eye, normal and albedo are exact to the quantum, and depth is between the values at a
+    pixel's corners.
     """
     made = scene([Material(base_color=(0.25, 0.5, 0.75))], (square((0, -1, 0), (1000, 0, 0), (0, 0, -1000), 0),), environment=1.0)
     asked = settings((0, 0, 0), (0, -1, -1), 40, size=16, max_depth=2)
     sums = render_frame(made, asked, 4)
     assert (mean(sums, 24, ALBEDO) == np.float32((0.25, 0.5, 0.75))).all()
-    assert np.abs(mean(sums, 24, NORMAL) - (0, 1, 0)).max() <= 2.0**-23  # one step of float32: the shading normal is normalised
+    assert (
+        np.abs(mean(sums, 24, NORMAL) - (0, 1, 0)).max() <= 2.0**-23
+    )  # one step of float32, since the shading normal is normalised
     edge = np.tan(np.radians(20)) * np.linspace(-1, 1, 17)
     x, y = np.meshgrid(edge, edge)
     forward, down = np.array([0, -1, -1]) / 2**0.5, np.array([0, -1, 1]) / 2**0.5
@@ -240,7 +242,7 @@ def test_settings_replace_and_scale_the_environment():
     assert (sky(environment=(1.0, 2.0, 4.0), environment_strength=0.5)[:8] == (0.5, 1, 2)).all()
     assert not sky(environment_strength=0.0).any()
     assert not sky(environment=(0.0, 0.0, 0.0)).any()
-    lit = sky(environment=(1.0, 2.0, 4.0))[8:]  # Lambert under a constant sky: albedo times radiance, without noise
+    lit = sky(environment=(1.0, 2.0, 4.0))[8:]  # Lambertian under a constant sky: albedo times radiance, without noise
     np.testing.assert_allclose(lit, np.broadcast_to((0.5, 1, 2), lit.shape), rtol=1e-6)
 
 
@@ -251,7 +253,9 @@ def test_a_dark_scene_is_lit_by_the_settings_environment():
 
 
 def spread_and_estimate(sampler, spp, seeds=48):
-    """Returns the spread of pictures with different seeds, the film's own noise estimate, and the estimate's error."""
+    """Returns the spread over pictures of different seeds, the film's own noise estimate, and the standard error of that
+    estimate.
+    """
     made = varied()
     pictures, estimates = [], []
     for seed in range(seeds):
@@ -267,7 +271,7 @@ def spread_and_estimate(sampler, spp, seeds=48):
 def test_noise_is_what_many_seeds_show(spp):
     spread, found, error = spread_and_estimate("independent", spp)
     assert error < 0.05 * spread
-    assert abs(found - spread) < 3 * 2 * error  # both sides are estimates of like precision
+    assert abs(found - spread) < 3 * 2 * error  # both values are estimates of similar precision
 
 
 @grid("spp", [2, 8, 13, 64], ordinary=(13,))
@@ -291,9 +295,9 @@ def test_the_kernel_halves_the_samples_as_the_film_says():
 
 
 def test_object_and_material_are_numbers_that_add_up_in_any_order(whole):
-    """The planes hold sample 0's numbers: a batch without it adds nothing."""
+    """The object and material planes hold the numbers of sample 0: a batch without that sample adds nothing."""
     made, expected = whole
-    assert {0, 1, 2, 3, 4} <= set(np.unique(expected[MATERIAL])) <= {0, 1, 2, 3, 4, 5}  # of 5, three pixels may show something
+    assert {0, 1, 2, 3, 4} <= set(np.unique(expected[MATERIAL])) <= {0, 1, 2, 3, 4, 5}  # only three pixels may show material 5
     assert ((expected[OBJECT] == 0) == (expected[MATERIAL] == 0)).all()
     later = render_batch(made, MANY, Tile(0, 0, 40, 40), 1, 3).sums
     assert not later[OBJECT].any()
@@ -307,7 +311,7 @@ def test_object_and_material_are_numbers_that_add_up_in_any_order(whole):
 @pytest.mark.parametrize("sampler", ["sobol", "independent"])
 @pytest.mark.parametrize("name", ["blackman-harris", "tent", "box"])
 def test_filters_leave_no_seams(whole, name, sampler):
-    """A wide filter's sample may lie in another tile, but it is added to its own pixel."""
+    """A wide filter moves a sample into another tile, but its value is added to its own pixel."""
     made, _ = whole
     asked = settings((0, 2, 6), (0, 0.5, 0), 40, size=40, max_depth=3, filter=name, sampler=sampler)
     digests = set()
@@ -327,7 +331,7 @@ def test_sobol_pictures_have_less_noise_than_independent_ones(spp, gain):
 
 
 def test_tile_borders_leave_no_trace():
-    """In a furnace all pixels estimate one value: those at tile borders are as precise and as independent."""
+    """In a furnace all pixels estimate one value: those at tile borders are as precise and as independent as others."""
     wall = Material(base_color=gray(0.5), emission=gray(0.5), double_sided=True)
     asked = settings((0.1, 0.2, 0.3), (1, 0, 0), 70, size=96, max_depth=4)
     values = mean(render_frame(scene([wall], (box(0),)), asked, 16), 24)[..., 0].astype(float)
@@ -337,7 +341,7 @@ def test_tile_borders_leave_no_trace():
     for along in (residual, residual.T):
         beside, within = along[:, border], along[:, ~border]
         assert scipy.stats.ttest_ind(beside.ravel(), within.ravel(), equal_var=False).pvalue > sidak(ALPHA, 4)
-        across = (along[:, :-1] * along[:, 1:])[:, [31, 63]].ravel()  # the products over a border
+        across = (along[:, :-1] * along[:, 1:])[:, [31, 63]].ravel()  # the products across a border
         assert abs(across.mean()) < limit(4) * across.std() / np.sqrt(across.size)
 
 

@@ -1,4 +1,4 @@
-"""Replaying one path: the film's value to the bit, and a record that adds up to it."""
+"""Tests of replaying one path: its value equals the film's to the bit, and its record adds up to that value."""
 
 import itertools
 import math
@@ -82,7 +82,7 @@ def test_the_vertices_are_a_chain(made):
 
 
 def test_the_strategys_density_is_told(made):
-    """The recorded pdf of a diffuse bounce is cos / pi, twice that where a path splits; none after a mirror."""
+    """The recorded pdf of a diffuse bounce is cos / pi, twice that where a path splits, and absent after a mirror."""
     asked = settings(*VIEW, size=40, max_depth=6)
     seen = 0
     for x in range(40):
@@ -106,7 +106,7 @@ def test_the_strategys_density_is_told(made):
     ],
 )
 def test_the_limit_that_ended_a_path_is_told(material, asked, end):
-    """In two nested spheres of one material, paths that pass the inner one end at the outer, with the limit recorded."""
+    """In two nested spheres of one material, paths that pass the inner sphere end at the outer one, with the limit recorded."""
     made = scene([material], spheres=(Sphere((0, 0, 0), 1.0, 0), Sphere((0, 0, 0), 2.0, 0)))
     found = replay(made, settings((0, 0, 0), (0, 0, -1), 40, size=8, **{"max_depth": 64, **asked}), 3, 3, 0)
     assert found.end == end
@@ -132,7 +132,7 @@ def test_what_is_not_in_the_picture_is_said(made, x, y, sample, word):
 
 
 def test_rendering_writes_no_log(made):
-    """A frame rendered with and without a log is equal."""
+    """A frame rendered while logging paths equals one rendered without."""
     asked = settings(*VIEW, size=16, max_depth=4)
     before = render_frame(made, asked, 2)
     replay(made, asked, 3, 3, 1)
@@ -140,7 +140,7 @@ def test_rendering_writes_no_log(made):
 
 
 def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
-    """Direct light is the recorded contribution, or the part a pane transmits; MIS weights are 0 ... 1."""
+    """The record names the chosen lamp and its contribution, reduced by a pane's transmission; MIS weights are 0 ... 1."""
     asked = settings(*VIEW, size=40, max_depth=6)
     brought, blocked, shares = 0, 0, []
     for x, y in itertools.product(range(0, 40, 2), (22, 34)):
@@ -152,10 +152,10 @@ def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
                     assert v.direct == (0, 0, 0)
                     continue
                 shares.append(v.lamp.share)
-                if v.lamp.point is not None:  # the world's only light of a body: a quad one below 3 in height
+                if v.lamp.point is not None:  # the world's only area light: a quad at a height below 3
                     assert v.lamp.point[1] == pytest.approx(3, abs=1e-3)
                 if any(v.direct):
-                    part = v.direct[0] / v.lamp.brought[0]  # the pane in the middle lets half of it through, twice a quarter
+                    part = v.direct[0] / v.lamp.brought[0]  # the pane in the middle transmits half of the light, twice a quarter
                     assert min(abs(part - known) for known in (1, 0.5, 0.25)) < 1e-4
                     brought += 1
                 else:

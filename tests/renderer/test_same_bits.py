@@ -1,4 +1,4 @@
-"""Processors with and without AVX-512 render the same bits, so that workers of one kind can share a film."""
+"""Tests that processors with and without AVX-512 render the same bits, so that workers of one kind can share a film."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from tests.renderer.kernel.backends.features import FEATURES, made
 pytestmark = [pytest.mark.hardware, pytest.mark.skipif(not jit.HAS_AVX512, reason="This processor has no AVX-512.")]
 
 SPP = 8
-# What follows one path at a time.
+# Options for which the kernel traces one path at a time.
 ALONE: tuple[dict[str, Any], ...] = ({"integrator": "whitted"}, {"integrator": "ao"}, {"sampling": "light"}, {"sampling": "bsdf"})
 
 
 def _without(program: str) -> list[str]:
-    """Returns the lines that a program prints with AVX-512 disabled."""
+    """Returns the lines that a program prints when it runs with AVX-512 disabled."""
     environment = {**os.environ, "RAYFARM_AVX512": "false", "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     return done.stdout.splitlines()
 
 
 def digests() -> list[str]:
-    """Returns a line with the film's digest for each feature."""
+    """Returns one line per feature with the digest of its film."""
     lines = []
     for name in FEATURES:
         scene, settings = made(name)
@@ -51,7 +51,7 @@ def test_both_are_one_kind_and_keep_their_kernels_apart() -> None:
     assert has == "False"
 
 
-@pytest.mark.long  # compiles all kernels once more
+@pytest.mark.long  # compiles all kernels again
 @pytest.mark.timeout(1800)
 def test_every_feature_has_the_same_bits() -> None:
     program = "from tests.renderer.test_same_bits import digests; print(*digests(), sep='\\n')"

@@ -1,4 +1,4 @@
-"""Lights with profiles and projected images: the irradiance of a floor below them in closed form."""
+"""Tests of lights with profiles and projected images: the irradiance of a floor below them in closed form."""
 
 import math
 from dataclasses import replace
@@ -24,14 +24,14 @@ WEB = read_ies(
 
 
 def web(theta, phi):
-    """Returns WEB's intensity at angles in degrees, interpolated linearly."""
+    """Returns the intensity of WEB at angles in degrees, interpolated linearly."""
     angles = np.arange(0, 91, 5.0)
     return np.interp(theta, angles, 500 * np.cos(np.radians(angles))) + 2 * phi
 
 
 @pytest.mark.parametrize(("theta", "phi"), [(0.5, 45), (15, 0), (30, 90), (45, 200), (70, 330)])
 def test_a_profile_gives_its_candela_by_the_squared_distance(theta, phi):
-    """Above a floor, with plane C0 along X and C90 along -Z, E = I(theta, phi) cos(theta) / d^2."""
+    """The irradiance of a floor is E = I(theta, phi) cos(theta) / d^2, with plane C0 along X and C90 along -Z."""
     a, b, height = math.radians(theta), math.radians(phi), 2.0
     at = height * math.tan(a) * math.cos(b), 0.0, -height * math.tan(a) * math.sin(b)
     lamp = Light("point", (1.0, 0.5, 2.0), (0, height, 0), (0, -1, 0), emission=WEB.emission)
@@ -40,7 +40,7 @@ def test_a_profile_gives_its_candela_by_the_squared_distance(theta, phi):
 
 
 def test_a_profile_lies_in_the_frame_of_its_light():
-    """Profiles of tilted lights are looked up by the angle to their axis and the azimuth from their up vector."""
+    """A tilted light's profile is looked up by the angle to its axis and the azimuth from its up vector."""
     for direction, up in (((0.3, -1, 0.2), (0, 0, 1)), ((1, -0.4, 0), (0, 1, 0)), ((0, -1, 0), (1, 0, 0))):
         f = np.array(direction) / np.linalg.norm(direction)
         r = np.cross(f, up)
@@ -73,7 +73,7 @@ def test_a_picture_all_around_is_seen_upright_from_the_light():
     pixels[:32] = 1.0
     pixels[:, 64:, 0] += 2.0
     emission = all_around(pixels)
-    # The axis is Y, and up Z, so that the middle looks along -Z and +X is to the right of that.
+    # The axis is Y and up is Z, so the panorama's middle faces -Z, and +X is to the right of it.
     local = [(x, z, y) for x, y, z in ((0.1, 0.5, -1), (-0.1, 0.5, -1), (0.1, -0.5, -1), (-0.1, -0.5, -1))]
     np.testing.assert_allclose(looked_up(emission, local)[:, 0], [3, 1, 2, 0])
     np.testing.assert_allclose(looked_up(emission, local)[:, 1], [1, 1, 0, 0])
@@ -88,7 +88,7 @@ def test_a_spot_is_dark_beyond_its_cone_whatever_its_picture_is():
 
 @pytest.mark.parametrize("facing", [False, True])
 def test_a_lamp_of_a_size_has_its_picture_too(facing):
-    """A light with a size has the same image: from afar it is a point, and a facing disk emits by direction."""
+    """A light with a size projects the same image: from afar it is a point, and a facing disk emits by direction."""
     lamp = Light("point", gray(4.0), (0, 3, 0), (0, -1, 0), emission=WEB.emission, up=(0, 0, -1), radius=0.05, facing=facing)
     at = (0.0, 0.0, -math.tan(math.radians(20)) * 3)
     expected = 4.0 * web(20, 90) * math.cos(math.radians(20)) ** 3 / 9
@@ -115,8 +115,8 @@ def test_lights_are_chosen_by_what_their_maps_send():
         (
             projected_map(np.ones((8, 8, 3), np.float32), 1.0, 1.0),
             4 * math.asin(1 / 2),
-        ),  # of a pyramid of 90 degrees: a sixth of all
-        (projected_map(np.ones((9, 5, 3), np.float32), 0.5, 2.0, "screen"), 4.0),  # irradiance by area
+        ),  # a pyramid of 90 degrees: a sixth of all directions
+        (projected_map(np.ones((9, 5, 3), np.float32), 0.5, 2.0, "screen"), 4.0),  # irradiance integrated over the area
         (all_around(np.ones((16, 32, 3), np.float32)), 4 * math.pi),
     ],
 )
@@ -125,7 +125,7 @@ def test_flux_is_the_integral_over_directions(emission, expected):
 
 
 def test_flux_is_what_is_looked_up():
-    """The flux equals the mean of the map over random directions, to four standard errors."""
+    """The flux equals the mean of the map over random directions, within four standard errors."""
     local = RANDOM.normal(size=(200_000, 3))
     picture = RANDOM.random((7, 5, 3), np.float32)
     for emission in (

@@ -1,4 +1,4 @@
-"""Precompiled kernels in a read-only folder of a container image."""
+"""Tests of precompiled kernels in a read-only folder of a container image."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from renderer.shipped_kernels import FOLDER, copy_finished_kernels, copy_shipped
 
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Returns a folder with kernels `abc`, laid out as by renderer.precompile."""
+    """Returns a folder with shipped kernels `abc`, laid out as by renderer.precompile."""
     folder = tmp_path / "shipped" / "abc"
     (folder / "kernel.x").mkdir(parents=True)
     (folder / "kernel.x" / "a.code").write_bytes(b"code")
@@ -105,7 +105,7 @@ def test_a_cache_that_cannot_be_written_is_a_warning(
 
 @pytest.mark.long
 def test_compiling_needs_no_folder_that_can_be_written(tmp_path: Path) -> None:
-    """Compiling needs no writable source folder; Numba's own cache locator would write a file to test that, and fail."""
+    """Compiling works with read-only source folders; Numba's own cache locator would try to write a file there, and fail."""
     program = (
         "import numpy as np\n"
         "from renderer.kernel.mesh.vertices import place_points\n"

@@ -1,4 +1,4 @@
-"""The source digest that identifies a worker's kind and the kernel cache: it depends on what is compiled and nothing else."""
+"""Tests of the source digest that identifies a worker's kind and the kernel cache: it covers what is compiled, nothing else."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from renderer import jit, sources
 from renderer.sources import ARRAYS, MACHINE_CODE, ROOT, cached_meaning, files_of, meaning
 
 DECORATORS = ("entry", "builder", "device", "template", "subroutine")
-# Modules that compute the hash, locate files, confine processes, or hold the sentences of errors and warnings.
+# Modules that compute the digest, locate files, confine processes, or hold error and warning sentences.
 EXEMPT = {
     ROOT / "sources.py",
     ROOT / "sentences.py",
@@ -40,7 +40,7 @@ def test_words_for_people_leave_no_trace(tmp_path: Path) -> None:
 
 
 def test_how_a_setting_is_shown_leaves_no_trace(tmp_path: Path) -> None:
-    """A setting's user-facing texts do not affect the hash; its range and a new choice do."""
+    """A setting's user-facing texts do not affect the digest; its range and a new choice do."""
     before = (
         'a: Annotated[int, Setting(1, 9), SettingTexts("A", "What it does.", group="lab")] = 3\n'
         'B = Choices({"x": SettingTexts("X")})\n'
@@ -71,7 +71,7 @@ def test_the_answer_is_kept_by_the_bytes(tmp_path: Path, monkeypatch) -> None:
     path.write_text("x = 2\n")
     assert cached_meaning([path], tmp_path / "kept", tmp_path) == "f" * 64
     monkeypatch.setattr(sources, "meaning", lambda *_: "e" * 64)
-    monkeypatch.setattr(sources, "__file__", str(path))  # another release's way to find it
+    monkeypatch.setattr(sources, "__file__", str(path))  # source of another release that finds its files differently
     assert cached_meaning([path], tmp_path / "kept", tmp_path) == "e" * 64
     monkeypatch.setattr(sources, "meaning", lambda *_: "f" * 64)
     path.write_text("x = 3\n")
@@ -79,7 +79,7 @@ def test_the_answer_is_kept_by_the_bytes(tmp_path: Path, monkeypatch) -> None:
 
 
 def test_machine_code_is_compiled_from_what_is_hashed_and_from_nothing_else() -> None:
-    """All decorated functions, and all of our modules that they import, are in MACHINE_CODE, so that no change goes unnoticed."""
+    """MACHINE_CODE lists all modules with compiled functions and all of our modules that they import, so no change is missed."""
     hashed = set(files_of(MACHINE_CODE))
     for path in ROOT.rglob("*.py"):
         if any(f"renderer.jit.{name}" in _named(path) for name in DECORATORS):
@@ -101,7 +101,7 @@ def test_every_reader_is_hashed_for_the_arrays() -> None:
 
 @pytest.mark.long
 def test_another_checkout_of_the_same_sources_has_the_same_kind(tmp_path: Path) -> None:
-    """Another checkout has the same kind, also after an edit of a docstring; a touched file compiles nothing again."""
+    """A checkout of the same sources has the same kind, even with edited docstrings; touching a file recompiles nothing."""
     copy = tmp_path / "renderer"
     subprocess.run(["cp", "-r", str(ROOT), str(copy)], check=True)
     reader = copy / "scene" / "readers" / "obj.py"
@@ -113,7 +113,7 @@ def test_another_checkout_of_the_same_sources_has_the_same_kind(tmp_path: Path) 
 
 @functools.cache
 def _named(path: Path) -> set[str]:
-    """Returns all names in a file's imports, as module.name."""
+    """Returns all names that a file imports, as module.name."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and node.module:
@@ -124,7 +124,7 @@ def _named(path: Path) -> set[str]:
 
 
 def _ours(path: Path) -> set[Path]:
-    """Returns the renderer's modules that a file imports."""
+    """Returns the paths of the renderer's modules that a file imports."""
     found = set()
     for module in _named(path):
         if module.startswith("renderer."):

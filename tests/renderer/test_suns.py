@@ -1,4 +1,4 @@
-"""Suns with visible disks, and lamps that are facing disks, in rendered pictures."""
+"""Tests of suns with visible disks, and of lamps that are disks facing the shaded point, in rendered pictures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FLOOR = square((0, 0, 0), (20, 0, 0), (0, 0, -20), 0)
 DOWN = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=40.0)
 SUN = Light("directional", gray(2.0), direction=(0.0, -1.0, 0.0), angle=20.0, seen="mirrored")
 RADIANCE = 2.0 / (math.pi * math.sin(math.radians(10)) ** 2)
-PATH = {"light_samples": 2}  # what follows one path at a time
+PATH = {"light_samples": 2}  # an option for which the kernel traces one path at a time
 
 
 def picture(material: Material, *lights: Light, spp: int = 16, view: View = DOWN, **more: object) -> Sums:
@@ -68,7 +68,7 @@ def test_it_lights_what_is_matt_as_before() -> None:
 def lit(
     lamp: Material | None, *lights: Light, height: float = 1.0, spp: int = 256, below: Material = WHITE, **more: object
 ) -> Sums:
-    """Returns the sums of the floor below a light of radius 0.8 at that height, or below other lights."""
+    """Returns the film sums of the floor below a ball lamp of radius 0.8 at `height`, or below `lights` if `lamp` is None."""
     spheres = [Sphere((0.0, height, 0.0), 0.8, 1)] if lamp is not None else []
     materials = [below, *([lamp] if lamp is not None else [])]
     made = scene(materials, (FLOOR,), tuple(spheres), lights=lights)
@@ -82,7 +82,7 @@ GLOW = Material(base_color=gray(0.0), emission=gray(3.0), lamp=True, unseen=True
 @pytest.mark.parametrize("height", [2.0, 1.0, 0.4])
 @grid("kernel", [{}, PATH, {"sampling": "bsdf"}, {"sampling": "light"}], ordinary=({},))
 def test_a_disk_that_faces_is_as_bright_as_its_angle_says(height: float, kernel: dict[str, object]) -> None:
-    """Under the centre of a facing disk, irradiance is radiance times pi sin^2 of the half angle, also near the floor."""
+    """Below the centre of a facing disk, irradiance is pi L sin^2(half angle), also near the floor."""
     irradiance = 3.0 * math.pi * 0.8**2 / (0.8**2 + height**2)
     assert_mean(lit(GLOW, height=height, spp=1024, **kernel), 0.8 / math.pi * irradiance, slack=4e-3)
 
@@ -97,16 +97,16 @@ def test_a_light_without_a_body_is_as_bright(kind: str) -> None:
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_a_mirror_shows_the_disk_and_not_the_ball(kernel: dict[str, object]) -> None:
-    """A mirror shows a facing disk of radius 0.8 at a distance of 3.0: tan of its half angle is their quotient."""
+    """A mirror shows a facing disk of radius 0.8 at a distance of 3.0, not a ball: the half angle's tangent is 0.8 / 3.0."""
     made = scene([MIRROR, GLOW], (FLOOR,), (Sphere((0.0, 1.0, 0.0), 0.8, 1),))
     view = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=80.0)
     sums = render_frame(made, RenderSettings(64, 64, view, **{"max_depth": 3, "filter": "box", **kernel}), 16)
     found = mean(sums, 24)[..., 0]
     x, y = np.meshgrid(*[(2 * (np.arange(64) + 0.5) / 64 - 1) * math.tan(math.radians(40))] * 2)
     slope = np.hypot(x, y)
-    # A ray meets the floor at 2 tan a, which is the vertex that the lamp faces.
+    # A ray hits the floor at 2 tan a, the vertex that the lamp faces.
     start, rise = 2 * slope, slope
-    d = np.stack([-start, np.ones_like(start)])  # from the vertex to the middle, outwards and up
+    d = np.stack([-start, np.ones_like(start)])  # from the vertex to the disk's middle, outwards and up
     along = (d[0] * rise + d[1]) / np.hypot(rise, 1)
     off2 = (d**2).sum(axis=0) - along**2
     meets = (along > 0) & (np.sqrt(off2) * np.sqrt((d**2).sum(axis=0)) < 0.8 * along)
@@ -118,7 +118,7 @@ def test_a_mirror_shows_the_disk_and_not_the_ball(kernel: dict[str, object]) -> 
 
 
 def test_what_casts_no_shadow_is_lit_and_seen() -> None:
-    """A shadowless card above the floor transmits the light, and is lit itself."""
+    """A shadowless card above the floor lets the light pass, and is itself lit."""
     card = square((0, 1.0, 0), (8, 0, 0), (0, 0, -8), 1)
     lamp = Light("point", gray(5.0), (0.0, 3.0, 0.0))
     below, above = (

@@ -1,4 +1,4 @@
-"""Kernels have their own compile target: a host program's Numba is unchanged before and after rendering."""
+"""Tests of the kernels' own compile target: a host program's Numba is unchanged before and after rendering."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from renderer.target import KernelDispatcher
 from tests.helpers import ROOT
 
 SCENE = ROOT / "scenes" / "cornell-box.yaml"
-# A host's own function: a product and a sum that could be fused, a loop that LLVM vectorises, an array whose references count.
+# A host program's function: a sum with a product that could be fused, a vectorisable loop, a reference-counted array.
 HOST = """
 import math
 from numba import njit
@@ -36,7 +36,7 @@ def total(values, factor):
     return result
 """
 
-# A kernel that no cache has: rendering a picture may only load kernels.
+# A kernel that no cache contains; rendering a picture loads only cached kernels.
 COLD = """
 from renderer import jit
 
@@ -45,7 +45,7 @@ def fused(a, b, c):
     return a * b + c
 """
 
-# What a process compiles of it; with `render`, before and after a picture and the compilation of a kernel.
+# Prints what a process compiles of HOST; with `render`, before and after rendering a picture and compiling a kernel.
 PROGRAM = """
 import json, os, re, sys
 
@@ -107,7 +107,7 @@ print(json.dumps(answer))
 
 @pytest.fixture
 def answer(tmp_path: Path) -> Any:
-    """Returns a function that runs the program, and returns its output."""
+    """Returns a function that runs the program and returns its output."""
     (tmp_path / "host.py").write_text(HOST)
     (tmp_path / "cold.py").write_text(COLD)
 
@@ -186,7 +186,7 @@ if len(sys.argv) > 1:  # another kernel must be compiled after one was loaded
 
 
 def test_loading_a_kernel_needs_none_of_numbas_declarations(tmp_path: Path) -> None:
-    """They take three quarters of the time, and a starting worker only loads."""
+    """A starting worker only loads kernels, and Numba's declarations take three quarters of the loading time."""
     program = tmp_path / "kernels.py"
     program.write_text(KERNELS)
     environment = {**os.environ, "RAYFARM_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}

@@ -1,4 +1,4 @@
-"""Temporal filtering of denoised shots, on synthetic frames with known motion."""
+"""Tests of temporal filtering of denoised shots, on synthetic frames with known motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOISE = 0.02
 def frame(
     shift: float = 0.0, color: np.ndarray | None = None, albedo: np.ndarray | None = None, object: float = 1.0
 ) -> DenoisedFrame:
-    """Returns a frame of a uniformly lit wall with noise, which moves by `shift` pixels to the right per frame."""
+    """Returns a frame of a uniformly lit, noisy wall that moves `shift` pixels to the right per frame."""
     up = np.zeros((*SHAPE, 3), np.float32)
     up[..., 1] = 1.0
     surface = np.full((*SHAPE, 3), 0.5, np.float32) if albedo is None else albedo
@@ -46,7 +46,7 @@ def test_five_guesses_are_better_than_one() -> None:
 
 def test_a_texture_that_moves_stays_sharp() -> None:
     columns = np.arange(SHAPE[1])
-    for shift in (1.0, 0.5):  # of what is seen between two pixels, the mean
+    for shift in (1.0, 0.5):  # a point between two pixels is the mean of both
         frames = {}
         for n in range(5):
             sides = (np.where((columns - way(shift * n)) % 4 < 2, 0.8, 0.2) for way in (np.floor, np.ceil))

@@ -1,4 +1,4 @@
-"""Settings from environment variables: values, and files that hold them."""
+"""Tests of settings from environment variables: values, and files that contain values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motion vectors compared with independent computations: affine motions in closed form, and all triangles of a file."""
+"""Tests of motion vectors against independent computations: affine motions in closed form, and all triangles of a file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MATERIALS = [
     Material(base_color=gray(0.7), opacity=0.3, alpha_mode="blend"),
 ]
 F64 = np.ndarray
-At = Callable[[float], F64]  # a 4 x 4 matrix at so many frames from the one that is looked at
+At = Callable[[float], F64]  # Maps a time, in frames relative to the current one, to a 4 x 4 matrix.
 
 
 def turned(angle: float, axis: int = 2) -> F64:
@@ -60,7 +60,7 @@ def axes(view: View) -> F64:
 
 
 def rays(view: View) -> tuple[F64, F64]:
-    """Returns origins and directions of the rays through the pixels' centres: (h, w, 3) each."""
+    """Returns the origins and directions of the rays through the pixel centres, (h, w, 3) each."""
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
     x, y = x - WIDTH / 2, HEIGHT / 2 - y
     right, up, forward = axes(view)
@@ -78,7 +78,7 @@ def rays(view: View) -> tuple[F64, F64]:
 
 
 def seen(view: View, points: F64) -> F64:
-    """Returns the positions of points in the picture: x to the right and y upwards, from the centre."""
+    """Returns the picture positions of points, in pixels from the centre: x to the right, y upwards."""
     x, y, z = np.moveaxis((points - view.eye) @ axes(view).T, -1, 0)
     if view.projection == "panorama":
         turns = np.arctan2(x, z) / (2 * math.pi), np.arcsin(y / np.sqrt(x * x + y * y + z * z)) / math.pi
@@ -90,7 +90,7 @@ def seen(view: View, points: F64) -> F64:
 
 
 def known(points: list[F64], views: list[View]) -> F64:
-    """Returns the expected motion vectors of points given at the three times."""
+    """Returns the expected motion vectors, given the points and views at three times."""
     before, now, after = (seen(view, each) for view, each in zip(views, points, strict=True))
     ways = [before - now, now - after]
     for way in ways:
@@ -113,13 +113,13 @@ def described(**things) -> SceneDescription:
 
 
 def body(at: At, material: int = GRAY) -> Callable[[float], SceneDescription]:
-    """Returns a scene function with a square placed by a matrix."""
+    """Returns a function from a time to a scene with a square placed by the matrix at that time."""
     mesh = square((0, 0, 0), (1.2, 0.1, 0), (0, 1.0, 0), material)
     return lambda t: described(meshes=[mesh], instances=[Instance(0, at(t), moves=True)])
 
 
 def bent(at: At) -> Callable[[float], SceneDescription]:
-    """Returns the same scene with moving vertices in place of the matrix."""
+    """Returns the same scene as `body`, but with moving vertices in place of the matrix."""
     mesh = square((0, 0, 0), (1.2, 0.1, 0), (0, 1.0, 0), GRAY)
 
     def describe(t: float) -> SceneDescription:
@@ -130,7 +130,7 @@ def bent(at: At) -> Callable[[float], SceneDescription]:
 
 
 def on_the_square(at: At, view: View) -> tuple[list[F64], F64]:
-    """Returns the square's points seen by the pixels at the three times, and which pixels see it."""
+    """Returns the points of the square that the pixels see, at the three times, and a mask of the pixels that see it."""
     o, d = rays(view)
     back = np.linalg.inv(at(0))
     start, way = o @ back[:3, :3].T + back[:3, 3], d @ back[:3, :3].T
@@ -174,7 +174,7 @@ def test_what_moves_and_stays_flat_is_where_geometry_has_it(move: str, way: str)
 
 @pytest.mark.parametrize("way", WAYS)
 def test_spheres_and_what_is_infinitely_far(way: str) -> None:
-    """Points of a sphere that moves and grows keep their direction from its centre; pixels behind it see nothing."""
+    """Points of a moving and growing sphere keep their direction from its centre; background pixels have no motion vector."""
     views = WAYS[way]
     balls = {t: ((0.2 * t, 0.1 * t, 0.0), 0.7 + 0.1 * t) for t in (-1.0, 0.0, 1.0)}
     scene = compile_scene(over(lambda t: described(spheres=[Sphere(*balls[t], moves=True)])))
@@ -196,8 +196,8 @@ def test_spheres_and_what_is_infinitely_far(way: str) -> None:
 
 @pytest.mark.long
 def test_every_vertex_of_a_file_that_turns_morphs_and_bends(tmp_path: Path) -> None:
-    """A glTF file with a hierarchy, a morph target, a skin and a moving camera: vectors match a brute-force search of all
-    triangles.
+    """Motion vectors of a glTF file with a hierarchy, a morph target, a skin and a moving camera match a brute-force search of
+    all triangles.
     """
     (tmp_path / "all.glb").write_bytes(everything())
     shot = Shot(tmp_path, "all.glb")

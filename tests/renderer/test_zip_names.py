@@ -1,4 +1,4 @@
-"""File names in zip archives without a declared encoding, or with Windows separators."""
+"""Tests of file names in zip archives without a declared encoding, or with Windows separators."""
 
 import io
 import struct
@@ -13,7 +13,7 @@ MTL = b"newmtl a\nmap_Kd %s\n"
 
 
 def zipped(files, extra=b""):
-    """Returns a zip with names in bytes, without the UTF-8 flag."""
+    """Returns a zip whose names are raw bytes, without the UTF-8 flag."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
         for name, content in files.items():
@@ -50,11 +50,11 @@ def test_backslashes_separate_folders_whatever_system_is_named():
 )
 def test_an_encoding_is_guessed_by_its_letters_and_said(name, encoding, title):
     found = names_of(zipped({b"scene.obj": b"", name.encode(encoding): b""}))
-    if encoding != "big5":  # whose letters are also those of other encodings
+    if encoding != "big5":  # Big5's letters are valid in other encodings too
         assert found.names == ["scene.obj", name]
         assert found.guess == f"The archive does not state the encoding of 1 names; they are read as {title}."
     with_use = names_of(zipped({b"scene.mtl": MTL % name.encode(), name.encode(encoding): b""}))
-    assert with_use.names[1] == name  # what the files name decides
+    assert with_use.names[1] == name  # names mentioned in the scene files decide the encoding
 
 
 def test_what_is_declared_is_no_guess():

@@ -40,7 +40,7 @@ NEEDS_MORE = {
 
 
 def described(*materials: Material) -> SceneDescription:
-    """A floor of the first material, a ball of each, and an emissive one."""
+    """Returns a scene with a floor of the first material, a ball of each material, and an emissive ball."""
     materials = (*materials, Material(base_color=gray(0.0), emission=gray(5.0)))
     return SceneDescription(
         meshes=[square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)],
@@ -101,7 +101,9 @@ def test_a_kernel_is_told_what_the_scene_has() -> None:
 
 @pytest.mark.parametrize("others", [["full"], pytest.param(["moving", "media", "moving-media"], marks=pytest.mark.long)])
 def test_the_variants_render_the_same(monkeypatch: pytest.MonkeyPatch, others: list[str]) -> None:
-    """Equal except in last bits, where the compiler fused other operations, and in the rare paths that these change."""
+    """The variants' films agree except in last bits, where the compiler fuses other operations, and in the few paths these
+    change.
+    """
     scene = compile_scene(described(*PLAIN))
     settings = RenderSettings(48, 32, View((0.5, 2.5, 5.0), (0.8, 0.3, 0.0), fov=45), max_depth=6)
     pictures = []

@@ -1,4 +1,4 @@
-"""Small .blend files, written from the known format."""
+"""Builds small .blend files for tests, following the file format."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import struct
 __all__ = ["blend"]
 
 TYPES = {"char": 1, "ID": 24, "Library": 24 + 1024 + 8, "Thing": 1024 + 24 + 1024 + 2 * 1024, "bNodeSocketValueString": 1024}
-TYPES |= {"bNode": 24 + 64, "Bake": 24 + 8, "Bakes": 2 * (24 + 8)}  # of pointers with 8 bytes
+TYPES |= {"bNode": 24 + 64, "Bake": 24 + 8, "Bakes": 2 * (24 + 8)}  # includes pointers of 8 bytes each
 NAMES = ["name[24]", "id", "name[1024]", "*more", "path[1024]", "library", "value[1024]", "two[2][1024]"]
 NAMES += ["idname[64]", "*bake_directory", "both[2]"]
 STRUCTS = [
@@ -22,9 +22,11 @@ STRUCTS = [
 
 
 def blend(*blocks: tuple[str, bytes], form: str = "BLENDER-v405", count: int = 1) -> bytes:
-    """Returns a .blend file. blocks: the struct and the bytes that follow or begin its ID. form: the header.
+    """Returns a .blend file with the given blocks.
 
-    count: of each block.
+    blocks: pairs of a struct name and the block's data, which begin with its ID where the struct has one.
+    form: the file header, from which byte order and pointer size follow.
+    count: the number of structs that each block's header declares.
     """
     is_large = form[7] == "1"
     order, pointer = (">" if form[8] == "V" else "<"), ("I" if form[7] == "_" else "Q")

@@ -1,4 +1,4 @@
-"""Conversion by a Blender process: results, and errors when it fails. A script replaces Blender."""
+"""Tests of conversion by a Blender process: results, and errors when Blender fails. A script replaces Blender."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ echo '{{"main": "blender-scene.yaml"}}' > "$out/report.json"
 
 @pytest.fixture
 def blender(tmp_path: Path) -> Callable[[str], str]:
-    """Returns a function from a script to the path of a fake Blender that runs it when it opens a file."""
+    """Returns a function that takes a script and returns the path of a fake Blender that runs it on opening a file."""
 
     def make(script: str, version: str = VERSION) -> str:
         path = tmp_path / "program" / "blender"

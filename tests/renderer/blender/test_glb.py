@@ -1,4 +1,4 @@
-"""Editing a GLB file: existing content is kept, and added content can be read."""
+"""Tests of editing a GLB file: existing content is preserved, and added content can be read."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SQUARE = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)], np.float32)
 
 
 class Meant:
-    """A mesh like those of rayfarm_addon: in Blender's axes, with a part for each material."""
+    """A mesh as rayfarm_addon exports it: in Blender's axes, one part per material."""
 
     positions = SQUARE
     normals = np.tile(np.float32((0, 0, 1)), (4, 1))
@@ -38,7 +38,7 @@ def test_a_stand_in_becomes_what_it_stands_for(tmp_path: Path) -> None:
     found = read(tmp_path, "a.glb")
     corners = world(found)
     assert corners.shape == (2, 3, 3)
-    np.testing.assert_allclose(corners.reshape(-1, 3).max(axis=0), (2, 0, 0))  # Blender's up is glTF's Y
+    np.testing.assert_allclose(corners.reshape(-1, 3).max(axis=0), (2, 0, 0))  # Blender's +Z is glTF's +Y
     np.testing.assert_allclose(corners.reshape(-1, 3).min(axis=0), (0, 0, -1))
     assert found.meshes[0].normals is not None
     np.testing.assert_allclose(found.meshes[0].normals, np.tile((0, 1, 0), (4, 1)))

@@ -1,4 +1,4 @@
-"""Copies of .blend files refer only to uploaded files; files that are no .blend files are rejected."""
+"""Tests of copies of .blend files: they refer only to uploaded files, and other files are rejected."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_a_bomb_is_no_larger_than_what_is_granted(tmp_path):
 
 
 def test_every_mutation_is_copied_or_named(tmp_path):
-    """For each byte of a small file changed: no unexpected exception, and no copy above the size limit."""
+    """Changing any one byte of a small file raises no unexpected exception and yields no copy above the size limit."""
     data = bytearray(blend(("Library", library(b"/x")), form=FORMS[0]))
     places = [*range(60), *range(len(data) - 700, len(data), 3)]
     for place in places:

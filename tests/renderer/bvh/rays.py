@@ -1,4 +1,4 @@
-"""Traces many rays through a tree, and computes the same hits with numpy without one."""
+"""Traces many rays through a tree, and computes reference hits with NumPy without a tree."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Hits(NamedTuple):
     t: np.ndarray  # (n,) f32; t_max where nothing is hit
     primitive: np.ndarray  # (n,) i32; -1 where nothing is hit
     uv: np.ndarray  # (n, 2) f32
-    shadow: np.ndarray  # (n,) bool: any_hit
-    instance: np.ndarray  # (n,) i32; -1 in the world
+    shadow: np.ndarray  # (n,) bool, by any_hit
+    instance: np.ndarray  # (n,) i32; -1 for a hit outside instances
 
 
 @entry
@@ -34,10 +34,10 @@ def _trace(bvh, stack, o, d, t_max, t, primitive, uv, shadow, instance):
 
 
 def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
-    """Traces rays from o (n, 3) or (3,) in directions d (n, 3), which need not be unit."""
+    """Returns the hits of rays from o (n, 3) or (3,) in directions d (n, 3), which need not be normalised."""
     d = np.ascontiguousarray(d, np.float32).reshape(-1, 3)
     n = len(d)
-    # Copies, which may be written into: for arrays that may not the kernel would be compiled once more.
+    # Writable copies: read-only arrays have another type, for which the kernel would be compiled again.
     o, limit = (np.array(np.broadcast_to(each, shape), np.float32, order="C") for each, shape in ((o, (n, 3)), (t_max, (n,))))
     hits = Hits(
         np.empty(n, np.float32), np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.bool_), np.empty(n, np.int32)
@@ -47,7 +47,7 @@ def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
 
 
 def without_a_tree(position: np.ndarray, triangle: np.ndarray, sphere: np.ndarray, o: object, d: object) -> Hits:
-    """Tests all primitives without a tree: leaves of eight, visited one after the other."""
+    """Returns the hits found by testing all primitives without a tree, in leaves of eight."""
     nearest: Hits | None = None
     for first in range(0, len(triangle), 8):
         hits = trace(build(position, triangle[first : first + 8], NO_SPHERES), o, d)
@@ -74,7 +74,7 @@ def _nearer(a: Hits | None, b: Hits, first: int) -> Hits:
 
 
 def triangles_by_numpy(position: np.ndarray, triangle: np.ndarray, o: np.ndarray, d: np.ndarray, slack: float) -> np.ndarray:
-    """Distances (rays, triangles) in double precision, inf for a miss; edges widened by `slack` in barycentric terms."""
+    """Returns distances (rays, triangles) in float64, inf for a miss. `slack` widens the edges, in barycentric coordinates."""
     a, b, c = (position[triangle[:, k]].astype(np.float64) for k in range(3))
     o, d = np.asarray(o, np.float64).reshape(-1, 1, 3), np.asarray(d, np.float64)[:, None]
     e1, e2 = b - a, c - a
@@ -91,7 +91,7 @@ def triangles_by_numpy(position: np.ndarray, triangle: np.ndarray, o: np.ndarray
 
 
 def spheres_by_numpy(sphere: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Distances (rays, spheres) in double precision, inf for a miss."""
+    """Returns distances (rays, spheres) in float64, inf for a miss."""
     f = np.asarray(o, np.float64).reshape(-1, 1, 3) - sphere[:, :3].astype(np.float64)
     d = np.asarray(d, np.float64)[:, None]
     a, b = (d * d).sum(-1), -(f * d).sum(-1)

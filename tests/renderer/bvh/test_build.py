@@ -1,4 +1,4 @@
-"""Tree construction: each primitive is contained once, in boxes that enclose it, for any input."""
+"""Tests of tree construction: for any input each primitive is contained once, in boxes that enclose it."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ NO_TRIANGLES = np.zeros((0, 3), np.int32)
 
 
 def leaves(bvh):
-    """Returns (primitive, its triangle's corners or sphere, enclosing boxes) for all leaves, and checks the tree's structure."""
+    """Returns (primitive, triangle corners or sphere, enclosing boxes) for all leaves, and checks the tree's structure."""
     child = bvh.node[:, ROW_CHILD].view(np.int32)
     number = bvh.packet[:, ROW_PRIMITIVE].view(np.int32)
     nodes, packets, deepest = set(), set(), 0
@@ -79,7 +79,7 @@ coordinate = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-30, 1e-3, 1e3, 1e15,
 @given(st.data())
 @hypothesis_settings(deadline=None)
 def test_any_primitives_make_a_whole_tree(data):
-    """Coincident points, slivers, degenerate, huge and tiny primitives: each is kept once, inside all boxes above it."""
+    """Coincident points, slivers, and degenerate, huge and tiny primitives: each is in the tree once, inside all its boxes."""
     points = data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, max_size=30))
     corner = st.integers(0, len(points) - 1)
     triangle = data.draw(st.lists(st.tuples(corner, corner, corner), max_size=60))
@@ -102,7 +102,7 @@ def test_a_random_soup_makes_a_whole_tree_and_always_the_same():
 
 
 def soup():
-    """Triangles and spheres of all sizes, among them a cluster of equal ones that no plane divides."""
+    """Returns triangles and spheres of all sizes, including a cluster of identical ones that no plane separates."""
     rng = np.random.default_rng(4)
     position = rng.standard_normal((3000, 3)).astype(np.float32)
     triangle = rng.integers(0, 3000, (6000, 3)).astype(np.int32)
@@ -123,7 +123,7 @@ def test_a_tree_cut_into_small_parts_is_whole_and_the_same_by_any_number_of_thre
 
 
 def test_a_heap_far_from_the_rest_is_cut_into_parts_too(monkeypatch):
-    """All primitives but one fall into one cell of the first grid, and all but one of those into one of the second."""
+    """All primitives but one are in one cell of the first grid, and all but one of those in one cell of the second."""
     monkeypatch.setattr("renderer.bvh.top.LEAST_PART", 16)
     rng = np.random.default_rng(6)
     corner = np.concatenate([rng.uniform(0, 1e-4, (3000, 3)), [(1, 1, 1), (1, 1, 2), (2, 1, 1)], [(1e4, 0, 0)] * 3])
@@ -155,7 +155,7 @@ def test_many_equal_primitives_do_not_deepen_the_tree():
 
 
 def test_geometric_series_of_sizes_fits_the_stack():
-    """Each primitive is half the size of the one before: the worst case of binning by centroids."""
+    """Each primitive is half the size of the previous one: the worst case of binning by centroids."""
     scale = 2.0 ** -np.arange(120)
     position = (np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)])[None] * scale[:, None, None] + scale[:, None, None]).reshape(-1, 3)
     assert_whole(position.astype(np.float32), np.arange(360, dtype=np.int32).reshape(-1, 3), NO_SPHERES)

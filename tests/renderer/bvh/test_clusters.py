@@ -1,4 +1,4 @@
-"""The grid cells over which a tree's top is built: each primitive is in one cell, for any number of threads."""
+"""Tests of the grid cells over which the top of a tree is built: each primitive is in one cell, for any number of threads."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ SOLIDS = 19_000
 
 @pytest.fixture(scope="module")
 def boxes():
-    """Returns (N, 8) rows of boxes.py in a flat layout, and the bounding box of their doubled centroids."""
+    """Returns (N, 8) boxes of primitives in a flat layout, in boxes.py's format, and the bounds of doubled centroids."""
     rng = np.random.default_rng(2)
     centre = rng.uniform(-1, 1, (COUNT, 3)) * (50, 2, 30)
     half = rng.uniform(0, 0.3, (COUNT, 3))

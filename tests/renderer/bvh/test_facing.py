@@ -1,4 +1,4 @@
-"""Faces back to back at one place: a ray meets the one that faces its origin, whatever the tessellation and the space."""
+"""Tests of coincident faces with opposite normals: rays hit the face towards their origin, for any tessellation and transform."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ RAYS = 4000
 
 
 def _square(steps: int, diagonal: int) -> tuple[np.ndarray, np.ndarray]:
-    """A square from -1 to 1 in the plane z = 0, cut into `steps` x `steps` cells: (V, 3) and (T, 3), facing +z."""
+    """Returns vertices (V, 3) and triangles (T, 3) of a square, -1 to 1 in the plane z = 0, of steps x steps cells, facing +z."""
     x = np.linspace(-1, 1, steps + 1)
     position = np.array([(a, b, 0) for b in x for a in x])
     corner = np.array([j * (steps + 1) + i for j in range(steps) for i in range(steps)])[:, None]
@@ -24,7 +24,7 @@ def _square(steps: int, diagonal: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _place(turned: bool, at: tuple[float, float, float], scale: float) -> np.ndarray:
-    """(3, 4): scaled, turned about an oblique axis, and moved."""
+    """Returns a (3, 4) matrix that scales, optionally rotates about an oblique axis, and translates."""
     matrix = np.linalg.qr(np.array([(1.0, 2.0, 3.0), (-2.0, 1.0, 0.5), (0.3, -1.0, 2.0)]))[0] if turned else np.eye(3)
     return np.column_stack([scale * np.sign(np.linalg.det(matrix)) * matrix, at])
 

@@ -1,4 +1,4 @@
-"""The sort keys for a node's children and for a packet's nearest hit, compared with sorting."""
+"""Tests of the sort keys for a node's children and a packet's nearest hit, against sorting."""
 
 import numpy as np
 
@@ -12,7 +12,9 @@ ZERO = np.uintp(0)
 
 @entry
 def _visit(distances, limits, order, count):
-    """Returns the lanes below each row's limit, nearest first."""
+    """Writes, for each row, the lanes whose distance is below the row's limit to `order`, nearest first, and their number to
+    `count`.
+    """
     for i in range(len(distances)):
         distance = load(distances[i], ZERO)
         keys = hit_keys(less(distance, load(limits[i], ZERO)), distance)
@@ -40,7 +42,7 @@ def _exceed(numbers, number, found):
 
 
 def rows(n, seed):
-    """(distances, limits), (n, 8) f32 each, of many magnitudes, some of them equal, some infinite, some 0."""
+    """Returns distances and limits, (n, 8) f32 each, of many magnitudes; some are equal, some infinite, some 0."""
     rng = np.random.default_rng(seed)
     distance = rng.uniform(0, 1, (n, LANES)) * 10.0 ** rng.integers(-6, 7, (n, 1))
     distance[rng.random((n, LANES)) < 0.1] = np.inf
@@ -58,13 +60,13 @@ def test_children_are_visited_from_near_to_far_and_each_once():
     for distance, limit, lanes, n in zip(distances, limits, order, count, strict=True):
         visited = lanes[:n]
         assert sorted(visited) == list(np.flatnonzero(distance < limit[0]))
-        coarse = distance[visited].view(np.int32) & -LANES  # the last bits of a distance make room for the lane
+        coarse = distance[visited].view(np.int32) & -LANES  # a key stores the lane in the distance's last bits
         assert (np.diff(coarse) >= 0).all()
 
 
 def test_the_nearest_hit_is_exact_and_the_first_of_equal_ones():
     distances, limits = rows(5000, 2)
-    distances[distances == 0] = 1e-30  # hits lie ahead
+    distances[distances == 0] = 1e-30  # hits have positive distances
     found, lane = np.full(5000, -1.0, np.float32), np.full(5000, -1)
     _nearest(distances, limits, found, lane)
     hit = distances < limits
@@ -77,7 +79,7 @@ def test_the_nearest_hit_is_exact_and_the_first_of_equal_ones():
 
 
 def test_whole_numbers_are_compared_as_such():
-    """Compared as floats, half of these would be NaN."""
+    """Half of these keys are NaN if read as floats, so they must be compared as integers."""
     rng = np.random.default_rng(1)
     numbers = rng.integers(-(2**31), 2**31, (1000, LANES)).astype(np.int32)
     number = rng.integers(-(2**31), 2**31, 1000).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Instances: the same hits as triangles copied to world space, for any transforms."""
+"""Tests of instances: the same hits as with triangles copied to world space, for any transforms."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from tests.renderer.bvh.rays import NO_SPHERES, trace, triangles_by_numpy
 
 
 def transforms(rng, n, spread=3.0, mirror=True):
-    """Returns (n, 3, 4) transforms: rotated, scaled by up to 4, some mirrored, and translated."""
+    """Returns (n, 3, 4) transforms that rotate, scale by up to 4 and translate; some also mirror."""
     matrix = np.linalg.qr(rng.standard_normal((n, 3, 3)))[0] @ (np.exp(rng.uniform(-0.7, 0.7, (n, 3)))[:, :, None] * np.eye(3))
     if not mirror:
         matrix *= np.sign(np.linalg.det(matrix))[:, None, None]
@@ -26,7 +26,7 @@ def directions(rng, n):
 
 
 def forest(rng, instances=40):
-    """World triangles and spheres, two trees of triangles, many instances of each: (position, triangle, sphere, Instances)."""
+    """Returns (position, triangle, sphere, Instances): world primitives, and many instances of two triangle trees."""
     center = rng.uniform(-0.7, 0.7, (130, 1, 3))
     position = (center + 0.2 * rng.standard_normal((130, 3, 3))).reshape(-1, 3).astype(np.float32)
     triangle = np.arange(390, dtype=np.int32).reshape(-1, 3)
@@ -36,7 +36,7 @@ def forest(rng, instances=40):
 
 
 def copied(position, triangle, instances):
-    """The same as triangles of the world, in double precision: (corners (n, 3, 3), primitive (n,), instance (n,))."""
+    """Returns the same geometry as world-space triangles in float64: corners (n, 3, 3), primitive (n,), instance (n,)."""
     first = instances.first
     corners, primitive, instance = [position[triangle[: first[0]]].astype(float)], [np.arange(first[0])], [np.full(first[0], -1)]
     for i, (tree, m) in enumerate(zip(instances.tree, instances.to_world, strict=True)):
@@ -89,7 +89,7 @@ def test_t_is_of_the_world_and_ends_rays_in_instances():
     beyond, short = (trace(bvh, o[hit], d[hit], full.t[hit] * np.float32(f)) for f in (1 + 1e-4, 1 - 1e-4))
     np.testing.assert_array_equal(beyond.t, full.t[hit])
     assert beyond.shadow.all()
-    assert short.shadow.mean() < 0.001  # t is the triangle's to some last digits
+    assert short.shadow.mean() < 0.001  # t equals the distance to the triangle up to rounding
 
 
 def test_an_instance_where_it_was_made_is_its_mesh_to_the_bit():

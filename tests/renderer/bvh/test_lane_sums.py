@@ -1,4 +1,4 @@
-"""Sums over lanes, compared with NumPy, and the choice of a lane by them."""
+"""Tests of sums over lanes against NumPy, and of the choice of a lane by them."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def _sums(values, sums, wholes):
 
 
 def test_running_sums_neither_fall_nor_rise_where_a_lane_is_zero():
-    """Exact to the last bit, so that a lane of weight 0 is never chosen."""
+    """Running sums are exactly constant across lanes of weight 0, so that such a lane is never chosen."""
     rng = np.random.default_rng(0)
     values = (rng.random((5000, LANES)) * 10.0 ** rng.integers(-9, 10, (5000, LANES))).astype(np.float32)
     values[rng.random(values.shape) < 0.3] = 0

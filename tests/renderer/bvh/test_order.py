@@ -1,4 +1,4 @@
-"""The order of hits along a ray: by distance, instance and primitive, so that each is met once, however many share a place."""
+"""Tests of the order of hits along a ray: by distance, instance and primitive; each is found once, even if coincident."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ RAYS = 300
 
 @entry
 def _walk(bvh, stack, o, d, found):
-    """found: (rays, MOST, 3) distance, instance and primitive of each ray's hits in the order in which it meets them."""
+    """Writes each ray's hits to `found` in the order in which they are found.
+
+    found: (rays, MOST, 3) float64: distance, instance and primitive of each hit.
+    """
     for i in range(len(o)):
         after = FROM_ORIGIN
         for k in range(found.shape[1]):
@@ -39,7 +42,7 @@ def _hits(bvh: Bvh, o: np.ndarray, d: np.ndarray) -> np.ndarray:
 
 
 def _layers(count: int, rng: np.random.Generator, gap: float) -> tuple[np.ndarray, np.ndarray]:
-    """Squares in one oblique plane, or apart by a gap: each cut along one of its diagonals, facing one of the two sides."""
+    """Returns squares in one oblique plane, or separated by `gap`; each is split along either diagonal and faces either side."""
     position, triangle = [], []
     turn = np.linalg.qr(np.array([(1.0, 2.0, 3.0), (-2.0, 1.0, 0.5), (0.3, -1.0, 2.0)]))[0]
     for k in range(count):
@@ -60,7 +63,7 @@ def _rays(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _each_alone(position: np.ndarray, triangle: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """(rays, triangles): distances of the hits in a tree of one triangle; NaN for a miss."""
+    """Returns hit distances (rays, triangles), each computed with a tree of one triangle; NaN for a miss."""
     found = []
     for one in triangle:
         hit = trace(build(position, one[None], NO_SPHERES), o, d)
@@ -89,7 +92,7 @@ def test_of_instances_at_one_place_each_is_met_once_the_lower_number_first() -> 
     o, d = _rays(rng)
     places = np.repeat(np.eye(4)[None, :3], 5, axis=0)
     instances = Instances(np.array([len(triangle), 2 * len(triangle)]), np.zeros(5, np.int64), places)
-    whole = np.concatenate([triangle, triangle])  # of the world, and of the tree that the instances share
+    whole = np.concatenate([triangle, triangle])  # once as world triangles, once in the tree that the instances share
     bvh = build(position, whole, NO_SPHERES, instances)
     alone, walked = _hits(build(position, triangle, NO_SPHERES), o, d), _hits(bvh, o, d)
     for one, seen in zip(alone, walked, strict=True):

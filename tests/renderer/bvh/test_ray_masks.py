@@ -1,4 +1,4 @@
-"""Trees with subsets hidden from some kinds of rays, compared with trees built without these."""
+"""Tests of trees with subsets hidden from some kinds of rays, against trees built without these subsets."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _trace(bvh, stack, o, d, time, met, blocked):
 
 
 def trace(bvh: Bvh, rays: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the hits of ordinary rays and of camera rays, and whether shadow rays are occluded."""
+    """Returns primitives hit by ordinary and camera rays, (n, 2) int32, and whether shadow rays are occluded, (n,) bool."""
     met, blocked = np.empty((len(rays[0]), 2), np.int32), np.empty(len(rays[0]), np.bool_)
     _trace(kept(bvh), new_stack(), *rays, met, blocked)
     return met, blocked
@@ -69,7 +69,7 @@ def test_rays_that_begin_there_meet_what_is_left(share: float) -> None:
     grown = exclude_primitives(laid(bvh), unseen, shadeless).bvh
     asked = rays(3000)
     met, blocked = trace(grown, asked)
-    assert (met[:, 0] == trace(bvh, asked)[0][:, 0]).all()  # of all others nothing is changed
+    assert (met[:, 0] == trace(bvh, asked)[0][:, 0]).all()  # ordinary rays are unaffected
     assert (met[:, 0] != met[:, 1]).any()
     for left_out, found in ((unseen, met[:, 1] >= 0), (shadeless, blocked)):
         fewer = triangle[~left_out[:300]], sphere[~left_out[300:]]

@@ -1,4 +1,4 @@
-"""Moving bodies: their keys, and their interpolated transforms."""
+"""Tests of the keys of moving rigid bodies and of their interpolated transforms."""
 
 import math
 
@@ -31,12 +31,12 @@ def _filled(kernel, keys, time):
 
 
 def places(keys, time):
-    """Returns matrices with translations at shutter times."""
+    """Returns interpolated transforms at the given shutter times."""
     return _filled(_places, keys, time)
 
 
 def inverses(keys, time):
-    """Returns the inverses of `places`."""
+    """Returns the inverses of the transforms that `places` returns."""
     return _filled(_inverses, keys, time)
 
 
@@ -66,7 +66,7 @@ def test_a_matrix_is_a_turn_and_a_stretch(squeeze):
 
 @pytest.mark.long
 def test_what_turns_about_an_axis_beside_it_does_so_between_its_keys():
-    """Three quarters of a turn by four keys, with mirroring and scaling."""
+    """Interpolates 3/4 of a turn about an axis away from the origin, with mirroring and scaling, between four keys."""
     axis, through, shape = (1, 2, -0.5), np.array([3.0, -1.0, 2.0]), np.diag([1.0, -2.0, 0.5])
 
     def at(share):

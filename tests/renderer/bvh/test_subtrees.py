@@ -1,4 +1,4 @@
-"""A tree assembled from parts: the same hits as one tree over everything, for any order in the arrays."""
+"""Tests of trees assembled from parts: the same hits as one tree over everything, for any order in the arrays."""
 
 import numpy as np
 import pytest
@@ -15,14 +15,17 @@ NOTHING = np.zeros((0, NODE_ROWS, WIDTH), np.float32), np.zeros((0, PACKET_ROWS,
 
 
 def parted(brute=False, loose=True):
-    """`forest` with its first tree standing still, its second one moving, and 12 of the world's triangles and 4 spheres loose."""
+    """Returns `forest` assembled from parts, as one tree, and the map between their primitives' numbers.
+
+    The first tree's instances are static, the second's move. loose: 12 world triangles and 4 spheres form a part of their own.
+    """
     rng = np.random.default_rng(11)
     position, triangle, sphere, every = forest(rng)
     order = np.argsort(every.tree, kind="stable")
     every = Instances(every.first, every.tree[order], every.to_world[order])
     of_still = every.tree == 0
     cut = 18 if loose else 30
-    # In the parts' order: the world's that stand still, the trees, the loose ones.
+    # Primitives in the order of the parts: static world triangles, the trees, the loose triangles.
     numbers = np.concatenate([np.arange(cut), np.arange(30, 130), np.arange(cut, 30)])
     triangle = triangle[numbers]
     first_body, first_loose = cut + 70, cut + 100

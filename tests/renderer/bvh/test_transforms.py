@@ -1,4 +1,4 @@
-"""Transforms of instances, compared with numpy's LAPACK."""
+"""Tests of instance transforms against NumPy's LAPACK routines."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Traversal against no tree at all, against numpy, and along every edge there is."""
+"""Tests of traversal: against brute force, against NumPy, and for rays through edges and vertices."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ from tests.renderer.builders import box, icosphere
 from tests.renderer.bvh.rays import NO_SPHERES, spheres_by_numpy, trace, triangles_by_numpy, without_a_tree
 
 EPSILON = 2.0**-24
-FACING = 2.0**-20  # of a distance, by which front faces are nearer and back faces farther (renderer/bvh/packet.py)
-AT_ORIGIN = 2.0**-22  # the same of the origin's largest coordinate
+FACING = 2.0**-20  # relative bias of hit distances: front faces are nearer, back faces farther (renderer/bvh/packet.py)
+AT_ORIGIN = 2.0**-22  # the same bias, relative to the origin's largest coordinate
 
 
 def directions(rng, n):
@@ -29,7 +29,7 @@ def soup(rng, triangles, spheres, size=0.3):
 def assert_same(found, expected):
     np.testing.assert_array_equal(found.t, expected.t)
     np.testing.assert_array_equal(found.shadow, expected.shadow)
-    other = found.primitive != expected.primitive  # two at the same distance: either will do
+    other = found.primitive != expected.primitive  # of two hits at the same distance either may be returned
     assert not (found.primitive[other] < 0).any()
     same = ~other
     np.testing.assert_array_equal(found.uv[same], expected.uv[same])
@@ -63,10 +63,10 @@ def test_hits_are_those_of_double_precision():
     assert (found.t <= sure.min(1) * (1 + 1e-4) + 1e-6).all()
     assert (found.t >= possible.min(1) * (1 - 1e-4) - 1e-6).all()
     hit = found.primitive >= 0
-    at = possible[np.flatnonzero(hit), found.primitive[hit]]  # its own primitive, at that distance
+    at = possible[np.flatnonzero(hit), found.primitive[hit]]  # the reported primitive is hit at the reported distance
     assert np.isfinite(at).all()
     np.testing.assert_allclose(found.t[hit], at, rtol=1e-3, atol=1e-5)
-    # barycentric coordinates name the point of the triangle
+    # Barycentric coordinates reproduce the hit point on the triangle.
     on = hit & (found.primitive < 200)
     a, b, c = (position[triangle[found.primitive[on], k]] for k in range(3))
     u, v = found.uv[on, :1], found.uv[on, 1:]
@@ -105,7 +105,7 @@ CLOSED = {"icosphere": icosphere(3), "box": box(0)}
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("name", ["icosphere", "box"])
 def test_no_ray_leaves_a_closed_mesh(name, scale):
-    """Random rays, and rays exactly at vertices, along edges' points and to the middles of triangles."""
+    """Rays from inside hit a closed mesh: random rays, and rays exactly at vertices, edge points and triangle centres."""
     rng = np.random.default_rng(6)
     position = (CLOSED[name].positions * scale).astype(np.float32)
     triangle = CLOSED[name].triangles
@@ -124,7 +124,7 @@ def test_no_ray_leaves_a_closed_mesh(name, scale):
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_axis_aligned_rays_hit_a_grid_along_its_edges_and_through_its_vertices(axis, scale):
-    """A flat grid in a plane of coordinates (all its boxes have no depth), seen along the axis: every lattice point."""
+    """Rays along an axis hit a flat grid, whose boxes have no thickness, in every lattice point."""
     side = np.arange(9) * 0.125 - 0.5
     u, v = np.meshgrid(side, side, indexing="ij")
     position = np.zeros((81, 3))
@@ -134,7 +134,7 @@ def test_axis_aligned_rays_hit_a_grid_along_its_edges_and_through_its_vertices(a
     i = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
     triangle = np.concatenate([np.stack([i, i + 9, i + 10], 1), np.stack([i, i + 10, i + 1], 1)]).astype(np.int32)
     bvh = build(position, triangle, NO_SPHERES)
-    fine = np.arange(129) / 128 - 0.5  # vertices, edges, diagonals and insides alike
+    fine = np.arange(129) / 128 - 0.5  # vertices, edges, diagonals and interiors
     o = np.zeros((129, 129, 3))
     o[..., others[0]], o[..., others[1]] = np.meshgrid(fine, fine, indexing="ij")
     for sign in (1.0, -1.0):
@@ -174,7 +174,7 @@ def test_rays_with_zeros_in_their_direction_equal_no_tree():
     "bad", [(np.nan, 0, 1), (0, 0, np.nan), (np.nan,) * 3, (np.inf, 0, 0), (0, 0, 0), (np.inf, -np.inf, np.nan)]
 )
 def test_a_ray_that_is_none_ends_and_hits_nothing(bad):
-    """It must not walk over the stack's end: 9 + 9 primitives leave lanes without a child."""
+    """Invalid rays (zero or not finite) hit nothing and do not overrun the stack; 9 + 9 primitives leave empty lanes."""
     bvh = build(*soup(np.random.default_rng(9), 9, 9))
     assert not trace(bvh, np.zeros(3), np.array([bad])).shadow.any()
     if not np.isfinite(bad).all():
@@ -182,7 +182,7 @@ def test_a_ray_that_is_none_ends_and_hits_nothing(bad):
 
 
 def test_a_sphere_of_radius_1e5_is_met_where_it_is():
-    """Distances good to float32's own step, from just above its surface."""
+    """Hit distances on a sphere of radius 1e5 are exact to float32 resolution, for rays from just above its surface."""
     sphere = np.array([(0, -1e5, 0, 1e5)], np.float32)
     rng = np.random.default_rng(10)
     d = directions(rng, 5000)

@@ -1,4 +1,4 @@
-"""Jobs that confined readers run in tests."""
+"""Jobs that tests run in confined reader processes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def probe(link: Link) -> dict[str, Any]:
 
 
 def size(link: Link) -> dict[str, Any]:
-    """Bytes of address space that a reader has."""
+    """Returns the reader's address space in bytes."""
     return {"size": int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()}
 
 

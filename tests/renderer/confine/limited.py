@@ -1,6 +1,6 @@
-"""A program that runs a job under a limit of address space, and prints the kind and the sentence of its error: JOB BYTES FOLDER.
+"""Runs a job under a limit on address space, and prints the kind and the sentence of its error. Arguments: JOB BYTES FOLDER.
 
-BYTES: 0 for no limit. The job `size` prints how many bytes of address space a reader has when it starts.
+BYTES: 0 for no limit. The job `size` prints the address space in bytes that a reader has when it starts.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Runs a card's optimised LLVM module on the CPU: tests the way to the card but for instruction selection and the hardware."""
+"""Runs a card's optimised LLVM module on the CPU, which tests all of code generation except instruction selection."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from renderer.kernel.backends.cuda.ptx import KERNEL
 __all__ = ["card_module", "fake_driver", "launcher", "shared_object"]
 
 _REGISTERS = {"tid": "load i32, ptr @thread", "ctaid": "add i32 0, 0", "ntid": "add i32 1, 0"}
-# All threads of a launch, one after the other, each as if it were alone in the first block.
+# Runs all threads of a launch in sequence, each as if it were alone in the first block.
 _LAUNCH = f"""
 @thread = internal global i32 0
 define void @launch(ptr %job, i64 %count) {{
@@ -44,18 +44,18 @@ _REMOVED = (
     r"byval\(\[\d+ x i8\]\) ",
     r'"nvvm\.\w+"(?:="\d+")?',
 )
-_engines: list[llvm.ExecutionEngine] = []  # they own the machine code
+_engines: list[llvm.ExecutionEngine] = []  # the engines own the machine code and must stay alive
 
 
 @functools.cache
 def card_module(variant: str) -> llvm.ModuleRef:
-    """Returns the optimised module of a variant, once for all tests."""
+    """Returns a variant's optimised module, built once for all tests."""
     return card_module_of(variant)
 
 
 @functools.cache
 def launcher(variant: str) -> Callable[[int, int], None]:
-    """Returns a function that runs a variant's kernel: launch(address of the job, number of threads)."""
+    """Returns a function that runs a variant's kernel: launch(address of the job struct, number of threads)."""
     module, machine = _retargeted(card_module(variant))
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()
@@ -64,14 +64,17 @@ def launcher(variant: str) -> Callable[[int, int], None]:
 
 
 def fake_driver(folder: Path) -> Path:
-    """Compiles fake_cuda.c to a library in the folder; skips the test where there is no C compiler."""
+    """Compiles fake_cuda.c to a library in the folder and returns its path; skips the test if there is no C compiler."""
     library = folder / "libcuda.so.1"
     _linked([str(Path(__file__).with_name("fake_cuda.c")), "-ldl"], library)
     return library
 
 
 def shared_object(variant: str, folder: Path) -> Path:
-    """Writes a variant's kernel as the shared object that fake_cuda.c loads; skips the test where there is no C compiler."""
+    """Writes a variant's kernel as the shared object that fake_cuda.c loads, and returns its path.
+
+    Skips the test if there is no C compiler.
+    """
     module, machine = _retargeted(card_module(variant))
     code = folder / f"{variant}.o"
     code.write_bytes(machine.emit_object(module))
@@ -86,7 +89,7 @@ def _linked(arguments: list[str], library: Path) -> None:
 
 
 def _retargeted(card: llvm.ModuleRef) -> tuple[llvm.ModuleRef, llvm.TargetMachine]:
-    """Returns the module for this CPU with a function `launch`, and the target machine."""
+    """Returns the module compiled for this CPU, with a function `launch` added, and the target machine."""
     text = str(card)
     for pattern in _REMOVED:
         text = re.sub(pattern, "", text, flags=re.MULTILINE)

@@ -1,4 +1,4 @@
-"""The PTX of variants in the kernel cache."""
+"""Tests of the PTX files of kernel variants in the kernel cache."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from renderer.cuda.artefacts import kernel_name, path_of, ptx_of
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty kernel cache, in which a kernel takes no time to build."""
+    """Returns an empty kernel cache folder, and replaces compilation by a stub that takes no time."""
     place = tmp_path / "0123456789abcdef"
     monkeypatch.setattr(jit, "cache_folder", lambda: place)
     monkeypatch.setattr(artefacts, "card_module_of", lambda variant: variant)

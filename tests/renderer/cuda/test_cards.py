@@ -1,4 +1,4 @@
-"""Finding cards, choosing among them, and rendering through the driver's API, with a driver made for tests."""
+"""Tests of finding and choosing cards, and of rendering through the driver API, with a fake driver."""
 
 from __future__ import annotations
 

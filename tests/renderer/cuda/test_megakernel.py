@@ -1,4 +1,4 @@
-"""The card's kernel, run on the CPU as the optimised LLVM code that becomes PTX: its films have the CPU's bits."""
+"""Tests of the card's kernel, run on the CPU from the LLVM code that becomes PTX: films equal those of the CPU's kernel to the bit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The way from LLVM's code to PTX, and what a kernel for cards must not contain."""
+"""Tests of the translation from LLVM code to PTX, and of what a card's kernel must not contain."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
 from tests.grids import grid
 from tests.renderer.cuda.on_host import card_module as module_of
 
-# On a card of this capability, by ptxas: bytes of a thread's stack, the traversal's included, and bytes of spilled registers.
+# Measured by ptxas for a card of this capability: bytes of stack per thread, with the traversal stack, and of spilled registers.
 ARCHITECTURE = "sm_75"
 STACK, SPILLED = 16384, 4096
 
 
 def ptx_of(body: str, declared: str = "") -> str:
-    """Returns the PTX of a kernel whose threads store a number, the value %y of these instructions on %a, %b and %c."""
+    """Returns the PTX of a kernel in which each thread stores %y, which the instructions in `body` compute from %a, %b and %c."""
     text = f"""
 {declared}
 define i32 @work(ptr %ret, ptr %exc, ptr %job, i64 %thread) {{
@@ -89,7 +89,7 @@ def test_a_variant_becomes_ptx_that_the_assembler_accepts(variant: str, tmp_path
     assert f".version {PTX_VERSION[0]}.{PTX_VERSION[1]}" in ptx
     assert ".entry render(" in ptx
     assembler = shutil.which("ptxas")
-    if assembler is None or variant == "plain":  # it takes ten seconds and more
+    if assembler is None or variant == "plain":  # takes ten seconds or more
         return
     path = tmp_path / "kernel.ptx"
     path.write_text(ptx)

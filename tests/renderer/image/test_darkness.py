@@ -1,4 +1,4 @@
-"""Pictures that look black though they have light."""
+"""Tests of the warning about pictures that look black although they contain light."""
 
 from __future__ import annotations
 

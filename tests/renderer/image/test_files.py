@@ -1,4 +1,4 @@
-"""Images written and read back, and damaged image files."""
+"""Tests of writing and reading images, and of damaged image files."""
 
 import io
 
@@ -66,7 +66,7 @@ def test_every_kind_of_png_becomes_rgba(mode):
     pixels = read.read(data, "grey.png")
     assert pixels.shape == (2, 3, 4)
     assert pixels.dtype == (np.uint16 if mode == "I;16" else np.uint8)
-    if mode not in ("1", "P"):  # those may dither
+    if mode not in ("1", "P"):  # these modes may dither
         assert np.abs(pixels[..., :3].astype(int) - (0x80FF if mode == "I;16" else 128)).max() <= 1
 
 
@@ -101,7 +101,10 @@ def test_a_decompression_bomb_is_refused_before_it_is_decoded(monkeypatch):
 
 
 def test_what_pillow_takes_for_a_bomb_is_too_large_and_not_damaged():
-    """A texture of 16384 x 16384 is a valid file, so the error must not ask to export it again."""
+    """An image above Pillow's decompression-bomb limit is reported as too large, not as damaged.
+
+    A texture of 16384 x 16384 is a valid file, so exporting it again would not help.
+    """
     header = b"VP8X" + (10).to_bytes(4, "little") + bytes(4) + (16383).to_bytes(3, "little") * 2
     webp = b"RIFF" + (4 + len(header)).to_bytes(4, "little") + b"WEBP" + header
     with pytest.raises(SceneError, match=r"has too many pixels; at most 64 million are allowed. Give a smaller image"):

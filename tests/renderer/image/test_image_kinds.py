@@ -1,4 +1,4 @@
-"""Image variants from various programs: straight alpha, layers, windows, orientations, wrong suffixes, blocks, bit depths."""
+"""Tests of image variants of various programs: straight alpha, layers, windows, orientations, wrong suffixes, bit depths."""
 
 import io
 import struct
@@ -15,7 +15,7 @@ COLOR = (240, 160, 80)
 
 
 def written(folder, suffix, pixels, names=None, setup=lambda spec: None, straight=False):
-    """The bytes of an image that OpenImageIO writes."""
+    """Returns the bytes of an image file written by OpenImageIO."""
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, {"u1": oiio.UINT8, "u2": oiio.UINT16, "f4": oiio.FLOAT}[pixels.dtype.str[1:]])
     if names:
@@ -40,7 +40,7 @@ def test_straight_alpha_leaves_colours_as_they_are(tmp_path, suffix, alpha):
     data = written(tmp_path, suffix, pixels, setup=lossless.get(suffix, lambda spec: None), straight=True)
     found = read.read(data, f"image{suffix}")
     if suffix == ".webp" and alpha == 0:
-        return  # its encoder drops colours that are not seen
+        return  # the encoder drops the colour of transparent pixels
     np.testing.assert_array_equal(found, pixels)
 
 
@@ -55,7 +55,7 @@ def test_associated_alpha_is_divided_out(tmp_path):
     found = read.read(written(tmp_path, ".tif", pixels), "image.tif")
     assert np.abs(found[0, 0].astype(int) - (239, 159, 80, 128)).max() <= 1
     floats = np.full((8, 8, 4), (0.25, 0.5, 0.125, 0.5), np.float32)
-    floats[0, 0] = 0.3, 0.2, 0.1, 0.0  # light that covers nothing
+    floats[0, 0] = 0.3, 0.2, 0.1, 0.0  # a colour with alpha 0: light without coverage
     data = written(tmp_path, ".exr", floats)
     found = read.read(data, "image.exr")
     np.testing.assert_allclose(found[1, 1], (0.5, 1.0, 0.25, 0.5))
@@ -209,7 +209,7 @@ def test_no_sentence_shows_an_address(name, data):
 
 
 def dds(fourcc, block, dxgi=None):
-    """A DDS file of 4 x 4 pixels in one block."""
+    """Returns a DDS file of 4 x 4 pixels in one block."""
     header = struct.pack("<4s7I44x", b"DDS ", 124, 0x81007, 4, 4, len(block), 0, 0)
     header += struct.pack("<II4s5I", 32, 4, fourcc, 0, 0, 0, 0, 0) + struct.pack("<5I", 0x1000, 0, 0, 0, 0)
     if dxgi is not None:

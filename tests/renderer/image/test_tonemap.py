@@ -1,4 +1,4 @@
-"""Tone curves: values computed by hand from their sources, and general properties of all curves."""
+"""Tests of tone curves: values computed by hand from their sources, and properties that all curves share."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ GREYS = np.repeat(np.linspace(0, 20, 2001, dtype=np.float32)[:, None], 3, axis=1
 @pytest.mark.parametrize(
     ("curve", "radiance", "expected"),
     [
-        ("neutral", (0.5, 0.5, 0.5), (0.46, 0.46, 0.46)),  # below the compression only the 0.04 of Fresnel goes
+        ("neutral", (0.5, 0.5, 0.5), (0.46, 0.46, 0.46)),  # below the compression only Fresnel's 0.04 is subtracted
         ("neutral", (0.04, 0.04, 0.04), (0.01, 0.01, 0.01)),  # the toe: 6.25 x^2
         ("neutral", (1.04, 1.04, 1.04), (1 - 0.24**2 / 0.48,) * 3),
         ("srgb", (0.25, 1.0, 7.0), (0.25, 1.0, 1.0)),
@@ -21,7 +21,7 @@ GREYS = np.repeat(np.linspace(0, 20, 2001, dtype=np.float32)[:, None], 3, axis=1
         ("reinhard", (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)),
         ("reinhard", (1.0, 0.0, 0.0), (1 / 1.2126, 0.0, 0.0)),
         ("filmic", (1.0, 1.0, 1.0), (2.54 / 3.16,) * 3),
-        ("agx", (0.18, 0.18, 0.18), (0.2145,) * 3),  # AgX puts middle grey at 0.5 of the 2.2 encoding, near enough
+        ("agx", (0.18, 0.18, 0.18), (0.2145,) * 3),  # AgX maps middle grey to about 0.5 in 2.2 encoding
     ],
 )
 def test_known_values(curve, radiance, expected):

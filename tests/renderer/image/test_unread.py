@@ -1,4 +1,4 @@
-"""Unsupported colour information in image files is reported."""
+"""Tests of the warnings about unsupported colour information in image files."""
 
 import io
 

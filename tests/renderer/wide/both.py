@@ -1,4 +1,4 @@
-"""Evaluates a formula for eight lanes and for each lane alone, side by side."""
+"""Evaluates a formula for eight lanes at once and for each lane alone."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ F32 = npt.NDArray[np.float32]
 
 @intrinsic
 def keep(typingctx, table, index, lanes, values):
-    """Each of a tuple's values into its row of a C-contiguous float32 table, from column `index` on; choices as 0 and 1.
+    """Stores a tuple's values, each in its row of a C-contiguous float32 table, from column `index` on; masks as 0 and 1.
 
-    lanes: a u32x8 where the tuple is eight lanes', whose plain numbers then stand for all; else a plain number.
+    lanes: a u32x8 if the tuple holds values for eight lanes, scalars then being broadcast to all lanes; otherwise a scalar.
     """
 
     def codegen(context, builder, sig, args):
@@ -51,7 +51,7 @@ def keep(typingctx, table, index, lanes, values):
 
 @template
 def in_both(formula, width, given, order, eight, one):
-    """The formula, of a row's numbers, for eight rows at a time and for each row."""
+    """Evaluates the formula on the numbers of each row: for eight rows at a time into `eight`, for each row alone into `one`."""
     for i in range(0, len(given), LANES):
         number = load_ints(order, np.uintp(i))
         keep(eight, i, number, formula(row(given, number, width)))
@@ -60,7 +60,7 @@ def in_both(formula, width, given, order, eight, one):
 
 
 def both(kernel: Callable[..., Any], given: npt.ArrayLike, count: int) -> tuple[F32, F32]:
-    """(of eight lanes, of each lane alone), (count, N) each, of an entry around `in_both`.
+    """Returns the results for eight lanes and for each lane alone, (count, N) each, of an entry that wraps `in_both`.
 
     given: (N, width), N a multiple of 8.
     """
@@ -72,7 +72,7 @@ def both(kernel: Callable[..., Any], given: npt.ArrayLike, count: int) -> tuple[
 
 
 def assert_same_bits(a: F32, b: F32) -> None:
-    """All values have the same bits, the signs of zeros among them; NaN equals NaN."""
+    """Asserts that all values have the same bits, including the signs of zeros; NaN equals NaN."""
     differ = (a.view(np.uint32) != b.view(np.uint32)) & ~(np.isnan(a) & np.isnan(b))
     rows, lanes = np.nonzero(differ)
     some = [(int(row), int(lane), a[row, lane], b[row, lane]) for row, lane in list(zip(rows, lanes, strict=True))[:5]]

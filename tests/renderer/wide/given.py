@@ -1,4 +1,4 @@
-"""Inputs for formulas: random numbers, with rare and extreme values among them."""
+"""Test inputs for formulas: random numbers, including rare and extreme values."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ SMALL = np.float32(2.0**-24)
 
 
 def square(rng, n=N):
-    """(n, 2) in the unit square, its corners and middle among them."""
+    """Returns (n, 2) points in the unit square, including its corners and centre."""
     u = rng.random((n, 2), np.float32)
     u[:6] = [(0, 0), (0.5, 0.5), (1 - SMALL, 1 - SMALL), (0, 1 - SMALL), (1 - SMALL, 0), (0.5, 0)]
     return u

@@ -1,4 +1,4 @@
-"""BSDFs give the same results for eight lanes as for each lane alone."""
+"""Tests that BSDFs return the same results for eight lanes as for each lane alone."""
 
 import numpy as np
 
@@ -16,14 +16,14 @@ from tests.renderer.wide.given import SMALL, N, directions, square
 
 
 def roughnesses(rng, n=N):
-    """Random roughnesses, some too smooth for float32, some above 1."""
+    """Returns random roughnesses, some too smooth for float32, some above 1."""
     roughness = rng.random(n)
     roughness[:8] = 0, 0, 1e-4, 0.02, 1, 1, 1.25, 0.5
     return roughness
 
 
 def pairs(rng, n=N):
-    """(n, 6): a direction above the horizon and one on either side; grazing, facing, and level ones among them."""
+    """Returns (n, 6): a direction above the horizon and one on either side, with grazing and perpendicular ones."""
     wo, wi = directions(rng, n, above=True), directions(rng, n)
     wi[: n // 2, 2] = abs(wi[: n // 2, 2])
     wo[8:16] = (0, 0, 1), (1, 0, 1e-4), (1, 0, 1e-6), (0, 1, 0), (0.6, 0, 0.8), (0.6, 0, 0.8), (1, 0, 1e-3), (0.6, 0, -0.8)
@@ -33,7 +33,9 @@ def pairs(rng, n=N):
 
 
 def assert_scatters_alike(eight, one, given):
-    """f (3), pdf, wi (3), weight (3), pdf of both: nothing where one direction is below the horizon."""
+    """Asserts equal bits; rows 0 to 3, f and pdf, are 0 where a direction is below the horizon, and elsewhere the pdf is
+    positive.
+    """
     below = (given[:, 2] <= 0) | (given[:, 5] <= 0)
     np.testing.assert_array_equal(eight[:4, below], 0)
     assert (eight[3, ~below] > 0).all()
@@ -56,7 +58,7 @@ def _boundaries(given, order, eight, one):
 
 
 def test_smooth_boundaries():
-    """Of an index below 1 too, where light is reflected totally: it then keeps no cosine of refraction."""
+    """Smooth boundaries, including indices below 1 with total reflection, where no cosine of refraction is computed."""
     rng = np.random.default_rng(3)
     given = np.concatenate([directions(rng, above=True), rng.random((N, 4))], 1).astype(np.float32)
     given[:, 3] = rng.uniform(0.4, 2.5, N)
@@ -172,7 +174,7 @@ def _conductors(given, order, eight, one):
 
 
 def test_conductors():
-    """Rough and brushed, beside one another; lanes of one kind only too."""
+    """Rough and brushed conductors, in mixed lanes and in lanes of one kind."""
     rng = np.random.default_rng(10)
     roughness = np.maximum(roughnesses(rng), MIN_ALPHA**0.5)
     alpha = np.stack([roughness**2, roughness**2 * rng.uniform(0.05, 1, N)], 1)

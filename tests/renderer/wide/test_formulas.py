@@ -1,4 +1,4 @@
-"""Formulas give the same results for eight lanes as for each lane alone."""
+"""Tests that formulas return the same results for eight lanes as for each lane alone."""
 
 from functools import partial
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from tests.renderer.builders import icosphere
 from tests.renderer.wide.both import assert_same_bits, both, in_both, keep
 from tests.renderer.wide.given import N, directions, square
 
-pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/backends/test_features.py
+pytestmark = pytest.mark.long  # pictures cover this in tests/renderer/kernel/backends/test_features.py
 
 
 @device
@@ -49,7 +49,7 @@ def test_polynomials_and_heuristics():
     eight, one = both(_numbers, np.stack([x, y], 1), 11)
     np.testing.assert_array_equal(eight[4, :16], np.floor(x[:16].astype(np.float32)))
     far = ~(abs(x) < 2.0**31) & (x != -(2.0**31))
-    eight[4, far] = one[4, far] = 0  # floor has no answer there
+    eight[4, far] = one[4, far] = 0  # `floor` is undefined for these inputs
     assert_same_bits(eight, one)
 
 
@@ -123,9 +123,9 @@ def _triangles(given, order, eight, one):
 def test_margins():
     rng = np.random.default_rng(7)
     given = rng.standard_normal((N, 9))
-    given[::3, 6:] = given[::3, :3] + 1e-4 * given[::3, 6:]  # slivers,
-    given[:2] = 1, 1, 1, 1, 1, 1, 1, 1, 1  # a point,
-    given[2:4] = 0, 0, 0, 1, 0, 0, 2, 0, 0  # a line
+    given[::3, 6:] = given[::3, :3] + 1e-4 * given[::3, 6:]  # slivers
+    given[:2] = 1, 1, 1, 1, 1, 1, 1, 1, 1  # points
+    given[2:4] = 0, 0, 0, 1, 0, 0, 2, 0, 0  # lines
     eight, one = both(_triangles, given, 2)
     assert np.isfinite(eight).all()
     assert_same_bits(eight, one)
@@ -190,7 +190,7 @@ def _lifts(tables, given, order, eight, one):
 
 
 def test_lifts():
-    """Of a ball, of a box with bent normals, and of a triangle without area; for normals on either side."""
+    """Lifted points of a ball, a box with bent normals, and a triangle without area, for normals on either side."""
     rng = np.random.default_rng(9)
     ball = icosphere(2)
     normal = ball.positions + rng.choice([0, 1.5], (len(ball.positions), 1)) * directions(rng, len(ball.positions))

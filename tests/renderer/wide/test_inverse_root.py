@@ -1,4 +1,4 @@
-"""The approximate 1 / sqrt(x), compared with NumPy's."""
+"""Tests of the approximate 1 / sqrt(x) against NumPy."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ def _roots(x, out):
 
 
 def test_three_digits_over_the_whole_range():
-    mantissas = np.linspace(1, 4, 2**14, endpoint=False, dtype=np.float32)  # what an exponent does repeats every second one
+    mantissas = np.linspace(1, 4, 2**14, endpoint=False, dtype=np.float32)  # the error repeats every second exponent
     x = np.ldexp(mantissas, np.arange(-124, 124, 62)[:, None]).astype(np.float32).ravel()
     found = np.zeros_like(x)
     _roots(x, found)

@@ -1,4 +1,4 @@
-"""Scalar functions called lane by lane for the selected lanes, and for a single path like any other function."""
+"""Tests of scalar functions called lane by lane for the selected lanes, and called for a single path like any other function."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ N = LANES
 
 @device
 def _looked_up(table, number, pair, calls):
-    """Of several types, by way of a branch; counts how often it is called."""
+    """Returns values of several types through a branch, and counts its calls in `calls`."""
     calls[0] += 1
     if number >= 100:
         return (table[0], np.int64(number) - 100), pair[0], True

@@ -1,4 +1,4 @@
-"""Light sampling for eight points equals that for each alone: the same bits."""
+"""Tests that light sampling for eight points has the same bits as for each point alone."""
 
 import functools
 
@@ -19,14 +19,14 @@ from renderer.wide.values import to_int, u32
 from tests.renderer.builders import emitter, gray, icosphere, scene, square
 from tests.renderer.wide.both import LANES, assert_same_bits, both, keep
 
-pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/backends/test_features.py
+pytestmark = pytest.mark.long  # pictures cover this in tests/renderer/kernel/backends/test_features.py
 
 N = 8 * 500
 
 
 @template
 def in_both(formula, made, width, given, order, eight, one):
-    """As that of both.py, of a formula that reads a scene."""
+    """Like `in_both` of both.py, for a formula that reads a scene."""
     for i in range(0, len(given), LANES):
         number = load_ints(order, np.uintp(i))
         keep(eight, i, number, formula(made, row(given, number, width)))
@@ -42,7 +42,7 @@ FLOOR = (square((0, 0, -9), (1, 0, 0), (0, 1, 0), 0),)
 
 
 def plain(made):
-    """In the variant that it is rendered in."""
+    """Returns the scene without absent features, in the variant in which it is rendered."""
     return strip_absent_features(made, variant_of(made))
 
 
@@ -136,13 +136,13 @@ def _lights(made, given, order, eight, one):
 
 SHINING = [Material(), emitter(2.0, double_sided=True), emitter(3.0)]
 TRIANGLES = (square((0, 0, 2), (1, 0, 0), (0, -0.7, 0.2), 1), square((-1.5, 0.5, 0), (0, 0, 0.4), (0.1, 0.6, 0), 2))
-LAMP = Sphere((0.5, 0, 0), 2.0, 1)  # most points are in it
+LAMP = Sphere((0.5, 0, 0), 2.0, 1)  # contains most of the points
 BALL = Sphere((1, 1, 1), 0.6, 2)
 BULBS = (Light("point", gray(3), (0, 3, 0), radius=0.2), Light("directional", gray(0.5), direction=(0, -1, 0.2), angle=2.0))
 
 
 def textured():
-    """A shining mesh with random texels and fading vertices, a ball with the same, and a sky."""
+    """Returns an emissive mesh with random texels and fading vertices, a ball with the same, and a sky."""
     mesh = square((0, 0, 2), (1, 0, 0), (0, -0.7, 0.2), 1)
     mesh.uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
     mesh.colors = np.linspace(0, 1, 16, dtype=np.float32).reshape(4, 4)
@@ -169,12 +169,12 @@ LIGHTS = {
         scene(SHINING, TRIANGLES, (LAMP, BALL), environment=sky()), "power"
     ),
     "without a body": lambda: with_light_choice(scene(SHINING, TRIANGLES, (BALL,), lights=BULBS), "power"),
-    "a tree": lambda: scene(SHINING, TRIANGLES, (LAMP, BALL), 0.3, BULBS),  # as light is chosen unless told otherwise
+    "a tree": lambda: scene(SHINING, TRIANGLES, (LAMP, BALL), 0.3, BULBS),  # the default choice of lights
     "textures": textured,
 }
 
 
-# For scenes of the full variant all of it is compiled once more.
+# Scenes of the full variant need everything compiled again.
 FULL = ("without a body", "a tree", "textures")
 
 
@@ -185,7 +185,7 @@ def test_lights_are_sampled_for_eight_as_for_one(name):
     lights = len(made.light_primitive)
     bodies = np.flatnonzero(made.light_primitive < len(made.triangle) + len(made.sphere))
     p, hit = rng.uniform(-2.5, 2.5, (2, N, 3))
-    p[::50], p[1::50] = (0, 0, 2), (1, 1, 1)  # on a light's plane, in a light's middle
+    p[::50], p[1::50] = (0, 0, 2), (1, 1, 1)  # points in a light's plane and in a light's centre
     numbers = rng.integers(0, lights, N), rng.choice(bodies, N)
     eight, one = of(_lights, made, np.concatenate([p, unit(rng, N), hit, rng.random((N, 3)), np.stack(numbers, 1)], 1), 29)
     assert_same_bits(eight, one)

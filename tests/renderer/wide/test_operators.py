@@ -1,4 +1,4 @@
-"""Operators and selections on eight lanes and on single numbers, compared with numpy."""
+"""Tests of operators and selections on eight lanes and on single numbers, against NumPy."""
 
 import math
 
@@ -26,7 +26,7 @@ from renderer.wide.values import (
 )
 from tests.renderer.wide.both import both, in_both
 
-pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/backends/test_features.py
+pytestmark = pytest.mark.long  # pictures cover this in tests/renderer/kernel/backends/test_features.py
 
 N = 8 * 256
 P, Q = np.float32(0.75), np.float32(-3.0)
@@ -36,7 +36,7 @@ INTS = np.random.default_rng(1).integers(-(2**20), 2**20, 64, np.int32)
 
 
 def floats():
-    """(N, 3): every size, equal ones, and all that is not a number among them."""
+    """Returns (N, 3) floats of all magnitudes, including equal ones, infinities and NaN."""
     rng = np.random.default_rng(2)
     a, b, c = rng.standard_normal((3, N)) * 10.0 ** rng.integers(-3, 4, (3, N))
     special = np.array([0, -0.0, 1, -1, P, np.inf, -np.inf, np.nan])
@@ -47,7 +47,7 @@ def floats():
 
 
 def assert_both(kernel, given, expected):
-    """That eight lanes and each alone give these rows, sign of zeros apart."""
+    """Asserts that eight lanes and single lanes return the expected rows; the sign of zeros is ignored."""
     with np.errstate(all="ignore"):
         rows = [np.broadcast_to(np.asarray(row, np.float32), len(given)) for row in expected(*np.asarray(given).T)]
     for found in both(kernel, given, len(rows)):
@@ -104,7 +104,7 @@ def _comparisons(given, order, eight, one):
 
 
 def test_comparisons_and_choices():
-    """With what is not a number all are False, but for !=."""
+    """Comparisons and selections; with NaN every comparison except != is False."""
 
     p = P
 
@@ -143,7 +143,9 @@ def test_what_is_chosen():
 
     given = np.nan_to_num(floats(), posinf=7, neginf=-7)
     rows = both(_choices, given, 17)
-    rows[1][10] = np.where(rows[1][10] == np.float32(K), np.float32(K.view(np.int32)), rows[1][10])  # one's are not signed
+    rows[1][10] = np.where(
+        rows[1][10] == np.float32(K), np.float32(K.view(np.int32)), rows[1][10]
+    )  # single integers are unsigned
     wanted = [np.broadcast_to(np.asarray(row, np.float32), N) for row in expected(*given.T)]
     for found in rows:
         np.testing.assert_array_equal(found, wanted)
@@ -165,7 +167,7 @@ def _branches(given, order, eight, one):
 
 
 def test_branches():
-    """Eight lanes take a branch where one of them does."""
+    """Eight lanes take a branch if any of them does."""
     a, b, c = np.random.default_rng(3).standard_normal((3, N)).astype(np.float32)
     b += np.repeat(np.random.default_rng(4).choice([-5, 0, 2, 5], N // 8), 8).astype(np.float32)
     eight, one = both(_branches, np.stack([a, b, c], 1), 4)
@@ -201,7 +203,7 @@ def _whole_numbers(given, order, eight, one):
 
 
 def test_whole_numbers():
-    """uint32 that wrap; shifts do not carry a sign down."""
+    """uint32 arithmetic wraps; right shifts do not extend the sign."""
     rng = np.random.default_rng(5)
     i, j = rng.integers(0, 2**32, (2, N), np.uint32)
     s = rng.integers(0, 32, N, np.uint32)

@@ -1,4 +1,4 @@
-"""Random numbers of eight samples are those of each alone, to the bit. Processors make them in ways of their own."""
+"""Tests that random numbers of eight samples have the same bits as those of each sample alone, on any processor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows of memory read and written for eight lanes, compared with numpy's indexing."""
+"""Tests of memory rows read and written for eight lanes, against NumPy's indexing."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,10 @@ ROWS, N = 40, 8 * 50
 
 
 def of_width(width, seed=0):
-    """A table whose last row is the memory's last: what read on behind it would read another array."""
+    """Returns a table (ROWS, width) of random floats and N random row numbers.
+
+    Reading past the table's last row would read another array's memory.
+    """
     rng = np.random.default_rng(seed)
     return rng.random((ROWS, width), np.float32), rng.integers(0, ROWS, N, np.int32)
 
@@ -64,13 +67,13 @@ def test_rows_of_a_scenes_tables():
 
 
 class _Pair(NamedTuple):
-    """Two fields of a row."""
+    """A row of two fields."""
 
     a: Vector
     b: Float
 
 
-_WIDTH = 11  # of which the tuple takes eight columns
+_WIDTH = 11  # columns in the table, of which the tuple uses eight
 _LAYOUT = Layout(_Pair)
 _LAYOUT.width = _WIDTH
 _gather_pair, _scatter_pair = accessors(_LAYOUT)
@@ -85,7 +88,7 @@ def _scatter(table, number, values):
 
 @pytest.mark.parametrize("repeated", [False, True])
 def test_rows_written(repeated):
-    """Of two lanes with one row the last stays; what is beside the eight columns stays too, unused ones become 0."""
+    """If two lanes write one row the last wins; columns beyond the eight are unchanged, unused ones of the eight become 0."""
     rng = np.random.default_rng(2)
     number = rng.integers(0, 3, 16, np.int32) if repeated else rng.permutation(ROWS)[:16].astype(np.int32)
     table, values = rng.random((ROWS, _WIDTH), np.float32), rng.random((2, 16), np.float32)
