@@ -1,4 +1,4 @@
-"""Tests of the card's kernel, run on the CPU from the LLVM code that becomes PTX: films equal those of the CPU's kernel to the bit."""
+"""Tests of the card's kernel, run on the CPU from the LLVM code that becomes PTX: films have the same bits as the CPU's."""
 
 from __future__ import annotations
 

@@ -36,12 +36,12 @@ def _eval(compiled, surface, layers, wo, wi, f, pdf):
 
 
 def many(vector, n):
-    """Returns (n, 3) float32 of one vector (3,) or of n; writable, since read-only arrays would compile another kernel."""
+    """Returns (n, 3) float32, broadcast from (3,) if need be; writable, since read-only arrays would compile another kernel."""
     return np.array(np.broadcast_to(vector, (n, 3)), np.float32, order="C")
 
 
 def facing_up(**fields) -> Surface:
-    """A surface of material 0 at the origin, with the field types of real paths, so that compiled kernels are reused."""
+    """Returns a surface of material 0 at the origin, with the field types of real paths, so that compiled kernels are reused."""
     zero, one = np.float32(0), np.float32(1)
     up, nothing = (zero, zero, one), (zero, zero, zero)
     known = {
@@ -62,14 +62,14 @@ class Subject:
         self._layers = np.zeros(LAYER_SLOTS, np.float32)
 
     def sample(self, wo, n=200_000, seed=0):
-        """(wi, weight, pdf, scale) for wo (3,) or (n, 3)."""
+        """Returns samples (wi, weight, pdf, scale) for wo (3,) or (n, 3)."""
         u = np.random.default_rng(seed).random((n, 3), np.float32)
         wi, weight, pdf = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty((n, 2), np.float32)
         _sample(self.compiled, self._surface, self._layers, many(wo, n), u, wi, weight, pdf)
         return wi, weight, pdf[:, 0], pdf[:, 1]
 
     def eval(self, wo, wi):
-        """(f |cos|, pdf)."""
+        """Returns (f |cos|, pdf) of the pairs of directions."""
         n = len(wi)
         f, pdf = np.empty((n, 3), np.float32), np.empty(n, np.float32)
         _eval(self.compiled, self._surface, self._layers, many(wo, n), np.ascontiguousarray(wi, np.float32), f, pdf)
@@ -77,13 +77,13 @@ class Subject:
 
 
 def tilted(degrees, turn=0.7):
-    """Returns a unit vector at that angle from z."""
+    """Returns a unit vector at `degrees` from z, with azimuth `turn`."""
     a = np.radians(degrees)
     return np.array((np.sin(a) * np.cos(turn), np.sin(a) * np.sin(turn), np.cos(a)))
 
 
 def hemisphere(n, seed):
-    """(n, 3) directions that are at least 0.02 above the horizon, uniform there."""
+    """Returns (n, 3) uniform directions on the hemisphere, at least 0.02 above the horizon."""
     z, turn = np.random.default_rng(seed).random((2, n))
     z = 0.02 + 0.98 * z
     r = np.sqrt(1 - z * z)

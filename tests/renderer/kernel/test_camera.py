@@ -1,4 +1,4 @@
-"""Cameras: scale, depth of field, and directions of panoramas."""
+"""Tests of cameras: scale, depth of field, and directions of panoramas."""
 
 import json
 import math
@@ -29,7 +29,7 @@ def _rays(camera, x, y, u, v, out):
 
 
 def rays(view, x, y, u=0.5, v=0.5, width=64, height=48):
-    """Returns (origins, directions) of film points."""
+    """Returns the origins and directions of rays through film points."""
     columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(c, np.float32)) for c in (x, y, u, v)))
     out = np.empty((columns[0].size, 6), np.float32)
     _rays(camera_frame(RenderSettings(width, height, view)), *(np.ascontiguousarray(c) for c in columns), out)
@@ -70,7 +70,7 @@ def test_an_orthographic_camera_shows_its_height_and_no_perspective():
     ball = scene([Material(base_color=gray(0.5))], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
     view = View((0, 0, 4), (0, 0, 0), projection="orthographic", height=3.0)
     depth = mean(render_frame(ball, RenderSettings(120, 120, view, max_depth=1, filter="box"), 16), 24, DEPTH)
-    # The ball's disk, pi, of a picture of 3 x 3; at the pixels' 16 samples each, its edge is known to a 400th
+    # The ball's disk, pi, in a picture of 3 x 3 units; with 16 samples per pixel its area is accurate to 1/400
     hit = depth > 0
     assert hit.mean() == pytest.approx(math.pi / 9, abs=0.01)
     middle = depth[58:62, 58:62]
@@ -101,14 +101,14 @@ def test_a_furnace_is_a_furnace_to_every_camera(projection, sampler, integrator)
 
 
 def test_what_is_in_focus_is_sharp_and_the_rest_blurs_as_the_lens_says():
-    """All rays of a film point meet in the plane of focus; at distance z they fill a disk of aperture * |z / focus - 1|."""
+    """All rays of a film point meet in the focal plane; at distance z they fill a disk of radius aperture * |z / focus - 1|."""
     view = View((0, 0, 5), (0, 0, 4), fov=40, aperture=0.2, focus=2.5)
     u, v = np.random.default_rng(0).random((2, 4096))
     o, d = rays(view, 20, 30, u, v)
     assert np.abs(o[:, 2] - 5).max() < 1e-6
     radius = np.linalg.norm(o[:, :2], axis=1)
     assert radius.max() == pytest.approx(0.2, rel=0.01)
-    assert (radius**2).mean() == pytest.approx(0.02, rel=0.1)  # even over the disk
+    assert (radius**2).mean() == pytest.approx(0.02, rel=0.1)  # uniform over the disk
     sharp = o + d * (2.5 / -d[:, 2])[:, None]
     np.testing.assert_allclose(sharp, np.broadcast_to(sharp[0], sharp.shape), atol=2e-6)
     far = o + d * (7.5 / -d[:, 2])[:, None]
@@ -117,12 +117,12 @@ def test_what_is_in_focus_is_sharp_and_the_rest_blurs_as_the_lens_says():
 
 @pytest.mark.long
 def test_a_small_light_out_of_focus_is_a_disk_of_the_circle_of_confusion():
-    """A point at distance z images to a disk of radius aperture |z - f| / z in the plane of focus f: its area and its edge."""
+    """A point light at distance z images to a disk of radius aperture |z - f| / z in the focal plane f: its area and edge."""
     aperture, focus, z, size = 0.3, 2.0, 4.0, 64
     light = scene([emitter(1e4)], (square((0, 0, -z), (0.01, 0, 0), (0, 0.01, 0), 0),))
     view = View((0, 0, 0), (0, 0, -1), fov=30, aperture=aperture, focus=focus)
     picture = mean(render_frame(light, RenderSettings(size, size, view, max_depth=1, filter="box"), 4096), 24)[..., 0]
-    pixel = 2 * math.tan(math.radians(15)) / size * focus  # in the plane of focus
+    pixel = 2 * math.tan(math.radians(15)) / size * focus  # a pixel's size in the focal plane
     expected = aperture * (z - focus) / z / pixel
     y, x = np.mgrid[:size, :size] + 0.5 - size / 2
     r = np.hypot(x, y)
@@ -137,7 +137,7 @@ def test_a_pinhole_is_a_lens_of_no_size():
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_a_shifted_picture_is_a_piece_of_a_larger_one(projection):
-    """96 x 72 from the pixel (50, 12) of 256 x 192, whose middle is (128, 96): 30 to the left and 48 up."""
+    """96 x 72 pixels cropped at (50, 12) of 256 x 192, whose middle is (128, 96), are shifted 30 to the left and 48 up."""
     large = View(**TILTED, fov=80, projection=projection, height=4.0, aperture=0.1, focus=3.0)
     fov = math.degrees(2 * math.atan(math.tan(math.radians(40)) * 72 / 192))
     shift = {"shift_x": (98 - 128) / 72, "shift_y": (96 - 48) / 72}
@@ -189,7 +189,7 @@ def _moving_rays(camera, x, y, u, v, time, out):
 
 
 def over_the_shutter(views, width=64, height=48):
-    """(times, origins and directions side by side) of one film point and one point of the lens."""
+    """Returns times, ray origins and ray directions of one film point and one lens point over the open shutter."""
     time = np.linspace(0, 1, 33).astype(np.float32)
     out = np.empty((len(time), 6), np.float32)
     numbers = (np.float32(number) for number in (20, 13, 0.3, 0.8))
@@ -199,7 +199,7 @@ def over_the_shutter(views, width=64, height=48):
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
 def test_a_camera_that_goes_around_goes_around_between_its_keys(projection):
-    """Half a turn by three keys; linear interpolation would cut through the circle."""
+    """A camera orbits half a turn given by three keys; linear interpolation would cut through the circle."""
     start = View(**TILTED, aperture=0.1, projection=projection)
     time, found = over_the_shutter(tuple(orbit(start, turns) for turns in (0.0, 0.25, 0.5)))
     for share, ray in zip(time, found, strict=True):

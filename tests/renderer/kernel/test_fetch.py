@@ -1,4 +1,4 @@
-"""Whole rows read by `row` and `columns`, compared with indexing."""
+"""Tests of whole rows read by `row` and `columns`, against indexing."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The film's fixed point in kernels: exact, for one value and for eight lanes."""
+"""Tests of the film's fixed-point numbers in kernels: exact, for one value and for eight lanes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _fixed(values, scale, eight, one):
 
 
 def values(exponent: int) -> npt.NDArray[np.float32]:
-    """Values of both signs, from denormals to above the sample limit; ties and their neighbours."""
+    """Returns values of both signs, from denormals to above the sample limit, including ties and their neighbours."""
     random = np.random.default_rng(exponent)
     quantum = 2.0**-exponent
     magnitudes = 2.0 ** random.uniform(-150, 20, 20_000)

@@ -1,4 +1,4 @@
-"""The service's pixel directions, compared with the kernel's camera."""
+"""Tests of the service's pixel directions against the kernel's camera."""
 
 from __future__ import annotations
 

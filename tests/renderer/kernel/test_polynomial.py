@@ -1,4 +1,4 @@
-"""The elementary functions compared with numpy's in float64, over their stated ranges."""
+"""Tests of the elementary functions against NumPy's in float64, over their stated ranges."""
 
 import math
 
@@ -8,7 +8,7 @@ import pytest
 from renderer.jit import entry
 from renderer.kernel import polynomial
 
-ULP = 2.0**-24  # half a unit in the last place, relative: what rounding alone may cost
+ULP = 2.0**-24  # relative rounding error of float32: half a unit in the last place
 
 
 @entry
@@ -54,7 +54,7 @@ def double(x):
 
 
 def ulps(found, expected):
-    """The distance in units of the last place of the expected float32."""
+    """Returns the error in units in the last place of the expected float32."""
     return np.abs(found - expected) / np.spacing(np.abs(expected).astype(np.float32)).astype(float)
 
 
@@ -89,7 +89,7 @@ def test_acos():
     x = np.linspace(-1, 1, 400_001)
     assert np.abs(call("acos", x) - np.arccos(double(x))).max() < 6e-7
     np.testing.assert_allclose(call("acos", [1.5, -1.5, 1, -1, 0]), [0, np.pi, 0, np.pi, np.pi / 2], atol=6e-7)
-    near = 1 - np.geomspace(2**-24, 1e-2, 1000)  # where the square root decides
+    near = 1 - np.geomspace(2**-24, 1e-2, 1000)  # where the square root dominates the error
     expected = np.arccos(double(near))
     assert (np.abs(call("acos", near) - expected) < 4e-7 * expected + 1e-9).all()
 

@@ -1,4 +1,4 @@
-"""Rays traced from surface to surface, to find any that leave a closed room or hit the surface they start from."""
+"""Traces rays from surface to surface, to find any that leave a closed room or hit the surface they start from."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _wander(scene, stack, o, d, u, bounces):
 
 
 def wander(scene: CompiledScene, o: np.ndarray, count: int, bounces: int, seed: int = 0) -> np.ndarray:
-    """Returns how often each of `count` paths from o (3,) bounced before a miss; `bounces` if it never missed."""
+    """Returns the number of bounces of each of `count` paths from o (3,) before a miss; `bounces` if it never missed."""
     rng = np.random.default_rng(seed)
     d = rng.standard_normal((count, 3))
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
@@ -63,7 +63,7 @@ def _touch(scene, stack, o, d, u, met, hits):
 
 
 def touch(scene: CompiledScene, o: np.ndarray, d: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Whether rays hit, and whether rays that leave from there, cosine distributed, hit again: (hits, met), (n,) bool."""
+    """Returns (hits, met), (n,) bool: whether rays hit, and whether cosine-distributed rays from these points hit again."""
     u = np.random.default_rng(seed).random((len(d), 2), np.float32)
     hits, met = np.zeros(len(d), bool), np.zeros(len(d), bool)
     o = many(o, len(d))

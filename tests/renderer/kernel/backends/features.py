@@ -40,7 +40,7 @@ Feature = tuple[Callable[[], CompiledScene], RenderSettings]
 
 
 def _images() -> list[Image]:
-    """Images: colours with alpha; roughness and metallic; bumps; emission."""
+    """Returns images: colours with alpha, roughness and metallic, bumps, emission."""
     random = np.random.default_rng(0)
     bumps = np.full((8, 8, 4), 255, np.uint8)
     bumps[..., :2] = random.integers(90, 166, (8, 8, 2))
@@ -53,7 +53,7 @@ def _images() -> list[Image]:
 
 
 def _smooth(mesh: Mesh) -> Mesh:
-    """A mesh about the origin with normals, texture coordinates and colours at its vertices."""
+    """Returns a mesh around the origin with normals, texture coordinates and colours at its vertices."""
     unit = mesh.positions / np.linalg.norm(mesh.positions, axis=1, keepdims=True)
     uvs = (unit[:, :2] * 2).astype(np.float32)
     return replace(mesh, normals=unit.astype(np.float32), uvs=uvs)
@@ -74,7 +74,7 @@ def _turned(angle: float) -> np.ndarray:
 
 
 def room(material: Material, meshes: tuple[Mesh, ...] = (), **more: Any) -> SceneDescription:
-    """A floor and a wall, a lamp above, a little light from all around; a ball, a box and a smooth mesh of the material."""
+    """Returns a floor and a wall, a lamp above, a dim sky, and a ball, a box and a smooth mesh of the material."""
     materials = [material, Material(base_color=(0.7, 0.6, 0.5)), Material(base_color=gray(0.0), emission=(9.0, 8.0, 7.0))]
     placed = (
         square((0, 0, 0), (6, 0, 0), (0, 0, -6), 1),
@@ -104,7 +104,7 @@ def colored(description: SceneDescription) -> SceneDescription:
 
 
 def copies(material: Material) -> SceneDescription:
-    """A scene with enough copies of a mesh to be instanced, some with a material of their own."""
+    """Returns a scene with enough copies of a mesh to be instanced, some with a different material."""
     description = room(material)
     description.meshes.append(icosphere(4, 0, 0.2))
     for i in range(20):
@@ -114,19 +114,19 @@ def copies(material: Material) -> SceneDescription:
 
 
 def cards(count: int) -> tuple[Mesh, ...]:
-    """Parallel cards of material 3, the first before everything; in the plane of nothing else."""
+    """Returns parallel cards of material 3, coplanar with nothing else, the first in front of all other objects."""
     return tuple(square((0, 1, 1.97 - 0.0101 * i), (2, 0, 0), (0, 1, 0), 3) for i in range(count))
 
 
 def lamps(count: int) -> SceneDescription:
-    """A scene with enough small lights for a light tree."""
+    """Returns a scene with enough small lights for a light tree."""
     place = np.random.default_rng(2).uniform((-3, 0.2, -2.5), (3, 3, 2), (count, 3))
     balls = [Sphere(tuple(map(float, p)), 0.03, 2) for p in place]
     return room(Material(**PBR, roughness=0.4), spheres=balls, environment=None)
 
 
 def moving(material: Material) -> SceneDescription:
-    """A scene with a moving and rotating body, a deforming mesh, and moving sphere, lamp and punctual light."""
+    """Returns a scene with a moving and rotating body, a deforming mesh, and a moving sphere, lamp and punctual light."""
     description = room(material, keys=3)
     ball, last = description.meshes[-1], description.instances[-1]
     assert ball.normals is not None
@@ -145,7 +145,7 @@ def moving(material: Material) -> SceneDescription:
 
 
 def sliding(material: Material) -> SceneDescription:
-    """A scene with moving textures."""
+    """Returns a scene with moving textures."""
     description = room(material, keys=3)
     for k, (x, y) in enumerate(((0.5, 0.0), (0.0, -0.3), (0.2, 0.2))):
         keys = tuple((1.0, 0.0, x * step, 0.1 * step, 1.0, y * step) for step in range(3))
@@ -154,7 +154,7 @@ def sliding(material: Material) -> SceneDescription:
 
 
 def hidden(material: Material) -> SceneDescription:
-    """Lamps that rays pass through, one of them visible to the camera, and a ball that the camera does not see."""
+    """Returns a scene with lamps that rays pass through, one of them visible to the camera, and a ball hidden from the camera."""
     glow = {"base_color": gray(0.0), "emission": (3.0, 2.0, 1.0), "lamp": True}
     cards = tuple(square((x, 1.0, 2.0), (0.5, 0, 0), (0, 0.4, 0), n) for x, n in ((-0.6, 3), (0.6, 4)))
     ball = Sphere((1.4, 0.7, 0.4), 0.5, 5)
@@ -169,14 +169,14 @@ def hidden(material: Material) -> SceneDescription:
 
 
 def dark() -> SceneDescription:
-    """A scene without lights."""
+    """Returns a scene without lights."""
     description = room(Material(base_color=gray(0.5)), environment=None)
     description.materials[2] = Material(base_color=gray(0.5))
     return description
 
 
 def balls() -> SceneDescription:
-    """A scene without triangles."""
+    """Returns a scene without triangles."""
     return SceneDescription(
         spheres=[Sphere((0, -1e4, 0), 1e4, 0), Sphere((0, 0.7, 0.4), 0.65, 1), Sphere((1, 3, 1), 0.5, 2)],
         materials=[Material(base_color=gray(0.6)), Material(**GLASS), Material(base_color=gray(0.0), emission=gray(20.0))],
@@ -201,7 +201,7 @@ def _punctual() -> SceneDescription:
 
 
 def _shaped(**keys: int) -> SceneDescription:
-    """Lights with emission maps of all kinds, and moving ones."""
+    """Returns a scene with lights that have emission maps of all kinds, some of them moving."""
     random = np.random.default_rng(5)
     picture, web = (random.random((6, 9, 3), np.float32) ** 4 * 3 for _ in range(2))
     kinds: tuple[tuple[EmissionKind, np.ndarray, tuple[float, float, float, float]], ...] = (
@@ -228,7 +228,7 @@ def _behind_cards(count: int, **card: Any) -> SceneDescription:
 
 
 def _in_one_plane(count: int, **card: Any) -> SceneDescription:
-    """Cards of several sizes on the wall and on a face of the box, without any distance between them."""
+    """Returns a scene with `count` cards of several sizes that coincide with the wall and with a face of the box."""
     walls = [square((0.1 * i, 2, -3), (4 - i, 0, 0), (0, 1.5 - 0.1 * i, 0), 3) for i in range(count)]
     sides = [square((1.5, 0.45, 0.75), (0.4 - 0.1 * i, 0, 0), (0, 0.3, 0), 3) for i in range(count)]
     return room(Material(), (*walls, *sides), materials=[Material(**card)])
@@ -243,7 +243,7 @@ TEXTURED = {"base_color_texture": 0, "metallic_roughness_texture": 1}
 COATED = {"clearcoat": 0.8, "clearcoat_roughness": 0.1, "sheen_color": gray(0.4), "sheen_roughness": 0.5}
 
 FEATURES: dict[str, Feature] = {
-    # What the plain variant has
+    # Features of the plain variant
     "diffuse": _of(GRAY),
     "mirror": _of(Material(kind="mirror", base_color=gray(0.9))),
     "glass": _of(Material(**GLASS)),
@@ -270,7 +270,7 @@ FEATURES: dict[str, Feature] = {
     "a lens": _of(GRAY, view=replace(VIEW, aperture=0.2, focus=4.0)),
     "a shifted lens": _of(GRAY, view=replace(VIEW, shift_x=0.4, shift_y=-0.2)),
     "a near plane": _of(GRAY, view=replace(VIEW, near=4.8)),
-    # What only the full one has
+    # Features of the full variant only
     "textures": _of(Material(**PBR, **TEXTURED, metallic=1.0)),
     "a textured mirror": _of(Material(kind="mirror", base_color_texture=0)),
     "a bumpy floor": _of(Material(**PBR, normal_texture=2, roughness=0.5)),
@@ -308,14 +308,14 @@ FEATURES: dict[str, Feature] = {
     "lights with pictures": _feature(_shaped),
     "what the camera does not see": _feature(lambda: hidden(Material(kind="mirror", base_color=gray(0.9)))),
     "half clear lamps": _feature(lambda: hidden(_half_clear())),
-    # What moves while the shutter is open
+    # Motion while the shutter is open
     "what moves": _feature(lambda: moving(Material(**PBR, metallic=0.5, roughness=0.3))),
     "textures that slide": _feature(
         lambda: sliding(Material(**PBR, **TEXTURED, **COATED, normal_texture=2, clearcoat_texture=1, **BLEND))
     ),
     "lights that turn with their pictures": _feature(lambda: _shaped(keys=3)),
     "a camera that moves": _of(GRAY, views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4))),
-    # What light scatters in
+    # Participating media
     "fog": _of(Material(kind="interface", sigma_a=(0.1, 0.2, 0.3), sigma_s=(1.0, 2.0, 3.0), g=0.4), max_depth=12),
     "smoke around the camera": _of(
         Material(kind="interface", sigma_a=gray(0.4), sigma_s=gray(1.0)), view=replace(VIEW, eye=(0.1, 0.8, 0.5))

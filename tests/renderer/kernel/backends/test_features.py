@@ -1,4 +1,4 @@
-"""The two backends compared, feature by feature: the same bits."""
+"""Tests that both backends render the same bits, feature by feature."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from tests.grids import grid
 from tests.renderer.kernel.backends.features import FEATURES, made
 
 SPP = 4
-# For these the kernel for one path is compiled once more, which takes longer than all the others together; what the pool makes of
-# them tests/renderer/test_motion_blur.py holds to closed forms and to the mean of their moments, tests/renderer/test_media.py to
-# closed forms.
+# For these features the single-path kernel is compiled again, which takes longer than all others together. Their pictures from
+# the pool are compared with closed forms and averages over time in tests/renderer/test_motion_blur.py, and with closed forms in
+# tests/renderer/test_media.py.
 MOVING = ("what moves", "textures that slide", "lights that turn with their pictures", "a camera that moves")
 MOVING_MEDIA = "fog that moves"
 MEDIA = (
@@ -26,7 +26,7 @@ MEDIA = (
 
 
 def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
-    """Returns the film rendered by the pool, or, with a monkeypatch, by the single-path kernel with all features."""
+    """Returns the film rendered by the pool or, given a monkeypatch, by the single-path kernel with all features."""
     scene, settings = made(name)
     stats = RenderStats()
     if monkeypatch is None:
@@ -49,7 +49,7 @@ def test_a_feature_has_the_same_bits_in_both_backends(name: str, monkeypatch: py
 
 
 def test_the_features_ask_for_all_variants() -> None:
-    """Otherwise the tests above would compare nothing."""
+    """The features require all kernel variants; otherwise the tests above would not cover them all."""
     names = list(FEATURES)
     full, moving, media = names.index("textures"), names.index(MOVING[0]), names.index(MEDIA[0])
     for k, name in enumerate(names):

@@ -1,6 +1,6 @@
 """A random walk over the facets of a Smith-GGX surface: the reference for multiple scattering.
 
-Heitz, Hanika, d'Eon & Dachsbacher, "Multiple-Scattering Microfacet BSDFs with the Smith Model" (2016), in numpy and float64,
+Heitz, Hanika, d'Eon & Dachsbacher, "Multiple-Scattering Microfacet BSDFs with the Smith Model" (2016), in NumPy and float64,
 independent of the renderer. Facets are perfect mirrors, heights uniform between -1 and 1.
 """
 
@@ -23,7 +23,7 @@ def smith_lambda(w: F64, alpha: float) -> F64:
 
 
 def visible_normals(w: F64, alpha: float, u: F64) -> F64:
-    """Samples the normals visible from w by spherical caps (Dupuy & Benyoub 2023); w may be below the horizon."""
+    """Returns normals visible from w, sampled by spherical caps (Dupuy & Benyoub 2023); w may be below the horizon."""
     v = w * (alpha, alpha, 1)
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     z = (1 - u[:, 0]) * (1 + v[:, 2]) - v[:, 2]
@@ -34,11 +34,14 @@ def visible_normals(w: F64, alpha: float, u: F64) -> F64:
 
 
 def walk(wo: F64, alpha: float, count: int, seed: int = 0) -> tuple[F64, npt.NDArray[np.int64]]:
-    """Traces `count` rays from direction wo over the facets: (exit directions (count, 3), number of facets hit by each)."""
+    """Traces `count` rays from direction wo over the facets.
+
+    Returns exit directions (count, 3) and the number of facets that each ray hit.
+    """
     rng = np.random.default_rng(seed)
     out, facets = np.tile(np.asarray(wo, np.float64), (count, 1)), np.zeros(count, np.int64)
     going = np.arange(count)
-    w, height = -out, np.full(count, 1.0)  # heights as their cumulative distribution, 0 ... 1
+    w, height = -out, np.full(count, 1.0)  # heights as values of their cumulative distribution, 0 ... 1
     for bounce in range(BOUNCES):
         lam = smith_lambda(w, alpha)
         with np.errstate(divide="ignore", over="ignore"):

@@ -1,4 +1,4 @@
-"""All materials: samples follow their density, weights equal eval over density, energy is conserved, and BSDFs are reciprocal."""
+"""Tests of all materials: samples follow their density, weight = eval / density, energy conservation, and reciprocity."""
 
 import itertools
 from dataclasses import replace
@@ -25,7 +25,7 @@ def principled(**fields):
     return Material(**{"kind": "metallic_roughness", "base_color": COLOR, "roughness": 0.5, **fields})
 
 
-# Wide enough for the bins of a chi-squared test.
+# Lobes wide enough for the bins of a chi-squared test.
 MODELS = {
     "diffuse": Material(base_color=COLOR),
     "plastic": principled(roughness=0.35),
@@ -63,7 +63,7 @@ CASES = [(name, True) for name in MODELS] + [(name, False) for name in FROM_BOTH
 
 
 def test_every_kind_that_scatters_has_an_entry():
-    """Its chi-squared tests fail if a kernel does not dispatch to it."""
+    """MODELS has an entry for every scattering kind, whose chi-squared tests fail if a kernel does not dispatch to the kind."""
     kinds = pack(SceneDescription(materials=list(MODELS.values()))).material_kind.tolist()
     stages = ("diffuse", "metallic_roughness", "conductor", "rare")
     assert {kind.number for kind in KINDS if kind.stage in stages} == set(kinds)
@@ -75,7 +75,7 @@ def subjects():
 
 
 def sphere(n, seed):
-    """Random directions, none nearly horizontal."""
+    """Returns random directions, none of them nearly horizontal."""
     w = hemisphere(n, seed)
     w[::2, 2] *= -1
     return w
@@ -116,7 +116,7 @@ def test_samples_follow_their_density(subjects, case, degrees):
 @grid("degrees", ANGLES, ordinary=(80,))
 @grid("name", ["metal", "coat", "glass", "conductor"], ordinary=("coat", "conductor"))
 def test_a_sharp_lobe_follows_its_density(name, degrees):
-    """Roughness 0.1, alpha 0.01: directions are binned about the lobe's centre, in steps of its width."""
+    """With roughness 0.1 (alpha 0.01) directions are binned around the lobe's centre, in steps of its width."""
     sharp = {
         "metal": principled(metallic=1.0, roughness=0.1),
         "coat": principled(base_color=(0.0, 0.0, 0.0), specular=0.0, clearcoat=1.0, clearcoat_roughness=0.1),
@@ -165,10 +165,10 @@ def test_a_samples_weight_is_eval_over_density(subjects, name, front):
 
 
 def assert_reciprocal(material, wo, wi, name=""):
-    """Asserts f(wo, wi) = f(wi, wo); through a boundary with the sides exchanged, and without the radiance scale."""
+    """Asserts f(wo, wi) = f(wi, wo); for transmission with the sides exchanged, and without the radiance scale of eta^2."""
     through = wi[:, 2] < 0
     refracts = material.transmission > 0 or material.kind == "glass"
-    if refracts and material.diffuse_transmission > 0:  # what both scatter below is squeezed in one of them only
+    if refracts and material.diffuse_transmission > 0:  # only one of two lobes that scatter below has the radiance scale
         material = replace(material, thin=True)
     squeeze = material.ior**2 if refracts and not material.thin else 1.0
     there, _ = Subject(material).eval(wo, wi)
@@ -253,7 +253,7 @@ def test_whatever_its_properties_it_makes_no_light(material, degrees, front):
     assert np.isfinite(weight).all()
     carried = (weight * scale[:, None]).astype(float)
     error = carried.std(0) / np.sqrt(n)
-    # Iridescent surfaces know their own albedo to a few per cent only.
+    # The albedo of iridescent surfaces is known only to a few per cent.
     slack = 0.01 + 0.03 * (material.iridescence > 0)
     assert (carried.mean(0) <= 1 + slack + limit(180) * error).all()
 
@@ -269,7 +269,7 @@ def test_whatever_its_properties_it_makes_no_light(material, degrees, front):
         ({"transmission": 1.0, "thin": True}, 0.995),
         ({"transmission": 1.0}, 0.99),
         ({"diffuse_transmission": 0.5}, 0.995),
-        ({"clearcoat": 1.0}, 0.97),  # the base's microfacets get the lesser of what passes in and out
+        ({"clearcoat": 1.0}, 0.97),  # base facets get the lesser of inward and outward transmittance
         ({"sheen_color": WHITE, "sheen_roughness": 0.5}, 0.97),
         ({"metallic": 1.0, "clearcoat": 1.0}, 0.93),
         ({"kind": "conductor", "eta": (0.0, 0.0, 0.0), "k": (1e4, 1e4, 1e4)}, 0.995),
@@ -296,7 +296,7 @@ BRUSHED = [
 
 
 def furnaces():
-    """Parameters of brushed materials and view directions: extremes always, values between them with --long."""
+    """Returns parameters of brushed materials and view directions: extremes always, intermediate values with --long."""
     for what, *place in itertools.product(BRUSHED, (0.5, 0.8, 1.0), (0.15, 0.35, 0.7), (0, 60, 80, 86), (0, 45, 90)):
         between = any(at in inner for at, inner in zip(place, ((0.5, 0.8), (0.35,), (0, 60, 86), (45,)), strict=True))
         yield pytest.param(what, *place, marks=pytest.mark.long if between else (), id=str((what, *place)))
@@ -304,7 +304,10 @@ def furnaces():
 
 @pytest.mark.parametrize(("what", "anisotropy", "roughness", "degrees", "turn"), list(furnaces()))
 def test_white_and_brushed_in_a_white_furnace(what, anisotropy, roughness, degrees, turn):
-    """Seen along the grooves, across them and between, where single scattering loses least and most."""
+    """White brushed materials are invisible in constant light, seen along the grooves, across them and between.
+
+    Along and across the grooves single scattering loses least and most.
+    """
     n = 40_000
     brushed = principled(base_color=WHITE, roughness=roughness, anisotropy=anisotropy, **what)
     _, weight, _, scale = Subject(brushed).sample(tilted(degrees, np.radians(turn)), n)
@@ -344,7 +347,7 @@ def test_mirror():
 
 
 def fresnel(cosine, eta):
-    """Returns the unpolarised reflectance in float64, by Snell's law and the tangent and sine laws; complex for metals."""
+    """Returns the unpolarised reflectance in float64, by Snell's law and the tangent and sine laws; complex eta for metals."""
     a = np.arccos(cosine + 0j)
     b = np.arcsin(np.sin(a) / eta)
     return float(0.5 * (abs(np.sin(a - b) / np.sin(a + b)) ** 2 + abs(np.tan(a - b) / np.tan(a + b)) ** 2))

@@ -1,4 +1,4 @@
-"""The GGX distribution compared with float64, and the albedo tables compared with their generator."""
+"""Tests of the GGX distribution against float64, and of the albedo tables against their generator."""
 
 import math
 
@@ -28,7 +28,7 @@ DEGREES = (0, 45, 60, 80, 85)
 
 @entry
 def _values(alpha, angles, out):
-    """Writes for each tilt angle D of the normal, G1 of the direction, and the pdf of the visible normal z."""
+    """Writes for each direction D of the normal, G1, and the pdf of the visible normal z."""
     for i in range(len(angles)):
         w = (np.float32(np.sin(angles[i])), np.float32(0), np.float32(np.cos(angles[i])))
         up = (np.float32(0), np.float32(0), np.float32(1))
@@ -45,7 +45,7 @@ def _albedos(cosine, roughness, out):
 
 
 def test_distribution_and_masking_at_alpha_0_1():
-    """Compared with Walter et al. 2007, equations 33 and 34, written with tangents."""
+    """D and G1 equal Walter et al. 2007, equations 33 and 34, written with tangents."""
     found = np.empty((len(DEGREES), 3), np.float32)
     _values(np.float32(0.1), np.radians(DEGREES), found)
     for row, degrees in zip(found, DEGREES, strict=True):
@@ -53,7 +53,7 @@ def test_distribution_and_masking_at_alpha_0_1():
         density = alpha**2 / (np.pi * np.cos(theta) ** 4 * (alpha**2 + np.tan(theta) ** 2) ** 2)
         masking = 2 / (1 + np.sqrt(1 + alpha**2 * np.tan(theta) ** 2))
         np.testing.assert_allclose(row, (density, masking, masking / (np.pi * alpha**2)), rtol=2e-4)
-    # The same, worked out by hand.
+    # The same values, computed by hand.
     np.testing.assert_allclose(found[[0, 1], 0], (31.830989, 0.012481), rtol=1e-4)
     np.testing.assert_allclose(found[[1, 3, 4], 1], (0.997512, 0.930395, 0.794059), rtol=1e-4)
 
@@ -68,7 +68,7 @@ def _beckmann(alpha, angles, out):
 
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0])
 def test_distribution_and_masking_of_beckmann(alpha):
-    """Compared with equation 25 of Walter et al. 2007, and exact masking instead of their fit (equation 26)."""
+    """D equals equation 25 of Walter et al. 2007; masking equals the exact formula, not their fit (equation 26)."""
     found = np.empty((len(DEGREES), 2), np.float32)
     _beckmann(np.float32(alpha), np.radians(DEGREES), found)
     for row, degrees in zip(found, DEGREES, strict=True):
@@ -86,7 +86,7 @@ def test_a_white_microfacet_mirror_scatters_once_what_is_known():
 
 @pytest.mark.long
 def test_the_tables_are_what_makes_them():
-    """All nodes of the microfacet table, some of the sheen's, and the last row of both."""
+    """Checks all nodes of the microfacet table, some of the sheen table, and the last row of both against their generator."""
     np.testing.assert_allclose(np.load(table_path("ggx_albedo")), ggx_table(), atol=2e-6)
     table = np.load(table_path("sheen_albedo"))
     for i, j in np.random.default_rng(3).integers(6, SIZE, (60, 2)):
@@ -96,7 +96,7 @@ def test_the_tables_are_what_makes_them():
 
 @pytest.mark.parametrize(("name", "distribution"), [("brushed_albedo", "ggx"), ("beckmann_albedo", "beckmann")])
 def test_the_table_of_brushed_surfaces_is_what_makes_it(name, distribution):
-    """Some nodes, and all means."""
+    """Checks some nodes and all means against the table's generator."""
     table = np.load(table_path(name))
     rng = np.random.default_rng(4)
     for index in zip(*(rng.integers(0, nodes, 80) for nodes in BRUSHED_NODES), strict=True):

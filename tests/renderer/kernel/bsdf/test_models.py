@@ -1,4 +1,4 @@
-"""Completeness of BSDF models: docs/architecture.md, "To add X, touch Y", as a test."""
+"""Tests that BSDF models are complete, by the list in docs/architecture.md, "To add X, touch Y"."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import renderer.kernel.bsdf
 from renderer.arrays import rows
 from tests.renderer.kernel.bsdf.test_bsdf import MODELS
 
-# What scatters into single directions has no density, and what is unlit does not scatter.
+# Delta lobes have no density, and unlit materials do not scatter.
 DELTA = ("sample_mirror", "sample_glass", "sample_smooth_conductor")
 JUDGED_ELSEWHERE = {"interface", "mirror", "unlit"}
 
@@ -22,7 +22,7 @@ def test_every_lobe_that_is_sampled_is_evaluated_and_has_a_density():
         public = set(getattr(module, "__all__", ()))
         for name in public:
             if not name.startswith("sample_") or name in DELTA or name.startswith("sample_visible_"):
-                continue  # the latter sample normals of microfacets, which lobes are made of
+                continue  # these sample microfacet normals, from which lobes are built
             lobe = name.removeprefix("sample_")
             assert public >= {f"eval_and_pdf_{lobe}"} or public >= {f"eval_{lobe}", f"pdf_{lobe}"}, f"{path.name}: {name}"
             lobes += 1

@@ -1,4 +1,4 @@
-"""White rough metal compared with a random walk over its facets: single scattering, and directions of multiple scattering."""
+"""Tests of white rough metal against a random walk over facets: single scattering, and directions of multiple scattering."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from tests.renderer.kernel.bsdf.facets import walk
 from tests.renderer.kernel.subject import Subject
 
 RAYS = 200_000
-# Skies that shine from one side, as the cosine to this axis; the viewer is where x is positive.
+# One-sided skies, by the axis in which they are brightest; the viewer is at positive x.
 SKIES = {"behind": (-1, 0, 0), "side": (0, 1, 0), "viewer": (1, 0, 0), "above": (0, 0, 1)}
-# How far our picture may be off the walk's under any of these skies, of what a white sky would give: docs/correctness.md.
+# Largest deviation of our picture from the walk's under any of these skies, relative to a white sky: docs/correctness.md.
 FARTHEST = {1.0: 0.025, 0.5: 0.015, 0.25: 0.035}
 
 
@@ -37,7 +37,7 @@ def test_what_facets_scatter_once_is_what_the_tables_say(alpha, cosine):
 @pytest.mark.long
 @grid("alpha", FARTHEST, ordinary=(0.5,))
 def test_light_scattered_more_than_once_goes_about_where_the_walk_takes_it(alpha):
-    """The model's lobe is diffuse, the walk's is biased forwards: bounds the difference."""
+    """Bounds the error of multiple scattering: the model's lobe is diffuse, the walk's is biased forwards."""
     white = Subject(
         Material(kind="metallic_roughness", base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=float(np.sqrt(alpha)))
     )

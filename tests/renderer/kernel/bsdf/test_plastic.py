@@ -1,4 +1,4 @@
-"""Rough plastic compared with Mitsuba 3.9's roughplastic: reflectance under constant light, by the same quadrature."""
+"""Tests of rough plastic against Mitsuba 3.9's roughplastic: reflectance under constant light, by the same quadrature."""
 
 import numpy as np
 import pytest
@@ -10,10 +10,10 @@ from tests.renderer.kernel.subject import Subject, tilted
 DEGREES = (0, 30, 60, 75, 85)
 IOR = 1.5
 PAINT = 0.5
-# Over the hemisphere: Gauss-Legendre nodes of the cosine, midpoints of the azimuth.
+# Quadrature over the hemisphere: Gauss-Legendre nodes of the cosine, midpoints of the azimuth.
 _COSINES, _AZIMUTHS = 24, 32
 
-REFLECTED = {  # by distribution, alpha and nonlinear: towards DEGREES
+REFLECTED = {  # (distribution, alpha, nonlinear) -> reflectances at DEGREES
     ("ggx", 0.1, False): (0.4743, 0.4751, 0.4837, 0.4273, 0.3435),
     ("ggx", 0.1, True): (0.3087, 0.3099, 0.3272, 0.2941, 0.2401),
     ("ggx", 0.3, False): (0.3635, 0.3628, 0.3655, 0.3695, 0.3617),
@@ -61,7 +61,7 @@ def test_a_coat_of_the_index_of_air_takes_only_what_its_facets_mask():
 @pytest.mark.long
 @pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
 def test_the_table_of_coats_is_what_makes_it(distribution):
-    """Some nodes of the table."""
+    """Checks some nodes of the coat table against its generator."""
     table = np.load(table_path(f"{distribution}_coat"))
     bends, roughnesses, cosines = COAT_NODES
     heights = np.maximum((np.arange(cosines) / (cosines - 1)) ** 2, 1e-4)
@@ -81,7 +81,7 @@ def _plastic(distribution, alpha, nonlinear):
 
 
 def _quadrature():
-    """Returns (directions (N, 3), weights by solid angle)."""
+    """Returns directions (N, 3) and their solid-angle weights."""
     node, share = np.polynomial.legendre.leggauss(_COSINES)
     z, turn = np.meshgrid((node + 1) / 2, (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS * 2 * np.pi, indexing="ij")
     r = np.sqrt(1 - z * z)

@@ -1,4 +1,4 @@
-"""Environments: orientation of the image, and sampling by its tables."""
+"""Tests of environments: orientation of the image, and sampling by its tables."""
 
 import functools
 
@@ -50,7 +50,7 @@ def _without_sky():
 
 
 class Sky:
-    """An environment's tables with the kernel functions that use them."""
+    """An environment's tables, with the kernel functions that use them."""
 
     def __init__(self, pixels, rotation=0.0):
         description = SceneDescription(images=[Image("sky", np.asarray(pixels, np.float32), srgb=False)])
@@ -77,10 +77,10 @@ class Sky:
         return self._run(1, direction)[0]
 
     def texel(self, direction):
-        """Returns (row, column) of a direction in float64."""
+        """Returns the (row, column) of a direction in float64."""
         height, width = self.radiance.shape[:2]
         x, y, z = np.asarray(direction, float).T
-        turned = np.arctan2(x, -z) + self.rotation  # counter-clockwise, seen from above, is towards the image's left
+        turned = np.arctan2(x, -z) + self.rotation  # a counter-clockwise rotation, seen from above, moves left in the image
         row = np.clip((np.arccos(np.clip(y, -1, 1)) / np.pi * height).astype(int), 0, height - 1)
         return row, ((turned / (2 * np.pi) + 0.5) % 1 * width).astype(int) % width
 
@@ -96,7 +96,7 @@ def solid_angles(height, width):
 
 @grid("rotation", [0.0, 77.0, -160.0], ordinary=(-160.0,))
 def test_samples_fall_on_texels_as_the_density_says(rotation):
-    """Chi-squared over the texels, within which the density is constant, and over their quarters."""
+    """Chi-squared tests over the texels, within which the density is constant, and over their quarters."""
     sky = Sky(random_sky(), rotation)
     direction, pdf = sky.sample()
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1, atol=1e-6)
@@ -107,7 +107,7 @@ def test_samples_fall_on_texels_as_the_density_says(rotation):
     middles = np.stack([np.sin(middle_v) * np.sin(turn), np.cos(middle_v), -np.sin(middle_v) * np.cos(turn)], -1).reshape(-1, 3)
     mass = sky.pdf(middles) * solid_angles(8, 16).ravel()
     assert mass.sum() == pytest.approx(1, abs=1e-5)
-    edge = counts[mass == 0].sum()  # rounding may take a sample over a border
+    edge = counts[mass == 0].sum()  # rounding may move a sample across a border
     assert edge < 1e-4 * N
     chi_squared(counts[mass > 0], mass[mass > 0] * counts[mass > 0].sum(), 3, f"rotation {rotation}")
     again = sky.pdf(direction)
@@ -129,7 +129,7 @@ def test_the_density_exceeds_zero_where_the_sky_exceeds_its_mean():
 
 @grid("height", [1, 2, 64, 1024, 4096, 16384], ordinary=(1, 64))
 def test_every_row_of_a_tall_image_has_its_solid_angle(height):
-    """Near the poles of a 16k image cosines differ by 1e-8, below float32's precision if they are subtracted."""
+    """Near the poles of a 16k image cosines differ by 1e-8, so subtracting them in float32 would lose their difference."""
     pixels = np.zeros((height, 2, 3), np.float32)
     rows = np.unique(np.clip(np.r_[0:4, height // 3, height // 2, height - 4 : height], 0, height - 1))
     for row in rows:
@@ -147,7 +147,7 @@ def test_every_row_of_a_tall_image_has_its_solid_angle(height):
 
 @pytest.mark.parametrize("rotation", [0.0, 30.0, 90.0])
 def test_radiance_is_bilinear_between_texels(rotation):
-    """Against numpy in double precision; the middle column looks along -z, the top row up."""
+    """Radiance equals NumPy's in float64; the image's middle column faces -z, its top row up."""
     pixels = np.random.default_rng(3).random((5, 7, 3))
     sky = Sky(pixels, rotation)
     d = np.random.default_rng(4).standard_normal((20_000, 3))
@@ -166,7 +166,7 @@ def test_radiance_is_bilinear_between_texels(rotation):
 
 @pytest.mark.parametrize("d", [(0, 1, 0), (0, -1, 0), (0, 0, 1), (-0.0, 0, 1), (0, 0, -1), (np.nan,) * 3, (0, 1.0000001, 0)])
 def test_every_direction_has_a_density(d):
-    """The poles, the seam and invalid directions: nothing reads outside the tables."""
+    """Directions at the poles and the seam, and invalid directions, have a density; none reads outside the tables."""
     sky = Sky(random_sky())
     assert sky.pdf([d])[0] >= 0
     assert np.isfinite(sky.at([d])).all() or np.isnan(d).any()
@@ -185,7 +185,7 @@ def test_choose_finds_the_interval_and_skips_what_is_empty():
 
 
 def peaked(count, seed):
-    """A cdf with entries that are 0, similar, or dominant; its steps are exact in float32 if there are few."""
+    """Returns a cdf of `count` weights, some 0, others similar, one possibly dominant; its steps are exact in float32 if few."""
     rng = np.random.default_rng(seed)
     weights = rng.random(count) ** 3 * (rng.random(count) > 0.2)
     weights[rng.integers(count)] = [0, 1, 1e6][seed % 3]
@@ -194,7 +194,7 @@ def peaked(count, seed):
 
 @pytest.mark.parametrize("count", [1, 2, 6, 7, 8, 9, 31, 256, 1000])
 def test_the_search_from_a_table_finds_what_the_binary_search_finds(count):
-    """To the bit, for numbers between the cdf's entries, equal to them and just below them."""
+    """Both searches agree to the bit for random numbers and for numbers equal to the cdf's entries or just below them."""
     for seed in range(6):
         cdf = peaked(count, seed)
         start = cutpoints(cdf)
@@ -211,7 +211,7 @@ def test_the_search_from_a_table_finds_what_the_binary_search_finds(count):
 
 
 def test_the_search_begins_where_the_part_begins():
-    """A power of two of them, about one to four texels, and each row of a table for itself."""
+    """The search starts at cut points, a power of two per row, one for one to four texels, computed for each row separately."""
     cdf = np.stack([peaked(300, seed) for seed in range(4)])
     start = cutpoints(cdf)
     assert start.shape == (4, 128)

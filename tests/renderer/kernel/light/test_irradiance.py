@@ -1,6 +1,6 @@
-"""Irradiance by light sampling compared with brute force: uniform directions that hit a light by chance.
+"""Tests of light sampling against brute force: uniform directions that hit a light by chance.
 
-Covers what densities alone do not: textures, sides, occluders, and that lights that are never chosen contribute nothing.
+Covers textures, sides and occluders, and that lights which are never chosen contribute nothing; densities alone do not.
 """
 
 import math
@@ -63,7 +63,7 @@ def _uvs(mesh):
 
 
 def lit_by(*meshes, spheres=(), environment=None, double_sided=False, opacity=1.0, plain=False):
-    """Emitters of material 0 with a texture of random 8 x 8 texels unless `plain`; material 1 is a black occluder."""
+    """Returns a scene with emitters of material 0, textured unless `plain`; material 1 is a black occluder."""
     codes = np.random.default_rng(5).integers(0, 256, (8, 8, 4)).astype(np.uint8)
     shining = Material(base_color=gray(0), emission=(3.0, 2.0, 1.0), emission_texture=0, double_sided=double_sided)
     if plain:
@@ -85,7 +85,7 @@ def lit_by(*meshes, spheres=(), environment=None, double_sided=False, opacity=1.
 
 
 def _faded(mesh):
-    """Returns the mesh with alpha decreasing from vertex to vertex."""
+    """Returns the mesh with vertex alpha decreasing from vertex to vertex."""
     mesh.colors = np.ones((len(mesh.positions), 4), np.float32)
     mesh.colors[:, 3] = np.linspace(1, 0, len(mesh.positions))
     return mesh

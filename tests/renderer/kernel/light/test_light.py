@@ -1,4 +1,4 @@
-"""Light sampling: directions follow the density used for MIS, and both sides of MIS agree on it."""
+"""Tests of light sampling: directions follow the density used for MIS, and both MIS strategies use the same density."""
 
 import math
 from dataclasses import replace
@@ -38,7 +38,7 @@ def _sample(made, p, n, u, direction, end, radiance, pdf):
 
 @entry
 def _density(made, stack, p, n, direction, pdf):
-    """Returns the density used as MIS weight: that of the environment, or of the first light hit by a ray."""
+    """Writes the density used for the MIS weight: that of the environment, or of the first light that a ray hits."""
     o = (p[0], p[1], p[2])
     for i in range(len(direction)):
         d = (direction[i, 0], direction[i, 1], direction[i, 2])
@@ -52,7 +52,7 @@ def _density(made, stack, p, n, direction, pdf):
 
 
 def sample(made, p=P, n=N, seed=0, normal=NO_NORMAL):
-    """(direction, end, radiance, pdf)."""
+    """Returns n light samples as arrays (direction, end, radiance, pdf)."""
     u = np.random.default_rng(seed).random((n, 3), np.float32)
     vectors = [np.zeros((n, 3), np.float32) for _ in range(3)]
     pdf = np.zeros(n, np.float32)
@@ -72,7 +72,7 @@ def density(made, p=P, normal=NO_NORMAL):
 
 
 def sky():
-    """8 x 16 texels, most of them dark, one a hundred times as bright."""
+    """Returns an image of 8 x 16 texels, most of them dark, one a hundred times as bright."""
     pixels = np.random.default_rng(4).gamma(0.5, size=(8, 16, 1)).repeat(3, 2)
     pixels[2, 5] = 20.0
     return pixels.astype(np.float32)
@@ -114,20 +114,20 @@ def test_directions_follow_the_density_that_mis_is_told(name, normal):
 @pytest.mark.parametrize("normal", [NO_NORMAL, NORMAL])
 @pytest.mark.parametrize("name", SCENES)
 def test_both_sides_of_mis_know_the_same_density(name, normal):
-    """The pdf returned by `sample_light` equals the one used for a BSDF ray that hits the same point."""
+    """The pdf returned by `sample_light` equals the pdf used for a BSDF ray that hits the same point."""
     made = SCENES[name]()
     direction, _, radiance, pdf = sample(made, n=20_000, normal=normal)
     again = density(made, normal=normal)(direction)
     good = pdf > 0
     close = np.isclose(again[good], pdf[good], rtol=2e-3)
-    if name == "all of them":  # there the sky's density adds to that of a light in front of it
+    if name == "all of them":  # there the pdf is that of the sky plus that of a light in front of it
         close |= again[good] > pdf[good]
-    assert close.mean() > 0.998  # some lie on the border of a texel or of a light
+    assert close.mean() > 0.998  # some points are on the border of a texel or a light
     assert radiance[good].any(axis=1).mean() > 0.5
 
 
 def test_a_light_is_chosen_by_its_power():
-    """Two spheres, one with three times the radiance and half the radius, and a sky of fixed probability."""
+    """Two spheres, one with three times the radiance and half the radius, and a sky of fixed probability are chosen by power."""
     made = scene([emitter(3.0), emitter(1.0)], spheres=(Sphere((5, 0, 0), 0.5, 0), Sphere((-5, 0, 0), 1.0, 1)), environment=0.01)
     direction, _, radiance, _ = sample(with_light_choice(made, "power"))
     chance = float(made.environment_frame[3])
@@ -158,7 +158,7 @@ def test_ends_of_samples_lie_just_before_their_light():
 
 
 def test_points_of_triangles_are_even_by_area():
-    """Uses a square with vertex colours and alpha, which is no parallelogram light."""
+    """Points are uniform by area on a square with vertex colours and alpha, which is not a parallelogram light."""
     lamp = square((0, 0, 2), (1, 0, 0), (0, -1, 0), 1)
     lamp.colors = np.ones((len(lamp.positions), 4), np.float32)
     made = scene([Material(), emitter(1.0)], (lamp,))
@@ -170,7 +170,7 @@ def test_points_of_triangles_are_even_by_area():
 
 @pytest.mark.parametrize("distance", [1.001, 1.01, 2.0, 1e3, 1e5])
 def test_a_sphere_fills_its_solid_angle(distance):
-    """From next to it to so far that 1 - cos is 5e-11: 1 / pdf is 2 pi (1 - cos)."""
+    """1 / pdf is the solid angle 2 pi (1 - cos), from next to the sphere to so far away that 1 - cos is 5e-11."""
     made = scene([emitter(1.0)], spheres=(Sphere((0, 0, 0), 1.0, 0),))
     direction, _, radiance, pdf = sample(made, (0, 0, distance))
     sine2 = 1 / distance**2

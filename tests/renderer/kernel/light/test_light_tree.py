@@ -1,4 +1,4 @@
-"""The light tree: lights are chosen with the stated probability for any point, and no contributing light is missed."""
+"""Tests of the light tree: lights are chosen with the stated probability, and every contributing light can be chosen."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def chances(made, p, n):
 
 
 def room(seed=0, spheres=60, squares=60, points=40, spots=30, suns=3):
-    """Lights of all kinds, with powers that differ by up to a factor of a million, in a box of side 20."""
+    """Returns lights of all kinds in a box of side 20; their powers differ by up to a factor of a million."""
     rng = np.random.default_rng(seed)
     materials = [Material(), *(emitter(10 ** rng.uniform(-3, 3), double_sided=bool(i % 2)) for i in range(20))]
 
@@ -76,7 +76,7 @@ def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
     child, end = (made.light_node[:, row].view(np.int32) for row in (CHILD, END))
 
     def lights_below(node, begin):
-        """Returns the number of lights up to the node's last one."""
+        """Returns the number of lights up to and including the node's last one."""
         for k in np.flatnonzero(end[node] != NO_END):
             begin = lights_below(child[node, k], begin) if child[node, k] >= 0 else begin + (child[node, k] == ~begin)
             assert end[node, k] == begin
@@ -93,10 +93,13 @@ def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
 
 @pytest.mark.long
 def test_chances_sum_to_one_but_for_dead_ends(made):
-    """A node's bounds may reach a point that neither child's bounds reach; then nothing is sampled, which is correct."""
+    """Probabilities sum to 1 except at dead ends: a node's bounds may reach a point that neither child's bounds reach.
+
+    No light is sampled there, which is correct.
+    """
     sums = np.array([chances(made, p, n).astype(float).sum() for p, n in zip(*points_and_normals(), strict=True)])
     assert sums.max() < 1 + 1e-5
-    assert sums.mean() > 0.7  # of spots that point anywhere, of powers like these, many ways end
+    assert sums.mean() > 0.7  # with spots in all directions and such powers, many descents end
 
 
 @pytest.mark.long
@@ -120,16 +123,16 @@ def angle(a, b):
 
 
 def received(towards, radius, n):
-    """Returns the tree's estimate of the irradiance from unit intensity in a sphere; without a normal, from all directions."""
+    """Returns the tree's irradiance estimate for a sphere of unit intensity; for zero n, from all directions."""
     far = max(np.linalg.norm(towards), np.sqrt(0.3) * radius)
     height = np.dot(towards, n)
     return (np.clip((max(height, 0.3 * height) + 0.3 * radius) / far, 0, 1) if n.any() else 1.0) / far**2
 
 
 def plain_importance(light, p, n):
-    """Returns one light's importance, computed with angles in float64.
+    """Returns one light's importance, computed from angles in float64.
 
-    NaN at the edge of a spot's cone, where the tree has a margin for float32's rounding.
+    NaN at the edge of a spot's cone, where the tree has a margin for float32 rounding.
     """
     if light.kind == "directional":
         towards = -np.array(light.direction) / np.linalg.norm(light.direction)
@@ -143,7 +146,7 @@ def plain_importance(light, p, n):
 
 
 def test_the_chances_in_one_node_are_in_proportion_to_the_formula():
-    """Eight punctual lights, all in the root, so that their bounds are exact."""
+    """Eight punctual lights are all in the root node, so their bounds are exact."""
     lamps = (
         *(Light("point", gray(2.0**i), (i - 2.0, 3.0, i % 2), radius=0.4 * i) for i in range(3)),
         *(Light("spot", gray(9.0), (i, 2.0, -1.0), (0.3 * i, -1, 0.2), outer_cone=20 + 40 * i, radius=0.1 * i) for i in range(3)),
@@ -162,7 +165,7 @@ def test_the_chances_in_one_node_are_in_proportion_to_the_formula():
 
 
 def test_suns_among_lamps_are_chosen_by_where_they_stand():
-    """A sun counts by its irradiance on what faces it, wherever that is; one below the horizon not at all."""
+    """A sun is chosen by its irradiance on surfaces facing it, anywhere in the scene, and never if it is below the horizon."""
     lamps = (
         *(Light("point", gray(1.0), (0.0, 1.0, 0.1 * i)) for i in range(20)),
         Light("directional", gray(1.0), direction=(0.0, -1.0, 0.0)),
@@ -181,7 +184,7 @@ def test_suns_among_lamps_are_chosen_by_where_they_stand():
 
 
 def reaches(made, light, p, n):
-    """Returns True if any point of a light certainly lights p with normal n, in float64 with a margin."""
+    """Returns whether some point of a light certainly illuminates p with normal n, in float64 with a margin."""
 
     def above(q):
         return not n.any() or ((q - p) @ n / np.linalg.norm(q - p, axis=-1)).max() > 1e-3
@@ -219,7 +222,7 @@ def test_no_light_that_reaches_a_point_is_passed_over(made):
 
 
 def test_a_near_lamp_is_chosen_over_a_far_one():
-    """In a row of equal lamps, that above the point is chosen far more often than one in `count`; those behind never."""
+    """In a row of equal lamps the one above the point is chosen far more often than 1 in `count`, those behind never."""
     lamps = tuple(Light("point", gray(1.0), (float(x), 1.0, 0.0)) for x in range(0, 100, 2))
     made = scene([Material()], (square((0, 0, 0), (1, 0, 0), (0, 0, -1), 0),), lights=lamps)
     chance = chances(made, (40.0, 0.0, 0.0), (0, 1, 0))

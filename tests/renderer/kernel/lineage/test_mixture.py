@@ -1,4 +1,4 @@
-"""Sampling towards targets: directions follow the stated density, from outside, from inside, and edge on."""
+"""Tests of sampling towards targets: directions follow the stated density, from outside, from inside, and edge-on."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def _density(made, primitive, p, direction, pdf):
 
 @pytest.fixture(scope="module")
 def targets():
-    """Two triangles, then two spheres, the larger around the first point."""
+    """Returns two triangles and two spheres, the larger of which contains the first point."""
     meshes = (square((0, 0, -1), (1, 0, 0), (0, 1, 0), 0),)
     return scene([emitter(1.0), Material(base_color=gray(0.5))], meshes, (Sphere((1, 1, 1), 0.5, 1), Sphere((0, 0, 0), 0.6, 1)))
 
@@ -46,7 +46,7 @@ def test_directions_follow_their_density(targets, point, primitive):
     _aim(targets, np.int32(primitive), p, u, directions, pdf)
     again = np.empty(N, np.float32)
     _density(targets, np.int32(primitive), p, directions, again)
-    inner = again > 0  # at the very rim, rounding may let a direction pass by
+    inner = again > 0  # rounding may let a direction at the rim miss
     assert inner.mean() > 0.999
     np.testing.assert_allclose(again[inner], pdf[inner], rtol=2e-3)
 

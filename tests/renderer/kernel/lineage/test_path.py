@@ -1,4 +1,4 @@
-"""The path integrator: path depth, light leaks through walls, and independence of scale."""
+"""Tests of the path integrator: path depth, light leaks through walls, and independence of scale."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_max_depth_1_shows_only_what_the_camera_sees_emit():
 @grid("scale", [2.0**-10, 1.0, 2.0**10], ordinary=(1.0,))
 @pytest.mark.parametrize("mesh", [icosphere, box])
 def test_no_light_leaks_into_a_closed_mesh(mesh, scale):
-    """With a sky of radiance 1e6, 800 000 paths that hit walls, edges and corners bring no light inside."""
+    """Of 800,000 paths that hit walls, edges and corners, none brings light of a sky of radiance 1e6 inside."""
     closed = icosphere(2, scale=scale) if mesh is icosphere else box(0, scale)
     dark = scene([Material(base_color=gray(0.9))], (closed,), environment=1e6)
     eye, target = np.array((0.1, 0.2, 0.3)) * scale, np.array((0.5, 0.1, 1.0)) * scale
@@ -47,7 +47,7 @@ def test_no_light_leaks_into_a_closed_mesh(mesh, scale):
 
 
 def test_few_paths_leak_where_coordinates_are_coarse():
-    """At 300 from the origin float32 has a step of 1.5e-5: points that close to an edge may be rounded across it."""
+    """At 300 from the origin float32 has a step of 1.5e-5, so points that close to an edge may be rounded across it."""
     closed = box(0, center=(300, 300, 300))
     dark = scene([Material(base_color=gray(0.9))], (closed,), environment=1.0)
     sums = render_frame(dark, settings((300.1, 300.2, 300.3), (300.5, 300.1, 301), 120, size=40, max_depth=8), 64)
@@ -55,7 +55,7 @@ def test_few_paths_leak_where_coordinates_are_coarse():
 
 
 def test_a_scene_scaled_by_a_power_of_two_is_the_same_picture_to_the_bit():
-    """Only exponents change, so no absolute length is used."""
+    """Scaling by a power of two changes only exponents, so equal bits show that no absolute length is used."""
     pictures = []
     for s in (2.0**-10, 1.0, 2.0**10):
         materials = [
@@ -85,7 +85,7 @@ def _weights(a, b, weight):
 
 
 def weights(a, b):
-    """Returns MIS weights (heuristics, N) of samples with densities a against another strategy's densities b."""
+    """Returns the MIS weights (heuristics, N) of samples with densities a, against densities b of another strategy."""
     weight = np.empty((len(HEURISTICS), len(a)), np.float32)
     _weights(a, b, weight)
     return weight

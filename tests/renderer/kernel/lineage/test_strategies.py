@@ -1,4 +1,4 @@
-"""Light sampling strategies and path termination: they differ in noise, never in the expected picture."""
+"""Tests of light sampling strategies and path termination: they differ in noise, never in the expected picture."""
 
 import math
 from dataclasses import replace
@@ -19,7 +19,9 @@ VIEW = ((0, 2, 6), (0, 0.8, 0), 30)
 
 
 def room(environment):
-    """Diffuse, glossy, mirror and glass objects under a square, a sphere and a sky: large lights that all strategies can hit."""
+    """Returns diffuse, glossy, mirror and glass objects under a square, a sphere and a sky, all large enough to be hit by
+    chance.
+    """
     materials = [
         Material(base_color=(0.7, 0.6, 0.5)),
         Material(kind="metallic_roughness", base_color=(0.9, 0.6, 0.3), metallic=0.7, roughness=0.6),
@@ -35,7 +37,7 @@ def room(environment):
 @pytest.fixture(scope="module", params=[*(pytest.param(sky, marks=pytest.mark.long) for sky in ("dark", "even")), "image"])
 def lit_room(request):
     image = np.random.default_rng(3).gamma(0.5, 1.0, (4, 8, 1)).repeat(3, 2)
-    image[1, 2:4] = 0  # where the light of neighbours spills in between texels
+    image[1, 2:4] = 0  # dark texels between bright ones, lit only by interpolation
     made = room({"dark": None, "even": 0.5, "image": image}[request.param])
     reference = mean_and_error(render_frame(made, settings(*VIEW, max_depth=5, size=32, sampler="independent"), 1024))
     return made, reference
@@ -87,14 +89,14 @@ def test_lights_without_a_body_are_seen_by_every_strategy(sampling):
 def test_roulette_of_any_probability_is_unbiased(roulette, sampling):
     furnace = scene([emitter(0.7, 0.3, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=200, roulette=roulette, sampling=sampling, sampler="independent")
-    samples = 32 if roulette == 1.0 else 512  # paths that nothing ends are long, and have little noise
+    samples = 32 if roulette == 1.0 else 512  # without roulette paths are long and have little noise
     assert_mean(render_frame(furnace, asked, samples), 1.0, slack=1e-4, tests=10)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("floor", [0.15, 0.5, MAX_FLOOR])
 def test_roulette_with_a_floor_is_unbiased_and_follows_dark_paths_further(floor):
-    """Reflectance 0.1: by throughput alone few paths would survive three bounces."""
+    """At reflectance 0.1 roulette by throughput ends most paths within three bounces; with a floor more survive, without bias."""
     furnace = scene([emitter(0.9, 0.1, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=200, roulette_floor=floor, sampler="independent")
     counts = RenderStats(), RenderStats()
@@ -121,7 +123,7 @@ def test_both_heuristics_and_all_choices_of_lights_give_one_mean(lit_room):
 
 
 def test_the_heuristics_weigh_otherwise():
-    """Otherwise the test before would compare a picture with itself."""
+    """The heuristics' films differ; otherwise the test above would compare a picture with itself."""
     made = room(0.5)
     pictures = [render_frame(made, settings(*VIEW, size=8, heuristic=name), 4)[COLOR] for name in HEURISTICS]
     assert (pictures[0] != pictures[1]).any()
@@ -141,7 +143,7 @@ def test_more_light_samples_are_the_same_picture_with_less_noise(count):
     one = render_frame(made, settings(*view, max_depth=2, sampler="independent"), 64)
     more = render_frame(made, settings(*view, max_depth=2, sampler="independent", light_samples=count), 64)
     assert_mean(more, 0.752275 / math.pi, slack=1e-4)
-    # Where BSDF sampling shares the work, light samples thin out only their part of the variance
+    # Shared with BSDF sampling, more light samples reduce only their part of the variance
     assert noise(more, 24) < noise(one, 24)
     alone = [
         noise(render_frame(made, settings(*view, max_depth=2, sampler="independent", sampling="light", light_samples=k), 64), 24)
@@ -161,7 +163,7 @@ def test_the_clamp_spares_direct_light_and_bounds_the_rest():
     free, clamped, none = (picture(6, c).mean() for c in (0.0, 0.3, 1e-9))
     assert none < clamped < free
     direct = picture(2, 0.0).mean()
-    # Mirror and glass show light after more than one bounce, which counts as indirect
+    # Mirror and glass show light after more than one bounce, which is indirect light
     assert abs(none - direct) < 0.02 * direct
 
 
@@ -182,7 +184,7 @@ def under_a_lamp(height, side=0.05):
 
 @pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 def test_the_mistakes_are_made_as_their_names_say(integrator):
-    """Under a small lamp in the height h: E = L A / h^2; attenuation divides by h^2 once more, the cutoff is at sqrt(1000)."""
+    """Under a small lamp at height h, E = L A / h^2; `attenuation` divides by h^2 again, `light-cutoff` applies above sqrt(1000)."""
     for height, mistake, factor in (
         (3.0, "", 1.0),
         (3.0, "attenuation", 1 / 9),

@@ -1,4 +1,4 @@
-"""Whitted ray tracing and ambient occlusion, compared with closed forms."""
+"""Tests of Whitted ray tracing and ambient occlusion against closed forms."""
 
 import math
 
@@ -11,7 +11,7 @@ from renderer.scene.description import Light, Material, Sphere
 from tests.renderer.builders import box, emitter, gray, icosphere, scene, settings, square
 from tests.renderer.judge import assert_mean, limit, mean_and_error
 
-pytestmark = pytest.mark.long  # two more kernels to compile
+pytestmark = pytest.mark.long  # needs two more kernels
 
 FLOOR = square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)
 WHITE = Material(base_color=gray(1.0))
@@ -23,7 +23,9 @@ def whitted(made, view, spp=4, **more):
 
 
 def test_a_square_light_is_looked_at_in_its_middle():
-    """Both triangles of a unit square at height 1 from its centre: L A / h^2 / pi, where the whole square gives 0.752275."""
+    """Whitted samples a square light only at its centre: L A / h^2 / pi, while integration over the unit square gives
+    0.752275.
+    """
     made = scene([WHITE, emitter(1.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)))
     np.testing.assert_allclose(mean(whitted(made, BELOW, 16), 24), 1 / math.pi, rtol=1e-3)
 
@@ -41,7 +43,7 @@ def test_a_shadow_has_an_edge_and_no_penumbra():
     blocker = square((0, 0.5, 0), (0.25, 0, 0), (0, 0, 0.25), 2)
     light = square((0, 1, 0), (0.4, 0, 0), (0, 0, 0.4), 1)
     made = scene([WHITE, emitter(1.0), Material(base_color=gray(0.0))], (FLOOR, light, blocker))
-    # straight down between blocker and floor, from just under the blocker
+    # Straight down between blocker and floor, from just below the blocker
     view = ((0, 0.49, 0), (0, 0, 0), 2 * math.degrees(math.atan(1 / 0.49)))
     picture = mean(whitted(made, view, 1, size=64), 24)[..., 0]
     place = mean(whitted(made, view, 1, size=64), 24, POSITION)
@@ -86,7 +88,7 @@ def test_glass_splits_by_fresnel():
 
 
 def test_no_light_goes_from_wall_to_wall():
-    """Inside an emitting sphere of albedo a, path tracing gathers all orders; this only the first."""
+    """Inside an emitting sphere of albedo a, Whitted has only the first reflection, while path tracing has all."""
     furnace = scene([emitter(0.5, 0.5, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     assert_mean(whitted(furnace, ((0.3, 0.2, 0.1), (1, 0, 0), 70), 64), 0.75, slack=1e-4)
 
@@ -104,7 +106,7 @@ def test_max_depth_1_shows_what_the_camera_sees_emit():
 @pytest.mark.parametrize("distance", [0.0, 0.5, 1.5])
 @pytest.mark.parametrize("sampler", ["sobol", "independent"])
 def test_occlusion_inside_a_sphere(distance, sampler):
-    """At cos(theta) the other side is 2 cos(theta) away: 1 - D^2 / 4 of the cosine-weighted directions see past D."""
+    """At angle theta the opposite wall is 2 cos(theta) away, so 1 - D^2 / 4 of cosine-weighted directions are free up to D."""
     ball = scene([Material(base_color=gray(0.3))], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, integrator="ao", ao_distance=distance, sampler=sampler)
     sums = render_frame(ball, asked, 256)

@@ -1,4 +1,4 @@
-"""Texture lookups for eight lanes, compared with single lookups, which test_texture.py tests."""
+"""Tests of texture lookups for eight lanes against single lookups, which test_texture.py tests."""
 
 import numpy as np
 import pytest
@@ -60,5 +60,5 @@ def test_eight_places_are_looked_up_as_each_alone():
     eight, one = np.zeros((2, 3, COUNT), np.float32)
     _look_up(scene, given, np.arange(COUNT, dtype=np.int32), eight, one)
     apart = abs(eight - one).max(axis=0)
-    assert np.mean(apart < 2e-4) > 0.999  # the last bit of a place hundreds of texels away; rarely, it is another texel
+    assert np.mean(apart < 2e-4) > 0.999  # from the last bit of coordinates hundreds of texels away; a few hit another texel
     assert np.median(apart) < 1e-6

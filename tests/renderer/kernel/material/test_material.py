@@ -1,4 +1,4 @@
-"""Materials at a point: textures, vertex colours, alpha, absorption, dispersion."""
+"""Tests of materials at a point: textures, vertex colours, alpha, absorption, dispersion."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ FRAME = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), UP)
 
 @entry
 def _look(scene, surface, frame, layers, throughput, u, out):
-    """Writes to `out`: base, metallic, roughness, opacity, absorption, emission; eta and throughput after dispersion."""
+    """Writes to `out`: base colour, metallic, roughness, opacity, absorption, emission; eta and throughput after dispersion."""
     material = fetch_material(scene, surface, frame, layers, None)
     values = material.base[0], material.base[1], material.base[2], material.metallic, material.roughness
     for k in range(5):
@@ -46,7 +46,7 @@ def _look(scene, surface, frame, layers, throughput, u, out):
 
 
 def compiled(material, images=(), textures=()):
-    """A scene of one square."""
+    """Returns a compiled scene of one square with this material."""
     mesh = square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0)
     mesh.uvs = mesh.uvs1 = np.zeros((4, 2), np.float32)
     description = SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[material])
@@ -55,7 +55,7 @@ def compiled(material, images=(), textures=()):
 
 
 def look_at(scene, uv=(0.5, 0.5), uv1=(0.5, 0.5), color=(1, 1, 1, 1), front=True, u=0.5, carried=(1, 1, 1)):
-    """Returns the kernel's results as a dict."""
+    """Returns the material kernel's results at a point, by name."""
     uv, uv1, color, carried = (tuple(np.float32(v) for v in values) for values in (uv, uv1, color, carried))
     surface = facing_up(uv=uv, uv1=uv1, color=color, front=front)
     out = np.zeros(16, np.float32)
@@ -72,7 +72,7 @@ def look(material, images=(), textures=(), **at):
 
 
 def texels(*rows):
-    """An image of uint8 RGBA rows."""
+    """Returns a uint8 RGBA image with the given rows."""
     return Image("i", np.array(rows, np.uint8), srgb=False)
 
 
@@ -124,7 +124,10 @@ def test_absorption_leaves_the_attenuation_colour_after_its_distance():
 
 @pytest.mark.parametrize("front", [True, False])
 def test_dispersion_keeps_one_colour_and_the_expectation(front):
-    """KHR_materials_dispersion: the indices of red and blue lie (n - 1) 0.025 dispersion from green's."""
+    """Dispersion keeps one colour per path, unbiased: red and blue indices differ from green's by (n - 1) 0.025 dispersion.
+
+    See KHR_materials_dispersion.
+    """
     prism = compiled(Material(kind="glass", ior=1.5, dispersion=2.0))
     carried = np.array((0.2, 0.3, 0.5))
     mean, steps = np.zeros(3), 1000

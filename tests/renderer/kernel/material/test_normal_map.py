@@ -1,4 +1,4 @@
-"""Normal maps: decoded in the tangent frame, and limited so that the viewer never sees a black surface."""
+"""Tests of normal maps: decoded in the tangent frame, and limited so that the viewer never sees a black surface."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def _frame(scene, surface, wo, out):
 
 
 def frame(rgb, front=True, scale=1.0, sign=1.0):
-    """The frame (s, t, n) on a square that faces up, with the tangent along x, under a map of one colour."""
+    """Returns the frame (s, t, n) on a square facing up, with the tangent along x, under a normal map of one colour."""
     mesh = square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0)
     mesh.uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
     image = Image("n", np.array([[[*rgb, 255]]], np.uint8), srgb=False)

@@ -1,4 +1,4 @@
-"""Texture lookups and layered textures, compared with float64 computations, and in rendered pictures."""
+"""Tests of texture lookups and layered textures, against float64 computations and in rendered pictures."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ COLORS = RANDOM.integers(0, 256, (5, 4, 4), np.uint8)
 MASKED = RANDOM.integers(0, 256, (3, 6, 4), np.uint8)
 IMAGES = [Image("colors", COLORS), Image("masked", MASKED), Image("data", MASKED, srgb=False)]
 MOVED = (2.0, 0.5, 0.1, -0.25, 1.5, -0.3)
-SLACK = 2e-6  # rounding of float32, at values of about 1
+SLACK = 2e-6  # float32 rounding of values of about 1
 BLENDS = {
     "over": lambda b, t: t,
     "multiply": lambda b, t: b * t,
@@ -48,7 +48,7 @@ BLENDS = {
 
 
 def square(uvs=((0, 1), (1, 1), (1, 0), (0, 0)), uvs1=None, material=0, z=0.0):
-    """A square of side 2 at a depth, facing +z."""
+    """Returns a square of side 2 at depth z, facing +z."""
     corners = np.array([(-1, -1, z), (1, -1, z), (1, 1, z), (-1, 1, z)], np.float32)
     second = None if uvs1 is None else np.array(uvs1, np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
@@ -77,7 +77,7 @@ def _look_up(scene, number, uv, uv1, found):
 
 
 def looked_up(scene, slot=0, count=2000):
-    """Returns (uv, uv1, RGBA) of a texture at random coordinates."""
+    """Returns (uv, uv1, RGBA) of a texture at `count` random coordinates."""
     uv, uv1 = np.random.default_rng(3).uniform(-2, 3, (2, count, 2)).astype(np.float32)
     found = np.empty((count, 4), np.float32)
     _look_up(scene, scene.material_texture[0, slot], uv, uv1, found)
@@ -85,7 +85,7 @@ def looked_up(scene, slot=0, count=2000):
 
 
 def expected_of(texture, images, uv, uv1):
-    """RGBA in float64 of one texture without its layers, (n, 4)."""
+    """Returns a texture's RGBA without its layers, (n, 4) float64."""
     image = images[texture.image]
     pixels = image.pixels / (np.iinfo(image.pixels.dtype).max if image.pixels.dtype != np.float32 else 1)
     if pixels.shape[2] == 3:
@@ -143,8 +143,8 @@ FLOATS = (RANDOM.random((5, 4, 4)) ** 6).astype(np.float32)
     ids=lambda value: value.name if isinstance(value, Image) else None,
 )
 def test_images_of_more_than_eight_bits_keep_their_precision(image, relative, absolute):
-    """16-bit codes to half a code, halves to half a unit in the last place, and single precision of places."""
-    images = [IMAGES[0], image]  # the texels of 8 bits before them are found where they were
+    """16-bit images are exact to half a code, half floats to half a unit in the last place, up to float32 coordinates."""
+    images = [IMAGES[0], image]  # the preceding 8-bit image is still addressed correctly
     textures = [Texture(0), Texture(1, "repeat", "mirror", transform=MOVED)]
     materials = [Material(base_color_texture=1, metallic_roughness_texture=0)]
     scene = compiled(textures, materials, images)
@@ -169,7 +169,9 @@ def test_emission_keeps_a_range_of_ten_million():
 def test_a_lookup_is_bilinear_in_linear_light(wrap_s, wrap_t):
     textures = [Texture(0, wrap_s, wrap_t, transform=MOVED)]
     uv, uv1, found = looked_up(compiled(textures, Material(base_color_texture=0)))
-    np.testing.assert_allclose(found, expected_of(textures[0], IMAGES, uv, uv1), atol=2e-5)  # float32 UVs up to 10 texels away
+    np.testing.assert_allclose(
+        found, expected_of(textures[0], IMAGES, uv, uv1), atol=2e-5
+    )  # error of float32 UVs up to 10 texels away
 
 
 def test_every_operation_has_a_number():
@@ -182,7 +184,7 @@ def test_a_layer_is_blended_in_linear_light_by_its_alpha_and_strength(blend, str
     textures = [Texture(0, layers=(TextureLayer(1, blend, strength),)), Texture(1, "mirror", "mirror")]
     uv, uv1, found = looked_up(compiled(textures, Material(base_color_texture=0)))
     expected = expected_stack(textures, 0, IMAGES, uv, uv1)
-    # A divisor of one step of 255 makes 255 times as much of the rounding.
+    # A divisor of 1 / 255 multiplies the rounding error by 255.
     np.testing.assert_allclose(found, expected, atol=3e-3 if blend == "divide" else 2e-5)
     if strength == 0:
         plain = looked_up(compiled([Texture(0)], Material(base_color_texture=0)))
@@ -190,9 +192,8 @@ def test_a_layer_is_blended_in_linear_light_by_its_alpha_and_strength(blend, str
 
 
 def test_many_layers_each_looked_up_in_its_own_way():
-    """Each layer has its own image, coordinates, transform, wrap mode and encoding.
-
-    A single layer uses the second coordinates.
+    """Each layer has its own image, coordinates, transform, wrap mode and encoding; a single layer uses the second
+    coordinates.
     """
     layers = TextureLayer(1, "multiply", 0.8), TextureLayer(2), TextureLayer(3, "screen", 0.5), TextureLayer(1, "signed_add")
     textures = [
@@ -209,7 +210,7 @@ def test_many_layers_each_looked_up_in_its_own_way():
 
 
 def test_data_are_blended_as_they_are():
-    """Roughness 0.5 with a layer of 1 at half strength is 0.75."""
+    """Data textures are blended without decoding: roughness 0.5 with a layer of 1 at half strength is 0.75."""
     images = [Image(name, np.full((1, 1, 4), (v, v, v, 255), np.uint8), srgb=False) for name, v in (("half", 128), ("one", 255))]
     textures = [Texture(0, layers=(TextureLayer(1, strength=0.5),)), Texture(1)]
     made = compiled(textures, Material(kind="metallic_roughness", metallic_roughness_texture=0), images)
@@ -224,25 +225,25 @@ def test_light_may_add_up_to_more_than_white():
     material = Material(emission=(2, 2, 2), emission_texture=0, base_color_texture=0)
     made = compiled(textures, material, images)
     np.testing.assert_allclose(looked_up(made, 1)[2][0, :3], 0.8 + 0.6 + 0.25 * 8, rtol=1e-5)
-    np.testing.assert_array_equal(looked_up(made, 0)[2][0, :3], 1)  # what surfaces reflect ends there
+    np.testing.assert_array_equal(looked_up(made, 0)[2][0, :3], 1)  # a reflectance is limited to 1
     sums = render_frame(made, settings((0, 0, 2), (0, 0, 0), 30, max_depth=1), 4)
     np.testing.assert_allclose(mean(sums, 24), 2 * 3.4, rtol=1e-5)
 
 
 @pytest.mark.long
 def test_a_wall_shows_its_stack():
-    """The albedo of each pixel is the layered texture, computed at the point it sees."""
+    """Each pixel's albedo equals the layered texture at the point that it sees."""
     layers = (TextureLayer(1), TextureLayer(2, "multiply", 0.5))
     textures = [Texture(0, layers=layers), Texture(1, transform=MOVED), Texture(2)]
     made = compiled(textures, Material(base_color=(1, 1, 1), base_color_texture=0))
     size, samples = 24, 1024
-    fov = float(np.degrees(2 * np.arctan(1 / 4)))  # all of the square, to its edges
+    fov = float(np.degrees(2 * np.arctan(1 / 4)))  # the square fills the view
     seen = mean(render_frame(made, settings((0, 0, 4), (0, 0, 0), fov, size, max_depth=1), samples), 24, ALBEDO)
     fine = 32
     v, u = (np.mgrid[0 : size * fine, 0 : size * fine].reshape(2, -1) + 0.5) / (size * fine)
     uv = np.stack([u, v], 1)
     expected = expected_stack(textures, 0, IMAGES, uv, uv)[:, :3].reshape(size, fine, size, fine, 3).mean((1, 3))
-    # Sobol's 1024 points of a pixel and a grid's 1024 differ by far less than noise would.
+    # A pixel's 1024 Sobol' points and a grid of 1024 points differ far less than independent samples would.
     np.testing.assert_allclose(seen, expected, atol=2e-3)
 
 
@@ -250,9 +251,9 @@ def test_a_wall_shows_its_stack():
 @grid("kind", ["square", "square with others", "sphere"], ordinary=("square with others",))
 @pytest.mark.parametrize("uv_set", [0, 1])
 def test_a_lamp_with_a_stack_lights_as_brute_force_says(kind, sampling, uv_set):
-    """A dark emitter whose only light is a layer with a hole: irradiance on a floor by a sum over the emitter's points.
+    """A lamp lit only by a layer with a hole gives a floor the irradiance that a sum over the emitter's points gives.
 
-    If the emitter has no second coordinates its first are used, whether other meshes have second ones or not.
+    An emitter without second coordinates uses its first, whether or not other meshes have second ones.
     """
     spot = np.zeros((8, 8, 4), np.uint8)
     spot[1:4, 2:5] = (255, 255, 255, 255)
@@ -273,7 +274,7 @@ def test_a_lamp_with_a_stack_lights_as_brute_force_says(kind, sampling, uv_set):
 
 
 def _irradiance(kind, textures, images, point):
-    """Returns the irradiance on a floor that faces up, by midpoints of the emitter's UVs, in float64."""
+    """Returns the irradiance on a floor facing up, summed over midpoints of the emitter's UVs in float64."""
     n = 256
     u, v = (np.mgrid[0:n, 0:n].reshape(2, -1) + 0.5) / n
     radiance = 9 * expected_stack(textures, 0, images, np.stack([u, v], 1), np.stack([u, v], 1), most=np.inf)[:, 0]
@@ -293,7 +294,7 @@ def _irradiance(kind, textures, images, point):
 
 
 def test_a_lamps_power_is_the_mean_of_its_whole_stack():
-    """With another texture whose texels precede its own."""
+    """The power is the mean over the whole layered texture, also if another texture's texels precede it in memory."""
     textures = [Texture(1), Texture(0, layers=(TextureLayer(0, "add", 0.5),))]
     materials = [Material(emission=(1, 1, 1), emission_texture=t) for t in (0, 1)]
     emitted = pack(SceneDescription(materials=materials, textures=textures, images=IMAGES)).emitted
@@ -301,7 +302,7 @@ def test_a_lamps_power_is_the_mean_of_its_whole_stack():
     v, u = (np.mgrid[0:n, 0:n].reshape(2, -1) + 0.5) / n
     uv = np.stack([u, v], 1)
     mean = expected_stack(textures, 1, IMAGES, uv, uv, most=np.inf)[:, :3].mean(0)
-    np.testing.assert_allclose(emitted[1], mean @ (0.2126, 0.7152, 0.0722), rtol=1e-3)  # of 131,072 points
+    np.testing.assert_allclose(emitted[1], mean @ (0.2126, 0.7152, 0.0722), rtol=1e-3)  # error of 131,072 points
 
 
 CHECKER = np.array([[[255, 0, 0, 255], [0, 255, 0, 51]], [[0, 0, 255, 255], [255, 255, 255, 0]]], np.uint8)
@@ -309,7 +310,7 @@ CHECKER = np.array([[[255, 0, 0, 255], [0, 255, 0, 51]], [[0, 0, 255, 255], [255
 
 @pytest.mark.parametrize(("wrap", "columns"), [("repeat", (0, 1, 0, 1)), ("mirror", (0, 1, 1, 0)), ("clamp", (0, 1, 1, 1))])
 def test_the_nearest_of_four_texels_is_seen_as_it_is(wrap, columns):
-    """Up to its border, and to the right of the image where it repeats."""
+    """The nearest texel is constant up to its border, also beyond the image's right edge where it repeats."""
     textures = [Texture(0, wrap, "clamp", filter="nearest"), Texture(0, wrap, "clamp")]
     scene = compiled(textures, [Material(base_color_texture=i) for i in range(2)], [Image("checker", CHECKER)])
     inside = np.linspace(0, 0.5, 12, endpoint=False, dtype=np.float32)
@@ -321,7 +322,9 @@ def test_the_nearest_of_four_texels_is_seen_as_it_is(wrap, columns):
             assert np.array_equal(found, np.broadcast_to((CHECKER[row, column] / 255).astype(np.float32), found.shape))
     mixed = np.empty((1, 4), np.float32)
     _look_up(scene, np.int32(1), np.full((1, 2), 0.5, np.float32), np.zeros((1, 2), np.float32), mixed)
-    np.testing.assert_allclose(mixed[0], (CHECKER / 255).mean((0, 1)), atol=1e-6)  # the other still mixes all four
+    np.testing.assert_allclose(
+        mixed[0], (CHECKER / 255).mean((0, 1)), atol=1e-6
+    )  # the other texture still interpolates all four texels
 
 
 def test_nearest_texels_are_squares_in_the_picture():

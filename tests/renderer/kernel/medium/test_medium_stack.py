@@ -1,4 +1,4 @@
-"""Nested media packed in one word, compared with an unbounded list."""
+"""Tests of nested media packed in one word, against an unbounded list."""
 
 from __future__ import annotations
 

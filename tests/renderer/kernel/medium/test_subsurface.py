@@ -1,4 +1,4 @@
-"""The subsurface albedo from the surface's colour."""
+"""Tests of the subsurface albedo derived from the surface's colour."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ def albedo(color: np.ndarray, g: float = 0.0) -> np.ndarray:
 
 
 def test_a_half_space_of_it_has_that_colour() -> None:
-    """By Chandrasekhar's H: within 0.5 % of white, the stated accuracy of van de Hulst's formula."""
+    """A half-space with the derived albedo has the surface's colour within 0.5 % of white, van de Hulst's stated accuracy.
+
+    The reflectance is computed by Chandrasekhar's H.
+    """
     color = np.linspace(0.05, 0.95, 10)
     found = [diffuse_reflectance(each) for each in albedo(color)]
     assert found == pytest.approx(color, abs=0.005)

@@ -1,4 +1,4 @@
-"""Pixel filters: samples are distributed as the filter, and the picture of a point has its shape."""
+"""Tests of pixel filters: samples are distributed as the filter, and a point's picture has the filter's shape."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_offsets_are_distributed_as_the_filter(name):
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_offsets_rise_with_u_and_are_symmetric(name):
-    """This keeps the sampler's stratification, and no filter shifts the picture."""
+    """Offsets increase with u, which preserves stratification, and are symmetric, so that no filter shifts the picture."""
     kind, radius, _ = SHAPES[name]
     u = np.arange(1, 4096) / 4096
     found = offsets(kind, u)
@@ -56,10 +56,10 @@ def test_offsets_rise_with_u_and_are_symmetric(name):
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_small_light_is_spread_over_its_neighbours_by_the_filters_integral(name):
-    """An emitter of a 40th of a pixel in a pixel's middle: each neighbour gets the filter's value there."""
+    """An emitter of 1/40 pixel at a pixel's centre gives each neighbour the filter's value at its distance."""
     _, _, shape = SHAPES[name]
     size, spp = 5, 4096
-    pixel = 2 * np.tan(np.radians(10) / 2) / size * 10  # at distance 10
+    pixel = 2 * np.tan(np.radians(10) / 2) / size * 10  # a pixel's size at distance 10
     side = pixel / 80
     lit = scene([emitter(1000.0), Material(base_color=gray(0))], (square((0, 0, 0), (side, 0, 0), (0, side, 0), 0),))
     asked = settings((0, 0, 10), (0, 0, 0), 10, size=size, max_depth=1, filter=name)
@@ -75,5 +75,5 @@ def test_a_small_light_is_spread_over_its_neighbours_by_the_filters_integral(nam
 def test_the_filters_differ_and_all_keep_the_light():
     even = scene([Material(base_color=gray(0.5))], environment=0.7, meshes=(square((0, -9, 0), (9, 0, 0), (0, 0, -9), 0),))
     pictures = [render_frame(even, settings((0, 0, 0), (0, 1, 0), 30, size=8, filter=name), 4)[COLOR] for name in SHAPES]
-    for picture in pictures:  # nothing but sky
+    for picture in pictures:  # the pictures show only sky
         assert (picture == picture[0, 0, 0]).all()

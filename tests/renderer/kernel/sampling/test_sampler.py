@@ -1,4 +1,4 @@
-"""Random numbers are a function of their counters alone.
+"""Tests that random numbers are a function of their counters alone.
 
 The independent sampler is uncorrelated, the Sobol' sampler stratified.
 """
@@ -33,7 +33,7 @@ def numbers(seed=0, x=0, y=0, sample=0, block=0, kind=INDEPENDENT):
     return out
 
 
-# One counter runs and the others stand still: what a pixel's samples, a row of pixels or a path's dimensions see.
+# One counter runs while the others are fixed: the samples of a pixel, a row of pixels, or the dimensions of a path.
 RUNS = {
     "samples": lambda n: numbers(sample=np.arange(n)),
     "later samples": lambda n: numbers(seed=9, x=500, y=300, sample=np.arange(n) + 100_000),
@@ -60,7 +60,7 @@ def test_numbers_are_uniform_in_one_two_and_three_dimensions(runs, name):
     for k in range(4):
         assert_uniform(np.bincount(cell[:, k], minlength=1024), 60, f"{name}, dimension {k}")
     coarse = (values * 64).astype(int)
-    for a, b in ((0, 1), (1, 2), (2, 3), (0, 3)):  # a pixel's place, a light's place, a direction
+    for a, b in ((0, 1), (1, 2), (2, 3), (0, 3)):  # pairs used for pixel positions, light positions and directions
         assert_uniform(np.bincount(coarse[:, a] * 64 + coarse[:, b], minlength=4096), 60, f"{name}, dimensions {a} and {b}")
     coarse = (values * 16).astype(int)
     assert_uniform(np.bincount((coarse[:, 0] * 16 + coarse[:, 1]) * 16 + coarse[:, 2], minlength=4096), 60, name)
@@ -68,11 +68,11 @@ def test_numbers_are_uniform_in_one_two_and_three_dimensions(runs, name):
 
 @grid("name", RUNS)
 def test_neighbours_are_independent(runs, name):
-    """Serial correlation at several lags, within a dimension and across, and joint uniformity with the next."""
+    """Numbers have no serial correlation at several lags, within or across dimensions, and are jointly uniform with the next."""
     values = runs[name].astype(float) - 0.5
     for lag in (1, 2, 64, 2048):
         products = values[:-lag, :, None] * values[lag:, None, :]
-        correlation = 12 * products.mean(0) * np.sqrt(len(products))  # standard normal where independent
+        correlation = 12 * products.mean(0) * np.sqrt(len(products))  # standard normal if independent
         assert np.abs(correlation).max() < limit(len(RUNS) * 4 * 16), f"{name}, lag {lag}"
     cell = (runs[name] * 64).astype(int)
     for k in range(4):
@@ -87,7 +87,7 @@ def test_low_bits_are_random_too(runs, name):
 
 
 def test_the_mean_of_n_samples_nears_a_half_as_it_should():
-    """Over 4096 pixels, the means of 64 samples have the expected normal spread."""
+    """Over 4096 pixels, the means of 64 samples have the spread of a normal distribution."""
     pixel = np.arange(4096 * 64) // 64
     values = numbers(x=pixel % 64, y=pixel // 64, sample=np.arange(4096 * 64) % 64)
     means = (values.reshape(4096, 64, 4).mean(1, dtype=np.float64) - 0.5) * np.sqrt(12 * 64)
@@ -113,7 +113,7 @@ def test_pixels_of_the_largest_frame_are_told_apart():
 
 
 def test_direction_numbers_are_those_of_sobol():
-    """Compared with SciPy's, which are also those of Joe and Kuo."""
+    """Direction numbers equal SciPy's, which are those of Joe and Kuo."""
     columns = direction_numbers()
     bits = np.arange(256)[:, None] >> np.arange(8) & 1
     points = np.array([np.bitwise_xor.reduce(np.where(bits, row[:8], 0), axis=1) for row in columns]).T / 2**32
@@ -123,7 +123,7 @@ def test_direction_numbers_are_those_of_sobol():
 
 @pytest.fixture(scope="module")
 def points():
-    """(pixels, samples, 4): 64 pixels of a block, 1024 samples each."""
+    """Returns (pixels, samples, 4): a block of 64 pixels with 1024 samples each."""
     pixel = np.arange(64 * 1024) // 1024
     return numbers(x=pixel % 8, y=pixel // 8, sample=np.arange(64 * 1024) % 1024, block=3, kind=SOBOL).reshape(64, 1024, 4)
 
@@ -131,7 +131,7 @@ def points():
 @pytest.mark.parametrize("first", [0, 512, 640])
 @pytest.mark.parametrize("log_n", range(8))
 def test_every_aligned_run_of_samples_is_stratified(points, first, log_n):
-    """2**k points: one in each of 2**k slices of each dimension, and of each division of the first pair into 2**k boxes."""
+    """2**k points have one in each of 2**k slices of each dimension, and in each of 2**k boxes of the first two dimensions."""
     n = 1 << log_n
     run = points[:, first : first + n]
     for k in range(4):
@@ -142,7 +142,7 @@ def test_every_aligned_run_of_samples_is_stratified(points, first, log_n):
 
 
 def test_four_dimensions_together_are_stratified_coarsely(points):
-    """The sequence's first four dimensions: a (t, 4)-sequence with t = 3, so 256 points put 8 into each box of a 32nd."""
+    """The first four dimensions are a (t, 4)-sequence with t = 3, so 256 points put 8 into each of 32 boxes."""
     run = points[:, :256]
     for cuts in ((5, 0, 0, 0), (2, 1, 1, 1), (1, 2, 1, 1), (1, 1, 2, 1), (1, 1, 1, 2), (0, 0, 2, 3), (0, 3, 2, 0), (2, 0, 0, 3)):
         cell = np.zeros((64, 256), int)
@@ -172,13 +172,13 @@ def test_sobol_points_of_different_pixels_blocks_and_seeds_are_independent(name)
 
 
 def test_blocks_of_a_pixel_are_not_correlated():
-    """Over many pixels, sample i's position in one block is independent of that in another: shuffled, not only scrambled."""
+    """Over many pixels, sample i's positions in two blocks are independent: samples are shuffled, not only scrambled."""
     pixel, sample = np.arange(N) // 16, np.arange(N) % 16
     blocks = [numbers(x=pixel % 512, y=pixel // 512, sample=sample, block=b, kind=SOBOL) for b in (1, 2, 3, 4, 7)]
     products = []
     for i, a in enumerate(blocks):
         for b in blocks[:i]:
-            # the sum over a pixel's samples is one observation, since its samples depend on each other
+            # A pixel's samples depend on each other, so their sum is one observation
             sums = ((a - 0.5)[:, :, None] * (b - 0.5)[:, None, :]).astype(float).reshape(-1, 16, 4, 4).sum(1)
             products.append(np.abs(sums.mean(0)) / (sums.std(0) / np.sqrt(len(sums))))
     assert np.max(products) < limit(10 * 16)
@@ -186,7 +186,7 @@ def test_blocks_of_a_pixel_are_not_correlated():
 
 @pytest.mark.parametrize(("first", "then"), [(2, 4), (6, 8)])
 def test_where_a_path_goes_from_two_vertices_fills_four_dimensions(first, then):
-    """Most divisions of the four dimensions into as many equal boxes as samples have one sample in each."""
+    """Most divisions of the four dimensions into as many equal boxes as samples have one sample in each box."""
     for log_n in (4, 5, 6):
         n = 1 << log_n
         pixel, sample = np.arange(8 * n) // n, np.arange(8 * n) % n
@@ -202,7 +202,7 @@ def test_where_a_path_goes_from_two_vertices_fills_four_dimensions(first, then):
 
 @pytest.mark.parametrize("n", [4, 16, 64, 256])
 def test_sobol_integrates_better_than_independent_numbers(n):
-    """A disk's area in the square, and a smooth bump: the spread over 1024 pixels, against 1/sqrt(n)'s."""
+    """For a disk's area in the square and a smooth bump, the spread over 1024 pixels is below that of 1 / sqrt(n)."""
     pixel = np.arange(1024 * n) // n
     errors = {}
     for kind in (SOBOL, INDEPENDENT):
@@ -222,7 +222,7 @@ def _film_places(kind, seed, x, y, sample, out):
 
 
 def film_places(pixels, samples, kind=SOBOL):
-    """(pixels, samples, 4), of pixels in a row."""
+    """Returns the film positions of samples of a row of pixels, (pixels, samples, 4)."""
     x, sample = np.repeat(np.arange(pixels), samples), np.tile(np.arange(samples), pixels)
     out = np.empty((pixels * samples, 4), np.float32)
     _film_places(kind, 3, x, np.zeros_like(x), sample, out)
@@ -232,7 +232,7 @@ def film_places(pixels, samples, kind=SOBOL):
 @grid("first", [0, 512, 640])
 @pytest.mark.parametrize("log_n", range(1, 8))
 def test_places_in_a_pixel_are_far_apart(first, log_n):
-    """Any aligned run of 2**k: one in each of 2**k rows and columns, and least distances as in a good lattice."""
+    """Any aligned run of 2**k samples has one in each of 2**k rows and columns, with the minimum distances of a good lattice."""
     n = 1 << log_n
     run = film_places(64, 1024)[:, first : first + n].astype(float)
     for k in range(4):
@@ -276,7 +276,7 @@ def test_opposite_numbers_are_uniform_and_others(kind):
 
 
 def test_opposite_numbers_fill_the_gaps_between_a_pixels_own():
-    """Divided into as many rectangles, with power of two sides, as there are points and opposite points."""
+    """Points and their opposites together fill most divisions into as many rectangles, with power-of-two sides, as points."""
     found = []
     for power in range(9):
         own = numbers(x=5, y=9, sample=np.arange(2**power), block=2, kind=SOBOL)[:, :3]

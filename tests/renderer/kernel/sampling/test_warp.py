@@ -1,4 +1,4 @@
-"""Each square_to_x compared with its square_to_x_pdf, by chi-squared."""
+"""Tests of each square_to_x against its square_to_x_pdf, by chi-squared."""
 
 import numpy as np
 import pytest
@@ -70,14 +70,14 @@ def test_directions_follow_their_density(which, name):
 
 @pytest.mark.parametrize("cone", [0.25, 1.0, 1.75])
 def test_directions_in_a_cone_follow_their_density(cone):
-    """Cones whose rim coincides with a border of bins."""
+    """Directions in a cone follow their density, for cones whose rim coincides with a border of bins."""
     directions = sample(2, cone)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-6)
     direction_test(directions, density(2, cone), TESTS, name=f"cone {cone}")
 
 
 def test_a_narrow_cone_is_even_over_its_angle():
-    """1 - cos of 1e-10, a distant sun: uniform in 1 - z, which is half the squared sine."""
+    """For a distant sun, 1 - cos = 1e-10, directions are uniform in 1 - z, computed as half the squared sine."""
     directions = sample(2, 1e-10).astype(float)
     square = (directions[:, 0] ** 2 + directions[:, 1] ** 2) / 2e-10
     assert square.max() <= 1 + 1e-5
@@ -97,7 +97,7 @@ def test_points_of_a_disk_and_of_a_triangle_are_even_by_area():
     assert b.min() >= 0
     assert c.min() >= 0
     assert (b + c).max() <= 1 + 1e-6
-    # Four equal triangles by the middles of the edges, three times over: 64 cells of equal area.
+    # Splits each triangle into four by its edges' midpoints, three times: 64 cells of equal area.
     a, cell = np.maximum(1 - b - c, 0), np.zeros(N, int)
     for _ in range(3):
         place = np.select([a >= 0.5, b >= 0.5, c >= 0.5], [0, 1, 2], 3)

@@ -1,4 +1,4 @@
-"""Strongly bent vertex normals and normal maps: no energy is lost, for any path depth."""
+"""Tests of strongly bent vertex normals and normal maps: no energy is lost, for any path depth."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.renderer.judge import assert_mean, mean_and_error
 
 
 def bevelled_cube(bevel: float = 0.15) -> Mesh:
-    """A cube with bevelled edges and corners; each vertex normal is the mean of its facets' normals."""
+    """Returns a cube with bevelled edges and corners; each vertex normal is the mean of its facets' normals."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
     points = np.concatenate([corners * np.where(np.arange(3) == axis, 1.0, 1.0 - bevel) for axis in range(3)])
     hull = ConvexHull(points)
@@ -27,19 +27,19 @@ def bevelled_cube(bevel: float = 0.15) -> Mesh:
     for triangle, plane in zip(hull.simplices, hull.equations, strict=True):
         a, b, c = points[triangle]
         triangles.append(triangle if np.cross(b - a, c - a) @ plane[:3] > 0 else triangle[::-1])
-    for plane in np.unique(hull.equations.round(6), axis=0):  # a square counts once, not once a triangle
+    for plane in np.unique(hull.equations.round(6), axis=0):  # once per square, not per triangle
         normals[abs(points @ plane[:3] + plane[3]) < 1e-6] += plane[:3]
     return Mesh("bevelled", points.astype(np.float32), np.array(triangles, np.int32), normals.astype(np.float32))
 
 
 def coarse_ball() -> Mesh:
-    """A ball of eighty facets with smooth normals."""
+    """Returns a ball of 80 facets with smooth normals."""
     ball = icosphere(1)
     return replace(ball, normals=ball.positions)
 
 
 def smoothed_box() -> Mesh:
-    """A box with shared vertices: normals deviate by up to 55 degrees."""
+    """Returns a box with shared vertices, whose normals deviate by up to 55 degrees."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)
     hull = ConvexHull(corners)
     triangles = [t if np.linalg.det(corners[t]) > 0 else t[::-1] for t in hull.simplices]
@@ -47,7 +47,7 @@ def smoothed_box() -> Mesh:
 
 
 def bumpy_square() -> SceneDescription:
-    """A square with a normal map that deviates by up to 60 degrees in all directions."""
+    """Returns a square with a normal map that deviates by up to 60 degrees in all directions."""
     mesh = replace(square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0), uvs=np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32))
     normal = np.random.default_rng(3).normal(size=(8, 8, 3))
     normal[..., 2] = 0.5 + abs(normal[..., 2])
@@ -77,7 +77,7 @@ MESHES = (coarse_ball, bevelled_cube, smoothed_box)
 
 
 def lit(material: Material, of: object):
-    """A scene of the object in a white environment, and settings that show all of it."""
+    """Returns a scene of the object in a white environment, and settings that show all of it."""
     if of is bumpy_square:
         described = bumpy_square()
         described.materials = [replace(material, normal_texture=0)]
@@ -89,10 +89,10 @@ def lit(material: Material, of: object):
 @pytest.mark.parametrize("of", [*MESHES, bumpy_square])
 @pytest.mark.parametrize("name", METALS)
 def test_white_with_bent_normals_is_invisible_in_a_white_world(name, of):
-    """On a convex object each reflected ray reaches the environment, so two segments suffice."""
+    """On a convex object each reflected ray reaches the environment, so two path segments suffice."""
     made, asked = lit(METALS[name], of)
     sums = render_frame(made, replace(asked, max_depth=2), 64)
-    # Linear interpolation in the tables of albedo makes plastic 0.2 % too bright or too dark.
+    # Linear interpolation in the albedo tables makes plastic 0.2 % too bright or too dark.
     assert_mean(sums, 1.0, slack=2e-3, tests=len(METALS) * (1 + len(MESHES)))
     if name in ("mirror", "smooth metal"):
         assert mean(sums, 24).min() > 0.97
@@ -102,7 +102,7 @@ def test_white_with_bent_normals_is_invisible_in_a_white_world(name, of):
 @grid("of", [*MESHES, bumpy_square])
 @grid("name", [*METALS, *OTHERS], ordinary=("metal", "plastic", "smooth conductor"))
 def test_meetings_with_the_same_facet_are_no_bounces(name, of):
-    """The picture of a convex object is identical for any maximum depth."""
+    """Repeated hits of one facet do not count as bounces: a convex object looks identical for any maximum depth."""
     made, asked = lit({**METALS, **OTHERS}[name], of)
     shallow, deep = (render_frame(made, replace(asked, max_depth=depth), 4) for depth in (2, 64))
     np.testing.assert_array_equal(shallow[COLOR], deep[COLOR])
@@ -111,7 +111,7 @@ def test_meetings_with_the_same_facet_are_no_bounces(name, of):
 @pytest.mark.parametrize("of", MESHES)
 @pytest.mark.parametrize(("roughness", "least"), [(0.0, 0.92), (0.5, 0.99)])
 def test_glass_with_bent_normals_makes_no_light(roughness, least, of):
-    """Refraction with bent normals is not reversible: smooth glass may trap some light, but never gains any."""
+    """Refraction with bent normals is not reversible: smooth glass may trap some light but never gains any."""
     made, asked = lit(Material(kind="glass", base_color=gray(1.0), roughness=roughness), of)
     found, error = mean_and_error(render_frame(made, replace(asked, max_depth=400), 64))
     assert least < found < 1.0 + 4 * error + 2e-3

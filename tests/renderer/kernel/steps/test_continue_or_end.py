@@ -1,4 +1,4 @@
-"""Survival probabilities of Russian roulette. Unbiasedness is tested in test_strategies.py and by the furnace tests."""
+"""Tests of the survival probabilities of Russian roulette; test_strategies.py and the furnace tests check that it is unbiased."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ ON_SURFACE = np.bool_(True)
 
 @entry
 def _follow(weights, eta2, options, chances):
-    """Returns the survival probability at each vertex of a path with these weights."""
+    """Writes the survival probability at each vertex of a path with the given weights."""
     roulette_weight, left = np.float32(1.0), np.float32(1.0)
     for k in range(len(weights)):
         weight = weights[k], np.float32(0.5) * weights[k], np.float32(0.0)
@@ -52,7 +52,7 @@ def test_a_dark_first_vertex_is_no_reason_to_end(first):
 
 
 def test_radiance_that_is_thinner_in_glass_is_worth_as_much():
-    """Enters glass of eta 1.5 at the second vertex and leaves it at the fifth."""
+    """A path that enters glass of eta 1.5 and leaves it three vertices later survives as if radiance were not scaled."""
     square = 1.5**2
     found = chances(0.8, 1 / square, 0.5, 0.5, square, 0.9, eta2=[1, square, 1, 1, 1 / square, 1])
     assert found == pytest.approx(chances(0.8, 1.0, 0.5, 0.5, 1.0, 0.9), rel=1e-6)

@@ -1,4 +1,4 @@
-"""The AOVs of a first hit: each field has planes of the film, which only it fills."""
+"""Tests of the AOVs of a first hit: each field has film planes of its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Path splitting at the first vertex: less noise, the same picture."""
+"""Tests of path splitting at the first vertex: less noise, the same picture."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.renderer.builders import emitter, gray, scene, settings, square
 from tests.renderer.judge import limit, mean_and_error
 from tests.renderer.kernel.backends.features import made
 
-# Skies that are even and so left to surfaces, skies of a picture, and what is in front of them: of every kind of matter.
+# Features to compare: constant skies, which only surfaces sample, image skies, and objects of every material kind.
 SEEN = (
     "a sky's picture",
     "metal and plastic",
@@ -35,7 +35,7 @@ VIEW = ((0, 2, 6), (0, 0.8, 0), 30)
 
 
 def _both(compiled, asked: RenderSettings, spp: int) -> list[tuple[float, float]]:
-    """Returns (mean, standard error) without and with splitting."""
+    """Returns (mean, standard error) for one branch and for two."""
     asked = replace(asked, sampler="independent")
     return [mean_and_error(render_frame(compiled, replace(asked, splitting=n, seed=n), spp)) for n in (1, 2)]
 
@@ -59,7 +59,7 @@ def test_the_mean_is_that_of_one_branch_where_a_sun_stands_in_the_sky() -> None:
 
 
 def _sunny():
-    """Diffuse, glossy and metal balls, and a lamp, under a sky with its sun."""
+    """Returns diffuse, glossy and metal balls, and a lamp, under a sky with its sun."""
     materials = [
         Material(base_color=gray(0.5)),
         Material(kind="metallic_roughness", base_color=gray(0.8), roughness=0.3),
@@ -70,7 +70,7 @@ def _sunny():
 
 
 def test_a_convex_thing_in_an_even_sky_is_as_bright_as_it_reflects() -> None:
-    """In closed form: each sample of a diffuse ball of albedo 0.6 in a sky of 1 is 0.6, except for rounding."""
+    """Each sample of a convex diffuse ball of albedo 0.6 under a sky of radiance 1 is 0.6, up to rounding."""
     ball = scene([Material(base_color=gray(0.6))], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
     asked = RenderSettings(4, 4, View((0, 0, 4), (0, 0, 0), fov=10.0), max_depth=8)
     for count in (1, 2):
@@ -89,7 +89,7 @@ def _noise_and_rays(compiled, asked: RenderSettings, spp: int) -> tuple[float, i
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["a sky's picture", "a room"])
 def test_there_is_less_noise_by_more_than_it_costs_in_rays(name: str) -> None:
-    """For indirect light, and for light of the sky."""
+    """For indirect light and for skylight, splitting reduces the variance by a larger factor than it increases the rays."""
     compiled, asked = (_room(), settings((0, 1, 2.9), (0, 0, 0), 25, size=16)) if name == "a room" else made(name)
     (noise, rays), (less, more) = (_noise_and_rays(compiled, replace(asked, splitting=count), 16) for count in (1, 2))
     assert rays < more < 1.9 * rays
@@ -97,7 +97,7 @@ def test_there_is_less_noise_by_more_than_it_costs_in_rays(name: str) -> None:
 
 
 def _room():
-    """A closed room with a lamp below its ceiling, outside the camera's view."""
+    """Returns a closed room with a lamp below its ceiling, outside the camera's view."""
     walls = (
         square((0, 0, 1), (1, 0, 0), (0, 0, -2), 0),
         square((0, 2, 1), (1, 0, 0), (0, 0, 2), 0),
@@ -131,7 +131,7 @@ def test_strategies_that_are_compared_do_not_split(sampling: str) -> None:
 
 @pytest.mark.long
 def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_it() -> None:
-    """The lobe is wide only along the scratches, so light sampling must contribute its share under MIS."""
+    """Brushed smooth metal has a lobe that is wide only along the scratches, so light sampling must contribute under MIS."""
     metal = Material(kind="conductor", eta=(0.2, 0.4, 1.4), k=(4.0, 2.4, 1.6), roughness=0.0, anisotropy=0.8)
     sky = Environment(sky=Sky(sun_elevation=30.0, sun=False))
     compiled = scene([metal], spheres=(Sphere((0, 0.8, 0), 0.8, 0),), environment=sky)
@@ -143,7 +143,7 @@ def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_
 
 @pytest.mark.long
 def test_several_light_samples_and_the_balance_heuristic_agree_with_it() -> None:
-    """The single-path kernel supports splitting as well."""
+    """The single-path kernel supports splitting too, together with several light samples and the balance heuristic."""
     compiled, asked = made("a sky's picture")
     asked = replace(asked, sampler="independent")
     (expected, its_error) = mean_and_error(render_frame(compiled, replace(asked, splitting=1), 256))

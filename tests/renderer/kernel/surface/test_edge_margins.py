@@ -1,4 +1,4 @@
-"""Margins of triangles, compared with the inscribed circle by elementary geometry."""
+"""Tests of triangle margins against the inscribed circle, computed by elementary geometry."""
 
 import numpy as np
 
@@ -51,8 +51,8 @@ def test_slivers_are_missed_by_more_but_never_by_more_than_they_are_wide():
     corners[:, 2, 0], corners[:, 2, 1] = 0.3, width
     miss = margins(corners)[:, 1]
     assert (miss <= width).all()
-    some = (width > 1e-2) & (width < 0.3)  # below, the width is the limit
-    assert (np.diff(miss[some]) < 0).all()  # the narrower, the more
+    some = (width > 1e-2) & (width < 0.3)  # for narrower triangles the width is the limit
+    assert (np.diff(miss[some]) < 0).all()  # narrower triangles miss more
     assert miss[-1] < 1e-6
 
 

@@ -1,4 +1,4 @@
-"""Surface interaction: the same in world and instance space, at any scale, and never across the surface."""
+"""Tests of surface interaction: the same in world and instance space, at any scale, and never across the surface."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def _look(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent,
 
 
 def look(made, o, d):
-    """Returns the surfaces hit by rays, by field; "number": object (-1 for a miss), material, light, front."""
+    """Returns the surfaces that rays hit, by field; "number" holds object (-1 for a miss), material, light and front."""
     d = np.ascontiguousarray(d, np.float32)
     o = many(o, len(d))
     found = {name: np.zeros((len(d), width), np.float32) for name, width in WIDTHS.items()}
@@ -72,7 +72,7 @@ def turned(rng, scale=1.0, mirror=False, at=(0, 0, 0)):
 
 @pytest.fixture(params=["copied", "kept once"])
 def sharing(request, monkeypatch):
-    """Returns True if instances are copied to world space or kept as instances."""
+    """Returns whether instances are copied to world space or kept as instances; the test runs for both."""
     keep_as(request.param, monkeypatch)
     return request.param
 
@@ -83,16 +83,19 @@ def keep_as(which, monkeypatch):
 
 
 def painted(levels=2):
-    """A smooth ball with all vertex attributes."""
+    """Returns a smooth ball with all vertex attributes."""
     mesh = icosphere(levels)
     rng = np.random.default_rng(0)
     n = len(mesh.positions)
-    uvs, uvs1 = mesh.positions[:, :2] / (1.02 - mesh.positions[:, 2:]), mesh.positions[:, 1:] * 0.3  # stereographic: unmirrored
+    uvs, uvs1 = (
+        mesh.positions[:, :2] / (1.02 - mesh.positions[:, 2:]),
+        mesh.positions[:, 1:] * 0.3,
+    )  # stereographic, so not mirrored
     return Mesh("ball", mesh.positions, mesh.triangles, mesh.positions, uvs, 0, uvs1, rng.random((n, 4), np.float32))
 
 
 def description_of(mesh, places, materials=None, **more):
-    """Instances of a mesh with normal maps, which need tangents."""
+    """Returns a scene of instances of a mesh with normal maps, which need tangents."""
     materials = materials or [Material(normal_texture=0, base_color_texture=0), Material(roughness=0.3)]
     images = [image()]
     return SceneDescription(
@@ -113,7 +116,7 @@ def image():
 
 @pytest.mark.long
 def test_an_instances_surface_is_that_of_its_copy(monkeypatch):
-    """Rotated, scaled, mirrored, translated: position, normals, tangents, colours and ids, seen from outside and inside."""
+    """Position, normals, tangents, colours and ids equal the copy's for any transform, seen from outside and inside."""
     rng = np.random.default_rng(1)
     places = [turned(rng, s, m, at) for s, m, at in ((0.5, False, (1, 0, 0)), (1.2, True, (-2, 1, 0)), (0.8, True, (0, -3, 1)))]
     description = description_of(painted(), places)
@@ -127,29 +130,28 @@ def test_an_instances_surface_is_that_of_its_copy(monkeypatch):
     assert len(made[1].to_world) == 3
     assert len(made[1].triangle) * 3 == len(made[0].triangle)
     d = directions(rng, 20_000)
-    for o in ((0.2, -0.5, 4), (-2, 1, 0.1)):  # the second within an instance
+    for o in ((0.2, -0.5, 4), (-2, 1, 0.1)):  # the second origin is inside an instance
         a, b = (look(m, o, d) for m in made)
         hit = (a["number"][:, 0] >= 0) & (b["number"][:, 0] >= 0)
         assert (a["number"][:, 0] >= 0).mean() > 0.02
-        assert ((a["number"][:, 0] >= 0) == hit).mean() > 0.999  # silhouettes
+        assert ((a["number"][:, 0] >= 0) == hit).mean() > 0.999  # except at silhouettes
         same = hit & (np.abs(a["point"] - b["point"]).max(1) < 1e-4)
         assert same.sum() > 0.999 * hit.sum()
         np.testing.assert_array_equal(a["number"][same], b["number"][same])
         for name in WIDTHS:
-            asked = same & (a["number"][:, 1] == 0) if name == "tangent" else same  # the other material has no normal map
+            asked = (
+                same & (a["number"][:, 1] == 0) if name == "tangent" else same
+            )  # the other material has no normal map, so no tangent
             good = np.abs(a[name][asked] - b[name][asked]).max(1) < 3e-4
             assert not len(good) or good.mean() > (0.99 if name == "tangent" else 0.999), (
                 name
-            )  # a hit at an edge may be either triangle's
+            )  # a hit at an edge may be on either triangle
         assert a["color"][hit].min() < 0.5
         assert (np.linalg.norm(a["tangent"][hit & (a["number"][:, 1] == 0), :3], axis=1) > 0.9).all()
 
 
 def test_stretched_instances_have_normals_square_to_their_triangles(monkeypatch):
-    """Normals are transformed by cofactors, not by the matrix.
-
-    Compared with the cross product of the copied triangle's edges.
-    """
+    """Normals are transformed by cofactors, not by the matrix: they equal the cross product of the copied triangle's edges."""
     rng = np.random.default_rng(2)
     place = turned(rng) @ np.diag([3.0, -0.4, 1.0, 1.0]) @ turned(rng)
     made = []
@@ -164,19 +166,19 @@ def test_stretched_instances_have_normals_square_to_their_triangles(monkeypatch)
     cosine = (a["geometric"] * b["geometric"]).sum(1)
     assert (cosine[same] > 1 - 1e-5).mean() > 0.998
     np.testing.assert_allclose(np.linalg.norm(b["geometric"], axis=1), 1, atol=1e-6)
-    np.testing.assert_allclose(b["shading"], b["geometric"], atol=1e-5)  # flat
-    np.testing.assert_array_equal(a["number"][same, 3], 0)  # seen from within
+    np.testing.assert_allclose(b["shading"], b["geometric"], atol=1e-5)  # flat shading
+    np.testing.assert_array_equal(a["number"][same, 3], 0)  # seen from inside
     np.testing.assert_array_equal(b["number"][same, 3], 0)
 
 
 def tetrahedron():
-    """A tetrahedron, whose faces meet at 70 degrees."""
+    """Returns a tetrahedron, whose faces meet at 70 degrees."""
     corners = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], np.float32)
     return Mesh("tetrahedron", corners, np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)], np.int32))
 
 
 def slab():
-    """A box 6 long and 0.04 thin: its narrow sides are slivers, with large float32 errors of the hit distance."""
+    """Returns a box 6 long and 0.04 thin, whose narrow sides are slivers with large float32 errors of hit distances."""
     mesh = box(0)
     mesh.positions = mesh.positions * np.float32([1, 0.02, 3])
     return mesh
@@ -185,7 +187,7 @@ def slab():
 @grid("scale", [1e-3, 1.0, 1e3], ordinary=(1.0,))
 @grid("away", [0.0, 300.0], ordinary=(300.0,))
 def test_no_path_leaves_a_closed_room(sharing, scale, away):
-    """Also for walls of size 2 at 300 units from the origin, where float32 has a step of 1.5e-5."""
+    """No path leaves a room of size 2, not even 300 units from the origin, where float32 has a step of 1.5e-5."""
     rng = np.random.default_rng(3)
     places = [turned(rng, scale, at=np.array((1, 0.7, -0.6)) * away * scale), turned(rng, scale, at=(0, 0, 9000 * scale))]
     for mesh in (box(0), icosphere(1), tetrahedron(), slab()):
@@ -213,7 +215,7 @@ def test_nothing_convex_shadows_itself(sharing, scale, away):
 
 @pytest.mark.parametrize("radius", [1e-3, 1.0, 1e5])
 def test_a_sphere_does_not_shadow_itself_and_keeps_what_is_within(radius):
-    """The walls of smallpt's box have a radius of 1e5 and pass near the origin."""
+    """Rays leaving a sphere do not hit it again: walls of smallpt's box have a radius of 1e5 and pass near the origin."""
     rng = np.random.default_rng(5)
     for center in ((0, -radius, 0), (81.6 + radius, 40.8, 81.6)):
         made = scene([Material()], spheres=(Sphere(center, radius, 0),))
@@ -229,7 +231,7 @@ def test_a_sphere_does_not_shadow_itself_and_keeps_what_is_within(radius):
 
 
 def test_a_lifted_point_is_on_the_sphere_that_normals_speak_of():
-    """On a coarse ball with smooth normals the facets lie up to 5 % inside the sphere; raised ray origins do not."""
+    """Facets of a coarse ball with smooth normals lie up to 5 % inside the sphere; lifted ray origins are on the sphere."""
     ball = painted(1)
     made = compile_scene(description_of(ball, [np.eye(4)], [Material()]))
     found = look(made, (0, 0, 3), directions(np.random.default_rng(6), 40_000))
@@ -238,9 +240,9 @@ def test_a_lifted_point_is_on_the_sphere_that_normals_speak_of():
     assert flat.min() < 0.96
     assert lifted.min() > 0.999
     assert lifted.max() < 1 + 1.5 * (1 - flat.min())
-    straight = np.linalg.norm(found["start"][hit], axis=1)  # towards the viewer, who looks down at most facets
+    straight = np.linalg.norm(found["start"][hit], axis=1)  # towards the viewer, who is above most facets
     assert np.median(straight - flat) < 1e-4
-    inside = look(made, (0.1, 0, 0), directions(np.random.default_rng(7), 5000))  # hollow: nothing to lift
+    inside = look(made, (0.1, 0, 0), directions(np.random.default_rng(7), 5000))  # a concave surface needs no lifting
     np.testing.assert_array_equal(inside["point"], inside["shadow_point"])
 
 
@@ -251,7 +253,7 @@ def test_flat_triangles_are_not_lifted():
 
 
 def test_bent_normals_let_nothing_through(monkeypatch):
-    """Rooms with normals bent by any angle: a ball with random ones, and a box with smoothed edges."""
+    """No ray leaves rooms with strongly bent normals: a ball with random ones, and a box with smoothed edges."""
     rng = np.random.default_rng(9)
     ball = icosphere(2)
     ball.normals = directions(rng, len(ball.positions))
@@ -260,7 +262,7 @@ def test_bent_normals_let_nothing_through(monkeypatch):
 
 
 def test_what_no_mesh_has_is_neutral():
-    """The second coordinates default to the first."""
+    """Missing vertex attributes have neutral values; second coordinates default to the first."""
     found = look(scene([Material()], (box(0),)), (0, 0, 3), np.tile(np.float32([0, 0, -1]), (4, 1)))
     np.testing.assert_array_equal(found["color"], 1)
     np.testing.assert_array_equal(found["uv1"], found["uv"])

@@ -1,4 +1,4 @@
-"""Identical bits for any grouping of paths in the pool: for any division of a frame into tiles and batches."""
+"""Tests that the bits do not depend on how paths are grouped in the pool, for any division into tiles and batches."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.grids import grid
 from tests.renderer.kernel.backends.features import SIZE, made
 
 SCENES = ("metal and plastic", "half clear glass", "a coat on bumps", "fog", "skin")
-FIRST, COUNT = 5, 65  # sample numbers; not a multiple of what is asked for at once
+FIRST, COUNT = 5, 65  # sample numbers; COUNT is no multiple of the samples per batch
 WHOLE, PART = Tile(0, 0, SIZE, SIZE), Tile(9, 14, 9, 7)
 
 
@@ -66,11 +66,11 @@ def test_fewer_samples_than_rows_and_none() -> None:
 
 
 def test_what_a_thread_rendered_before_leaves_no_trace() -> None:
-    """A thread's scratch memory is reused, here after a scene whose light is NaN."""
+    """A batch is unaffected by the thread's reused scratch memory, here after a scene whose light is NaN."""
     scene, settings = made(SCENES[0])
     other, others = made(SCENES[1])
     material = other.material.copy()
-    material[2, rows.EMISSION] = np.nan  # the lamp's
+    material[2, rows.EMISSION] = np.nan  # the lamp's material
     poisoned = seal(other._replace(material=material))
     before = render_batch(poisoned, others, Tile(0, 0, SIZE, SIZE), 0, 3)
     assert 0 < before.bad_count < 3 * SIZE * SIZE

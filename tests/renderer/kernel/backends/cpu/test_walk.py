@@ -1,4 +1,4 @@
-"""Joint traversal of many rays: each has the same hit as alone, to the bit."""
+"""Tests of joint traversal of many rays: each has the same hit as if traced alone, to the bit."""
 
 from __future__ import annotations
 
@@ -79,14 +79,14 @@ NAMES = ["instances", "a mesh", "triangles and spheres", "one packet", "nothing"
 
 
 class _Room:
-    """The memory that is reused from batch to batch."""
+    """Scratch memory reused from batch to batch."""
 
     def __init__(self) -> None:
         self.alone, self.stack = new_stack(), new_stacks()
         self.pool, self.lists = line_floats(ROWS * int(ROW)), np.zeros(LISTS * LIST_SIZE, np.uint32)
 
     def batches(self, column: int, values: np.ndarray, kernel: object, bvh: Bvh, out: np.ndarray) -> None:
-        """Traces all rays (n, 6), in batches of as many as there are rows, and fewer."""
+        """Traces all rays, `values` (n, 6), in full and partial batches, and writes the results to `out`."""
         rows = self.pool.reshape(ROWS, int(ROW))
         first, turn = 0, 0
         while first < len(values):
@@ -122,7 +122,7 @@ def _scenes() -> dict[str, Bvh]:
 
 
 def _rays(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rays from outside and inside, some along axes, some invalid."""
+    """Returns origins and directions of rays from outside and inside, some along axes, some invalid."""
     rng = np.random.default_rng(5)
     o = rng.uniform(-2.5, 2.5, (count, 3)).astype(np.float32)
     d = directions(rng, count) * np.float32(1.7)
