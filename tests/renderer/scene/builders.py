@@ -1,4 +1,4 @@
-"""Small scene files, made in memory by the tests that read them."""
+"""Small scene files, built in memory for the tests that read them."""
 
 import base64
 import json
@@ -13,7 +13,7 @@ _COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4":
 
 
 class Gltf:
-    """A glTF file in the making: `array` adds an accessor, `root` is the JSON, `glb()` and `gltf()` give the bytes."""
+    """Builds a glTF file: `array` adds an accessor, `root` is the JSON, `glb()` and `gltf()` return the file's bytes."""
 
     def __init__(self):
         self.binary = bytearray()
@@ -35,7 +35,7 @@ class Gltf:
         return len(self.root["accessors"]) - 1
 
     def mesh(self, positions=TRIANGLE, indices=None, mode=4, material=None, **attributes):
-        """A mesh of one primitive on a node of its own; returns the node."""
+        """Adds a mesh of one primitive on a node of its own, and returns the node."""
         primitive = {"attributes": {"POSITION": self.array(positions)}, "mode": mode}
         primitive["attributes"] |= {key: self.array(values) for key, values in attributes.items()}
         if indices is not None:
@@ -75,7 +75,7 @@ class Gltf:
 
 
 def world(description, instance=0):
-    """An instance's corners in the world, (T, 3, 3)."""
+    """Returns the world-space triangle corners of an instance, (T, 3, 3)."""
     shown = description.instances[instance]
     mesh = description.meshes[shown.mesh]
     positions = mesh.positions @ shown.transform[:3, :3].T + shown.transform[:3, 3]
@@ -83,7 +83,7 @@ def world(description, instance=0):
 
 
 def cup():
-    """The bytes of a GLB with one triangle."""
+    """Returns a GLB with one triangle, as bytes."""
     g = Gltf()
     g.mesh()
     return g.glb()
@@ -93,7 +93,10 @@ VARIANTS = "KHR_materials_variants"
 
 
 def shoe(**more):
-    """A file of variants: the first of two parts is red, green as "beach" and "day", blue as "night"; the second is black."""
+    """Builds a file with material variants and two primitives; the second is black.
+
+    The first is red by default, green as "beach" and "day", blue as "night".
+    """
     g = Gltf()
     for color in ([1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 1]):
         g.material(name=str(color[:3]), pbrMetallicRoughness={"baseColorFactor": color})
@@ -107,7 +110,7 @@ def shoe(**more):
 
 
 def full_gltf(png):
-    """A file that has something of everything; `png` makes its texture."""
+    """Builds a file that uses nearly every feature; `png` makes its texture."""
     g = Gltf()
     texture = g.texture({"bufferView": g.view(png(1, 2, 3)), "mimeType": "image/png"})
     moved = {"index": texture, "texCoord": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}
@@ -151,7 +154,7 @@ POINTER = "KHR_animation_pointer"
 
 
 def clip(g, name, *channels):
-    """Adds an animation; a channel is (node or pointer, path, times, values, interpolation)."""
+    """Adds an animation to the file; a channel is (node or pointer, path, times, values, interpolation)."""
     samplers, targets = [], []
     for where, path, times, values, way in channels:
         samplers.append({"input": g.array(np.float32(times)), "output": g.array(np.float32(values)), "interpolation": way})
@@ -164,7 +167,7 @@ def clip(g, name, *channels):
 
 
 def moving_gltf(png):
-    """A file that has something of everything, and much of it moving from 0 to 1 s."""
+    """Builds a file that uses nearly every feature, much of it moving from 0 to 1 s."""
     g = full_gltf(png)
     material = "/materials/0"
     light = "/extensions/KHR_lights_punctual/lights/0"
@@ -193,6 +196,6 @@ def moving_gltf(png):
 
 
 def rotation_y(degrees):
-    """A 4x4 rotation about +Y."""
+    """Returns a 4 x 4 rotation matrix about +Y."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1]])

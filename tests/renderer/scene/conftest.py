@@ -10,7 +10,7 @@ from tests.renderer.scene.samples import write
 
 @pytest.fixture
 def scene(tmp_path):
-    """`scene(name, data, **further_files)` writes the files and reads the first as a scene."""
+    """Returns a function `scene(name, data, **further_files)` that writes the files and reads the first as a scene."""
 
     def read_scene(name, data, others=None, **options):
         for file, content in {name: data, **(others or {})}.items():
@@ -24,7 +24,7 @@ def scene(tmp_path):
 
 @pytest.fixture(scope="session")
 def png():
-    """`png(r, g, b)` is a 2 x 2 PNG: that colour above, black below."""
+    """Returns a function `png(r, g, b)` that makes a 2 x 2 PNG with that colour in the upper row and black in the lower."""
 
     def make(r, g, b):
         pixels = np.zeros((2, 2, 3), np.uint8)
@@ -38,7 +38,7 @@ def png():
 
 @pytest.fixture(scope="session")
 def samples(tmp_path_factory):
-    """The folder of sample files that another program wrote."""
+    """Returns a folder of sample files written by another program."""
     folder = tmp_path_factory.mktemp("samples")
     write(folder)
     return folder

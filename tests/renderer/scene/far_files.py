@@ -1,4 +1,4 @@
-"""One small scene in every format, moved by an offset: a floor, a cube, a camera and a lamp, where the format has them."""
+"""One small scene in every format, moved by an offset: a floor, a cube, and a camera and a lamp where the format has them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _flat(rows: Iterable[Iterable[Any]]) -> list[Any]:
 
 
 def _camera(offset: Any) -> np.ndarray:
-    """The matrix of a camera that looks along its -Z."""
+    """Returns the matrix of the offset camera, which looks along its -Z."""
     z = (EYE - TARGET) / np.linalg.norm(EYE - TARGET)
     x = np.cross((0.0, 1.0, 0.0), z)
     x /= np.linalg.norm(x)
@@ -54,7 +54,10 @@ def _camera(offset: Any) -> np.ndarray:
 
 
 def gltf(offset: Any, under: bool = False, copies: bool = False, skin: bool = False) -> str:
-    """under: in a node that is far, instead of each of its own; copies: EXT_mesh_gpu_instancing; skin: on the cube."""
+    """Returns the scene as glTF, with the offset in each node.
+
+    under: the offset is in a common parent node instead. copies: with EXT_mesh_gpu_instancing. skin: the cube is skinned.
+    """
     buffers: list[Any] = []
     views: list[Any] = []
     accessors: list[Any] = []
@@ -114,7 +117,7 @@ def gltf(offset: Any, under: bool = False, copies: bool = False, skin: bool = Fa
 
 
 def usd(offset: Any, under: bool = False) -> str:
-    """under: in an Xform that is far, with a PointInstancer."""
+    """Returns the scene as USD. under: the offset is in a parent Xform, with a PointInstancer, instead of in each prim."""
     own, whole = (ORIGIN, offset) if under else (np.asarray(offset), ORIGIN)
 
     def place(at: Any) -> str:
@@ -189,7 +192,7 @@ def pbrt(offset: Any) -> str:
 
 
 def _split(offset: Any, how: str) -> tuple[Any, Any, Any]:
-    """Returns (what is added to vertices, to nodes, to the node above them). how: which of them is far."""
+    """Returns the offsets of (vertices, nodes, their parent node); only the one that `how` names is not zero."""
     parts = [np.asarray(offset) if how == each else ORIGIN for each in ("vertices", "nodes", "above")]
     return parts[0], parts[1], parts[2]
 
@@ -254,7 +257,7 @@ def fbx(offset: Any, how: str = "nodes") -> str:
     objects += fbx_text.light(62, LightType=0, Intensity=5000.0, DecayType=2)
     links += [(61, 51), (51, 90), (71, 90), (71, 51, "LookAtProperty"), (62, 52), (52, 90)]
     text = fbx_text.fbx(objects, links, unit=100.0)
-    return text.replace('\tC: "OO",10,20\n', "")  # without the triangle of those files
+    return text.replace('\tC: "OO",10,20\n', "")  # without the triangle that fbx_text adds
 
 
 def x3d(offset: Any, how: str = "nodes") -> str:

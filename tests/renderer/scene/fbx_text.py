@@ -1,4 +1,4 @@
-"""FBX files in text, of a triangle and what else a test wants, as 3ds Max and Maya say it."""
+"""FBX files in text form as 3ds Max and Maya write them: a triangle and whatever a test adds."""
 
 HEAD = """; FBX 7.5.0 project file
 FBXHeaderExtension:  {
@@ -49,7 +49,7 @@ TRIANGLE = """
 
 
 def properties(values):
-    """A block of properties by their names: numbers, triples or words."""
+    """Returns a property block for named values: numbers, triples or strings."""
     lines = []
     for name, value in values.items():
         if isinstance(value, str):
@@ -66,13 +66,13 @@ def properties(values):
 
 
 def node(number, name, kind="Mesh", **values):
-    """A node with its properties, by FBX's names with underscores for spaces."""
+    """Returns a node with the given properties; underscores in their names stand for FBX's spaces."""
     said = {key.replace("_", " "): value for key, value in values.items()}
     return f'\tModel: {number}, "Model::{name}", "{kind}" {{\n\t\tVersion: 232\n{properties(said)}\t}}\n'
 
 
 def material(number, name, model="phong", **values):
-    """A material with its properties, by FBX's names."""
+    """Returns a material with the given properties, by FBX's names."""
     return (
         f'\tMaterial: {number}, "Material::{name}", "" {{\n\t\tVersion: 102\n\t\tShadingModel: "{model}"\n'
         f"{properties(values)}\t}}\n"
@@ -88,7 +88,10 @@ def camera(number, **values):
 
 
 def arnold(number, names):
-    """Which says that a material is Arnold's: an implementation, and with the next number the table of its properties' names."""
+    """Returns the objects that declare a material as Arnold's: an implementation, and a binding table of property names.
+
+    The table has the object number after `number`.
+    """
     entries = "".join(f'\t\tEntry: "{n}", "FbxPropertyEntry", "{n[5:]}", "FbxSemanticEntry"\n' for n in names)
     said = properties({"RenderAPI": "ARNOLD_SHADER_ID", "RootBindingName": "root"})
     return (
@@ -98,7 +101,10 @@ def arnold(number, names):
 
 
 def stack(number, name, far=None):
-    """An animation stack of that number, and in the three after it what moves node 20 so far along X in a second; links."""
+    """Returns an animation stack and its links; with `far`, node 20 moves `far` along X within one second.
+
+    The layer, curve node and curve have the three numbers after `number`.
+    """
     head = f'\tAnimationStack: {number}, "AnimStack::{name}", "" {{\n{properties({})}\t}}\n'
     if far is None:
         return head, []
@@ -125,9 +131,9 @@ def texture(number, file, **values):
 
 
 def fbx(objects, links, *, unit=1.0, z_up=False):
-    """A file of the triangle (geometry 10) on a node 20, and of more objects; links: (child, parent), and of what property.
+    """Returns a file with a triangle (geometry 10) on node 20 and further objects; links: (child, parent[, property]).
 
-    unit: in centimetres.
+    unit: the file's unit in centimetres.
     """
     head = HEAD % {"up": 2 if z_up else 1, "front": 1 if z_up else 2, "sign": -1 if z_up else 1, "unit": unit}
     lines = []

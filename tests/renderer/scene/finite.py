@@ -1,4 +1,4 @@
-"""Whether a compiled scene holds finite numbers only."""
+"""Checks whether a compiled scene contains only finite numbers."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from renderer.arrays.scene import CompiledScene, flat
 
 
 def is_finite(scene: CompiledScene) -> bool:
-    """Returns True if all arrays except the BVH's are finite. The light tree's integer columns, stored as bits, are skipped."""
+    """Returns whether all arrays except the BVH's are finite. Integer columns of the light tree, stored as bits, are skipped."""
     arrays = {name: array for name, array in flat(scene).items() if not name.startswith("bvh.")}
     arrays["light_node"] = scene.light_node[:, :CHILD]
     return all(np.isfinite(array).all() for array in arrays.values())

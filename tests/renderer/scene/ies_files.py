@@ -1,4 +1,4 @@
-"""IES profiles made for tests, and lookups in them."""
+"""IES profiles for tests, and lookups in them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _KINDS = {"C": 1, "B": 2, "A": 3}
 
 
 def ies(vertical, horizontal, candela, kind="C", header=HEADERS[3], tilt="TILT=NONE\n", multiplier=1, ballast=(1, 1)):
-    """The bytes of a file. candela: (h, v), or a function of (vertical angles, a horizontal one), degrees."""
+    """Returns an IES file's bytes. candela: (h, v), or a function of (vertical angles, one horizontal angle) in degrees."""
     if callable(candela):
         candela = [candela(np.asarray(vertical, float), h) for h in horizontal]
     lines = [
@@ -40,7 +40,7 @@ def _look_up(maps, windows, texels, local, found):
 
 
 def looked_up(emission, local):
-    """(n, 3) what the kernel finds of a map in (n, 3) directions, by their components along r, u and f."""
+    """Returns the kernel's values (n, 3) of an emission map in directions (n, 3), given as components along r, u and f."""
     tables = tabulate_emission([emission])
     local = np.ascontiguousarray(local, np.float32)
     found = np.zeros((len(local), 3), np.float32)
@@ -49,13 +49,13 @@ def looked_up(emission, local):
 
 
 def candela_of(photometry, theta, phi):
-    """What a profile sends at angles theta with its axis, and at one about it, degrees."""
+    """Returns the profile's candela at angles theta to its axis and one angle phi about it, in degrees."""
     theta, phi = np.radians(np.asarray(theta, float)), np.radians(float(phi))
     local = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
     return looked_up(photometry.emission, local)[:, 0]
 
 
 def read_only(array):
-    """The array as the kernel is given it."""
+    """Makes the array read-only, as arrays are when the kernel gets them, and returns it."""
     array.flags.writeable = False
     return array

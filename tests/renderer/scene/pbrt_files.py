@@ -1,4 +1,4 @@
-"""Scenes of pbrt-v4 by formula."""
+"""Builds pbrt-v4 scene files for tests."""
 
 HEAD = """# a comment with a "quote" and a ]
 Film "rgb" "integer xresolution" 48 "integer yresolution" [ 32 ]
@@ -16,5 +16,5 @@ SQUARE = (
 
 
 def world(inside, head=HEAD):
-    """A scene file."""
+    """Returns a scene file with the given world contents and header."""
     return head + inside + "\n"

@@ -1,4 +1,4 @@
-"""Sample files written by another program: a toy by trimesh's exporters, which differ from the tests' own builders."""
+"""Sample files from another program: a toy exported by trimesh, whose files differ from those of the tests' own builders."""
 
 import io
 import zipfile
@@ -15,7 +15,7 @@ MODES = {"bed": "OPAQUE", "pane": "BLEND", "leaf": "MASK"}
 
 
 def body() -> trimesh.Trimesh:
-    """A bumpy ball of 1,280 triangles, with normals and texture coordinates."""
+    """Returns a bumpy ball of 1,280 triangles with normals and texture coordinates."""
     mesh = trimesh.creation.icosphere(subdivisions=3)
     bumps = 1 + 0.1 * np.sin(5 * mesh.vertices).prod(axis=1)
     mesh = trimesh.Trimesh(mesh.vertices * bumps[:, None], mesh.faces, process=False)
@@ -29,13 +29,13 @@ def uv(mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def checks(size: int = 32) -> Image.Image:
-    """A picture of two colours."""
+    """Returns a checkerboard image of two colours."""
     odd = np.indices((size, size)).sum(axis=0) // 4 % 2
     return Image.fromarray(np.where(odd[..., None], (200, 60, 20), (240, 230, 200)).astype(np.uint8))
 
 
 def toy() -> trimesh.Scene:
-    """The body, textured, and a wheel on two nodes below it; a camera looks at it."""
+    """Returns the textured body with a wheel two nodes below it, and a camera that looks at it."""
     painted = body()
     painted.visual = TextureVisuals(uv(painted), material=PBRMaterial("paint", baseColorTexture=checks(), metallicFactor=0.0))
     wheel = trimesh.creation.cylinder(radius=0.5, height=0.2, sections=24)
@@ -52,7 +52,7 @@ def toy() -> trimesh.Scene:
 
 
 def modes() -> trimesh.Scene:
-    """A box of each mode of alpha."""
+    """Returns a scene with one box for each alpha mode."""
     scene = trimesh.Scene()
     for i, (name, mode) in enumerate(MODES.items()):
         box = trimesh.creation.box()
@@ -63,10 +63,10 @@ def modes() -> trimesh.Scene:
 
 
 def write(folder: Path) -> None:
-    """All samples, side by side; those that have files of their own in folders."""
+    """Writes all samples to the folder; those with further files have a subfolder each."""
     (folder / "toy.glb").write_bytes(toy().export(file_type="glb"))
     (folder / "modes.glb").write_bytes(modes().export(file_type="glb"))
-    for name, data in trimesh.exchange.gltf.export_gltf(toy()).items():  # one file a buffer
+    for name, data in trimesh.exchange.gltf.export_gltf(toy()).items():  # one file per buffer
         _put(folder / "parts" / name, data)
     bare = body()
     for name, options in {"body.ply": {}, "ascii.ply": {"encoding": "ascii"}, "body.stl": {}, "body.dae": {}}.items():
@@ -76,7 +76,7 @@ def write(folder: Path) -> None:
     painted.visual = TextureVisuals(uv(painted), material=SimpleMaterial(image=checks()))
     text, textures = trimesh.exchange.obj.export_obj(painted, return_texture=True, mtl_name="paint.mtl")
     _put(folder / "painted" / "painted.obj", text)
-    for name, data in textures.items():  # under a name with a space in it, as artists have it
+    for name, data in textures.items():  # under a name with a space, as artists often choose
         content = data.replace(b"material_0.png", b"body uv.png") if name.endswith(".mtl") else data
         _put(folder / "painted" / ("body uv.png" if name.endswith(".png") else name), content)
     _mac_zip(folder / "mac.zip", bare)
@@ -93,7 +93,7 @@ def _bytes(data: str | bytes) -> bytes:
 
 
 def _mac_zip(path: Path, mesh: trimesh.Trimesh) -> None:
-    """As a Mac packs a folder: entries for folders, and a shadow of each file; three models to choose from."""
+    """Writes a zip as macOS packs a folder: with folder entries and an AppleDouble file for each file; it has three models."""
     picture = io.BytesIO()
     checks().save(picture, "PNG")
     small = trimesh.creation.box()
@@ -101,7 +101,7 @@ def _mac_zip(path: Path, mesh: trimesh.Trimesh) -> None:
     files |= {"cow_quadrangulated.obj": small.subdivide().export(file_type="obj").encode()}
     mesh.visual = TextureVisuals(uv(mesh))
     lines = mesh.export(file_type="obj", write_texture=False).splitlines(keepends=True)
-    bare = "".join(line for line in lines if not line.startswith(("mtllib", "usemtl")))  # no material names the picture
+    bare = "".join(line for line in lines if not line.startswith(("mtllib", "usemtl")))  # no material refers to the image
     files |= {"cow_triangulated.obj": bare.encode(), "README.txt": b"A cow.\n"}
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in ("cow/", "__MACOSX/", "__MACOSX/cow/"):
@@ -113,7 +113,7 @@ def _mac_zip(path: Path, mesh: trimesh.Trimesh) -> None:
 
 
 def _environment(path: Path) -> None:
-    """A sky in half floats: bright above, a lamp of 500 in it."""
+    """Writes a sky image of half floats: bright in the upper half, with a lamp of radiance 500."""
     sky = np.repeat(np.linspace(1.5, 0.05, 256, dtype=np.float32)[:, None, None], 512, axis=1).repeat(3, axis=2)
     sky[40:48, 100:110] = 500
     file = oiio.ImageOutput.create(str(path))

@@ -1,4 +1,4 @@
-"""What assimp reads for us: Collada with all that it has, and small files of older programs."""
+"""Tests of formats read by assimp: Collada with all its features, and small files of older programs."""
 
 import math
 import re
@@ -51,7 +51,7 @@ ANIMATION = (
 
 
 def collada(up="Y_UP", meter=1.0):
-    """Two geometries, one of them through a library of nodes; a camera, two lights and an animation."""
+    """Returns a Collada file with two geometries, one through a node library, a camera, two lights and an animation."""
     return (
         '<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
         f'<asset><unit name="u" meter="{meter}"/><up_axis>{up}</up_axis></asset>{ANIMATION}'
@@ -76,7 +76,7 @@ def collada(up="Y_UP", meter=1.0):
 
 
 def corners(description):
-    """The first corner of each instance in the world."""
+    """Returns each instance's first corner in world space."""
     return sorted(
         tuple((i.transform @ [*description.meshes[i.mesh].positions[0].tolist(), 1])[:3].round(5)) for i in description.instances
     )
@@ -98,7 +98,7 @@ def test_collada_with_all_that_it_has(scene):
 
 
 def test_collada_cameras_have_what_they_say(scene):
-    """Also what assimp leaves out: how much an orthographic one shows, where what is near is cut away, and Blender's shift."""
+    """Collada cameras have their values, also those that assimp drops: orthographic size, near plane, and Blender's shift."""
     wide, tall = "<aspect_ratio>1.6</aspect_ratio>", "<aspect_ratio>0.5</aspect_ratio>"
     shift = '<extra><technique profile="blender"><shiftx>0.1</shiftx><shifty>-0.2</shifty></technique></extra>'
     for optics, more, expected in (
@@ -154,7 +154,10 @@ def test_collada_keeps_its_own_unit_and_stands_upright(scene):
 
 
 def test_colladas_nodes_that_share_a_geometry_have_materials_and_places_of_their_own(scene):
-    """Compared with what Blender reads back of files in every orientation: places to 2e-6."""
+    """Nodes that share a geometry have their own materials and transforms, for files of every up axis.
+
+    Positions equal, to 2e-6, what Blender reads from the same files.
+    """
     text = collada("Z_UP").replace(
         "</library_materials>", '<material id="blue" name="blue"><instance_effect url="#f"/></material></library_materials>'
     )
@@ -226,7 +229,7 @@ def test_3ds(scene):
     tri = chunk(0x4000, b"tri\0", chunk(0x4100, points, faces))
     description = scene("a.3ds", chunk(0x4D4D, chunk(0x3D3D, material, tri, light)))
     world = description.instances[0].transform @ np.array([0, 1, 0, 1])
-    assert world[:3] == pytest.approx((0, 0, -1), abs=1e-6)  # Z was up
+    assert world[:3] == pytest.approx((0, 0, -1), abs=1e-6)  # Z is up in the file
     assert description.materials[0].base_color == pytest.approx((1, 0, 0.2))
     assert description.lights[0].position == pytest.approx((0, 7, 0), abs=1e-5)
 
@@ -255,7 +258,7 @@ def test_entities_are_refused(scene):
 
 
 def x3d(appearance, more=""):
-    """A triangle with texture coordinates."""
+    """Returns an X3D file with a triangle with texture coordinates."""
     return (
         f'<?xml version="1.0"?><X3D profile="Interchange" version="3.3"><Scene>{more}<Shape><Appearance>{appearance}</Appearance>'
         '<IndexedFaceSet coordIndex="0 1 2 -1" texCoordIndex="0 1 2 -1"><Coordinate point="0 0 0 1 0 0 0 1 0"/>'
@@ -264,11 +267,11 @@ def x3d(appearance, more=""):
 
 
 def test_a_texture_of_x3d_is_moved_and_turned_as_its_transform_says(scene, png):
-    """Tc' = S R T Tc (ISO/IEC 19775-1, 18.4.8)."""
+    """An X3D TextureTransform maps coordinates by Tc' = S R T Tc (ISO/IEC 19775-1, 18.4.8)."""
     said = '<ImageTexture url="t.png"/><TextureTransform scale="2 3" translation="0.1 0.2" rotation="0.5"/>'
     found = scene("a.x3d", x3d(said), {"t.png": png(200, 100, 50)})
     look = found.materials[found.meshes[0].material]
-    assert look.base_color == (1, 1, 1)  # where the file says nothing, the texture is as it is
+    assert look.base_color == (1, 1, 1)  # without a diffuse colour in the file the texture is unscaled
     rows = np.array(found.textures[look.base_color_texture].transform).reshape(2, 3)
     s, t = 0.3, 0.9
     u, v = rows @ (s, 1 - t, 1)

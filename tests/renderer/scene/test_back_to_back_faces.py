@@ -1,4 +1,4 @@
-"""Faces back to back, and decals: what a viewer sees of surfaces that nearly coincide."""
+"""Tests of back-to-back faces and decals: which of nearly coincident surfaces a viewer sees."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _turned(z: float) -> np.ndarray:
 
 
 def _seen(quads, eye, at=(0.0, 0.0, 0.0), moves=False, ground=0.0) -> np.ndarray:
-    """The mean colour of a picture of quads: each a material and a place."""
+    """Returns the mean colour of a picture of quads, each given as a material and a transform."""
     description = SceneDescription(environment=Environment((0.0, 0.0, 0.0)))
     for material, place in [*quads, *([(Material(kind="unlit"), _ground(ground))] if ground else [])]:
         mesh = quad("quad")
@@ -62,7 +62,7 @@ def test_of_faces_back_to_back_the_one_that_faces_the_viewer_is_seen(order, eye,
 @pytest.mark.parametrize("scale", [1.0, 3.7])
 @pytest.mark.parametrize(("eye", "color"), [((0.3, 0.2, 4.0), RED), ((3.0, 0.5, -1.5), BLUE)])
 def test_of_faces_back_to_back_cut_differently_the_one_that_faces_the_viewer_is_seen(order, scale, eye, color):
-    """Other diagonals, and one of the two in a space of its own."""
+    """Of coincident faces with opposite normals the viewer sees the one facing it, for other diagonals and transforms too."""
     description = SceneDescription(environment=Environment((0.0, 0.0, 0.0)))
     for which in order:
         mesh = quad("quad")
@@ -119,7 +119,7 @@ def test_behind_a_decal_that_lets_all_through_the_wall_is_seen(at, gap, layers):
 
 
 def _grid(steps: int, size: float, diagonal: int, material: int) -> Mesh:
-    """A square in the plane z = 0 that faces +z, cut into cells."""
+    """Returns a square of steps x steps cells in the plane z = 0, facing +z."""
     x = np.linspace(-size, size, steps + 1)
     positions = np.array([(a, b, 0) for b in x for a in x], np.float32)
     corner = np.array([j * (steps + 1) + i for j in range(steps) for i in range(steps)])[:, None]
@@ -129,7 +129,7 @@ def _grid(steps: int, size: float, diagonal: int, material: int) -> Mesh:
 
 
 def _oblique(z: float, at: tuple[float, float, float]) -> np.ndarray:
-    """A place in a plane parallel to an oblique one through `at`, z above it."""
+    """Returns a transform to a plane parallel to an oblique plane through `at`, at distance z above it."""
     place = np.eye(4)
     place[:3, :3] = np.linalg.qr(np.array([(1.0, 2.0, 3.0), (-2.0, 1.0, 0.5), (0.3, -1.0, 2.0)]))[0]
     place[:3, :3] *= np.sign(np.linalg.det(place[:3, :3]))
@@ -160,7 +160,7 @@ def test_behind_decals_in_the_plane_of_a_wall_the_wall_is_seen(at, moves, wall_f
 @pytest.mark.parametrize("opacities", [(0.5, 0.25), (0.1, 0.3, 0.2), (0.5, 0.0, 0.4, 0.2, 0.1)])
 @pytest.mark.parametrize("moves", [False, True])
 def test_layers_in_one_plane_let_their_product_through_to_the_camera_and_to_lights(opacities, moves):
-    """Layers half way between the floor and a small light, and layers before the camera: each lets through 1 - opacity."""
+    """Coplanar layers transmit the product of 1 - opacity, between the floor and a small light and before the camera."""
     product = float(np.prod([1 - each for each in opacities]))
     materials = [Material(base_color=(1.0, 1.0, 1.0))]
     materials += [Material(base_color=(0.0, 0.0, 0.0), opacity=each, alpha_mode="blend", double_sided=True) for each in opacities]
@@ -185,7 +185,7 @@ def test_layers_in_one_plane_let_their_product_through_to_the_camera_and_to_ligh
 
 
 def test_scattered_rays_meet_the_wall_behind_a_decal_in_its_plane():
-    """A floor under a shining ceiling that a clear decal covers; behind it another light that must not be seen."""
+    """Below an emissive ceiling behind a clear decal, the floor receives the ceiling's light and none of a light behind it."""
 
     def picture(decals: int) -> float:
         materials = [Material(base_color=(0.5, 0.5, 0.5)), Material(base_color=(0.0, 0.0, 0.0), emission=(1.0, 1.0, 1.0))]

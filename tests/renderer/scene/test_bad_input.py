@@ -1,4 +1,4 @@
-"""Untrusted files: only SceneError is raised, with a sentence that names the file; no file outside is ever opened."""
+"""Tests of untrusted files: only SceneError is raised, its sentence names the file, and no file outside the folder is opened."""
 
 import json
 import os
@@ -25,7 +25,7 @@ shapes: [{type: quad, material: l, transform: [{scale: 2}]}, {type: sphere, mate
 
 
 def edit(path, value):
-    """A change to the JSON of `full_gltf`."""
+    """Returns a function that sets the value at `path` in the JSON of `full_gltf`."""
 
     def change(root):
         *parents, last = path
@@ -81,7 +81,7 @@ def test_broken_gltf_is_told_what_is_wrong(scene, png, case):
         warnings = [str(error)]
     sentences = [w for w in warnings if w.startswith("broken.glb: ")]
     assert sentences
-    assert not any("Error" in sentence for sentence in sentences)  # sentences of ours, not the backstop's
+    assert not any("Error" in sentence for sentence in sentences)  # raised by a reader's own check, not by the general handler
 
 
 def test_positions_that_are_not_finite(scene):
@@ -146,12 +146,12 @@ def test_a_missing_scene_file(tmp_path):
         read(tmp_path, "gone.glb")
 
 
-# Ways out of the folder.
+# Paths that leave the scene's folder.
 
 
 @pytest.fixture
 def secret(tmp_path):
-    """A file beside the scene's folder, and that folder."""
+    """Returns a file next to the scene's folder, and that folder."""
     folder = tmp_path / "scene"
     folder.mkdir()
     (tmp_path / "secret.bin").write_bytes(np.eye(3, dtype=np.float32).tobytes())
@@ -232,7 +232,7 @@ def test_an_environment_that_is_missing_or_no_image(scene):
 
 
 def mutated(data, sample):
-    """The sample cut, bytes changed, and pieces doubled, as a damaged upload or a hostile author would."""
+    """Returns the sample with truncations, changed bytes and duplicated pieces, as in damaged or hostile uploads."""
     found = bytearray(sample[: data.draw(st.integers(0, len(sample)), label="length")] if data.draw(st.booleans()) else sample)
     for _ in range(data.draw(st.integers(0, 6), label="changes")):
         if found:
@@ -245,7 +245,7 @@ def mutated(data, sample):
 
 
 def compiled_or_told(description):
-    """What was read compiles into finite numbers, or is told why not."""
+    """Asserts that the description compiles into finite numbers, or is rejected with a SceneError."""
     try:
         scene = compile_scene(description)
     except SceneError as error:
@@ -302,7 +302,7 @@ def test_a_gltf_with_any_value_anywhere_gives_a_scene_or_a_sentence(tmp_path, pn
 
 
 def test_names_that_no_text_can_hold_are_mended_or_refused(scene):
-    """Half of a surrogate pair, as JSON and YAML may write it, can neither be stored nor sent on."""
+    """Names with half of a surrogate pair, valid in JSON and YAML, are replaced or refused: they cannot be stored or sent."""
     g = Gltf()
     g.mesh()
     g.root["nodes"][0] |= {"name": "half \ud800, whole \U0001f600", "camera": 0}
@@ -311,7 +311,7 @@ def test_names_that_no_text_can_hold_are_mended_or_refused(scene):
     g.root["extensions"] = {"KHR_materials_variants": {"variants": [{"name": "\udc00" * 500}]}}
     description = scene("a.glb", g.glb())
     assert description.cameras[0].name == "half \ufffd, whole \U0001f600"
-    assert description.variants == ["\ufffd" * 200]  # and a name is no book
+    assert description.variants == ["\ufffd" * 200]  # and names are truncated
     json.dumps(summarise(description, compile_scene(description)), ensure_ascii=False).encode()
     for text in ('shapes: [{type: quad, name: "\\ud800"}]', 'materials: {"\\udfff": {}}\nshapes: [{type: quad}]'):
         with pytest.raises(SceneError, match=r"a\.yaml, line 1: is not valid YAML: found invalid Unicode"):

@@ -1,4 +1,4 @@
-"""Small files that expand enormously: each ends soon, in a scene or an error sentence."""
+"""Tests of small files that expand enormously: each ends soon, with a scene or an error."""
 
 import gzip
 import json
@@ -17,21 +17,21 @@ from tests.renderer.scene.test_assimp import collada
 from tests.renderer.scene.test_threemf import model, package, solid
 from tests.renderer.scene.usd_files import read as read_usd
 
-SECONDS = 10.0  # of the processor, for what takes one
+SECONDS = 10.0  # processor time allowed for each file
 TRI = 'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1 2]\n'
 LOOP = 'Shape "loopsubdiv" "integer indices" [0 1 2] "point3 P" [0 0 0 1 0 0 0 1 0] "integer levels" 1000000000\n'
 
 
 @pytest.fixture(autouse=True)
 def soon():
-    """Whatever comes of it, it takes no longer."""
+    """Fails the test if it uses more than SECONDS of processor time."""
     begun = time.process_time()
     yield
     assert time.process_time() - begun < SECONDS
 
 
 def doubled(first, each, levels):
-    """Things of which each shows the one before twice."""
+    """Returns `first` followed by `levels` items, each of which refers to the previous one twice."""
     return first + "".join(each.format(i + 1, i) for i in range(levels))
 
 
@@ -88,7 +88,7 @@ def test_pbrts_round_shapes_that_are_alike_are_made_once_and_very_many_coarser(s
 
 
 def entities(open="<!DOCTYPE s [", close="]>"):
-    """Three names that stand for a billion letters."""
+    """Returns entity declarations that expand to a billion characters."""
     text = '<!ENTITY a0 "' + "a" * 1000 + '">'
     return open + text + "".join(f'<!ENTITY a{i + 1} "' + f"&a{i};" * 100 + '">' for i in range(3)) + close
 
@@ -118,7 +118,7 @@ def test_mitsuba(scene, bomb, encoding):
 
 
 def bare(**arrays):
-    """A mesh whose arrays have a count and no data."""
+    """Returns a mesh whose accessors have a count but no data."""
     g = Gltf()
     g.mesh(TRIANGLE, np.array([0, 1, 2], np.uint8))
     for name, count in arrays.items():
@@ -211,7 +211,7 @@ def test_threemf(scene, bomb, first):
 
 
 def with_nodes(nodes, shown):
-    """The sample of Collada with more in its library of nodes."""
+    """Returns the Collada sample with further nodes in its library, one of which the scene shows."""
     text = collada().replace("</library_nodes>", nodes + "</library_nodes>")
     return text.replace("</visual_scene>", f'<node id="z"><instance_node url="#{shown}"/></node></visual_scene>')
 

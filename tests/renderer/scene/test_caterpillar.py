@@ -1,4 +1,4 @@
-"""The shot scenes/caterpillar: its files match the script that generates them, and it moves as intended."""
+"""Tests of the shot scenes/caterpillar: its files match the script that generates them, and it moves as intended."""
 
 import io
 import json
@@ -23,9 +23,9 @@ TYPES = {5121: "u1", 5123: "<u2", 5126: "<f4"}
 
 
 def content(file):
-    """What a GLB file says: its document without places and bounds, its arrays, its pictures.
+    """Returns a GLB's content for comparison: its document without offsets and bounds, its arrays, its decoded images.
 
-    Pictures are packed otherwise by other versions of a library, and a power or sine may end differently elsewhere.
+    Other library versions compress images differently, and last digits of powers and sines depend on the host.
     """
     (length,) = struct.unpack_from("<I", file, 12)
     document, binary = json.loads(file[20 : 20 + length]), file[28 + length :]
@@ -65,7 +65,7 @@ def test_the_files_are_those_of_the_script(made):
 
 
 def test_it_ends_where_it_begins(made):
-    """So that a film of it can be played in a loop."""
+    """The last frame continues in the first, so that the animation can loop."""
     period = made["FRAMES"] / made["FPS"]
     ends = np.array([0.0, period])
     for values in (*made["bones"](ends), *made["camera"](ends), made["top_place"](ends)):
@@ -89,7 +89,7 @@ def test_a_skin_bends_a_body_travels_and_the_camera_goes_along():
     assert np.linalg.norm(np.subtract(first.cameras[0].view.eye, later.cameras[0].view.eye)) > 0.5
 
     def distances(description):
-        """Between some points of the caterpillar, each with each."""
+        """Returns the distances between some pairs of points of the caterpillar."""
         skin = max((mesh.positions for mesh in description.meshes if mesh.deforms), key=len)
         return np.linalg.norm(skin[::100, None] - skin[None, ::100], axis=-1)
 

@@ -1,4 +1,4 @@
-"""Polygons with holes of Collada files."""
+"""Tests of Collada polygons with holes."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def document(points, holes, outline="0 1 2 3", semantic="VERTEX"):
         (SQUARE + HOLES[0], ["4 5 6 7"], 15),
         (SQUARE + HOLES[0], ["7 6 5 4"], 15),
         (SQUARE + HOLES[0] + HOLES[1], ["4 5 6 7", "8 9 10 11"], 14),
-        (SQUARE, ["0 1 2"], 8),  # along the outline's own edges
+        (SQUARE, ["0 1 2"], 8),  # the hole shares the outline's edges
         (SQUARE, [], 16),
         ([*SQUARE, (2, 0), (2, 2), (1, 1)], ["0 4 5 6"], 14),
     ],

@@ -1,4 +1,4 @@
-"""Compilation of scene descriptions to the arrays that kernels read."""
+"""Tests of the compilation of scene descriptions to the arrays that kernels read."""
 
 from dataclasses import replace
 
@@ -58,7 +58,7 @@ def test_normals_stay_square_to_the_surface_when_it_is_stretched_sheared_and_mir
     gradient = (geometry.position - transform[:3, 3]) @ inverse.T @ inverse
     gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
     np.testing.assert_allclose(geometry.normal, gradient, atol=2e-5)
-    # ... and counter-clockwise is outside still.
+    # Normals point outwards, and corners are counter-clockwise seen from outside.
     a, b, c = (geometry.position[geometry.triangle[:, k]] for k in range(3))
     assert ((np.cross(b - a, c - a) * geometry.normal[geometry.triangle[:, 0]]).sum(axis=1) > 0).all()
 
@@ -124,14 +124,14 @@ def test_lights_are_chosen_by_power():
     assert scene.triangle_light.tolist() == [lamp, lamp, -1, -1]
     assert scene.sphere_light.tolist() == [-1, ball]
     np.testing.assert_allclose(scene.light_area[[lamp, ball]], [4, np.pi], rtol=1e-6)
-    powers = np.array([4 * 2, np.pi * 2 * 0.7152])  # area, sides, luminance
+    powers = np.array([4 * 2, np.pi * 2 * 0.7152])  # area times number of sides times luminance
     np.testing.assert_allclose(np.diff(scene.light_cdf)[[lamp, ball]], 0.99 * powers / powers.sum() + 0.01 / 2, rtol=1e-5)
     assert scene.light_cdf[0] == 0
     assert scene.light_cdf[-1] == 1
 
 
 def test_textured_emission_counts_by_its_mean_over_each_triangle():
-    """Left half white, right half black, on a square cut along the diagonal from lower left to upper right."""
+    """Triangles of an emissive square, split along a diagonal, are weighted by their mean texel; its right half is black."""
     pixels = np.zeros((64, 64, 4), np.uint8)
     pixels[:, :32] = 255
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
@@ -142,8 +142,8 @@ def test_textured_emission_counts_by_its_mean_over_each_triangle():
     description.materials = [Material(emission=(1, 1, 1), emission_texture=0), Material(emission=(1, 1, 1))]
     scene = compile_scene(description)
     chance = np.diff(scene.light_cdf)[scene.triangle_light].astype(float)
-    powers = np.array([0.95 * 0.25 + 0.025, 0.95 * 0.75 + 0.025, 2.0, 2.0])  # the lamp is one light
-    np.testing.assert_allclose(chance, 0.99 * powers / 3 + 0.01 / 3, rtol=0.06)  # from 64 points
+    powers = np.array([0.95 * 0.25 + 0.025, 0.95 * 0.75 + 0.025, 2.0, 2.0])  # the quad lamp is one light
+    np.testing.assert_allclose(chance, 0.99 * powers / 3 + 0.01 / 3, rtol=0.06)  # the mean is estimated from 64 points
 
 
 def test_an_hdr_image_shines_undimmed_and_colours_at_most_all():
@@ -187,17 +187,19 @@ def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():
     np.testing.assert_allclose(np.diff(scene.environment_marginal), rows / rows.sum(), atol=1e-6)
     expected = weight[0] / weight[0].sum()
     np.testing.assert_allclose(np.diff(scene.environment_conditional[0]), expected, atol=1e-6)
-    np.testing.assert_allclose(np.diff(scene.environment_conditional[3]), 1 / 16, atol=1e-6)  # black rows stay samplable
+    np.testing.assert_allclose(np.diff(scene.environment_conditional[3]), 1 / 16, atol=1e-6)  # black rows can still be sampled
     cosine, sine, mean, chance = scene.environment_frame[:4]
     assert not scene.environment_frame[4:].any()
     assert (cosine, sine) == pytest.approx((0, 1), abs=1e-6)
     assert mean == pytest.approx(mean_expected, rel=1e-5)
-    assert chance == 1  # nothing else shines
+    assert chance == 1  # there is no other light
 
 
 @pytest.mark.long
 def test_what_the_tables_leave_out_bsdf_sampling_finds():
-    """A studio's light on a ball, by tables of all luminance and by ours, which leave out what lies below the mean."""
+    """Sampling tables of luminance above the mean yield the picture that tables of all luminance yield; BSDF sampling adds
+    the rest.
+    """
     ours = compile_scene(described(ellipsoid(), studio_for_accents=True))
     bright = luminance(ours.environment.astype(np.float64))
     rows = bright.sum(axis=1) * -np.diff(np.cos(np.linspace(0, np.pi, len(bright) + 1)))
@@ -239,7 +241,7 @@ def test_the_choice_between_sky_and_lamps_follows_power_yet_starves_neither():
     # Sky: pi * pi R^2 with R^2 = 2, halved; lamp: pi * 4 * 1.
     assert chances[2] == pytest.approx(np.pi / (np.pi + 4), rel=1e-5)
     assert chances[3] == pytest.approx(0.8)
-    assert chances[4] == pytest.approx(0.1)  # an even sky is found by BSDF sampling
+    assert chances[4] == pytest.approx(0.1)  # a constant sky is left to BSDF sampling
 
 
 @pytest.mark.parametrize(("emission", "studio"), [(0.02, True), (10.0, False)])
@@ -261,13 +263,13 @@ def test_every_array_is_read_only_and_the_same_twice():
 
 
 def test_the_scene_does_not_depend_on_the_number_of_threads():
-    """Of a mesh that is cut into several parts: its vertices, its triangles, its tree."""
+    """Any number of threads compiles a mesh that is cut into several parts to the same vertices, triangles and tree."""
     rng = np.random.default_rng(6)
     count = 70_000
     positions = (np.repeat(rng.uniform(-1, 1, (count, 3)), 3, axis=0) + rng.normal(0, 0.01, (3 * count, 3))).astype(np.float32)
     normals = rng.standard_normal((3 * count, 3)).astype(np.float32)
     triangles = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
-    triangles[::7, 1] = triangles[::7, 0]  # without an area
+    triangles[::7, 1] = triangles[::7, 0]  # zero area
     turned = np.array([[0, -2, 0, 1], [1, 0, 0, 2], [0, 0, 3, 3], [0, 0, 0, 1]], float)
     description = described(Mesh("m", positions, triangles, normals), transforms=[turned], environment=Environment())
     scenes = [compile_scene(description, threads=threads) for threads in (1, 2, 3)]

@@ -1,4 +1,4 @@
-"""Compiled scenes on disk: identical bits, memory-mapped, and validated before use."""
+"""Tests of compiled scenes on disk: identical bits, memory-mapped, and validated before use."""
 
 import json
 import mmap
@@ -91,7 +91,7 @@ def test_a_file_that_is_too_long_is_refused(path):
 
 
 def rewritten(path, change):
-    """The file with a changed header of the same length or another."""
+    """Writes the file again with a changed header, of the same length or another."""
     data = path.read_bytes()
     length = int.from_bytes(data[:8], "little")
     header = json.loads(data[8 : 8 + length])
@@ -145,7 +145,7 @@ def test_a_file_that_is_not_there_is_the_systems_error(tmp_path):
 
 @pytest.mark.parametrize("name", ["triangle", "triangle_light", "sphere_material", "sphere_light", "light_primitive"])
 def test_an_index_that_points_outside_is_refused(made, tmp_path, name):
-    """The kernel checks no index: a file that names vertex 10**6 would end the process."""
+    """An index out of range is refused, since kernels do not check indices and would crash."""
     for value in (10**6, -2):
         array = getattr(made, name).copy()
         array.reshape(-1)[-1] = value
@@ -205,7 +205,7 @@ def test_a_texture_beyond_the_texels_is_refused(tmp_path):
     with pytest.raises(SceneError, match="texel"):
         load(tmp_path / "bad")
     texture = textured.texture.copy()
-    texture[0, ABOVE] = 0  # a stack on itself would never end
+    texture[0, ABOVE] = 0  # a texture layered on itself would never end
     save(textured._replace(texture=texture), tmp_path / "bad")
     with pytest.raises(SceneError, match="layer"):
         load(tmp_path / "bad")

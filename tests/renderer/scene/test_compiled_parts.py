@@ -1,4 +1,4 @@
-"""A compiled scene stored in parts: the arrays are restored, shared ones written once, and damage is detected."""
+"""Tests of compiled scenes stored in parts: arrays are restored, shared parts written once, damage detected."""
 
 import json
 
@@ -26,7 +26,7 @@ def same(ours, theirs):
 
 @pytest.fixture(params=["mapped", "copied"])
 def way(request, monkeypatch):
-    """As on machines with pages of 4 KiB, and as on others."""
+    """Runs the test with parts mapped over each other, as with pages of 4 KiB, and with parts copied, as elsewhere."""
     if request.param == "copied":
         monkeypatch.setattr(parts_file, "_maps_over", None)
 
@@ -40,12 +40,12 @@ def test_moments_are_what_was_saved_and_share_what_stands_still(tmp_path):
         manifests.append(saver.save(compiled, kept.cuts))
         scenes.append(load(manifests[-1]))
         same(scenes[-1], compiled)
-    for angle, scene in zip((0.0, 20.0, 33.0), scenes, strict=True):  # all of them at once, when the others were made
+    for angle, scene in zip((0.0, 20.0, 33.0), scenes, strict=True):  # earlier scenes are unchanged after later ones were saved
         same(scene, compile_scene(zoo(angle)))
     named = [{part.sha256 for part in parts_of(manifest)} for manifest in manifests]
     shared = set.intersection(*named)
     sizes = {part.sha256: part.size for manifest in manifests for part in parts_of(manifest)}
-    assert len(shared) >= 5  # what stands still, bodies, the shape of what is loose, materials, the environment, ...
+    assert len(shared) >= 5  # static geometry, bodies, topology of deforming meshes, materials, environment, ...
     assert all((tmp_path / sha256).stat().st_size == size for sha256, size in sizes.items())
     of_zoo = sum(array.nbytes for array in flat(scenes[0]).values())
     assert sum(sizes[s] for s in named[1] - shared) < 0.5 * of_zoo
@@ -70,7 +70,7 @@ def test_what_does_not_change_is_not_even_looked_at(tmp_path, monkeypatch):
         written.clear()
         saver.save(compile_scene(zoo(angle), kept=kept), kept.cuts)
     assert not any("texel" in names or "environment" in names or "material" in names for names in written)
-    assert sum("bvh.packet" in names for names in written) == 1  # of what is loose
+    assert sum("bvh.packet" in names for names in written) == 1  # that of the loose part
 
 
 def test_a_scene_of_which_nothing_moves_can_be_kept_so(tmp_path):
@@ -126,10 +126,10 @@ def test_a_part_that_points_outside_is_an_error(tmp_path):
     path = saved(tmp_path)
     part = tmp_path / max(parts_of(path), key=lambda part: part.size).sha256
     data = bytearray(part.read_bytes())
-    data[6 * 32 : 7 * 32] = b"\x7f" * 32  # the children of its first node
+    data[6 * 32 : 7 * 32] = b"\x7f" * 32  # the children of the part's first node
     part.write_bytes(data)
     manifest = json.loads(path.read_bytes())
-    for entry in manifest["parts"]:  # under another name: of what was looked at, no second look is taken
+    for entry in manifest["parts"]:  # under a new name, since parts already verified are not verified again
         if entry[0] == part.name:
             entry[0] = "0" * 64
     part.rename(tmp_path / ("0" * 64))

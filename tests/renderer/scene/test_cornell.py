@@ -1,4 +1,4 @@
-"""scenes/cornell-box.yaml holds what Mitsuba's cornell_box() holds."""
+"""Tests that scenes/cornell-box.yaml has the contents of Mitsuba's cornell_box()."""
 
 from pathlib import Path
 
@@ -46,7 +46,7 @@ def test_shapes_stand_where_mitsubas_stand(ours, theirs):
 def test_the_camera_is_mitsubas(ours, theirs):
     sensor = theirs["sensor"]
     view = ours.cameras[0].view
-    assert view.fov == sensor["fov"]  # along the smaller axis; the picture is square
+    assert view.fov == sensor["fov"]  # the field of view is along the shorter side; the picture is square
     matrix = np.array(sensor["to_world"].matrix)
     np.testing.assert_allclose(view.eye, matrix[:3, 3], atol=1e-6)
     forward = np.subtract(view.target, view.eye)
@@ -62,12 +62,12 @@ def test_nothing_is_left_to_warn_of(ours):
 
 @pytest.mark.long
 def test_its_mean_is_mitsubas(ours):
-    """0.1471 is the mean of R, G and B that Mitsuba gives at depth 8. A wider filter also looks past the walls: 1 % less."""
+    """The mean over R, G and B equals Mitsuba's at depth 8, 0.1471. A wider filter also sees beyond the walls: 1 % less."""
     scene = compile_scene(ours)
     means = []
     for seed in range(8):
         settings = RenderSettings(96, 96, ours.cameras[0].view, max_depth=8, filter="box", seed=seed)
         means.append(mean(render_frame(scene, settings, 16), settings.film_exponent).mean(dtype=np.float64))
     standard_error = np.std(means, ddof=1) / np.sqrt(len(means))
-    assert standard_error < 0.001 * 0.1471  # so that the next line judges 0.4 % by four standard errors
+    assert standard_error < 0.001 * 0.1471  # so that the next assertion's 0.4 % are four standard errors
     assert np.mean(means) == pytest.approx(0.1471, rel=0.004)

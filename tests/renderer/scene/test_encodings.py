@@ -1,4 +1,4 @@
-"""Names and numbers in various text encodings and notations."""
+"""Tests of names and numbers in various text encodings and notations."""
 
 import unicodedata
 

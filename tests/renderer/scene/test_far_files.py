@@ -1,4 +1,4 @@
-"""Files far from the origin in every format: the same scene, and the same picture, as their twins at the origin."""
+"""Tests of files far from the origin in every format: the same scene and picture as at the origin."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _read(folder: Path, name: str, offset: tuple[float, float, float]) -> SceneD
 
 
 def _corners(description: SceneDescription) -> np.ndarray:
-    """(n, 3) all corners of triangles in the world, in float64."""
+    """Returns all triangle corners in world space, (n, 3) float64."""
     found = []
     for instance in description.instances:
         mesh, place = description.meshes[instance.mesh], np.asarray(instance.transform, np.float64)
@@ -39,13 +39,13 @@ def _corners(description: SceneDescription) -> np.ndarray:
 
 
 def _middle(description: SceneDescription) -> np.ndarray:
-    """The middle of all meshes: where the offset has put it, whatever the axes of the format."""
+    """Returns the centre of all meshes, which the offset moves, for any axis convention of the format."""
     corners = _corners(description)
     return (corners.min(axis=0) + corners.max(axis=0)) / 2
 
 
 def _shape(description: SceneDescription) -> dict[str, np.ndarray]:
-    """All places of a description about its middle."""
+    """Returns all positions of a description relative to its centre."""
     middle = _middle(description)
     views = [camera.view for camera in description.cameras]
     ways = [np.subtract(view.target, view.eye) for view in views]

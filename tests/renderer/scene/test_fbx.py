@@ -1,4 +1,4 @@
-"""FBX: Blender's file compared with Blender's own values, and text files as other programs write them."""
+"""Tests of FBX: Blender's file against Blender's own values, and text files as other programs write them."""
 
 import json
 import math
@@ -13,19 +13,19 @@ from renderer.scene.load import Shot
 from tests.renderer.scene.fbx_text import fbx, light, material, node, stack, texture
 
 KIT = Path(__file__).parents[2] / "data" / "fbx"
-Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's world
+Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's axes
 
 
 @pytest.fixture(scope="module")
 def kit():
-    """Blender's words by frame, and the scene at each."""
+    """Returns, by frame, Blender's own values of the objects and the scene read from its file."""
     shot = Shot(KIT, "kit.fbx")
     said = json.loads((KIT / "kit.json").read_text())
     return {int(frame): (objects, shot.at(Moment(float(frame)))) for frame, objects in said.items()}
 
 
 def in_world(description, name):
-    """(V, 3) all vertices of what is called so, and how many triangles."""
+    """Returns the world-space vertices (V, 3) and the number of triangles of all instances with this name."""
     points, triangles = [], 0
     for instance in description.instances:
         if instance.name == name:
@@ -57,7 +57,7 @@ def test_normals_stand_on_the_side_that_polygons_face(kit):
             faces = np.cross(b - a, c - a)
             along = np.einsum("ij,ij->i", faces, mesh.normals[mesh.triangles].mean(axis=1))
             size = np.linalg.norm(faces, axis=1)
-            assert (along > 0.2 * size)[size > 1e-6 * size.max()].all(), mesh.name  # corners on a line have slivers
+            assert (along > 0.2 * size)[size > 1e-6 * size.max()].all(), mesh.name  # ignores slivers from collinear corners
 
 
 def test_cameras_and_lights_are_blenders(kit):
@@ -80,7 +80,7 @@ def test_cameras_and_lights_are_blenders(kit):
     assert power["point"].intensity == pytest.approx([500 * c / (4 * math.pi) for c in (1, 0.9, 0.8)])
     assert power["sun"].intensity == pytest.approx([2.5, 2.5, 2.25])
     edge = math.cos(math.radians(25))
-    assert math.cos(math.radians(power["spot"].inner_cone)) == pytest.approx(edge + (1 - edge) * 0.3)  # blended over 0.3
+    assert math.cos(math.radians(power["spot"].inner_cone)) == pytest.approx(edge + (1 - edge) * 0.3)  # Blender's blend is 0.3
     assert (power["spot"].outer_cone, power["spot"].falloff) == (pytest.approx(25), "smooth")
 
 
@@ -91,7 +91,7 @@ def test_an_area_light_gives_blenders_watts(kit):
     area = 4 * np.linalg.norm(np.cross(x, y))
     material = description.materials[description.meshes[instance.mesh].material]
     assert material.lamp
-    assert material.unseen  # as Blender's are, unless told
+    assert material.unseen  # as Blender's default
     emission = material.emission
     assert area == pytest.approx(1)
     assert np.pi * area * emission[0] == pytest.approx(300)
@@ -107,7 +107,7 @@ def test_materials_are_blenders(kit):
     description = kit[0][1]
     image = description.images[description.textures[found["checked"].base_color_texture].image]
     assert image.pixels.shape == (4, 4, 4)
-    assert image.pixels[-1, 0, 0] < 10 < 245 < image.pixels[-1, 1, 0]  # inside the file, the right way up
+    assert image.pixels[-1, 0, 0] < 10 < 245 < image.pixels[-1, 1, 0]  # the image is inside the file, and upright
 
 
 def test_what_moves_is_known(kit):
@@ -144,7 +144,10 @@ def test_a_light_of_other_programs(scene):
 
 
 def test_blenders_textures_are_turned_as_its_mapping_nodes_say(scene, png):
-    """Its exporter writes radians where FBX has degrees; these are the numbers that its glTF exporter writes of the same node."""
+    """Textures are rotated as by Blender's mapping nodes, although its exporter writes radians where FBX has degrees.
+
+    Expected values are those of Blender's glTF exporter for the same node.
+    """
     turned = {"Translation": (0.1, 0.25, 0.0), "Rotation": (0.0, 0.0, -math.radians(30)), "Scaling": (1 / 2, 1 / 3, 1.0)}
     text = fbx(material(30, "p") + texture(40, "a.png", **turned), [(30, 20), (40, 30, "DiffuseColor")])
     creator = "Blender (stable FBX IO) - 4.5.15 LTS - 5.13.1"
@@ -192,7 +195,10 @@ def test_damaged_files_are_scenes_or_sentences(tmp_path):
 
 
 def test_of_several_stacks_the_first_that_moves_is_shown_and_the_others_are_named(scene):
-    """As Blender has it: Mixamo's and 3ds Max's files begin with a take in which nothing moves."""
+    """Of several animation stacks the first with motion is used, as in Blender, and a warning names the others.
+
+    Files of Mixamo and 3ds Max begin with a take in which nothing moves.
+    """
     parts = stack(100, "Take 001"), stack(110, "walk", 240), stack(120, "run", 480)
     text = fbx("".join(objects for objects, _ in parts), [link for _, links in parts for link in links])
 
@@ -211,7 +217,7 @@ def test_of_several_stacks_the_first_that_moves_is_shown_and_the_others_are_name
 
 
 def test_all_stacks_at_once(scene):
-    """One for each node, as exporters write them that have a take for each object."""
+    """Stacks that move different nodes are combined, for exporters that write one take per object."""
     (first, links), (second, more) = stack(100, "walk", 240), stack(110, "turn", 120)
     more = [(a, 21 if b == 20 else b, *rest) for a, b, *rest in more]
     text = fbx(node(21, "other") + first + second, [(10, 21), (21, 0), *links, *more])
@@ -231,7 +237,7 @@ def _turn(axis, degrees):
 
 
 def _euler(angles, order="xyz"):
-    """The first axis of the order turns first."""
+    """Returns the rotation matrix of Euler angles; the order's first axis rotates first."""
     found = np.eye(4)
     for axis in order:
         found = _turn("xyz".index(axis), angles["xyz".index(axis)]) @ found
@@ -245,8 +251,11 @@ def _moved(vector):
 
 
 def test_pivots_offsets_orders_and_geometric_transforms_are_as_autodesk_defines_them(scene):
-    """Maya's pivots and 3ds Max's object offsets, negative scales among them. Source: the FBX SDK's help, "Computing
-    transformation matrices": T Roff Rp Rpre R Rpost^-1 Rp^-1 Soff Sp S Sp^-1, and the geometry's own before all of it."""
+    """Pivots, offsets, rotation orders and geometric transforms follow Autodesk's definition, also with negative scales.
+
+    From the FBX SDK's help, "Computing transformation matrices": T Roff Rp Rpre R Rpost^-1 Rp^-1 Soff Sp S Sp^-1, applied after
+    the geometric transform.
+    """
     rng = np.random.default_rng(8)
     orders = ["xyz", "xzy", "yzx", "yxz", "zxy", "zyx"]
     for number, order in enumerate(orders):

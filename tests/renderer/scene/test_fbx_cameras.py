@@ -1,4 +1,4 @@
-"""FBX's cameras, of files in text as other programs write them."""
+"""Tests of FBX cameras, in text files as other programs write them."""
 
 import math
 
@@ -16,7 +16,7 @@ def test_a_camera_that_sees_in_perspective_comes_first(scene):
 
 
 def test_a_film_that_is_offset_is_a_shifted_lens(scene):
-    """By inches, of a film of 36 x 24 mm."""
+    """A film offset, in inches on a film of 36 x 24 mm, becomes a lens shift."""
     film = {"FilmWidth": 36 / 25.4, "FilmHeight": 24 / 25.4, "AspectWidth": 360.0, "AspectHeight": 240.0, "AspectRatioMode": 2}
     lens = {"ApertureMode": 3, "FocalLength": 50.0, "FilmOffsetX": 0.3 * 24 / 25.4, "FilmOffsetY": -0.1 * 24 / 25.4}
     objects = node(51, "view", "Camera") + camera(61, **film, **lens)
@@ -26,7 +26,7 @@ def test_a_film_that_is_offset_is_a_shifted_lens(scene):
 
 
 def test_what_stands_before_a_cameras_near_plane_is_cut_away(scene):
-    """In the file's unit; a file that does not say cuts nothing."""
+    """Geometry before the near plane, in the file's unit, is clipped; a file without a near plane clips nothing."""
     objects = node(51, "a", "Camera") + camera(61, NearPlane=40.0) + node(52, "b", "Camera") + camera(62, Far=9.0)
     views = [c.view for c in scene("a.fbx", fbx(objects, [(61, 51), (51, 0), (62, 52), (52, 0)], unit=2.54)).cameras]
     assert [view.near for view in views] == pytest.approx([40 * 0.0254, 0])
@@ -34,7 +34,7 @@ def test_what_stands_before_a_cameras_near_plane_is_cut_away(scene):
 
 @pytest.mark.parametrize("unit", [1.0, 2.54, 100.0])
 def test_an_orthographic_picture_is_in_units_of_the_file(scene, unit):
-    """Thirty units high for a zoom of 1, as Autodesk has it; unit: in centimetres."""
+    """An orthographic view is thirty units high for a zoom of 1, as Autodesk defines; `unit` is in centimetres."""
     objects = node(51, "plan", "Camera") + camera(61, CameraProjectionType=1, OrthoZoom=2.0)
     view = scene("a.fbx", fbx(objects, [(61, 51), (51, 0)], unit=unit)).cameras[0].view
     assert view.height == pytest.approx(60 * unit / 100)
@@ -54,7 +54,7 @@ def direction(view):
 
 @pytest.mark.parametrize("z_up", [False, True])
 def test_a_camera_looks_at_its_target_and_stands_upright(scene, z_up):
-    """Whatever its own turn says."""
+    """A camera with a target faces it and is upright, whatever its own rotation."""
     objects = node(51, "view", "Camera", Lcl_Translation=(100.0, 200.0, 300.0), Lcl_Rotation=(0.0, 37.0, 0.0))
     objects += camera(61, Far=9.0) + node(71, "aim", "Null", Lcl_Translation=(-100.0, 50.0, 0.0))
     links = [(61, 51), (51, 0), (71, 0), (71, 51, "LookAtProperty")]

@@ -1,4 +1,4 @@
-"""FBX's materials, of files in text as other programs write them."""
+"""Tests of FBX materials, in text files as other programs write them."""
 
 import math
 
@@ -54,12 +54,18 @@ def test_arnolds_standard_surface(scene):
     found = description.materials[0]
     assert (found.roughness, found.metallic, found.transmission) == pytest.approx((0.3, 0.75, 0.25))
     assert found.emission == pytest.approx((2, 1, 0))
-    assert (found.subsurface, found.subsurface_radius) == (0.5, pytest.approx((0.01, 0.01, 0.01)))  # of 1 in centimetres
+    assert (found.subsurface, found.subsurface_radius) == (
+        0.5,
+        pytest.approx((0.01, 0.01, 0.01)),
+    )  # a radius of 1, in centimetres
     assert not any("Material m" in warning for warning in description.warnings)
 
 
 def test_what_scatters_beneath_and_within_of_arnold(scene):
-    """Lengths in centimetres, the file's unit. Standard Surface: of what glass attenuates, a share scatters."""
+    """Arnold's subsurface and transmission scattering: lengths are in centimetres, the file's unit.
+
+    Standard Surface splits what glass attenuates into scattering and absorption.
+    """
     skin = {
         "Maya|baseColor": (0.1, 0.5, 0.3),
         "Maya|base": 1.0,
@@ -93,7 +99,7 @@ def test_what_scatters_beneath_and_within_of_arnold(scene):
 
 
 def test_depth_dispersion_film_and_a_coats_colour_of_arnold(scene):
-    """Lengths in centimetres, the file's unit; dispersion by Abbe's number."""
+    """Arnold's transmission depth, dispersion by Abbe number, thin film and coat colour; lengths are in centimetres."""
     values = {
         "Maya|base": 1.0,
         "Maya|transmission": 1.0,
@@ -182,7 +188,7 @@ def test_textures_of_a_physical_materials_gloss_and_coat(scene, png):
 
 
 def test_blenders_highlights(scene):
-    """Its exporter writes half of the level, of which 0.5 are the 4 % that plastics reflect."""
+    """Blender's exporter writes half the specular level, of which 0.5 means the 4 % that plastics reflect."""
     text = fbx(material(30, "p", DiffuseColor=(0.3, 0.3, 0.3), SpecularFactor=0.175, ReflectionFactor=0.0), [(30, 20)])
     text = text.replace("FBX SDK/FBX Plugins version 2020.3", "Blender (stable FBX IO) - 4.5.15 LTS - 5.13.1")
     (found,) = scene("a.fbx", text).materials

@@ -1,4 +1,4 @@
-"""FBX: rotations that are not active, visibility in animation layers, and pictures inside the file by their own names."""
+"""Tests of FBX: inactive rotations, visibility in animation layers, and embedded images with their own names."""
 
 import io
 
@@ -19,7 +19,7 @@ LIMITS = 'P: "RotationSpaceForLimitOnly", "bool", "", "",1'
 
 
 def turned(x, y):
-    """R = Ry Rx of a triangle in metres: the order XYZ."""
+    """Returns the triangle in metres, rotated by R = Ry Rx as in rotation order XYZ."""
     a, b = np.radians([x, y])
     rx = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
     ry = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
@@ -27,7 +27,7 @@ def turned(x, y):
 
 
 def file_of(model, objects="", connections=""):
-    """A file of one triangle on a node with these properties."""
+    """Returns a file of one triangle on a node with these properties."""
     head = fbx_text.HEAD % {"up": 1, "front": 2, "sign": 1, "unit": 1}
     body = "\n".join(model)
     node = f'Model: 11, "Model::m", "Mesh" {{ Version: 232\nProperties70: {{\n{body}\n}} }}'
@@ -46,7 +46,7 @@ def test_rotation_order_and_pre_rotation_count_where_they_are_active(scene, off)
 
 
 def layers(curve, of_top=""):
-    """Two animation layers, of which the base says that the node is hidden, but by no curve."""
+    """Returns objects and links of two animation layers; the base layer hides the node by a value without a curve."""
     objects = """
     AnimationStack: 20, "AnimStack::s", "" { }
     AnimationLayer: 21, "AnimLayer::base", "" { }
@@ -83,14 +83,14 @@ def layers(curve, of_top=""):
 def test_layers_without_curves_hide_nothing(scene, curve):
     description = scene("a.fbx", file_of(['P: "Visibility", "Visibility", "", "A",1'], *layers(curve)), moment=Moment(frame=12))
     assert len(description.instances) == 1
-    assert world(description)[0][0][0] > 0  # it moves
+    assert world(description)[0][0][0] > 0  # the node is visible and moves
 
 
 SHOWN = ['P: "Visibility", "Visibility", "", "A",1']
 
 
 def test_a_muted_layer_is_not_evaluated(scene):
-    """The top layer hides the node, the base layer moves it."""
+    """A muted top layer, which would hide the node, is ignored, while the base layer moves the node."""
     found = scene("a.fbx", file_of(SHOWN, *layers(0, '\nP: "Mute", "bool", "", "",1')), moment=Moment(frame=12))
     assert world(found)[0][0][0] > 0
 

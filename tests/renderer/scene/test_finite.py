@@ -1,4 +1,4 @@
-"""Attributes of meshes that are not finite: left out with a count, whatever the format."""
+"""Tests that mesh attributes with non-finite values are dropped with a count, in every format."""
 
 import numpy as np
 import pytest

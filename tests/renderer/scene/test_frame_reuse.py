@@ -1,4 +1,4 @@
-"""The cache between frames: returns the value for the same key, recomputes for another, and drops unused entries."""
+"""Tests of the cache between frames: it returns the value for the same key, recomputes for another, drops unused entries."""
 
 import numpy as np
 
@@ -26,9 +26,9 @@ def test_what_was_made_for_an_equal_key_is_given_again():
 def test_a_token_answers_for_its_key():
     kept, token, asked = ShotCache(), object(), []
     first, _ = recalled(kept, 1, token, asked)
-    assert recalled(kept, 2, token, asked) == (first, False)  # nobody looks at the key
+    assert recalled(kept, 2, token, asked) == (first, False)  # the same token: the key is not compared
     assert len(asked) == 1
-    assert recalled(kept, 1, object(), asked) == (first, False)  # another token, and the same key
+    assert recalled(kept, 1, object(), asked) == (first, False)  # another token with the same key
     assert recalled(kept, 2, None, asked)[1]
 
 

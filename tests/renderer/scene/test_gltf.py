@@ -1,4 +1,4 @@
-"""glTF: all ways to write arrays, hierarchy and materials."""
+"""Tests of glTF: all forms of arrays, hierarchy and materials."""
 
 import base64
 import io
@@ -57,7 +57,7 @@ def test_normalized_integers_and_strides(scene):
     g.mesh(TRIANGLE, TEXCOORD_0=uvs, NORMAL=np.array([(0, 0, 127), (0, 0, -128), (0, 127, 0)], np.int8))
     for accessor in g.root["accessors"][1:]:
         accessor["normalized"] = True
-    # Positions and something else in turn, 20 bytes a vertex.
+    # Positions interleaved with other data, 20 bytes per vertex.
     mixed = np.zeros((3, 5), np.float32)
     mixed[:, 1:4] = TRIANGLE
     g.root["accessors"][0] |= {"bufferView": g.view(mixed.tobytes(), byteStride=20), "byteOffset": 4}
@@ -121,7 +121,7 @@ def test_metallic_roughness_with_textures_and_wraps(scene, png):
     assert [description.images[t.image].srgb for t in textures] == [True, False, True]
     assert (textures[0].wrap_s, textures[0].wrap_t) == ("clamp", "mirror")
     assert (textures[1].wrap_s, textures[1].wrap_t) == ("repeat", "repeat")
-    assert description.warnings == []  # it shines, so it needs no sky, and everything in it is rendered
+    assert description.warnings == []  # the scene is emissive, so it needs no sky, and everything in it is rendered
 
 
 def test_a_primitive_without_material_has_the_specifications_default(scene):
@@ -146,7 +146,7 @@ def test_each_texture_has_its_uv_set_and_transform(scene, png):
     color, normal = (description.textures[t] for t in (description.materials[0].base_color_texture, 1))
     assert description.materials[0].normal_scale == 0.5
     assert (color.uv_set, normal.uv_set, normal.transform) == (1, 1, (1, 0, 0, 0, 1, 0))
-    # (u, v) -> scaled (2u, 3v) -> turned (3v, -2u) -> moved: the matrices of the extension's text
+    # (u, v) -> scaled (2u, 3v) -> rotated (3v, -2u) -> translated: the matrices of the extension's text
     matrix = np.array(color.transform).reshape(2, 3)
     np.testing.assert_allclose(uvs @ matrix[:, :2].T + matrix[:, 2], [(0.5, 0.25), (0.5, -1.75), (3.5, 0.25)], atol=1e-6)
 
@@ -177,7 +177,7 @@ def test_tangents_come_along(scene):
     g = Gltf()
     tangents = np.tile(np.array([1, 0, 0, -1], np.float32), (3, 1))
     g.mesh(NORMAL=np.tile(np.array([0, 0, 1], np.float32), (3, 1)), TANGENT=tangents)
-    g.mesh(TANGENT=tangents)  # without normals they are to be left out
+    g.mesh(TANGENT=tangents)  # tangents without normals are ignored
     first, second = scene("a.glb", g.glb()).meshes
     np.testing.assert_array_equal(first.tangents, tangents)
     assert second.tangents is None
@@ -272,7 +272,10 @@ def test_a_missing_texture_is_a_warning_and_the_base_colour_stays(scene):
 
 @pytest.mark.parametrize(("by", "slots", "warned"), [((2,), (0,), False), ((3, 1), (1, 0), False), ((0, 2, 3), (0, 1, 0), True)])
 def test_a_material_may_lie_by_any_two_sets_of_uvs(scene, png, by, slots, warned):
-    """As gltf-transform writes palettes, behind the sets that a mesh has already; what occludes does not count."""
+    """A material may use any two UV sets, not only the first; an occlusion texture's set does not count.
+
+    gltf-transform writes palettes with UV sets after those that a mesh already has.
+    """
     g = Gltf()
     sets = {f"TEXCOORD_{k}": np.full((3, 2), k / 10, np.float32) for k in range(5)}
     g.mesh(material=0, **sets)

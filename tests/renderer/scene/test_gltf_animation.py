@@ -1,4 +1,4 @@
-"""glTF's animations: what moves is where the specification has it, worked out here a second time in float64."""
+"""Tests of glTF animations: positions equal the specification's formulas, computed independently in float64."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tests.renderer.scene.builders import POINTER, TRIANGLE, Gltf, clip, moving_
 
 
 def at(seconds, clip=None):
-    """A moment in quarters of a second, to which frames of 8 fps come exactly."""
+    """Returns the moment `seconds`, a multiple of 1/4 s, which frames of 8 fps hit exactly."""
     return Moment(8 * seconds, 8.0, clip)
 
 
@@ -21,7 +21,7 @@ def turn(degrees, axis):
 
 
 def matrix(translation=(0, 0, 0), degrees=0.0, axis=(0, 0, 1), scale=(1, 1, 1)):
-    """T R S by Rodrigues' formula: another way than quaternions."""
+    """Returns T R S, with the rotation by Rodrigues' formula instead of quaternions."""
     x, y, z = np.array(axis, np.float64)
     k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = np.radians(degrees)
@@ -32,7 +32,7 @@ def matrix(translation=(0, 0, 0), degrees=0.0, axis=(0, 0, 1), scale=(1, 1, 1)):
 
 
 def arm():
-    """A triangle on a hand on an arm: the arm turns about z and the hand moves and grows; a camera hangs on the hand."""
+    """Builds a triangle on a hand on an arm: the arm rotates about z, the hand moves and grows, and a camera is on the hand."""
     g = Gltf()
     g.node(children=[1], translation=[1, 0, 0])
     g.node(top=False, children=[2, 3])
@@ -84,7 +84,7 @@ def test_frames_in_any_order_from_one_shot_are_those_read_alone(scene, tmp_path)
 
 
 def bones(sets=1):
-    """A strip of three triangles' corners on two joints, of which one turns and the other moves; bound off the origin."""
+    """Builds a strip of three triangles skinned to two joints, one rotating and one moving; the bind pose is off the origin."""
     g = Gltf()
     rng = np.random.default_rng(3)
     points = rng.normal(size=(9, 3)).astype(np.float32)
@@ -129,7 +129,7 @@ def test_morph_weights_follow_a_cubic(scene, seconds):
     g.mesh()
     ways = np.float32([[(1, 0, 0), (0, 2, 0), (0, 0, 3)], [(0, 0, 1)] * 3])
     g.root["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": g.array(w)} for w in ways]
-    # Rows: for each key the slopes with which it arrives, the values, the slopes with which it leaves, of both targets.
+    # For each key: incoming slopes, values, outgoing slopes, of both morph targets.
     keys = [[(0, 0), (0, 1), (1, 0)], [(2, 0), (1, 0.5), (0, 0)]]
     clip(g, "talk", (0, "weights", [0, 2], np.reshape(keys, -1), "CUBICSPLINE"))
     u, d = seconds / 2, 2.0
@@ -168,7 +168,7 @@ def test_a_clip_is_chosen_by_its_name_or_number(scene, asked, place, size):
     ("asked", "places"), [(None, (1, 2)), ("all", (1, 2)), ("0", (1, 2)), ("walk", (1, 0)), ("1", (1, 0)), ("fly", (0, 2))]
 )
 def test_clips_of_which_each_moves_something_else_are_shown_together(scene, asked, places):
-    """Blender's exporter writes one for each object's action."""
+    """Clips that move different nodes are combined, since Blender's exporter writes one clip per object's action."""
     g = Gltf()
     g.mesh()
     g.node(mesh=0)
@@ -210,7 +210,7 @@ def test_pointers_reach_materials_textures_lights_cameras_and_single_weights(sce
     shaped = next(i for i in description.instances if description.meshes[i.mesh].name == "mesh 1")
     morphed = description.meshes[shaped.mesh].positions
     rest = scene("all.glb", moving_gltf(png).glb(), moment=at(0)).meshes[shaped.mesh].positions
-    np.testing.assert_allclose(morphed, 1.5 * rest, rtol=1e-6)  # its target is its own shape
+    np.testing.assert_allclose(morphed, 1.5 * rest, rtol=1e-6)  # the morph target equals the base shape
 
 
 def test_visibility_switches_at_its_keys(scene):

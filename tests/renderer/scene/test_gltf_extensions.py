@@ -1,4 +1,4 @@
-"""glTF: the KHR_materials extensions, each field of each, and where light refracts."""
+"""Tests of glTF: each field of each KHR_materials extension, and where light refracts."""
 
 import math
 
@@ -11,7 +11,7 @@ from tests.renderer.scene.builders import TRIANGLE, Gltf
 TETRAHEDRON = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], np.float32)
 FACES = np.array([0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3], np.uint16)
 
-# The extension, its fields, and what the material is to have. A texture is written as its number.
+# An extension, its fields, and the expected material. A texture is written as its number.
 EXTENSIONS = [
     ("ior", {"ior": 1.33}, {"ior": 1.33}),
     ("ior", {"ior": 0}, {"ior": 1000.0}),
@@ -152,7 +152,7 @@ def test_light_refracts_in_what_is_filled_or_closed(scene, volume, shape):
     description = scene("a.glb", g.glb())
     thin = description.materials[description.meshes[0].material].thin
     assert thin == (shape == "open" and volume != {"thicknessFactor": 0.1})
-    assert not description.materials[0].thin  # the pane is a material of its own
+    assert not description.materials[0].thin  # the pane has a material of its own
 
 
 def test_one_material_is_solid_on_one_mesh_and_a_pane_on_another(scene):

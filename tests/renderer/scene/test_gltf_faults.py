@@ -1,4 +1,4 @@
-"""glTF files with an unusable part: the rest is rendered, and a warning counts the part."""
+"""Tests of glTF files with an unusable part: the rest is rendered, and a warning counts the part."""
 
 import struct
 
@@ -14,7 +14,7 @@ BAD = (np.nan, np.inf)
 
 
 def said(description, *words):
-    """Returns True if one warning that counts unusable parts has all these words."""
+    """Returns whether one warning about unusable parts contains all the words."""
     found = [w for w in description.warnings if "unusable part" in w]
     return any(all(word in warning for word in words) for warning in found)
 
@@ -115,7 +115,7 @@ def test_a_primitive_that_is_unusable_is_left_out(scene, spoil):
     assert len(description.instances) == 1
     assert said(description, "1 unusable part is left out")
     g.root["scenes"][0]["nodes"] = [1]
-    with pytest.raises(SceneError, match="export"):  # where nothing else is shown
+    with pytest.raises(SceneError, match="export"):  # fails if the file shows nothing else
         scene("a.glb", g.glb())
 
 
@@ -154,7 +154,7 @@ def test_a_node_with_two_parents_or_in_a_cycle_is_shown_once(scene, children):
 
 
 def unpadded(data, pad=b"", length=None):
-    """A GLB whose JSON chunk is not padded; length: of the file, as its header says it."""
+    """Returns a GLB whose JSON chunk is not padded; `length` is the file length in its header."""
     size = struct.unpack_from("<I", data, 12)[0]
     text = data[20 : 20 + size].rstrip()
     text += b" " * (len(text) % 4 == 0)

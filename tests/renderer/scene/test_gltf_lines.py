@@ -1,4 +1,4 @@
-"""Points and lines of glTF: left out with a note, or shown as balls and tubes of a thickness."""
+"""Tests of glTF points and lines: dropped with a warning, or shown as balls and tubes of a given thickness."""
 
 import json
 

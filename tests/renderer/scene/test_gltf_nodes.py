@@ -1,4 +1,4 @@
-"""glTF nodes with meshes, instances, cameras, lights and names."""
+"""Tests of glTF nodes with meshes, instances, cameras, lights and names."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ def test_nodes_multiply_down_the_tree_in_both_notations(scene):
     g = Gltf()
     leaf = g.mesh()
     half = np.sqrt(0.5)
-    leaf |= {"translation": [1, 2, 3], "rotation": [0, 0, half, half], "scale": [2, 3, 4]}  # a quarter turn about z
+    leaf |= {"translation": [1, 2, 3], "rotation": [0, 0, half, half], "scale": [2, 3, 4]}  # 90 degrees about z
     g.root["scenes"][0]["nodes"] = [1]
     g.node(top=False, children=[0], matrix=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 10, 20, 30, 1])
     np.testing.assert_allclose(world(scene("a.glb", g.glb()))[0], [(11, 22, 33), (11, 24, 33), (8, 22, 33)], atol=1e-6)
@@ -41,7 +41,7 @@ def test_cameras_look_down_minus_z_of_their_node(scene):
         {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1.5, "znear": 0, "zfar": 1}},
     ]
     half = np.sqrt(0.5)
-    g.node(name="left", camera=0, translation=[1, 2, 3], rotation=[0, half, 0, half])  # a quarter turn about y: looks along -x
+    g.node(name="left", camera=0, translation=[1, 2, 3], rotation=[0, half, 0, half])  # 90 degrees about y: faces -x
     g.node(camera=1)
     description = scene("a.glb", g.glb())
     camera, flat = description.cameras
@@ -67,7 +67,7 @@ def test_punctual_lights_in_watts_along_minus_z(scene):
     g.root["extensionsUsed"] = ["KHR_lights_punctual"]
     half = np.sqrt(0.5)
     for i, name in enumerate(("lamp", "beam", "")):
-        place = {"translation": [1, 2, 3], "rotation": [-half, 0, 0, half], "scale": [2, 3, 4]}  # -z turned down
+        place = {"translation": [1, 2, 3], "rotation": [-half, 0, 0, half], "scale": [2, 3, 4]}  # -z rotated downwards
         g.node(name=name, extensions={"KHR_lights_punctual": {"light": i}}, **place)
     description = scene("a.glb", g.glb())
     lamp, beam, sun = description.lights
@@ -79,7 +79,7 @@ def test_punctual_lights_in_watts_along_minus_z(scene):
     np.testing.assert_allclose(beam.direction, (0, -1, 0), atol=1e-12)
     assert beam.position == (1, 2, 3)
     compile_scene(description)
-    assert description.environment is None  # whoever places lights means the dark between them
+    assert description.environment is None  # with explicit lights, no default environment is added
     assert description.warnings == []
 
 
@@ -88,7 +88,7 @@ def test_instances_of_the_gpu_extension(scene):
     node = g.mesh()
     half = np.sqrt(0.5)
     places = np.array([(1, 0, 0), (0, 2, 0)], np.float32)
-    turns = np.array([(0, 0, 0, 1), (0, 0, half, half)], np.float32)  # a quarter turn about z
+    turns = np.array([(0, 0, 0, 1), (0, 0, half, half)], np.float32)  # 90 degrees about z
     attributes = {"TRANSLATION": g.array(places), "ROTATION": g.array(turns)}
     node |= {"name": "tree", "scale": [2, 2, 2], "extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}}
     g.root["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
@@ -117,10 +117,10 @@ def test_what_a_file_hides_is_not_shown(scene):
 
 @pytest.mark.long
 def test_a_chain_of_many_nodes_is_read(scene):
-    """Each a little beside the one above it; only a node that hangs below two, or below itself, is damage."""
+    """A deep chain of nodes, each slightly offset from its parent, is read; only a node with two parents or a cycle is damage."""
     g = Gltf()
     g.mesh()
-    count = 5_000  # five times as deep as Python calls
+    count = 5_000  # five times Python's recursion limit
     g.root["nodes"] = [{"children": [i + 1], "translation": [0.25, 0, 0]} for i in range(count - 1)] + [{"mesh": 0}]
     g.root["scenes"] = [{"nodes": [0]}]
     np.testing.assert_allclose(world(scene("a.glb", g.glb()))[0], TRIANGLE + np.float32([(count - 1) / 4, 0, 0]), atol=1e-3)

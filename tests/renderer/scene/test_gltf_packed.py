@@ -1,4 +1,4 @@
-"""Compressed glTF files: buffer views by meshopt, images as KTX2 and AVIF."""
+"""Tests of compressed glTF files: buffer views by meshopt, images as KTX2 and AVIF."""
 
 import base64
 import io
@@ -14,7 +14,7 @@ from tests.renderer.scene.builders import Gltf
 
 POINTS = np.random.default_rng(1).random((40, 3)).astype(np.float32)
 TRIANGLES = np.random.default_rng(2).integers(0, 40, size=(60, 3)).astype(np.uint16)
-# 8 x 8 pixels, red above and blue below, by Basis Universal's own encoder.
+# 8 x 8 pixels, red above and blue below, from Basis Universal's own encoder.
 KTX2 = {
     "ETC1S": "c-mX-9TK5nWU!l;ONxsD2pEBw1BzjQ5ea7iu?`SV0b&&(-T_t91f{JQ5qgk;4wPnM&|p~1$i%?RjBJNJob?|F<bgEMS>;8UC"
     "8<RWPKm{t#R{Q$nPsU(#fdo"
@@ -26,7 +26,7 @@ KTX2 = {
 
 
 def packed(name="EXT_meshopt_compression", filter=None):
-    """A mesh whose points and triangles are packed, and whose buffer is laid out as gltfpack does."""
+    """Builds a mesh with compressed vertices and triangles, and a buffer laid out as by gltfpack."""
     plain = Gltf()
     plain.mesh(POINTS, TRIANGLES.reshape(-1))
     made = Gltf()
@@ -47,7 +47,7 @@ def packed(name="EXT_meshopt_compression", filter=None):
 def test_meshopt_gives_what_was_packed(scene, name):
     mesh = scene("a.glb", packed(name).glb()).meshes[0]
     found = np.sort(mesh.positions[mesh.triangles].reshape(60, -1), axis=1)
-    wanted = np.sort(POINTS[TRIANGLES].reshape(60, -1), axis=1)  # a triangle's corners may be turned
+    wanted = np.sort(POINTS[TRIANGLES].reshape(60, -1), axis=1)  # corners of a triangle may be rotated
     np.testing.assert_array_equal(found[np.lexsort(found.T)], wanted[np.lexsort(wanted.T)])
 
 

@@ -1,4 +1,4 @@
-"""glTF with our own extension: nodes that some rays pass by; and the script that writes it into a GLB of Blender's."""
+"""Tests of our glTF extension for nodes hidden from some rays, and of the script that adds it to a GLB from Blender."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""glTF: what scatters inside of things, by two drafts of Khronos's and as Blender's files say it."""
+"""Tests of glTF scattering inside objects, by two Khronos drafts and as in Blender's files."""
 
 import math
 
@@ -14,7 +14,7 @@ MULTIPLE = [0.8, 0.5, 0.0]
 
 @pytest.fixture
 def look(scene):
-    """`look(NAME={...}, ...)`: the material that has these extensions."""
+    """Returns a function `look(NAME={...}, ...)` that reads a material with these extensions."""
 
     def make(color=(0.1, 0.2, 0.3, 1.0), **extensions):
         g = Gltf()
@@ -30,7 +30,7 @@ def look(scene):
 
 
 def single(multiple, g=0.0):
-    """The drafts' formula."""
+    """Returns the single-scattering albedo for a multiple-scattering colour, by the drafts' formula."""
     s = 4.09712 + 4.20863 * multiple - math.sqrt(9.59217 + 41.6808 * multiple + 17.7126 * multiple**2)
     return (1 - s * s) / (1 - g * s * s)
 
@@ -58,7 +58,7 @@ def test_where_light_goes_in_diffusely_it_is_subsurface_scattering(look):
 
 
 def test_a_sheet_scatters_to_both_sides(look):
-    """By (1 + g) / 2 onwards, of what it does not let through clearly; nothing is lost or gained."""
+    """Without a volume, light that is not transmitted clearly is scattered: (1 + g) / 2 of it forwards; energy is conserved."""
     scatter = {"multiscatterColorFactor": [0.4, 0.8, 1.0], "scatterStrengthFactor": 1, "scatterAnisotropy": 0.5}
     found = look(transmission={"transmissionFactor": 0.8}, scatter=scatter)
     onwards = 0.8 * 0.75
@@ -88,7 +88,7 @@ def test_what_blenders_files_say(look):
 
 
 def test_what_is_in_a_medium_of_blenders_is_not_absorbed_a_second_time(look):
-    """Its exporter writes the colour of the same nodes as an attenuation, where a material has a thickness."""
+    """A material with a Blender medium is not attenuated as well: the exporter writes the same nodes' colour as attenuation."""
     found = look(
         transmission={"transmissionFactor": 1},
         volume={"thicknessFactor": 1, "attenuationColor": [0.2, 0.7, 0.9], "attenuationDistance": 1.25},

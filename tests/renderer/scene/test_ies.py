@@ -1,4 +1,4 @@
-"""IES profiles: each standard, type and symmetry, by what is sent into directions; and what is said of bad ones."""
+"""Tests of IES profiles: each standard, type and symmetry, by intensities in directions; and warnings about bad files."""
 
 import itertools
 import math
@@ -17,22 +17,22 @@ POLAR = np.arange(0, 181, 15.0)
 
 
 def dimming(theta, phi):
-    """A web that is another in all directions: theta, phi in degrees."""
+    """Returns an intensity that differs in all directions; theta and phi in degrees."""
     return 100 + theta + 40 * np.cos(np.radians(phi)) + 20 * np.sin(np.radians(phi))
 
 
 def quadrants(theta, phi):
-    """One that is the same in all quadrants."""
+    """Returns an intensity that is equal in all quadrants; theta and phi in degrees."""
     return 100 + theta + 40 * np.cos(np.radians(2 * phi))
 
 
 def halves(theta, phi):
-    """One that is the same in both halves."""
+    """Returns an intensity that is equal in both halves; theta and phi in degrees."""
     return 100 + theta + 40 * np.cos(np.radians(phi))
 
 
 def across(theta, phi):
-    """One that is the same on both sides of the plane of C90 and C270."""
+    """Returns an intensity symmetric about the plane of C90 and C270; theta and phi in degrees."""
     return 100 + theta + 40 * np.sin(np.radians(phi))
 
 
@@ -49,13 +49,13 @@ def test_every_standard_is_read(header):
         (halves, np.arange(0, 181, 5.0)),
         (across, np.arange(90, 271, 5.0)),
         (dimming, np.arange(0, 361, 5.0)),
-        (dimming, np.arange(0, 360, 5.0)),  # some leave the last plane out, which is the first one
+        (dimming, np.arange(0, 360, 5.0)),  # files may omit the last plane, which equals the first
     ],
 )
 def test_symmetry_stands_for_what_is_not_told(web, planes):
     photometry = read_ies(ies(POLAR, planes, web), "lamp.ies")
     for phi in (0, 40, 95, 200, 355):
-        theta = np.r_[1, POLAR[1:-1], 179]  # at the poles all planes meet
+        theta = np.r_[1, POLAR[1:-1], 179]  # all planes coincide at the poles
         np.testing.assert_allclose(candela_of(photometry, theta, phi), web(theta, phi), rtol=1e-5)
 
 
@@ -82,7 +82,7 @@ def test_lumens_are_those_of_an_independent_quadrature(planes):
     photometry = read_ies(ies(vertical, planes, lambda theta, phi: 1000 * np.cos(np.radians(theta)) ** 3), "lamp.ies")
     nodes, weights = np.polynomial.legendre.leggauss(40)
     whole = 0.0
-    for low, high in itertools.pairwise(vertical):  # between them the profile is straight
+    for low, high in itertools.pairwise(vertical):  # between given angles the profile is linear
         theta = (low + high) / 2 + nodes * (high - low) / 2
         web = np.interp(theta, vertical, 1000 * np.cos(np.radians(vertical)) ** 3)
         whole += 2 * math.pi * float((weights * web * np.sin(np.radians(theta))).sum()) * math.radians(high - low) / 2
@@ -107,7 +107,10 @@ def test_what_is_tilted_is_upright():
 
 @pytest.mark.parametrize(("kind", "is_mirrored"), [("A", False), ("B", False), ("A", True), ("B", True)])
 def test_types_a_and_b_lie_about_their_axis(kind, is_mirrored):
-    """Horizontal angles are longitudes of A and latitudes of B, whose poles are above and below, and left and right."""
+    """Types A and B: horizontal angles are longitudes in A and latitudes in B.
+
+    The poles of A are above and below, those of B left and right.
+    """
     angles = np.arange(0 if is_mirrored else -90, 91, 10.0)
 
     def lamp(vertical, horizontal):
@@ -172,4 +175,6 @@ def test_a_narrow_beam_keeps_its_shape():
     photometry = read_ies(ies(vertical, [0.0], lambda theta, phi: 1e5 * np.exp(-((theta / 2) ** 2))), "lamp.ies")
     theta = np.array([0.0, 0.55, 1.0, 2.0, 3.33])
     np.testing.assert_allclose(candela_of(photometry, theta, 0), 1e5 * np.exp(-((theta / 2) ** 2)), rtol=3e-3)
-    assert 20 < math.degrees(tabulate_emission([photometry.emission]).reach[0]) < 30  # beyond, its candela are 0 in float32
+    assert (
+        20 < math.degrees(tabulate_emission([photometry.emission]).reach[0]) < 30
+    )  # at larger angles the candela are 0 in float32

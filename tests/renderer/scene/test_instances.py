@@ -1,4 +1,4 @@
-"""Which meshes are instanced, and the compiled scene's data for them."""
+"""Tests of the choice of meshes to instance, and of the compiled scene's data for them."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def moved(x, scale=1.0):
 
 
 def many(meshes, copies, materials=None, **more):
-    """Every mesh at every place."""
+    """Returns a description with every mesh at every place."""
     return SceneDescription(
         meshes=meshes,
         instances=[Instance(m, moved(5.0 * i), name=f"copy {i}") for i in range(copies) for m in range(len(meshes))],
@@ -47,7 +47,7 @@ def test_in_large_scenes_everything_repeated_is_kept_once(monkeypatch):
 
 def test_meshes_that_always_stand_together_are_one_tree():
     description = many([icosphere(3), icosphere(3, material=1), icosphere(3)], 30, [Material(), Material()])
-    description.instances.append(Instance(2, moved(-50.0)))  # the third stands alone once
+    description.instances.append(Instance(2, moved(-50.0)))  # the third mesh also has an instance of its own
     groups = plan_instancing(description).groups
     assert [g.meshes for g in groups] == [[0, 1], [2]]
     compiled = compile_scene(description)
@@ -67,7 +67,7 @@ def test_what_shines_is_copied_into_the_world():
     assert len(compiled.light_primitive) == 2 * 1280
     assert (compiled.triangle_light[2 * 1280 :] == -1).all()
     assert (compiled.instance_material == -1).all()
-    description.meshes[0].material = 1  # its own shines, but what replaces it does not
+    description.meshes[0].material = 1  # the mesh's own material is emissive, the replacement is not
     for instance in description.instances:
         instance.material = 0
     compiled = compile_scene(description)
@@ -97,7 +97,7 @@ def test_instances_keep_their_names_and_materials_and_the_scene_its_bounds():
     flat = flatten(description)
     np.testing.assert_allclose(compiled.bounds, [flat.position.min(0), flat.position.max(0)], atol=1e-5)
     eye = np.array(summary["cameras"][-1]["view"]["eye"])
-    assert 100 < np.linalg.norm(eye - [97.5, 0, 0]) < 500  # sees them all
+    assert 100 < np.linalg.norm(eye - [97.5, 0, 0]) < 500  # all instances are in view
 
 
 def test_repeated_triangles_count_once(monkeypatch):

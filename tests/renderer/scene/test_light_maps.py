@@ -1,4 +1,4 @@
-"""Profiles and pictures of lights as each format has them, by what is sent towards a point of the scene."""
+"""Tests of light profiles and projected images in each format, by the intensity sent towards a point of the scene."""
 
 import math
 
@@ -21,7 +21,7 @@ ANGLES = np.arange(0, 181, 5.0)
 
 
 def web(theta, phi):
-    """Of angles in degrees; straight in both."""
+    """Returns the intensity of a profile that is linear in both angles, in degrees."""
     return 100 + theta + np.interp(phi % 360, (0, 90, 270, 360), (0, 60, 20, 0))
 
 
@@ -29,7 +29,7 @@ PROFILE = ies(ANGLES, PLANES, web)
 
 
 def sent(light, point):
-    """(3,) the radiant intensity towards a point of the scene, cones left out."""
+    """Returns a light's radiant intensity (3,) towards a scene point, ignoring spot cones."""
     frame = emission_frames([light], maps_of([light]))[0].astype(float)
     f = np.array(light.direction) / np.linalg.norm(light.direction)
     r = frame[:3]
@@ -39,13 +39,15 @@ def sent(light, point):
 
 
 def angles_of(w, axis, right):
-    """Degrees with an axis, and about it from what is right towards right x axis."""
+    """Returns the angle to the axis and the azimuth, from `right` towards right x axis, in degrees."""
     w, axis, right = (np.array(v, float) / np.linalg.norm(v) for v in (w, axis, right))
     return math.degrees(math.acos(w @ axis)), math.degrees(math.atan2(w @ np.cross(right, axis), w @ right))
 
 
 def four_colors(side=64):
-    """Red left above, green right above, blue left below, white right below."""
+    """Returns an image with red at the upper left, green at the upper right, blue at the lower left and white at the lower
+    right.
+    """
     corner = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1]]], np.float32)
     return corner.repeat(side, axis=0).repeat(side, axis=1)
 
@@ -68,7 +70,7 @@ lights:
         {"lamp.ies": PROFILE, "slide.exr": PICTURE},
     )
     lamp, spot, gobo, projector, lantern = found.lights
-    for w in ((0.3, -1, 0.2), (-1, 0.1, 2), (0.5, -0.2, -1)):  # down, C0 along X, C90 along -Z
+    for w in ((0.3, -1, 0.2), (-1, 0.1, 2), (0.5, -0.2, -1)):  # axis down, C0 along X, C90 along -Z
         np.testing.assert_allclose(sent(lamp, np.add(lamp.position, w)), web(*angles_of(w, (0, -1, 0), (1, 0, 0))), rtol=1e-3)
         expected = web(*angles_of(w, (0, 0, -1), np.cross((0, 0, -1), (1, 0, 0))))
         np.testing.assert_allclose(sent(spot, np.add(spot.position, w)), [expected, 0, 0], rtol=1e-3)
@@ -123,7 +125,7 @@ def test_what_a_scene_file_gets_wrong_is_said(scene, light, said):
 
 
 def test_gltf_shapes_lights_by_profiles(scene):
-    """EXT_lights_ies: the zero point of the web is -Z; horizontal angles run from X to Y."""
+    """EXT_lights_ies: the profile's zero angle is -Z; horizontal angles run from X to Y."""
     g = Gltf()
     g.mesh()
     g.root["extensions"] = {"EXT_lights_ies": {"lights": [{"uri": "lamp%20a.ies"}]}}
@@ -149,7 +151,7 @@ def test_gltf_without_the_profile_says_so(scene):
 
 @pytest.mark.parametrize("kind", ["SphereLight", "DiskLight", "RectLight"])
 def test_usd_shapes_lights_by_profiles(tmp_path, kind):
-    """What hdEmbree makes of them: a factor of the radiance by the direction, the axis -Z, C0 to -X and C90 to -Y."""
+    """As in hdEmbree, a profile scales radiance by direction: its axis is -Z, C0 is towards -X and C90 towards -Y."""
     (tmp_path / "lamp.ies").write_bytes(PROFILE)
     made = usd_files.stage(tmp_path / "a.usda", "Y", 1.0)
     usd_files.cube(made, "/m")
@@ -185,9 +187,11 @@ def test_usd_stretches_and_normalises_profiles(tmp_path):
     stretched, even = usd_files.read(tmp_path / "a.usda").lights
     for degrees in (10, 60, 120, 170):
         w = math.sin(math.radians(degrees)), 0, -math.cos(math.radians(degrees))
-        own = max((degrees - 180) / 1.5 + 180, 0)  # from the top, where angles stay
+        own = max((degrees - 180) / 1.5 + 180, 0)  # angles are scaled about 180 degrees
         np.testing.assert_allclose(sent(stretched, w), 1000 * math.cos(math.radians(own / 2)) ** 2, rtol=5e-3, atol=1)
-        np.testing.assert_allclose(sent(even, w), 2 * math.cos(math.radians(degrees / 2)) ** 2, rtol=5e-3)  # its mean is 1
+        np.testing.assert_allclose(
+            sent(even, w), 2 * math.cos(math.radians(degrees / 2)) ** 2, rtol=5e-3
+        )  # normalised to a mean of 1
 
 
 def _near(point):
@@ -196,16 +200,16 @@ def _near(point):
 
 
 def _positions(found):
-    """Where the small balls of a scene lie."""
+    """Returns the positions of a scene's small balls."""
     return [ball.center for ball in found.spheres]
 
 
 POINTS = [(0.3, 0.2, 1), (-0.3, 0.2, 1), (0.3, -0.2, 1), (-0.3, -0.2, 1)]
-COLORS = [(0, 1, 0), (1, 0, 0), (1, 1, 1), (0, 0, 1)]  # pbrt's x is to the right of who looks along z
+COLORS = [(0, 1, 0), (1, 0, 0), (1, 1, 1), (0, 0, 1)]  # pbrt's x is to the right for a viewer facing z
 
 
 def test_pbrt_projects_pictures(scene):
-    """Upright for who looks along z; an intensity that does not depend on the angle."""
+    """pbrt projects images upright for a viewer facing z; the intensity does not depend on the angle."""
     lamp = 'LightSource "projection" "string filename" "slide.exr" "float fov" 60 "float scale" 5\n'
     found = scene("s.pbrt", world(lamp + "".join(map(_near, POINTS))), {"slide.exr": PICTURE})
     (light,) = found.lights
@@ -219,7 +223,7 @@ def test_pbrt_projects_pictures(scene):
 
 
 def test_pbrt_shines_by_goniometric_pictures(scene):
-    """By equal-area squares whose middle is y, times the spectrum of the light."""
+    """pbrt's goniometric images are equal-area squares centred on y, multiplied by the light's spectrum."""
     from renderer.scene.readers.pbrt.equal_area import to_square
 
     size = 64
@@ -238,7 +242,7 @@ def test_pbrt_shines_by_goniometric_pictures(scene):
 
 
 def test_mitsuba_projects_pictures(scene):
-    """Upright for who looks along z, of which x is to the left; a spot's slide is turned by half a turn."""
+    """Mitsuba projects images upright for a viewer facing z with x to the left; a spot's texture is rotated by 180 degrees."""
     text = """<scene version="3.0.0"><emitter type="{}"><float name="{}" value="{}"/>{}
     <texture type="bitmap" name="{}"><string name="filename" value="slide.exr"/></texture></emitter>
     <shape type="sphere"/></scene>"""

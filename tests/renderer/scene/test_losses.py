@@ -1,4 +1,4 @@
-"""Values that readers guess, replace or leave out are named in a warning, with a count."""
+"""Tests that values which readers guess, replace or drop are named in a warning, with a count."""
 
 import io
 
@@ -44,7 +44,7 @@ def test_materials_of_obj_files(scene, png, statements, said):
 
 
 def blue():
-    """A normal map that is even."""
+    """Returns a uniform normal map."""
     out = io.BytesIO()
     Image.new("RGB", (4, 4), (128, 128, 255)).save(out, "PNG")
     return out.getvalue()

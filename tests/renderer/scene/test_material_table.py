@@ -1,4 +1,4 @@
-"""The table of material parameters as the single source for checks, packing, schema and readers."""
+"""Tests of the table of material parameters, the single source for checks, packing, schema and readers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ IN_GLTF = [p for p in PARAMETERS if p.gltf]
 
 
 def other(parameter):
-    """A value that it may be and is not by default, the same in float32."""
+    """Returns a valid value of the parameter that is not its default and is exact in float32."""
     default = np.ravel(1.0 if parameter.default is None else parameter.default)[0]
     low, high = max(parameter.low, default - 0.5), min(parameter.high, default + 0.5)
     value = high if high != default and math.isfinite(high) else low
@@ -30,7 +30,7 @@ def other(parameter):
 
 
 def row(material):
-    """As it is packed: its columns and its slots."""
+    """Returns the packed material: its columns and its texture slots."""
     images = [Image("i", np.full((1, 1, 4), 9, np.uint8))]
     packed = pack(SceneDescription(materials=[material], textures=[Texture(0)], images=images))
     return packed.material[0], packed.material_texture[0]
@@ -38,11 +38,17 @@ def row(material):
 
 def test_no_two_parameters_share_a_column_or_a_slot():
     columns = [p.column + i for p in PARAMETERS if p.column is not None for i in range(COUNT.get(p.form, 1))]
-    made = [rows.ROUGHNESS, rows.ROTATION, rows.ROTATION + 1]  # by packing, of more than one parameter or of None
+    made = [
+        rows.ROUGHNESS,
+        rows.ROTATION,
+        rows.ROTATION + 1,
+    ]  # columns that packing derives from several parameters, or from None
     made += [c + i for c in (rows.EMISSION, rows.ABSORPTION, rows.F0, rows.MEAN_FRESNEL) for i in range(3)]
     assert sorted(columns + made) == list(range(rows.COLUMNS))
     slots = [p.slot for p in PARAMETERS if p.slot is not None]
-    assert sorted([*slots, rows.EMISSION_TEXTURE]) == list(range(rows.SLOTS))  # emission's texels have a scale
+    assert sorted([*slots, rows.EMISSION_TEXTURE]) == list(
+        range(rows.SLOTS)
+    )  # emission texels have a scale, so this slot is filled separately
 
 
 def test_the_words_beneath_a_parameter_are_the_schemas():
@@ -62,7 +68,10 @@ def test_a_scene_file_sets_a_parameter_and_its_column_has_it(scene, parameter):
     read = scene("s.yaml", text).materials[0]
     expected = math.radians(value) if parameter.form == "degrees" else value
     assert np.ravel(getattr(read, parameter.name)) == pytest.approx(expected)
-    if parameter.column is not None and parameter.kinds[0] not in ("glass", "blinn_phong"):  # which give columns of their own
+    if parameter.column is not None and parameter.kinds[0] not in (
+        "glass",
+        "blinn_phong",
+    ):  # these kinds fill the columns differently
         packed = row(read)[0][parameter.column : parameter.column + COUNT.get(parameter.form, 1)]
         assert packed == pytest.approx(np.full(len(packed), expected))
 

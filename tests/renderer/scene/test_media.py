@@ -1,4 +1,4 @@
-"""The interior medium of each material, and the accepted media fields of a scene file."""
+"""Tests of each material's interior medium, and of the accepted media fields of a scene file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_the_worlds_medium_is_the_first() -> None:
 
 
 def test_where_nothing_scatters_glass_needs_no_medium() -> None:
-    """What it absorbs, kernels without media know."""
+    """Glass that only absorbs needs no medium: kernels without media handle absorption."""
     found = listed(Material(kind="glass", sigma_a=(1.0, 1.0, 1.0)), Material(kind="interface"))
     assert not found.medium.any()
     assert found.material_medium.tolist() == [-1, -1]

@@ -1,4 +1,4 @@
-"""Many small meshes compiled at once equal each compiled by itself, to the bit."""
+"""Tests that many small meshes compiled at once equal each compiled alone, to the bit."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ SHAPES = 40
 
 
 def shapes(rng, bare=False):
-    """Small meshes, some with second coordinates, colours, triangles without an area; one in a hundred normals is none."""
+    """Returns small meshes, some with second UVs, colours or triangles without area; 1 % of the normals are invalid."""
     found = []
     for i in range(SHAPES):
         count = int(rng.integers(4, 30))

@@ -1,4 +1,4 @@
-"""Named metals: their numbers follow from the measurements, and look like the metals."""
+"""Tests of named metals: their numbers follow from measurements, and their colours match published ones."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ WAVELENGTHS = np.arange(380.0, 731.0)
 
 
 def weights():
-    """(3, W): how much each wavelength of equal-energy white adds to red, green and blue; each row's sum is 1."""
+    """Returns (3, W) weights of each wavelength of equal-energy white in red, green and blue; each row sums to 1."""
 
     def lobe(height, middle, below, above):
         t = (WAVELENGTHS - middle) * np.where(middle > WAVELENGTHS, below, above)
@@ -72,7 +72,7 @@ def test_the_numbers_are_those_of_the_measurements(metal):
 )
 def test_the_colours_are_the_known_ones(metal, known):
     eta, k = METALS[metal]
-    # Films differ by how they were made; titanium's most.
+    # Measured films differ by how they were made, most for titanium.
     np.testing.assert_allclose(
         reflectance(np.array(eta), np.array(k)), known, atol=0.1 if metal in ("titanium", "iron") else 0.07
     )

@@ -1,4 +1,4 @@
-"""Mitsuba's XML: what is read, what is named as left out, and what is refused with a sentence. Pictures: tests/peers."""
+"""Tests of Mitsuba's XML: what is read, what a warning names, and what is refused. tests/peers compares pictures."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def test_old_names_defaults_and_the_film(tmp_path: Path) -> None:
     assert found.defaults == {"width": 200, "height": 100, "spp": 12, "max_depth": 7, "transmission_depth": 0, "filter": "tent"}
     view = found.cameras[0].view
     assert view.eye == (0, 0, 5)
-    assert np.tan(np.radians(view.fov / 2)) == pytest.approx(np.tan(np.radians(30)) / 2)  # Mitsuba's fov is across
+    assert np.tan(np.radians(view.fov / 2)) == pytest.approx(np.tan(np.radians(30)) / 2)  # Mitsuba's fov is horizontal
     assert found.spheres[0].radius == 2
 
 
 def test_a_shifted_lens_and_a_spot(tmp_path: Path) -> None:
-    """Its offsets are parts of the film's width and height, to the right and down."""
+    """Principal point offsets are fractions of the film's width and height, to the right and down."""
     found = scene_of(
         tmp_path,
         '<sensor type="perspective"><float name="principal_point_offset_x" value="0.1"/>'
@@ -201,7 +201,7 @@ def test_references_forward_and_by_another_name(tmp_path: Path) -> None:
 
 
 def test_spectra_that_are_plugins(tmp_path: Path) -> None:
-    """In Mitsuba's own spectral mode an equal-energy lamp of 1 is grey of luminance 1; a black body of 6500 K is nearly white."""
+    """As in Mitsuba's spectral mode, an equal-energy lamp of 1 is grey of luminance 1; a 6500 K black body is nearly white."""
     lamp = '<shape type="rectangle"><emitter type="area"><spectrum type="{}" name="radiance">{}</spectrum></emitter></shape>'
     flat = '<string name="wavelengths" value="300, 900"/><string name="values" value="2, 2"/>'
     warm = '<float name="temperature" value="6500"/>'
@@ -209,7 +209,7 @@ def test_spectra_that_are_plugins(tmp_path: Path) -> None:
     even, body, day = (np.array(m.emission) for m in found.materials[-3:])
     assert even @ (0.2126, 0.7152, 0.0722) == pytest.approx(2, rel=0.01)
     assert body / body.mean() == pytest.approx([1, 1, 1], abs=0.06)
-    assert body.mean() == pytest.approx(4.3e4, rel=0.1)  # W / (m2 sr nm) of Planck's law at 550 nm
+    assert body.mean() == pytest.approx(4.3e4, rel=0.1)  # Planck's law at 550 nm, in W / (m2 sr nm)
     assert day.tolist() == [1, 1, 1]
 
 
@@ -252,7 +252,7 @@ def test_entities_are_refused(tmp_path: Path) -> None:
 
 
 def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
-    """Letters of the file changed, dropped and doubled: a scene comes of it, or a sentence."""
+    """Files with changed, dropped or doubled characters yield a scene or a SceneError."""
     write_files(tmp_path)
     dice = random.Random(7)
     outcomes = set()
@@ -273,7 +273,7 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
 
 
 def test_formulas_have_mitsubas_coordinates(tmp_path: Path) -> None:
-    """As Mitsuba 3.9 itself gives them at 400 points of each, which a picture on a square shows: its first row lies below."""
+    """Texture coordinates of analytic shapes equal Mitsuba 3.9's at 400 points of each; the first image row is at the bottom."""
     grid = '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>'
     names = ("rectangle", "cube", "disk", "cylinder", "sphere")
     found = scene_of(tmp_path, "".join(f'<shape type="{name}">{grid}</shape>' for name in names))
@@ -281,11 +281,11 @@ def test_formulas_have_mitsubas_coordinates(tmp_path: Path) -> None:
     assert not found.spheres
     x, y, z = square.positions.T
     np.testing.assert_allclose(square.uvs, np.column_stack([(x + 1) / 2, (y + 1) / 2]))
-    corner = found.images[0].pixels[0, 0].tolist()  # color0 lies at (0, 0)
+    corner = found.images[0].pixels[0, 0].tolist()  # color0 is at (0, 0)
     assert corner == pytest.approx([0.4] * 3)
     assert square.tangents is not None
     assert square.tangents.tolist() == [[1, 0, 0, 1]] * 4
-    upper = cube.positions[:, 2] + (cube.normals[:, 2] > 0.5) * 9 > 9.5  # the face towards +Z, u along +Y and v along +X
+    upper = cube.positions[:, 2] + (cube.normals[:, 2] > 0.5) * 9 > 9.5  # the face towards +Z: u along +Y and v along +X
     np.testing.assert_allclose(cube.uvs[upper], (cube.positions[upper][:, [1, 0]] + 1) / 2)
     for mesh, v in ((disk, None), (tube, 2), (ball, 2)):
         x, y, z = mesh.positions.astype(float).T
@@ -298,7 +298,7 @@ def test_formulas_have_mitsubas_coordinates(tmp_path: Path) -> None:
 
 
 def test_a_bubble_is_turned_inside_out(tmp_path: Path) -> None:
-    """Glass that is thinner than what surrounds it: what is filled is its outside."""
+    """Glass of lower index than its surroundings becomes an inverted mesh, whose outside is filled."""
     glass = '<bsdf type="dielectric"><string name="int_ior" value="air"/><string name="ext_ior" value="water"/></bsdf>'
     found = scene_of(tmp_path, BALL.format(glass) + f'<shape type="cube">{glass}</shape>' + '<shape type="cube"/>')
     assert not found.spheres
@@ -334,7 +334,7 @@ def test_colours_of_vertices_are_seen_where_they_are_asked_for(kind: str, writte
 
 
 def test_pictures_are_decoded_unless_raw(tmp_path: Path, png: Callable[..., bytes]) -> None:
-    """As Mitsuba does, also where they hold numbers; a roughness by a picture is one, and not its mean."""
+    """As in Mitsuba, images are decoded unless raw, also where they hold data; a textured roughness stays a texture."""
     (tmp_path / "g.png").write_bytes(png(128, 128, 128))
     texture = '<texture name="roughness" type="bitmap"><string name="filename" value="g.png"/>{}</texture>'
     for more, level in (("", 55), ('<boolean name="raw" value="true"/>', 128)):
@@ -352,7 +352,7 @@ def test_pictures_are_decoded_unless_raw(tmp_path: Path, png: Callable[..., byte
     ("plugin", "kind"), [("roughplastic", "plastic"), ("roughdielectric", "glass"), ("roughconductor", "metallic_roughness")]
 )
 def test_facets_are_distributed_as_the_file_says(tmp_path: Path, plugin: str, kind: str, named: str) -> None:
-    """Beckmann's distribution is Mitsuba's default; neither is worth a warning."""
+    """Microfacets have the file's distribution, by default Beckmann's, without a warning."""
     ball = BALL.format(f'<bsdf type="{plugin}"><float name="alpha" value="0.25"/>{named}</bsdf>')
     found = scene_of(tmp_path, ball + '<emitter type="constant"/>')
     material = next(m for m in found.materials if m.kind == kind)
@@ -362,7 +362,7 @@ def test_facets_are_distributed_as_the_file_says(tmp_path: Path, plugin: str, ki
 
 
 def test_a_window_of_the_film_is_rendered(tmp_path: Path) -> None:
-    """What stands at a place of the film stands there in the window too."""
+    """A crop window of the film shows the same part of the view as in the whole film."""
     film = '<film type="hdrfilm"><integer name="width" value="200"/><integer name="height" value="100"/>{}</film>'
     window = "".join(
         f'<integer name="crop_{key}" value="{value}"/>'
@@ -372,7 +372,7 @@ def test_a_window_of_the_film_is_rendered(tmp_path: Path) -> None:
     found = scene_of(tmp_path, f'<sensor type="perspective">{lens}{film.format(window)}</sensor>' + BALL.format(""))
     assert (found.defaults["width"], found.defaults["height"]) == (40, 20)
     view = found.cameras[0].view
-    scale = np.tan(np.radians(30)) * 2 / 200  # of a pixel, at a distance of 1
+    scale = np.tan(np.radians(30)) * 2 / 200  # a pixel's size at distance 1
     assert 2 * np.tan(np.radians(view.fov / 2)) == pytest.approx(20 * scale)
     assert view.shift_x * 20 == pytest.approx(0.1 * 200 + 140 - 100)
     assert view.shift_y * 20 == pytest.approx(50 - 20)
@@ -396,7 +396,7 @@ def test_a_window_of_the_film_is_rendered(tmp_path: Path) -> None:
 def test_a_sensor_without_a_field_of_view_has_a_lens_of_50_mm(
     tmp_path: Path, lens: str, axis: str, half: float, width: int, height: int, kind: str
 ) -> None:
-    """On film of 36 x 24 mm, by its diagonal: 34.0 degrees on a square."""
+    """Without a field of view the lens is 50 mm on film of 36 x 24 mm, by the diagonal: 34.0 degrees on a square."""
     film = f'<film type="hdrfilm"><integer name="width" value="{width}"/><integer name="height" value="{height}"/></film>'
     found = scene_of(tmp_path, f'<sensor type="{kind}">{lens}{film}</sensor>' + BALL.format(""))
     sides = {"x": width, "diagonal": np.hypot(width, height), "smaller": min(width, height), "larger": max(width, height)}
@@ -410,7 +410,7 @@ def test_a_focal_length_that_is_no_length_gets_a_sentence(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("owner", ["vertex", "face"])
 def test_float_colours_of_ply_are_linear_and_not_rounded(tmp_path: Path, owner: str) -> None:
-    """As Mitsuba's own writer names them."""
+    """Float colours of PLY, named as by Mitsuba's writer, are read as linear and not rounded."""
     color = np.array([0.2137, 0.001, 0.7713], np.float32)
     columns = {
         each: "".join(f"property float color_{k}\n" for k in range(3)) if each == owner else "" for each in ("vertex", "face")
@@ -440,7 +440,7 @@ def test_a_blend_of_paint_and_rough_metal_keeps_its_facets(tmp_path: Path, distr
     assert made.distribution == ("ggx" if distribution else "beckmann")
 
 
-_ATTRIBUTES = {  # the columns of a PLY, by whose, and the attribute that they are in Mitsuba 3.9
+_ATTRIBUTES = {  # attribute in Mitsuba 3.9 -> the PLY columns that contain it, with their element
     "vertex_heat": (("vertex", "heat_0"),),
     "vertex_warm": (("vertex", "warm_x"), ("vertex", "warm_y"), ("vertex", "warm_z")),
     "face_label": (("face", "label_1"), ("face", "label_2"), ("face", "label_3")),
@@ -450,7 +450,7 @@ _ATTRIBUTES = {  # the columns of a PLY, by whose, and the attribute that they a
 
 
 def with_attribute(folder: Path, columns: tuple[tuple[str, str], ...], asked: str, values: tuple[float, ...]) -> SceneDescription:
-    """A triangle that has another colour of its vertices, and the columns, and asks for an attribute."""
+    """Reads a triangle with vertex colours and further PLY columns, whose material uses the attribute `asked`."""
     told = {each: [name for owner, name in columns if owner == each] for each in ("vertex", "face")}
     header = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {name}\n" for name in "xyz")
     header += "".join(f"property float {name}\n" for name in ("color_0", "color_1", "color_2", *told["vertex"]))
@@ -488,7 +488,7 @@ def test_an_attribute_that_a_mesh_lacks_or_that_is_out_of_range_is_named(tmp_pat
 
 @pytest.mark.parametrize("flipped", [False, True])
 def test_a_light_shines_along_its_vertices_normals(tmp_path: Path, flipped: bool) -> None:
-    """The winding says +Z, the normals -Z."""
+    """A light emits along its vertex normals, here -Z, not along its winding, here +Z."""
     corners = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvn 0 0 -1\n"
     (tmp_path / "o.obj").write_text(corners + "f 1//1 2//1 3//1\nf 1//1 3//1 4//1\n")
     more = f'<boolean name="flip_normals" value="{str(flipped).lower()}"/>'
@@ -501,7 +501,7 @@ def test_a_light_shines_along_its_vertices_normals(tmp_path: Path, flipped: bool
 
 @pytest.mark.parametrize("shape", ["rectangle", "cube", "disk", "sphere", "cylinder"])
 def test_a_bump_map_leans_away_from_where_heights_rise(tmp_path: Path, shape: str) -> None:
-    """Heights are linear in v: the normal loses a part of dp/dv everywhere."""
+    """A bump map tilts the normal away from rising heights: heights linear in v subtract a multiple of dp/dv everywhere."""
     ramp = np.repeat(np.linspace(0, 1, 64, dtype=np.float32)[:, None, None], 64, axis=1)
     write(tmp_path / "ramp.exr", np.repeat(ramp, 3, axis=2))
     texture = '<texture type="bitmap"><string name="filename" value="ramp.exr"/><boolean name="raw" value="true"/></texture>'
@@ -535,11 +535,11 @@ def test_curves_are_tubes_as_wide_as_their_file_says(tmp_path: Path) -> None:
 
 
 def test_surroundings_are_turned_about_any_axis(tmp_path: Path) -> None:
-    """A sky of a file with +Z up: what shone from above there does so here, and no more light than before."""
+    """An environment of a file with +Z up keeps its bright part above after rotation, and its total light."""
     import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 
     sky = np.full((16, 32, 3), 0.1, np.float32)
-    sky[:2] = 5  # above
+    sky[:2] = 5  # the bright top rows
     made = oiio.ImageOutput.create(str(tmp_path / "sky.exr"))
     made.open(str(tmp_path / "sky.exr"), oiio.ImageSpec(32, 16, 3, "float"))
     made.write_image(sky)
@@ -550,7 +550,7 @@ def test_surroundings_are_turned_about_any_axis(tmp_path: Path) -> None:
     )
     assert found.environment is not None and found.environment.image is not None
     seen = found.images[found.environment.image].pixels
-    # +Y is turned to +Z, which lies behind ours whose middle looks along -Z: at the left and right edge, half way up.
+    # +Y is rotated to +Z, which is behind the view of our image centre, -Z: at the left and right edge, half way up.
     assert seen[7:9, [0, -1]].mean() == pytest.approx(5)
     assert seen[0].max() == pytest.approx(0.1) and seen[7:9, 15:17].max() == pytest.approx(0.1)
     weight = np.sin((np.arange(16) + 0.5) / 16 * np.pi)[:, None, None]
@@ -563,7 +563,10 @@ UPRIGHT = '<transform name="to_world"><rotate x="1" angle="-90"/></transform>'
 @pytest.mark.long
 @pytest.mark.parametrize("place, up", [(UPRIGHT, (0, 1, 0)), ("", (0, 0, 1))])
 def test_a_sky_and_its_sun_are_as_bright_as_mitsubas(tmp_path: Path, place: str, up: tuple[int, int, int]) -> None:
-    """What a level plane gets of either, of the sun at 60 degrees, by Mitsuba 3.9. Its own up is +Z; below, it is black."""
+    """Irradiance on a horizontal plane from the sky and from a sun at 60 degrees elevation equals Mitsuba 3.9's.
+
+    The emitter's default up is +Z, and it is black below the horizon.
+    """
     sun = np.array((0.5, 0, 0)) + 0.75**0.5 * np.array(up)
     where = f'<vector name="sun_direction" x="{sun[0]}" y="{sun[1]}" z="{sun[2]}"/>'
     found = scene_of(tmp_path, f'<emitter type="sunsky">{where}{place}</emitter>' + BALL.format(""))
@@ -601,6 +604,6 @@ def test_an_even_spectrum_is_warm_as_light_and_grey_as_paint(tmp_path: Path) -> 
     light = '<emitter type="area"><spectrum name="radiance" value="2"/></emitter>'
     material = scene_of(tmp_path, lamp.format(light)).materials[0]
     assert material.base_color == (0.3, 0.3, 0.3)
-    assert material.emission == pytest.approx((2.41, 1.90, 1.82), rel=0.01)  # as Mitsuba's RGB mode has it
+    assert material.emission == pytest.approx((2.41, 1.90, 1.82), rel=0.01)  # as in Mitsuba's RGB mode
     old = scene_of(tmp_path, lamp.format(light), "0.6.0").materials[0]
     assert old.emission == (2, 2, 2)

@@ -1,4 +1,4 @@
-"""Mitsuba's media and bump maps: coefficients and slopes by their formulas. Pictures: tests/peers."""
+"""Tests of Mitsuba's media and bump maps: coefficients and slopes by their formulas. tests/peers compares pictures."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_the_glass_of_a_bubble_is_filled_with_what_is_around_it(tmp_path: Path) 
     found = scene_of(tmp_path, SMOKE + BALL.format(bubble + within("exterior")))
     (made,) = found.materials
     assert close(Medium(made.sigma_a, made.sigma_s, made.g), HELD)
-    assert found.instances  # a mesh turned inside out
+    assert found.instances  # an inverted mesh
 
 
 @pytest.mark.parametrize(("radius", "is_world"), [(0.5, True), (9, False)])
@@ -151,7 +151,7 @@ def test_hair_has_its_colour(tmp_path: Path, said: str, absorbed: np.ndarray) ->
 
 
 def test_a_bump_map_becomes_slopes(tmp_path: Path) -> None:
-    """A square 2 wide, whose height grows by 2 / 255 a texel of 1/64 of its width, times a scale."""
+    """Slopes of a square 2 wide follow from its heights, which rise by 2 / 255 per texel of 1/64 of its width, times a scale."""
     row = np.minimum(np.arange(64) * 2, 255).astype(np.uint8)
     Image.fromarray(np.tile(row, (8, 1))).save(tmp_path / "h.png")
     bumps = (

@@ -1,4 +1,4 @@
-"""Mixtures of two materials as one. Rendered mixtures: tests/peers/test_mitsuba_walls.py."""
+"""Tests of mixtures of two materials as one material. tests/peers/test_mitsuba_walls.py renders mixtures."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def test_metal_on_paint_reflects_its_share():
         assert (made.kind, made.metallic, made.roughness, made.specular) == ("metallic_roughness", 0.0, 0.3, pytest.approx(0.3))
         head_on = ((0.2 - 1) ** 2 + 3.9**2) / ((0.2 + 1) ** 2 + 3.9**2)
         assert made.specular_color[0] * 0.04 == pytest.approx(head_on)
-        assert 0.7 * 0.8 < made.base_color[0] < 0.8  # what the metal leaves counts as all
+        assert 0.7 * 0.8 < made.base_color[0] < 0.8  # the paint's share is restored after the metal's reflection
 
 
 def test_two_glosses_are_one_only_where_they_are_alike():
@@ -47,7 +47,7 @@ def test_pbrts_mix(scene):
     MakeNamedMaterial "c" "string type" "dielectric" """
     made = scene("scene.pbrt", world(f'{parts} Material "mix" "string materials" ["a" "b"] "float amount" 0.3 {BALL}', HEAD))
     assert made.materials[0].specular == pytest.approx(0.3)
-    assert len(made.warnings) == 1  # it has no light
+    assert len(made.warnings) == 1  # the scene has no light
     left = scene("scene.pbrt", world(f'{parts} Material "mix" "string materials" ["a" "c"] {BALL}', HEAD))
     assert any(
         "blends materials that cannot be blended here: the one with the larger weight is rendered" in each

@@ -1,4 +1,4 @@
-"""MTL: exporters' materials become the nearest physical surface."""
+"""Tests of MTL: exporters' materials become the nearest physical surface."""
 
 import io
 
@@ -14,7 +14,7 @@ TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl m\nf 1 3 2\nf 1 2 4\nf
 
 @pytest.fixture
 def material(scene):
-    """`material(mtl, files)` is the description and material of a triangle with these statements."""
+    """Returns a function `material(mtl, files)` that reads a triangle with these statements: (description, material)."""
 
     def read(statements, others=None, faces=TRIANGLE + "usemtl m\nf 1 2 3\n"):
         description = scene("a.obj", f"mtllib a.mtl\n{faces}", {"a.mtl": f"newmtl m\n{statements}\n", **(others or {})})
@@ -51,13 +51,13 @@ def test_base_and_gain_move_linear_values(material):
     assert image.pixels[0, :, 1].tolist() == [51, 102, 153]  # 0.2 + 0.4 x
     description, found = material("map_Kd -mm 0 0.5 c.png", {"c.png": grey})
     image = description.images[description.textures[found.base_color_texture].image]
-    assert image.pixels[0, :, 0].tolist() == [0, 92, 188]  # of colours, half the light
+    assert image.pixels[0, :, 0].tolist() == [0, 92, 188]  # colours are scaled in linear light
     _, found = material("map_Kd -mm 0 one c.png", {"one c.png": grey, "c.png": grey})
     assert found.base_color_texture is not None
 
 
 def test_a_decal_shows_the_map_on_the_colour(material):
-    """The specification: map_Kd where the decal is 1, Kd where it is 0; each map is looked up by its own options."""
+    """A decal shows map_Kd where it is 1 and Kd where it is 0, as specified; each map is looked up with its own options."""
     files = {"a.png": picture([[[250, 0, 0], [0, 250, 0]]]), "shape.png": picture([[[0, 0, 0], [200, 200, 200]]])}
     statements = "Kd 0.5 0.25 1\nmap_Kd -s 4 4 a.png\ndecal -clamp on -s 2 2 shape.png"
     description, found = material(statements, files)
@@ -99,7 +99,7 @@ def test_a_gain_beyond_all_light_ends_at_the_most(material):
 def test_scale_and_offset_mean_what_they_mean_in_obj(material, png):
     description, _ = material("map_Kd -s 2 3 -o 0.25 0.5 wood.png", {"wood.png": png(1, 2, 3)})
     matrix = np.array(description.textures[0].transform).reshape(2, 3)
-    u, v = 0.3, 0.7  # v counted upwards; ours is 1 - v
+    u, v = 0.3, 0.7  # v runs upwards in the file; ours is 1 - v
     found = matrix @ (u, 1 - v, 1)
     np.testing.assert_allclose((found[0], 1 - found[1]), (2 * u + 0.25, 3 * v + 0.5))
 
@@ -138,7 +138,7 @@ def test_a_map_of_opacity_goes_into_the_colours_alpha(material):
     image = description.images[description.textures[found.base_color_texture].image]
     assert image.pixels[0].tolist() == [[1, 2, 3, 0], [4, 5, 6, 200]]
     assert (found.alpha_mode, image.srgb) == ("blend", True)
-    cut = picture([[[9, 9, 9, 0], [9, 9, 9, 255]]])  # one with an alpha of its own
+    cut = picture([[[9, 9, 9, 0], [9, 9, 9, 255]]])  # an image with an alpha channel
     description, found = material("Kd 0.5 0.5 0.5\nmap_d cut.png", {"cut.png": cut})
     image = description.images[description.textures[found.base_color_texture].image]
     assert image.pixels[0].tolist() == [[255, 255, 255, 0], [255, 255, 255, 255]]
@@ -222,7 +222,7 @@ Tf 0.850000 0.850000 0.850000
 
 
 def test_what_blender_writes_is_what_blender_reads_back(scene):
-    """The numbers of tests/peers/values_kit.py."""
+    """Materials written by Blender have the values that Blender reads back (tests/peers/values_kit.py)."""
     faces = TRIANGLE + "".join(f"usemtl {name}\nf 1 2 3\n" for name in ("half", "veil", "coated"))
     description = scene("a.obj", f"mtllib a.mtl\n{faces}", {"a.mtl": BLENDERS})
     half, veil, coated = description.materials

@@ -1,4 +1,4 @@
-"""Files that another program wrote, damaged in ways that keep them JSON: each ends in a scene or in a sentence of ours."""
+"""Tests of files from another program with damage that leaves valid JSON: each yields a scene or a reader's own error."""
 
 import json
 import struct
@@ -14,11 +14,11 @@ from tests.renderer.scene.builders import full_gltf, moving_gltf
 from tests.renderer.scene.finite import is_finite
 
 ODD = [None, True, -1, 0, 1, 7, 255, 5126, 2**31, 2**63, 1e-40, 1e39, float("nan"), "", "a", [], {}, [0], [[1, 2]], {"a": 1}]
-FILES = {"toy.glb": 120, "modes.glb": 120, "full": 120, "moving": 120}  # and how often it is tried
+FILES = {"toy.glb": 120, "modes.glb": 120, "full": 120, "moving": 120}  # files and the number of mutations of each
 
 
 def chunks(glb):
-    """The JSON and the binary part of a GLB."""
+    """Returns the JSON and the binary chunk of a GLB."""
     length = struct.unpack_from("<I", glb, 12)[0]
     return json.loads(glb[20 : 20 + length]), glb[20 + length + 8 :]
 
@@ -31,7 +31,7 @@ def packed(root, binary):
 
 
 def places(value):
-    """(container, key) of everything within."""
+    """Returns (container, key) of all nested values."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, child in list(items):
         yield value, key
@@ -39,7 +39,7 @@ def places(value):
 
 
 def mutated(root, rng):
-    """The JSON with one to three of: an odd value in a place, one part in another's place, a part gone, a list repeated."""
+    """Returns the JSON with one to three mutations: an odd value, a part moved elsewhere, a part removed, or a list repeated."""
     root = json.loads(json.dumps(root))
     for _ in range(rng.integers(1, 4)):
         everything = list(places(root))
@@ -75,17 +75,17 @@ def test_a_mutated_glb_is_a_scene_or_a_sentence(samples, tmp_path, png, file):
             assert all(m.triangles.max(initial=-1) < len(m.positions) for m in description.meshes)
             if file == "full":
                 compiled_or_told(description)
-    assert 0.1 < told / FILES[file] < 0.9  # it does damage, and not only
+    assert 0.1 < told / FILES[file] < 0.9  # some mutations fail, but not all
 
 
 def sample(samples, png, file):
-    """The bytes of one of FILES."""
+    """Returns the bytes of one of FILES."""
     made = {"full": full_gltf, "moving": moving_gltf}.get(file)
     return made(png).glb() if made else (samples / file).read_bytes()
 
 
 def compiled_or_told(description):
-    """What was read compiles into finite numbers, or is told why not."""
+    """Asserts that the description compiles into finite numbers, or is rejected with a SceneError."""
     try:
         scene = compile_scene(description)
     except SceneError as error:

@@ -1,4 +1,4 @@
-"""A file for each frame: meshes as simulations write them, and textures."""
+"""Tests of sequences with one file per frame: meshes as simulations write them, and textures."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ SUFFIXES = ("obj", "ply", "stl")
 
 
 def drop(height, suffix):
-    """A triangle at a height."""
+    """Returns a triangle at the given height, as the text of a file with this suffix."""
     points = [(0, height, 0), (1, height, 0), (0, height, 1)]
     if suffix == "obj":
         return "".join(f"v {x} {y} {z}\n" for x, y, z in points) + "f 1 2 3\n"

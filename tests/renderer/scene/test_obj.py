@@ -1,4 +1,4 @@
-"""OBJ and MTL as exporters write them."""
+"""Tests of OBJ and MTL as exporters write them."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_missing_normals_are_smooth_on_a_sphere_and_sharp_on_a_box(scene):
     normals = mesh.normals[mesh.triangles].reshape(-1, 3)
     positions = mesh.positions[mesh.triangles].reshape(-1, 3)
     side = np.abs(normals[:, 2]) < 0.5
-    np.testing.assert_allclose(normals[side, :2], positions[side, :2], atol=1e-5)  # round: the normal is the radius
+    np.testing.assert_allclose(normals[side, :2], positions[side, :2], atol=1e-5)  # the side is round, so normals are radial
     np.testing.assert_allclose(normals[~side], [(0, 0, 1 if z == 1 else -1) for z in positions[~side, 2]], atol=1e-6)
 
 
@@ -170,7 +170,9 @@ def test_colours_after_positions_are_vertex_colours(scene):
     mesh = scene("a.obj", text).meshes[0]
     expected = [(1, 0, 0, 1), (0, ((0.5 + 0.055) / 1.055) ** 2.4, 0, 1), (0, 0, 1, 1)]
     np.testing.assert_allclose(mesh.colors[mesh.triangles[0]], expected, atol=1e-6)
-    mixed = scene("b.obj", text.replace(" 0 0.5 0", " 1")).meshes[0]  # a weight, and not all are coloured
+    mixed = scene("b.obj", text.replace(" 0 0.5 0", " 1")).meshes[
+        0
+    ]  # the fourth number is a weight, and only some vertices have colours
     np.testing.assert_array_equal(mixed.colors[mixed.triangles[0]], [(1, 0, 0, 1), (1, 1, 1, 1), (0, 0, 1, 1)])
 
 
@@ -232,7 +234,10 @@ def test_of_very_many_warnings_the_first_are_said(scene):
 
 
 def test_zbrush_paints_vertices_in_comments(scene):
-    """A mask, red, green and blue of each in hexadecimal, over as many lines as it takes; not dimmed by a material's grey."""
+    """ZBrush's #MRGB comments give each vertex's mask, red, green and blue in hexadecimal, over any number of lines.
+
+    The material's grey does not darken these colours.
+    """
     text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n{}f 1 2 3\n"
     description = scene("a.obj", text.format("#MRGB ffff0000ff00ff00\n#MRGB ff0000ff\n"))
     np.testing.assert_array_equal(description.meshes[0].colors[:, :3], np.eye(3))

@@ -1,4 +1,4 @@
-"""OBJ files as programs really write them: smoothing groups, partial colours, lost normals, comments."""
+"""Tests of OBJ files as programs really write them: smoothing groups, partial colours, lost normals, comments."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def column(count, sides, lids="s off"):
 
 
 def bends(mesh):
-    """(T, 3) degrees between the normals of faces and those of their corners; zeros without normals."""
+    """Returns the angles (T, 3) in degrees between face normals and corner normals; zeros without normals."""
     corners = mesh.positions[mesh.triangles].astype(float)
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     face /= np.linalg.norm(face, axis=1, keepdims=True)
@@ -158,7 +158,7 @@ def test_several_libraries_in_one_statement_and_in_several(scene):
 def test_options_stand_before_the_files_name_or_behind_it(scene, png, said, file, transform, wrap):
     text = "mtllib m.mtl\n" + QUAD + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3 4/4\n"
     description = scene("a.obj", text, {"m.mtl": f"newmtl a\nmap_Kd {said}\n", file: png(255, 0, 0)})
-    assert description.materials[0].base_color == (1, 1, 1)  # no Kd: the map alone
+    assert description.materials[0].base_color == (1, 1, 1)  # without Kd the map is unscaled
     texture = description.textures[description.materials[0].base_color_texture]
     assert (texture.transform, texture.wrap_s) == (transform, wrap)
 

@@ -1,4 +1,4 @@
-"""OFF with its prefixes, and colours of faces."""
+"""Tests of OFF with its prefixes and face colours."""
 
 import numpy as np
 import pytest

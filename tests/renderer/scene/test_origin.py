@@ -1,4 +1,4 @@
-"""Scenes far from the origin: the same shape and the same picture as at the origin, in the file's coordinates."""
+"""Tests of scenes far from the origin: the same shape and picture as at the origin, in the file's coordinates."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_scene_camera_and_lights_moved_together_give_the_same_picture(far):
     places = mean(there, 24, POSITION)[hit].astype(np.float64) - far
     whole = np.abs(places).max(axis=1) < 4  # pixels at edges hold means of hits and misses
     assert whole.mean() > 0.7
-    np.testing.assert_allclose(places[whole], mean(here, 24, POSITION)[hit][whole], atol=0.5)  # float32 has steps of 0.5 there
+    np.testing.assert_allclose(places[whole], mean(here, 24, POSITION)[hit][whole], atol=0.5)  # float32 has a step of 0.5 there
     exact_places = there[POSITION, 12, 16] / there[SAMPLES, 12, 16] * 2.0**-24 - far
     np.testing.assert_allclose(exact_places, here[POSITION, 12, 16] / here[SAMPLES, 12, 16] * 2.0**-24, atol=1e-3)
 

@@ -1,4 +1,4 @@
-"""Pairing of triangles into parallelogram lights, and their rows."""
+"""Tests of pairing triangles into parallelogram lights, and of the rows of these lights."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from renderer.arrays.light_rows import CORNER, CORNER_ERROR, EDGES, RECIPROCAL
 from renderer.scene.parallelograms import pair, tabulate_parallelograms
 from tests.renderer.builders import emitter, scene, square
 
-A, B, C, D = np.array([[0, 0, 0], [2, 0, 1], [3, 1, 1], [1, 1, 0]], float)  # around a parallelogram
+A, B, C, D = np.array([[0, 0, 0], [2, 0, 1], [3, 1, 1], [1, 1, 0]], float)  # corners of a parallelogram, in order
 NEARLY = A + 0.5 * (B - A) + (0, 1e-6, 0)
 EVERY = np.ones(1, bool)
 
@@ -29,9 +29,9 @@ def test_two_halves_are_one_however_their_corners_are_numbered(halves, first, se
     ("corners", "alike"),
     [
         ([[A, B, C], [A, C, D]], False),
-        ([[A, B, C], [A, D, C]], True),  # turned over
+        ([[A, B, C], [A, D, C]], True),  # opposite winding
         ([[A, B, C], [A, C, D + 0.01]], True),
-        ([[A, B, C], [A + 1e-7, C, D]], True),  # not joined
+        ([[A, B, C], [A + 1e-7, C, D]], True),  # not connected
         ([[A, B, C], [B, D, C]], True),  # folded over an edge
         ([[A, B, NEARLY], [B, B + NEARLY - A, NEARLY]], True),  # a sliver
     ],
@@ -41,7 +41,7 @@ def test_what_is_no_parallelogram_stays_two_triangles(corners, alike):
 
 
 def test_each_triangle_is_in_one_pair_at_most():
-    """A strip in which each triangle would go with both of its neighbours."""
+    """In a strip each triangle could be paired with either neighbour, but is in at most one pair."""
     up = np.array([0, 1, 0.0])
     right = np.array([1.0, 0, 0])
     strip = []

@@ -1,4 +1,4 @@
-"""pbrt-v4's files: statements, transformations, objects, cameras and films; what is named, and what is refused."""
+"""Tests of pbrt-v4 files: statements, transforms, objects, cameras and films; what warnings name, and what is refused."""
 
 import gzip
 import math
@@ -17,7 +17,7 @@ from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world
 
 @pytest.fixture
 def pbrt(scene):
-    """`pbrt(inside, others)`: the scene of a file with that in its world."""
+    """Returns a function `pbrt(inside, others)` that reads a scene file with these statements in its world block."""
     return lambda inside, others=None, head=HEAD, **options: scene("scene.pbrt", world(inside, head), others, **options)
 
 
@@ -30,7 +30,7 @@ def test_the_film_the_sampler_and_the_camera(pbrt):
     assert found.warnings == [NO_LIGHTS_WARNING]
     assert found.defaults == {"width": 48, "height": 32, "spp": 16, "max_depth": 5, "transmission_depth": 0, "filter": "box"}
     view = found.cameras[0].view
-    # pbrt's world is left-handed: the scene is mirrored, and its fov is across the shorter side.
+    # pbrt's world is left-handed, so the scene is mirrored; its fov is along the shorter side.
     assert view.eye == pytest.approx((-0.6, 1.2, 3.6))
     assert view.fov == pytest.approx(36.87)
     upright = pbrt(BALL, head=HEAD.replace('yresolution" [ 32 ]', 'yresolution" 96'))
@@ -43,7 +43,7 @@ def test_the_film_the_sampler_and_the_camera(pbrt):
 
 def test_what_is_not_said_is_as_in_pbrt(pbrt):
     found = pbrt(BALL, head='Camera "perspective" WorldBegin ')
-    # Its Gaussian is as wide as a tent of two pixels.
+    # pbrt's default Gaussian filter is as wide as a tent filter of two pixels.
     assert found.defaults == {"width": 1280, "height": 720, "spp": 16, "max_depth": 6, "transmission_depth": 0, "filter": "tent"}
     assert found.cameras[0].view.fov == pytest.approx(90)
     assert found.materials[0].base_color == (0.5, 0.5, 0.5)
@@ -115,7 +115,7 @@ def test_objects_are_shown_where_they_are_asked_for(pbrt):
     assert places(found) == [[1, 0, 0], [2, 2, 0], [2, 2, 0], [2, 2, 0]]
     assert [(s.center, s.radius) for s in found.spheres] == [((1.0, 0.0, 0.0), 0.5), ((2.0, 2.0, 0.0), 1.0)]
     assert found.instances[0].mesh == found.instances[1].mesh
-    squeezed = found.instances[3]  # the ball that is no longer round
+    squeezed = found.instances[3]  # the ball under a non-uniform scale
     assert np.ptp(found.meshes[squeezed.mesh].positions @ squeezed.transform[:3, :3].T, axis=0) == pytest.approx(
         [2, 4, 2], rel=1e-3
     )
@@ -202,7 +202,7 @@ def test_what_is_not_taken_over_is_named_with_its_line(pbrt, inside, sentence):
 
 
 def test_of_what_no_shape_shows_nothing_is_said(pbrt):
-    """Scenes keep materials and textures that nothing has any more."""
+    """Unused materials and textures, which scene files often keep, cause no warning."""
     unused = 'Texture "t" "spectrum" "imagemap" "string filename" "gone.png" MakeNamedMaterial "m" "string type" "diffuse" '
     found = pbrt(unused + '"texture reflectance" "t"' + BALL)
     assert not any("line" in warning for warning in found.warnings)
@@ -267,7 +267,7 @@ def test_a_file_without_a_world_is_refused(scene):
 
 
 def test_damaged_files_are_read_or_refused(tmp_path):
-    """Letters of a file changed, dropped and doubled: a scene comes of it, or a sentence."""
+    """Files with changed, dropped or doubled characters yield a scene or a SceneError."""
     inside = f"""AttributeBegin AreaLightSource "diffuse" "rgb L" [9 8 7] Translate 0 2 0 {SQUARE} AttributeEnd
         Texture "c" "spectrum" "checkerboard" "float uscale" 4 "rgb tex1" [.1 .2 .3] Material "diffuse" "texture reflectance" "c"
         {SQUARE} Material "conductor" "float roughness" .1 {BALL} "float zmax" 0.5
@@ -291,7 +291,7 @@ def test_damaged_files_are_read_or_refused(tmp_path):
 
 
 def test_what_would_never_end_ends(pbrt):
-    """Textures of themselves, brackets in quotes, curves of very many points, shapes that are alike."""
+    """Textures that refer to themselves, brackets in quotes, curves with very many points and repeated shapes all terminate."""
     squares = 'Texture "a" "spectrum" "checkerboard" '
     doubled = "".join('Texture "a" "spectrum" "mix" "texture tex1" "a" "texture tex2" "a" ' for _ in range(6))
     found = pbrt(f'{squares}{doubled}Material "diffuse" "texture reflectance" "a" {BALL}')

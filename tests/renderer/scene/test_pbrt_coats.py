@@ -1,4 +1,4 @@
-"""Paint under a coat, against a random walk between the two as pbrt-v4's LayeredBxDF takes it, photon by photon."""
+"""Tests of diffuse paint under a coat, against a photon random walk between both as in pbrt-v4's LayeredBxDF."""
 
 import math
 
@@ -26,7 +26,7 @@ def test_a_smooth_coat_that_takes_nothing_has_a_closed_form():
 
 
 def test_a_thick_coat_takes_light_by_its_thickness():
-    """Paint of which nothing comes back a second time: what is left is exp(-t / cosine) of the way in, and of the way out."""
+    """Under a thick coat light is attenuated by exp(-t / cosine) on its way in and out; no light is reflected a second time."""
     clear, dark = (coat_of(1.0001, 0.0, thickness, 2) for thickness in (0.0, 0.5))
     cosine = np.sqrt((np.arange(4096) + 0.5) / 4096)
     once = np.exp(-0.5 / cosine).mean()
@@ -34,7 +34,7 @@ def test_a_thick_coat_takes_light_by_its_thickness():
 
 
 def boundary(view, ior, alpha, reflects, random):
-    """New directions of photons that meet a boundary from above, and what is left of them. Source: Heitz 2018; Walter 2007."""
+    """Returns new directions and remaining weights of photons that hit a rough boundary from above (Heitz 2018; Walter 2007)."""
     stretched = view * ((alpha,), (alpha,), (1,))
     stretched /= np.linalg.norm(stretched, axis=0)
     u, v = random.random((2, view.shape[1]))
@@ -66,7 +66,7 @@ def matt(random):
 
 
 def walked(reflectance, ior, alpha):
-    """What comes from beneath of light from everywhere: 10 steps, each through the coat."""
+    """Returns the paint's reflectance under uniform light, by a random walk of 10 steps, each through the coat."""
     random = np.random.default_rng(3)
     way, left = boundary(matt(random), ior, alpha, False, random)
     found = 0.0
@@ -97,10 +97,12 @@ def test_files_of_coats(scene):
     assert made(white).base_color[0] == pytest.approx(coated_albedo((0.9,) * 3, coat_of(1.5, 0.0, 0.01, 10))[0])
     rough = made(f'{white} "float roughness" 0.3 "float thickness" 0 "integer maxdepth" 100')
     assert rough.base_color[0] == pytest.approx(coated_albedo((0.9,) * 3, coat_of(1.5, round(math.sqrt(0.3), 4), 0.0, 100))[0])
-    assert rough.base_color[0] < 0.6 * made(white).base_color[0] + 0.1  # it was as bright as under a smooth coat
+    assert (
+        rough.base_color[0] < 0.6 * made(white).base_color[0] + 0.1
+    )  # a smooth coat's formula would make it as bright as `white`
     brushed = made(f'{white} "float uroughness" 0.01 "float vroughness" 0.25')
     assert brushed.base_color[0] == pytest.approx(coated_albedo((0.9,) * 3, coat_of(1.5, 0.2236, 0.01, 10))[0], rel=1e-3)
-    # The metal meets the coat and not air: eta and k are both divided by its index.
+    # The metal borders the coat instead of air, so eta and k are divided by the coat's index.
     metal = made('"coatedconductor" "rgb reflectance" [.8 .8 .8] "float thickness" 0')
     k = 2 * math.sqrt(0.8 / 0.2)
     bare = head_on(1 / 1.5, k / 1.5)

@@ -1,4 +1,4 @@
-"""Colours of pbrt: lights' spectra, what reflects, named metals and glasses; against published values and Mitsuba's tables."""
+"""Tests of pbrt's colours, against published values and Mitsuba's tables: light spectra, reflectances, metals and glasses."""
 
 from pathlib import Path
 
@@ -36,7 +36,7 @@ def test_the_observer_is_mitsubas():
 
 
 def tabulated(name):
-    """(W,) a column of the tables that Mitsuba and pbrt share."""
+    """Returns a column (W,) of the spectral tables that Mitsuba and pbrt share."""
     mi = pytest.importorskip("mitsuba")
     text = (Path(mi.__file__).parent / "data" / "ior" / name).read_text()
     rows = np.array([line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")], float)
@@ -73,7 +73,7 @@ def test_lights_of_spectra_have_a_luminance_of_one(scene):
         assert np.dot(light.intensity, (0.2126, 0.7152, 0.0722)) == pytest.approx(5, rel=0.06 if "560" in words else 0.003)
     assert lights(scene, '"point" "rgb I" [1 2 3] "float scale" 2').intensity == (2, 4, 6)
     assert lights(scene, '"point" "spectrum I" "stdillum-D65"').intensity == pytest.approx((1, 1, 1), rel=2e-3)
-    # Equal energy is warmer than daylight: Rec.709 of XYZ (1, 1, 1).
+    # Equal-energy white is warmer than daylight: Rec.709 of XYZ (1, 1, 1).
     assert lights(scene, '"point" "spectrum I" [300 1 900 1]').intensity == pytest.approx((1.2048, 0.9483, 0.9088), rel=5e-3)
 
 
@@ -81,7 +81,7 @@ def test_power_and_illuminance(scene):
     assert lights(scene, '"point" "float power" 100').intensity == pytest.approx([100 / (4 * np.pi)] * 3)
     assert lights(scene, '"distant" "float illuminance" 7 "rgb L" [1 .5 0]').intensity == pytest.approx((7, 3.5, 0))
     square = scene("a.pbrt", world(f'AreaLightSource "diffuse" "float power" 12 {SQUARE}')).materials[0]
-    assert square.emission == pytest.approx([12 / (2 * np.pi)] * 3)  # each of its two triangles has the power
+    assert square.emission == pytest.approx([12 / (2 * np.pi)] * 3)  # each of the two triangles has this power
     ball = scene("b.pbrt", world(f'AreaLightSource "diffuse" "float power" 12 "bool twosided" true {BALL} "float radius" 2'))
     assert ball.materials[0].emission == pytest.approx([12 / (2 * np.pi * 16 * np.pi)] * 3)
     assert ball.materials[0].double_sided
@@ -139,7 +139,7 @@ def test_what_a_coat_reflects_and_keeps():
 
 @pytest.mark.parametrize(("kelvin", "xy"), [(5000, (0.3457, 0.3586)), (6504, (0.3127, 0.3291)), (10_000, (0.2788, 0.2920))])
 def test_daylight_that_is_balanced_is_white(kelvin, xy):
-    """Chromaticities of the phases of daylight: CIE 015:2018."""
+    """A film balanced for daylight shows daylight as white; chromaticities of daylight from CIE 015:2018."""
     x, y = xy
     to_709 = np.array(
         [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
@@ -154,4 +154,4 @@ def test_a_film_balances_lights_and_the_sky(scene):
     expected = balanced(4500, "srgb").sum(axis=1)
     assert found.lights[0].intensity == pytest.approx(tuple(2 * expected))
     assert found.environment.color == pytest.approx(tuple(expected))
-    assert expected[0] < 1 < expected[2]  # what is white by a warm light is blue by daylight
+    assert expected[0] < 1 < expected[2]  # light that is white for a warm balance is blue for a daylight balance

@@ -1,4 +1,4 @@
-"""pbrt's shapes, materials, textures and pictures of the sky, by closed forms."""
+"""Tests of pbrt's shapes, materials, textures and sky images, against closed forms."""
 
 import math
 
@@ -22,7 +22,7 @@ def pbrt(scene):
 
 
 def area_and_way(mesh):
-    """The area of a mesh, and how much of it faces along its normals."""
+    """Returns a mesh's area, and its area weighted by the cosine between face and vertex normals."""
     faces = face_normals(mesh.positions, mesh.triangles)
     along = np.einsum("tc,tc->t", faces, mesh.normals[mesh.triangles].mean(axis=1))
     return np.linalg.norm(faces, axis=1).sum() / 2, along.sum() / 2
@@ -72,26 +72,27 @@ def test_loops_scheme_on_a_tetrahedron_and_a_plane():
     tetrahedron = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], float)
     faces = np.array([(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)])
     at_once, _ = subdivided(tetrahedron, faces, 0)
-    # A vertex of three edges: beta is 3/16, so the limit mixes it with its neighbours by 1 / (3 + 3 / (8 beta)) = 1 / 5.
+    # At a vertex of valence 3, beta is 3/16, so the limit is 2/5 of the vertex and 1 / (3 + 3 / (8 beta)) = 1/5 of each
+    # neighbour.
     np.testing.assert_allclose(at_once[0], 0.4 * tetrahedron[0] + 0.2 * tetrahedron[1:].sum(axis=0))
     later, finer = subdivided(tetrahedron, faces, 3)
     assert len(finer) == 4 * 4**3
-    np.testing.assert_allclose(later[0], at_once[0], atol=1e-12)  # it is the limit at every level
+    np.testing.assert_allclose(later[0], at_once[0], atol=1e-12)  # the limit is the same at every level
     sheet = np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0), (0, 2, 0), (1, 2, 0), (2, 2, 0)], float)
     cells = np.array([(a, a + 1, a + 4) for a in (0, 1, 3, 4)] + [(a, a + 4, a + 3) for a in (0, 1, 3, 4)])
     smooth, _ = subdivided(sheet, cells, 2)
     assert np.abs(smooth[:, 2]).max() == 0
     np.testing.assert_allclose(smooth[4], (1, 1, 0), atol=1e-12)
-    np.testing.assert_allclose(smooth[1], (1, 0, 0), atol=1e-12)  # a border is a curve of its own
+    np.testing.assert_allclose(smooth[1], (1, 0, 0), atol=1e-12)  # a border is subdivided as a curve
 
 
 def test_normals_of_loops_scheme_are_on_pbrts_side(pbrt):
-    """Its tangents go round a point clockwise, as seen from where the triangles run counter-clockwise."""
+    """Normals are on pbrt's side: tangents turn clockwise around a point where triangles run counter-clockwise."""
     points = "1 1 1 1 -1 -1 -1 1 -1 -1 -1 1"
     (mesh,) = pbrt(f'Shape "loopsubdiv" "integer indices" [0 1 2 0 3 1 0 2 3 1 3 2] "point3 P" [{points}]').meshes
     assert (mesh.normals * mesh.positions).sum(axis=1).max() < 0
     _, outside = area_and_way(mesh)
-    assert outside > 0  # its triangles face as its normals
+    assert outside > 0  # triangles face along their normals
 
 
 def test_numbers_of_a_picture_are_its_first_channel(pbrt, png):
@@ -104,7 +105,7 @@ def test_numbers_of_a_picture_are_its_first_channel(pbrt, png):
 
 
 def test_an_index_may_be_a_texture(pbrt):
-    """Of what is the same everywhere it is taken over, of another its mean, and that is said."""
+    """An index of refraction may be a texture: a constant one is used, of others the mean, with a warning."""
     texture = 'Texture "e" "{}" "{}" {} Material "{}" "texture eta" "e" '
     glass = pbrt(texture.format("float", "constant", '"float value" 1.3', "dielectric") + BALL)
     assert glass.materials[0].ior == pytest.approx(1.3)
@@ -118,7 +119,7 @@ def test_an_index_may_be_a_texture(pbrt):
 
 
 def test_a_light_that_is_not_there_shines(pbrt):
-    """pbrt's way of an invisible light: alpha is 0."""
+    """A light with alpha 0, pbrt's invisible light, emits."""
     light = 'AreaLightSource "diffuse" "rgb L" [4 4 4]'
     made = pbrt(f'{light} Shape "sphere" "float alpha" 0')
     (material,) = made.materials
@@ -135,7 +136,7 @@ def test_roughness_becomes_ours(pbrt):
     assert made('"conductor" "float roughness" 0.16 "bool remaproughness" false').roughness == pytest.approx(0.4)
     assert made('"dielectric"').roughness == 0
     brushed = made('"conductor" "float uroughness" 0.25 "float vroughness" 0.01')
-    along, across = 0.5, 0.1  # alphas
+    along, across = 0.5, 0.1  # roughness alphas along u and v
     alpha = brushed.roughness**2
     assert alpha == pytest.approx(across)
     assert alpha + (1 - alpha) * brushed.anisotropy**2 == pytest.approx(along)
@@ -161,7 +162,7 @@ def test_materials(pbrt):
 
 
 def looked_up(description, u, v):
-    """What the base colour's texture shows at pbrt's (u, v)."""
+    """Returns the base colour texture at pbrt's (u, v)."""
     texture = description.textures[description.materials[0].base_color_texture]
     a, b, c, d, e, f = texture.transform
     x, y = a * u + b * (1 - v) + c, d * u + e * (1 - v) + f
@@ -211,7 +212,7 @@ def test_directions_of_square_pictures():
     directions = np.random.default_rng(1).normal(size=(2000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     u, v = to_square(directions)
-    # Clarberg's map the other way, as pbrt has it.
+    # The inverse of Clarberg's map, as in pbrt.
     x, y = 2 * u - 1, 2 * v - 1
     depth = 1 - (np.abs(x) + np.abs(y))
     r = 1 - np.abs(depth)
@@ -220,7 +221,7 @@ def test_directions_of_square_pictures():
     back = np.stack([np.copysign(np.cos(phi), x) * out, np.copysign(np.sin(phi), y) * out, np.copysign(1 - r * r, depth)], axis=1)
     np.testing.assert_allclose(back, directions, atol=1e-7)
     counts, _, _ = np.histogram2d(u, v, bins=2, range=[[0, 1], [0, 1]])
-    assert counts.min() > 400  # each quarter spans as much
+    assert counts.min() > 400  # quadrants have equal solid angles
 
 
 def test_a_picture_of_the_sky_is_turned_and_as_bright(pbrt):
@@ -239,7 +240,7 @@ def test_a_picture_of_the_sky_is_turned_and_as_bright(pbrt):
         f'LightSource "infinite" "string filename" "s.exr" "float illuminance" {2 * math.pi} {BALL}',
         {"s.exr": encode(pixels, "exr")},
     )
-    # pbrt counts half of the pixels' solid angle: an even upper half of luminance L has the illuminance pi L / 2.
+    # pbrt counts only the upper hemisphere's solid angle: a constant upper half of luminance L has illuminance pi L / 2.
     light = np.dot((1, 2, 3), (0.2126, 0.7152, 0.0722))
     assert found.environment.color[0] == pytest.approx(2 * math.pi / (math.pi * light / 2), rel=0.01)
 

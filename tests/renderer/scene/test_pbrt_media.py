@@ -1,4 +1,4 @@
-"""pbrt's media, subsurface, hair and displacement: by the formulas of their sources."""
+"""Tests of pbrt's media, subsurface, hair and displacement, by the formulas of their sources."""
 
 import math
 import re
@@ -110,7 +110,7 @@ def test_a_medium_that_is_not_there_is_refused(pbrt):
 
 
 def test_subsurface_by_reflectance_looks_so_and_diffuses_as_far(pbrt):
-    """What is seen is asked for; how far light diffuses is the medium's own, beneath a boundary of water's."""
+    """A subsurface material has the given reflectance, and the diffusion length of its medium below a boundary of index 1.33."""
     found = pbrt(
         'Material "subsurface" "rgb reflectance" [0.8 0.5 0.2] "rgb mfp" [1 2 3] "float scale" 0.5 "float roughness" 0' + BALL
     )
@@ -121,13 +121,18 @@ def test_subsurface_by_reflectance_looks_so_and_diffuses_as_far(pbrt):
         albedos = np.linspace(0, 1, 100_001)
         albedo = np.interp(color, diffuse_reflectance(albedos, 1.33), albedos)
         similarity = np.linspace(1, 0, 100_001)
-        sent_back = (1 - similarity) * (1 - 0.139 * similarity) / (1 + 1.17 * similarity)  # van de Hulst, as the kernel's walk
+        sent_back = (
+            (1 - similarity) * (1 - 0.139 * similarity) / (1 + 1.17 * similarity)
+        )  # van de Hulst's formula, as in the kernel's walk
         walk = 1 - np.interp(color, sent_back, similarity) ** 2
         assert radius / math.sqrt(3 * (1 - walk)) == pytest.approx(path / math.sqrt(3 * (1 - albedo)), rel=1e-3)
 
 
 def test_subsurface_by_coefficients_has_the_reflectance_of_jensens_formula(pbrt):
-    """Jensen et al. 2001, eq. 15, whose half space of albedo 1 throws all light back."""
+    """Subsurface coefficients yield the reflectance of Jensen et al. 2001, eq.
+
+    15; a half-space of albedo 1 reflects all light.
+    """
     found = pbrt('Material "subsurface" "rgb sigma_a" [0.1 0 1] "rgb sigma_s" [2 3 1] "float g" 0.5 "float eta" 1.5' + BALL)
     (made,) = found.materials
     inner = -1.44 / 1.5**2 + 0.71 / 1.5 + 0.668 + 0.0636 * 1.5
@@ -143,7 +148,7 @@ def test_subsurface_by_coefficients_has_the_reflectance_of_jensens_formula(pbrt)
 
 
 def test_hair_has_its_colour_and_its_spread(pbrt):
-    """Chiang et al. 2016: absorption becomes colour again by the same polynomial; pigments as d'Eon et al. 2011 have them."""
+    """Hair absorption is converted to colour by the polynomial of Chiang et al. 2016, pigments by d'Eon et al. 2011."""
     assert deviation(0.3) ** 2 == pytest.approx((0.726 * 0.3 + 0.812 * 0.09 + 3.7 * 0.3**20) ** 2)
     color = np.array([0.6, 0.3, 0.1])
     spread = 5.969 - 0.215 * 0.3 + 2.532 * 0.3**2 - 10.73 * 0.3**3 + 5.574 * 0.3**4 + 0.245 * 0.3**5
@@ -160,7 +165,7 @@ def test_hair_has_its_colour_and_its_spread(pbrt):
 
 
 def heights(columns=64):
-    """A float texture of a slope along u: 1 over the picture's width, as PNG."""
+    """Returns a PNG whose values rise linearly along u by 1 over its width, for use as a float texture."""
     import io
 
     from PIL import Image
@@ -178,7 +183,7 @@ Material "diffuse" "texture displacement" "rise"
 
 
 def test_displacement_becomes_the_slopes_of_its_heights(scene):
-    """A square 2 wide whose height grows by 0.5 * 2 / 255 a texel of 1/64 of its width."""
+    """A square 2 wide whose height rises by 0.5 * 2 / 255 per texel of 1/64 of its width gets the slopes of these heights."""
     found = scene("scene.pbrt", world(BUMPY + SQUARE + "Scale 4 4 4 " + SQUARE, RIGHT), {"h.png": heights()})
     first, second = (found.materials[found.meshes[i.mesh].material] for i in found.instances)
     slope = 0.5 * 2 / 255 * 64 / 2
@@ -201,7 +206,7 @@ def test_a_normal_map_wins_over_displacement_and_an_even_height_does_nothing(sce
 
 
 def test_subsurface_of_a_named_substance_scatters_by_its_asymmetry(pbrt):
-    """sigma_s of a substance is multiplied by 1 - g, as that of given coefficients."""
+    """A named substance's sigma_s is multiplied by 1 - g, like given coefficients."""
     named = pbrt('Material "subsurface" "string name" "Wholemilk" "float g" 0.5' + BALL).materials[0]
     scattered, absorbed = SUBSTANCES["Wholemilk"]
     given = " ".join(f'"rgb {name}" [{" ".join(map(str, v))}]' for name, v in (("sigma_s", scattered), ("sigma_a", absorbed)))

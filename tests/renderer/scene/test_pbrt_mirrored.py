@@ -1,4 +1,4 @@
-"""A camera that mirrors shows the same picture turned about: ours mirrors pbrt's left-handed world for one of the two only."""
+"""Tests of pbrt's mirroring cameras, for which our reader need not mirror the left-handed world: the picture is flipped."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""PLY: vertex attributes besides positions, by the names that programs use."""
+"""Tests of PLY: vertex attributes besides positions, by the names that programs use."""
 
 import struct
 
@@ -72,7 +72,7 @@ POINTS = np.array([[float(c) for c in row.split()] for row in CORNERS])
 
 
 def in_bytes(vertex, rows, faces="", more=b"", order="<"):
-    """A file in bytes: rows of a structured array."""
+    """Returns a binary file with the rows of a structured array as its vertices."""
     way = "little" if order == "<" else "big"
     head = f"ply\r\nformat binary_{way}_endian 1.0\r\n{vertex}{faces}end_header\r\n".replace("\r\n", "\n")
     return head.encode() + rows.tobytes() + more
@@ -113,7 +113,7 @@ def test_coordinates_of_corners_and_the_picture_that_a_comment_names(scene, png)
     (mesh,) = description.meshes
     found = mesh.uvs[mesh.triangles].astype(float)
     np.testing.assert_array_equal(found, np.array(uvs).reshape(2, 3, 2) * (1, -1) + (0, 1))
-    assert len(mesh.positions) == 5  # the first one has two places in the picture
+    assert len(mesh.positions) == 5  # the first vertex has two texture coordinates, so it is split
     assert description.materials[mesh.material].base_color_texture is not None
 
 

@@ -1,4 +1,4 @@
-"""Binary PLY whose faces have different numbers of corners, as programs that keep quads write it."""
+"""Tests of binary PLY with faces of different numbers of corners, as programs that preserve quads write it."""
 
 import struct
 

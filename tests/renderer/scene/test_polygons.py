@@ -1,4 +1,4 @@
-"""Polygons cut into triangles: their areas sum to the polygon's, whatever its shape."""
+"""Tests of triangulating polygons: the areas sum to the polygon's, for any shape."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_random_stars_are_filled():
         points = np.column_stack([far * np.cos(turn), far * np.sin(turn), np.zeros(count)])
         cut = triangulate(np.array([count]), np.arange(count), points)
         signed = (np.roll(points, -1, axis=0)[:, 1] * points[:, 0] - np.roll(points, -1, axis=0)[:, 0] * points[:, 1]).sum() / 2
-        if np.diff(turn, append=turn[0] + 2 * np.pi).max() < np.pi:  # else the shape may cross itself
+        if np.diff(turn, append=turn[0] + 2 * np.pi).max() < np.pi:  # otherwise the shape may intersect itself
             assert areas(points, cut).sum() == pytest.approx(signed, abs=1e-9)
 
 

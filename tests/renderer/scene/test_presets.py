@@ -1,4 +1,4 @@
-"""Environment presets: their irradiance and direction, and that each is available."""
+"""Tests of environment presets: irradiance, direction, and that each is available."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_every_preset_exposes_a_scene_about_as_white_light_would(name):
 
 
 def onto_ground(image):
-    """The irradiance on level ground over pi."""
+    """Returns the irradiance on a horizontal plane divided by pi."""
     rows, columns, _ = image.shape
     up = np.sin(np.pi / 2 - (np.arange(rows) + 0.5) * np.pi / rows)
     weight = np.sqrt(1 - up * up) * np.pi / rows * 2 * np.pi / columns * np.maximum(up, 0)
@@ -38,15 +38,15 @@ def test_an_overcast_sky_lights_the_ground_as_an_even_one():
     assert onto_ground(preset_image("overcast")) == pytest.approx(onto_ground(preset_image("even-white")), rel=1e-3)
     assert onto_ground(preset_image("even-white")) == pytest.approx(1, rel=1e-3)
     sky = preset_image("overcast")[..., 0]
-    assert sky[0, 0] / sky[127, 0] == pytest.approx(3, rel=0.02)  # the zenith over the horizon
+    assert sky[0, 0] / sky[127, 0] == pytest.approx(3, rel=0.02)  # zenith to horizon
 
 
 def test_the_studio_s_key_stands_on_the_left_of_who_looks_from_the_front():
     image = preset_image("studio")[..., 0]
     y, x = np.unravel_index(image.argmax(), image.shape)
     phi, elevation = (x + 0.5) * np.pi / 256 - np.pi, np.pi / 2 - (y + 0.5) * np.pi / 256
-    assert np.sin(phi) * np.cos(elevation) < -0.3  # -X
-    assert -np.cos(phi) * np.cos(elevation) > 0.3  # +Z, the front
+    assert np.sin(phi) * np.cos(elevation) < -0.3  # towards -X
+    assert -np.cos(phi) * np.cos(elevation) > 0.3  # towards +Z, the front
     assert np.sin(elevation) > 0.3
 
 

@@ -1,4 +1,4 @@
-"""The preview mesh: the scene's triangles in world space with their colours, decimated where they are many."""
+"""Tests of the preview mesh: the scene's triangles in world space with their colours, decimated if there are many."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from renderer.scene.preview import preview
 
 
 def sheet(side: int) -> Mesh:
-    """A unit square in the plane z = 0 of side * side cells."""
+    """Returns a unit square of side x side cells in the plane z = 0."""
     x, y = np.meshgrid(np.linspace(0, 1, side + 1), np.linspace(0, 1, side + 1))
     positions = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]).astype(np.float32)
     i, j = (each.ravel() for each in np.meshgrid(np.arange(side), np.arange(side)))
@@ -79,7 +79,7 @@ def test_spheres_are_round() -> None:
 
 
 def test_a_mesh_survives_its_packet() -> None:
-    """Positions to a 65535th of the bounds, also far from the origin; normals to a 127th."""
+    """A mesh is restored from its packet: positions to 1/65535 of the bounds, also far from the origin; normals to 1/127."""
     random = np.random.default_rng(3)
     positions = 1e7 + random.uniform(-3, 3, (50, 3))
     positions[:, 2] = 4e6  # flat

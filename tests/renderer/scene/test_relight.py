@@ -1,4 +1,4 @@
-"""Another light on a compiled scene: the very files that compiling it so would write, and none that the two share."""
+"""Tests of changing a compiled scene's light: the result's files equal those of a new compilation, shared ones not rewritten."""
 
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import load

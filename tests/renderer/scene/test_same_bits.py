@@ -1,4 +1,4 @@
-"""Moving geometry has the same bits for any BLAS and any numpy code path of the processor."""
+"""Tests that moving geometry has the same bits for any BLAS and any NumPy code path of the processor."""
 
 import hashlib
 import os
@@ -28,7 +28,7 @@ shapes:
 
 
 def figure():
-    """A mesh of 200 vertices on a chain of five joints that all turn, with two targets, normals and tangents."""
+    """Returns a GLB of 200 vertices on a chain of five rotating joints, with two morph targets, normals and tangents."""
     rng = np.random.default_rng(8)
     g = Gltf()
     points, normals = rng.normal(size=(2, 200, 3)).astype(np.float32)
@@ -50,7 +50,7 @@ def figure():
 
 
 def digest(folder):
-    """Of all that decides where something is."""
+    """Returns a digest of everything that determines positions."""
     (Path(folder) / "figure.glb").write_bytes(figure())
     (Path(folder) / "shot.yaml").write_text(LATHE)
     found = hashlib.sha256()
@@ -70,7 +70,7 @@ def digest(folder):
 
 @pytest.mark.parametrize("kernels", ["Prescott", pytest.param("Haswell", marks=pytest.mark.long)])
 def test_other_processors_get_the_same_bits(tmp_path, kernels):
-    """OpenBLAS' kernels for processors without FMA, and with it."""
+    """Results are equal for OpenBLAS kernels with and without FMA."""
     ours = digest(tmp_path)
     loops = " ".join(name for name in __cpu_dispatch__ if __cpu_features__[name])
     program = "import sys; from tests.renderer.scene.test_same_bits import digest; print(digest(sys.argv[1]))"

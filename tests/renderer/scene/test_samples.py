@@ -1,4 +1,4 @@
-"""Sample files that another program wrote: each loads, and is what it is known to be."""
+"""Tests of sample files from another program: each loads with its known contents."""
 
 import re
 import zipfile

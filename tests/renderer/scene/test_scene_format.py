@@ -1,4 +1,4 @@
-"""docs/scene-format.md, docs/scene-schema.json and scenes/ say the same as the reader and the renderer."""
+"""Tests that docs/scene-format.md, docs/scene-schema.json and scenes/ agree with the reader and the renderer."""
 
 import json
 import runpy
@@ -51,7 +51,7 @@ def schema():
 
 
 def test_what_is_published_of_the_settings_is_what_they_are_declared():
-    """If not: python docs/settings_table.py."""
+    """The published settings table equals the declarations. To update it: python docs/settings_table.py."""
     made = runpy.run_path(str(Path(__file__).parents[3] / "docs" / "settings_table.py"))
     for path, text in ((made["SCHEMA"], made["schema_text"]()), (made["GUIDE"], made["guide_text"](made["GUIDE"].read_text()))):
         assert path.read_text() == text, f"{path.name} is not what docs/settings_table.py writes"
@@ -67,7 +67,7 @@ def test_the_published_schema_is_the_one_that_files_are_checked_against():
 
 
 def test_the_schema_is_a_json_schema():
-    """The reader does not check this: it would take a quarter of a second for each scene."""
+    """The schema is a valid JSON Schema; the reader skips this check, which takes 0.25 s."""
     jsonschema.Draft202012Validator.check_schema(checked_schema())
 
 
@@ -143,12 +143,12 @@ def test_the_village_is_that_of_its_script(monkeypatch):
             assert (folder / "christmas" / name).read_text() == content, name
         else:
             kept = np.asarray(Image.open(folder / "christmas" / name)).astype(int)
-            assert np.abs(kept - content).max() <= 1, name  # a power may end differently elsewhere
+            assert np.abs(kept - content).max() <= 1, name  # last digits of a power depend on the host
 
 
 @pytest.mark.long
 def test_the_village_is_small_whole_and_instanced():
-    """No warning, below 300 kB, and a hundred trees cost one."""
+    """The village has no warnings, is below 300 kB, and its hundred trees share one mesh."""
     folder = Path(__file__).parents[3] / "scenes" / "christmas"
     assert sum(path.stat().st_size for path in folder.iterdir()) < 300_000
     description = read(folder, "christmas.yaml")

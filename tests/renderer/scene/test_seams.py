@@ -1,4 +1,4 @@
-"""Concave faces and material boundaries in formats read by other libraries."""
+"""Tests of concave faces and material boundaries in formats read by other libraries."""
 
 import numpy as np
 import pytest

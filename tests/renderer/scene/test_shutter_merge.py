@@ -1,4 +1,4 @@
-"""Detection of moving parts from the file, and their separation from static parts in the compiled scene."""
+"""Tests of detecting moving parts in files, and of separating them from static parts in the compiled scene."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from tests.renderer.scene.builders import TRIANGLE, Gltf, clip
 
 
 def moving(description):
-    """The names of what moves, and of what deforms."""
+    """Returns the names of the moving and of the deforming instances."""
     moved = {i.name for i in description.instances if i.moves}
     return moved, {i.name for i in description.instances if description.meshes[i.mesh].deforms}
 
@@ -92,7 +92,10 @@ def turned(degrees, x=0.0):
 
 
 def zoo(angle=20.0, marked=True):
-    """A floor, 30 balls that stand still; two bodies of two meshes and a lamp that turn; a ball that deforms; two spheres."""
+    """Returns a scene at `angle` with static, moving and deforming parts.
+
+    Static: a floor, 30 balls and a sphere. Moving: two bodies of two meshes each, a lamp and a sphere. Deforming: a ball.
+    """
     ball, lump = icosphere(3), icosphere(2)
     lump.positions = lump.positions * np.float32([1.0, 1.0 + angle / 100, 1.0]) + np.float32([0, 4, 0])
     lump.deforms = marked
@@ -155,9 +158,9 @@ def test_kept_apart_it_is_the_same_scene(angle):
 
 def test_what_stands_still_has_the_same_bits_at_every_moment():
     one, other = (flat(compile_scene(zoo(angle))) for angle in (0.0, 33.0))
-    # Where parts lie does not depend on the moment: the loose one is the last, and its tree may grow.
+    # Offsets of parts do not depend on the moment: the loose part is the last, and only its tree may change in size.
     assert {name for name in one if one[name].shape != other[name].shape} <= {"bvh.node", "bvh.packet", "light_node"}
-    still = 40 * 1024 // 12  # vertices and triangles of the first part, and then some of its nodes
+    still = 40 * 1024 // 12  # number of elements in the first part's pages
     for name in ("position", "normal", "triangle"):
         np.testing.assert_array_equal(one[name][:still], other[name][:still])
     np.testing.assert_array_equal(one["bvh.node"][128:384], other["bvh.node"][128:384])

@@ -1,4 +1,4 @@
-"""The sky and its sun: plausible by day and at dusk, and each parameter has its effect."""
+"""Tests of the sky and its sun: plausible by day and at dusk, and each parameter has its effect."""
 
 import math
 from dataclasses import replace
@@ -26,7 +26,7 @@ FLOOR = square((0, 0, 0), (50, 0, 0), (0, 0, -50), 0)
 
 @pytest.fixture(autouse=True, scope="module")
 def one_integral_a_sky():
-    """What the air scatters takes most of a second and does not depend on the azimuth: skies of one height share it."""
+    """Shares the scattering integral between skies of one sun height: it takes almost a second and does not depend on azimuth."""
     known = {}
 
     def scattered(*arguments):
@@ -42,13 +42,13 @@ def one_integral_a_sky():
 
 @pytest.fixture
 def coarse(monkeypatch):
-    """A grid of a ninth of the points, for what looks at sums over the whole sky."""
+    """Uses a grid with 1/9 of the points, for tests of sums over the whole sky."""
     monkeypatch.setattr("renderer.scene.sky._ELEVATIONS", 32)
     monkeypatch.setattr("renderer.scene.sky._AZIMUTHS", 16)
 
 
 def onto_ground(image):
-    """The irradiance (3,) of the image's upper half on level ground."""
+    """Returns the irradiance (3,) of the image's upper half on a horizontal plane."""
     rows = len(image) // 2
     elevation = math.pi / 2 - (np.arange(rows) + 0.5) * math.pi / len(image)
     cell = np.cos(elevation) * np.sin(elevation) * (math.pi / len(image)) ** 2
@@ -67,7 +67,7 @@ def lit(sky, rotation=0.0, mesh=FLOOR, material=WHITE):
 
 @pytest.mark.long
 def test_at_noon_the_sun_gives_several_times_what_the_sky_gives():
-    """Clear days: the diffuse share of the light on level ground is a tenth to a fourth; all of it about 3/4 of pi."""
+    """On clear days the diffuse share of light on a horizontal plane is 1/10 to 1/4, and the total about 3/4 of pi."""
     sky = Sky(sun_elevation=60)
     diffuse, direct = luminance(onto_ground(image_of_sky(sky))), luminance(facing(sun_of_sky(sky))) * math.sin(math.radians(60))
     assert 0.05 < diffuse / (diffuse + direct) < 0.3
@@ -76,7 +76,7 @@ def test_at_noon_the_sun_gives_several_times_what_the_sky_gives():
 
 @pytest.mark.long
 def test_the_ground_lights_the_air_above_it_and_light_is_never_made(coarse):
-    """Snow brightens the sky; all that leaves the air downwards stays below what the sun sends in."""
+    """Snow brightens the sky, and the light leaving the air downwards stays below the sun's input."""
     for height in (5, 60):
         dark, snow = (onto_ground(image_of_sky(Sky(height, ground_albedo=gray(a)))) for a in (0.0, 1.0))
         assert (snow > dark).all()
@@ -97,7 +97,7 @@ def test_light_fades_as_the_sun_sinks(coarse):
 
 @pytest.mark.long
 def test_colours():
-    """The noon sky is blue, a low sun red, and the zenith of dusk is still blue: that is the ozone's doing."""
+    """The noon sky is blue, a low sun red, and the zenith at dusk still blue, due to ozone."""
     noon = image_of_sky(Sky(70, 0))
     assert noon[128, 0, 2] > 1.3 * noon[128, 0, 0]
     high, low = facing(sun_of_sky(Sky(70))), facing(sun_of_sky(Sky(2)))
@@ -123,7 +123,7 @@ def test_dust_makes_a_glow_around_the_sun_and_no_air_no_sky():
     assert hazy[near].mean() / hazy[far].mean() > 3 * clear[near].mean() / clear[far].mean()
     empty = Sky(40, air=0, dust=0, ozone=0)
     assert image_of_sky(empty)[:256].max() == 0
-    assert luminance(facing(sun_of_sky(empty))) == pytest.approx(math.pi, rel=1e-4)  # by Rec.709's rounded coefficients
+    assert luminance(facing(sun_of_sky(empty))) == pytest.approx(math.pi, rel=1e-4)  # rounded Rec.709 coefficients
 
 
 @grid(("azimuth", "column"), [(0, 512), (90, 768), (-90, 256), (180, 0), (450, 768)], ordinary=(90,))
@@ -140,10 +140,12 @@ def test_the_sky_is_brightest_at_its_sun_and_alike_on_both_sides_of_it(azimuth, 
 
 @pytest.mark.long
 def test_the_wrap_is_a_column_as_any_other():
-    image = image_of_sky(Sky(10, 90.0 + 180 / 1024))[:256, :, 1]  # the sun at the middle of a texel, the wrap at its side
+    image = image_of_sky(Sky(10, 90.0 + 180 / 1024))[
+        :256, :, 1
+    ]  # the sun is in a texel's centre, the image's edge on the opposite side
     steps = np.abs(np.diff(image, axis=1, append=image[:, :1]))
     assert (steps[:, -1] <= steps[:, :-1].max(axis=1)).all()
-    np.testing.assert_allclose(image[:, 1023], image[:, 513], rtol=1e-4)  # as far from the sun on its other side
+    np.testing.assert_allclose(image[:, 1023], image[:, 513], rtol=1e-4)  # equally far from the sun on either side
 
 
 @pytest.mark.long

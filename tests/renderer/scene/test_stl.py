@@ -1,4 +1,4 @@
-"""STL in bytes: vertices joined, what is cut off, and the colours of two programs."""
+"""Tests of binary STL: shared vertices, truncated files, and the colours of two programs."""
 
 import struct
 
@@ -40,7 +40,7 @@ def test_a_file_that_is_cut_is_told_so(scene):
     ("head", "words", "colors"),
     [
         (b"", (0x8000 | 31 << 10, 0), [(1, 0, 0), (1, 1, 1)]),  # VisCAM: blue lowest
-        (b"COLOR=\x00\x00\xff\xff", (31, 0x8000), [(1, 0, 0), (0, 0, 1)]),  # Magics: red lowest, else the whole's
+        (b"COLOR=\x00\x00\xff\xff", (31, 0x8000), [(1, 0, 0), (0, 0, 1)]),  # Magics: red lowest, else the whole model's colour
     ],
 )
 def test_colours_of_triangles(scene, head, words, colors):

@@ -1,4 +1,4 @@
-"""The floor of the default studio."""
+"""Tests of the floor of the default studio."""
 
 from __future__ import annotations
 

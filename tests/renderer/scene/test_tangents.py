@@ -1,4 +1,4 @@
-"""Tangents point where u grows, whatever the UVs' layout and the instance's transform."""
+"""Tests that tangents point towards increasing u, for any UV layout and instance transform."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from tests.renderer.scene.builders import rotation_y
 UP = np.array([(0, 0, 1)] * 4, np.float32)
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], np.float32)
 TWO = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
-UPRIGHT = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32)  # the image stands upright, seen from +z
+UPRIGHT = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32)  # the image is upright, seen from +z
 
 
 def bitangent(normal, tangent):
@@ -23,7 +23,7 @@ def bitangent(normal, tangent):
 @pytest.mark.parametrize("turn", [0, 37, 90, 200])
 @pytest.mark.parametrize("mirror", [1, -1])
 def test_a_squares_tangents_are_its_images_right_and_up(turn, mirror):
-    """Image space turned and mirrored: the tangent is still where u grows, the bitangent where v falls."""
+    """For rotated and mirrored images the tangent points towards increasing u, the bitangent towards decreasing v."""
     c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
     uv = ((UPRIGHT * [mirror, 1]) @ np.array([[c, s], [-s, c]])).astype(np.float32)
     tangent = vertex_tangents(CORNERS, UP, uv, TWO)
@@ -39,7 +39,7 @@ def test_tangents_are_unit_and_square_to_normals_of_any_mesh():
     normal = rng.standard_normal((50, 3))
     normal = (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
     triangle = rng.integers(0, 50, (80, 3)).astype(np.int32)
-    for uv in (rng.random((50, 2)), np.zeros((50, 2))):  # and where UVs grow nowhere
+    for uv in (rng.random((50, 2)), np.zeros((50, 2))):  # the second UVs are constant
         tangent = vertex_tangents(rng.random((50, 3)).astype(np.float32), normal, uv.astype(np.float32), triangle)
         np.testing.assert_allclose(np.linalg.norm(tangent[:, :3], axis=1), 1, atol=1e-5)
         np.testing.assert_allclose((tangent[:, :3] * normal).sum(1), 0, atol=1e-5)
@@ -47,7 +47,9 @@ def test_tangents_are_unit_and_square_to_normals_of_any_mesh():
 
 
 def test_vertices_between_an_image_and_its_mirror_image_are_split():
-    """A square's left half shows the right half's image mirrored: the seam's vertices cannot have one tangent."""
+    """Vertices at a mirror seam, between a square's halves with mirrored images, are split, since each half has its own
+    tangent.
+    """
     position = np.array([(-1, 0, 0), (0, 0, 0), (1, 0, 0), (-1, 1, 0), (0, 1, 0), (1, 1, 0)], np.float32)
     uv = np.array([(1, 1), (0, 1), (1, 1), (1, 0), (0, 0), (1, 0)], np.float32)
     triangle = np.array([(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4)], np.int32)

@@ -1,4 +1,4 @@
-"""Textures that move while the shutter is open, in files and readers."""
+"""Tests of textures that move while the shutter is open, in files and readers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ environment: {color: 0}
 
 
 def sliding_glb() -> bytes:
-    """A sheet whose texture slides by KHR_texture_transform."""
+    """Returns a sheet whose texture moves by KHR_texture_transform."""
     g = Gltf()
     squares = np.where(np.indices((4, 4)).sum(0) % 2, 230, 30).astype(np.uint8)
     g.root["extensionsUsed"] = ["KHR_texture_transform", "KHR_materials_unlit"]
@@ -62,7 +62,7 @@ def test_files_say_how_textures_slide(tmp_path: Path, name: str) -> None:
 
 
 def test_textures_that_lie_alike_for_a_moment_slide_by_themselves() -> None:
-    """Readers keep them once there."""
+    """Textures that are identical at one time but move differently stay separate, although readers share identical ones."""
 
     def parting(t: float) -> SceneDescription:
         still, moved = Texture(0), Texture(0, transform=(1.0, 0.0, max(t, 0.0), 0.0, 1.0, 0.0))

@@ -1,4 +1,4 @@
-"""3MF: components, colours of triangles and of corners, textures, parts of a package."""
+"""Tests of 3MF: components, colours of triangles and corners, textures, parts of a package."""
 
 import io
 import zipfile
@@ -50,7 +50,7 @@ def test_components_stand_where_their_transforms_put_them(scene):
     description = scene("a.3mf", package(model(solid() + group, place)))
     assert len(description.meshes) == 1
     first, second = (i.transform @ [10, 0, 0, 1] for i in description.instances)
-    # (10, 0, 0) turned by 90 degrees about Z is (0, 10, 0), moved (5, 10, 100), and Z is up.
+    # (10, 0, 0) rotated by 90 degrees about Z is (0, 10, 0), translated (5, 10, 100); Z is up.
     assert first[:3] == pytest.approx((5, 100, -10))
     assert second[:3] == pytest.approx((10, 0, 0))
 
@@ -86,7 +86,7 @@ def test_a_texture_of_the_package(scene, png):
     text = model(textures + solid(1, '<triangle v1="0" v2="1" v3="2" pid="9" p1="0" p2="1" p3="2"/>'), '<item objectid="1"/>')
     description = scene("a.3mf", package(text, **{"3D__Textures__wood.png": png(255, 0, 0)}))
     (mesh,) = description.meshes
-    assert mesh.uvs[mesh.triangles[0]].tolist() == [[0, 0], [1, 0], [0, 1]]  # from the upper edge
+    assert mesh.uvs[mesh.triangles[0]].tolist() == [[0, 0], [1, 0], [0, 1]]  # v runs from the upper edge
     texture = description.textures[description.materials[mesh.material].base_color_texture]
     assert (texture.wrap_s, texture.wrap_t) == ("clamp", "repeat")
     missing = scene("b.3mf", package(text))
@@ -101,7 +101,7 @@ def test_an_object_of_another_part(scene):
 
 
 def test_a_slicers_filaments_colour_its_objects_and_their_parts(scene):
-    """As Bambu Studio and Orca keep them; what is painted over with a brush is named."""
+    """Filament colours of slicers (Bambu Studio, Orca) apply to objects and their parts; brush painting causes a warning."""
     parts = '<component objectid="1"/><component objectid="3"/>'
     objects = solid() + solid(3, '<triangle v1="0" v2="1" v3="2" paint_color="8"/>')
     resources = f'{objects}<object id="2"><components>{parts}</components></object>'
@@ -161,7 +161,7 @@ def test_damaged_packages_are_scenes_or_sentences(tmp_path):
 
 
 def rows(count, odd=""):
-    """A mesh of a strip; odd: something in the first of its rows."""
+    """Returns a mesh of a strip; `odd` is added to the first of its rows."""
     points = "\n".join(f'<vertex x="{i % 3}.{i}e-1" y="-{i}" z="{i * i}"/>' for i in range(count))
     faces = "".join(f'<triangle v1="{i}" v2="{i + 1}" v3="{i + 2}" p1="{i % 2}"/>\n' for i in range(count - 2))
     return f"<mesh><vertices>\n{points.replace('<vertex ', '<vertex' + odd, 1)}\n</vertices><triangles>{faces}</triangles></mesh>"
@@ -184,7 +184,7 @@ def test_rows_that_look_alike_are_taken_at_once_and_are_the_same(scene):
     ("text", "names"),
     [
         (b'<vertex x="1" y="2" z="3"/>\n<vertex x="4" y="5" z="6"/>', ["x", "y", "z"]),
-        (b'<m:vertex z="1" y="2" x="3" /><m:vertex z="4" y="5" x="6" />', ["z", "y", "x"]),  # a blank before the end
+        (b'<m:vertex z="1" y="2" x="3" /><m:vertex z="4" y="5" x="6" />', ["z", "y", "x"]),  # a space before the end of the tag
         (b'<vertex x="1" y="2" z="3"/><vertex x="4" y="5" z="6" />', None),
         (b'<vertex x="1" y="2" z="3"/><vertex x="4" z="5" y="6"/>', None),
         (b'<vertex x="1" y="2" z="3"/><vertex x="4" y="5 6" z="7"/>', None),
@@ -216,7 +216,7 @@ def test_rows_belong_where_they_stand_whatever_lists_there_are_before(scene, bef
 
 
 def boxes(first, second):
-    """The names of what is shown of an object of two parts, and the warnings."""
+    """Returns the names of the shown parts of an object of two parts, and the warnings."""
     config = f'<config><object id="3"><part id="1" subtype="{first}"/><part id="2" subtype="{second}"/></object></config>'
     group = '<object id="3"><components><component objectid="1"/><component objectid="2"/></components></object>'
     text = model(solid(1, name="body") + solid(2, name="cut") + group, '<item objectid="3"/>')

@@ -1,4 +1,4 @@
-"""The up axis of files that state none: asked for, by custom, or guessed from what a model stands on."""
+"""Tests of the up axis of files without one: requested, by the format's convention, or guessed from the model's base."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from renderer.scene.bounds import bounds_of
 from renderer.scene.load import read
 from renderer.scene.readers.up_axis import ROTATIONS
 
-# A pyramid of 2 x 2 and 3 high that stands on the plane where its third coordinate is 0.
+# A pyramid, 2 x 2 and 3 high, with its base where the third coordinate is 0.
 _CORNERS = ((-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0, 0, 3))
 _FACES = ((1, 4, 3), (1, 3, 2), (1, 2, 5), (2, 3, 5), (3, 4, 5), (4, 1, 5))
 _ORDERS = {"y": (0, 2, 1), "z": (0, 1, 2)}
@@ -34,7 +34,7 @@ def test_a_model_stands_on_its_bottom(tmp_path: Path, up: str) -> None:
 
 
 def test_a_model_that_stands_nowhere_is_read_by_custom(tmp_path: Path) -> None:
-    (tmp_path / "m.obj").write_text(_obj("z", at=-1.0))  # its bottom is below the origin
+    (tmp_path / "m.obj").write_text(_obj("z", at=-1.0))  # the base is below the origin
     assert read(tmp_path, "m.obj").up_axis == "y"
 
 

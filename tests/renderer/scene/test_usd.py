@@ -1,4 +1,4 @@
-"""USD: meshes, places, instances and cameras, held against usd-core's own answers."""
+"""Tests of USD: meshes, transforms, instances and cameras, against usd-core's own results."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_every_mesh_lies_within_the_bounds_that_usd_gives_it(tmp_path, suffix, u
 
 def test_faces_of_any_size_keep_their_area_and_their_outside(tmp_path):
     made = stage(tmp_path / "a.usda")
-    arrow = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (1, 0.5, 0), (0, 2, 0)]  # bends inwards
+    arrow = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (1, 0.5, 0), (0, 2, 0)]  # concave
     dart = [(5, 0, 0), (6, 0.2, 0), (5.1, 0.1, 0), (5.2, 1, 0)]
     mesh(made, "/m", [*arrow, *dart, (9, 0, 0)], [5, 4, 3, 2], [0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 1, 3, 0, 1])
     left = mesh(made, "/left")
@@ -224,7 +224,7 @@ def test_a_camera_sees_what_usd_says_it_sees(tmp_path):
     np.testing.assert_allclose(forward / np.linalg.norm(forward), ours(made, frustum.ComputeViewDirection()) * 100, atol=1e-4)
     np.testing.assert_allclose(view.up, ours(made, frustum.ComputeUpVector()) * 100, atol=1e-4)
     assert view.fov == pytest.approx(lens.GetCamera(0).GetFieldOfView(Gf.Camera.FOVVertical), abs=1e-4)
-    assert view.aperture == pytest.approx(3.5 / (2 * 2.8) * 0.01)  # tenths of a unit: 35 are 3.5 cm
+    assert view.aperture == pytest.approx(3.5 / (2 * 2.8) * 0.01)  # apertures are in tenths of a unit: 35 is 3.5 cm
     assert view.focus == pytest.approx(0.8)
     window = flat.GetCamera(0).frustum.GetWindow()
     assert found.cameras[1].view.height == pytest.approx(window.GetSize()[1] * 0.01, abs=1e-6)
@@ -244,7 +244,7 @@ def test_shapes_without_points_have_the_extents_that_usd_computes(tmp_path):
             for name, value in (("radius", 0.5), ("height", 3.0), ("size", 1.5), ("width", 2.0), ("length", 4.0), ("axis", axis)):
                 if prim.GetAttribute(name):
                     prim.GetAttribute(name).Set(value)
-            if kind == "Sphere":  # not a ball any more
+            if kind == "Sphere":  # under a non-uniform scale
                 UsdGeom.Xformable(prim).AddScaleOp().Set(Gf.Vec3f(1, 2, 1))
     made.GetRootLayer().Save()
     found = read(tmp_path / "a.usda")
@@ -255,7 +255,7 @@ def test_shapes_without_points_have_the_extents_that_usd_computes(tmp_path):
         corners = world(found, number).reshape(-1, 3)
         np.testing.assert_allclose(corners.min(axis=0), box.GetMin(), atol=1e-3)
         np.testing.assert_allclose(corners.max(axis=0), box.GetMax(), atol=1e-3)
-        if prim.GetTypeName() != "Plane":  # outside is outside
+        if prim.GetTypeName() != "Plane":  # closed shapes face outwards
             a, b, c = np.moveaxis(world(found, number), 1, 0)
             assert (np.cross(b - a, c - a) * a).sum() > 0
 

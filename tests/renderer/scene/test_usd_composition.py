@@ -1,4 +1,4 @@
-"""USD: scenes of many files, packages, and paths that lead out of the scene's folder."""
+"""Tests of USD: scenes of many files, packages, and paths that leave the scene's folder."""
 
 import threading
 import zipfile
@@ -17,7 +17,7 @@ MODEL = '#usda 1.0\n(defaultPrim = "m")\ndef Cube "m" {}\n'
 
 
 def written(folder, **files):
-    """Text files by their stems, `__` for a folder."""
+    """Writes text files, named by their stems with `__` for a folder, and returns the path of main.usda."""
     for stem, text in files.items():
         path = folder / f"{stem.replace('__', '/')}.usda"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -36,12 +36,15 @@ def test_sublayers_references_and_payloads_of_files_in_folders_come_together(tmp
         deep__model=MODEL,
     )  # fmt: skip
     found = read(main)
-    assert not found.warnings[:-1]  # but that there is no light
-    assert [np.ptp(world(found, k)) for k in range(3)] == pytest.approx([0.06, 0.02, 0.02])  # unless told, a unit is a centimetre
+    assert not found.warnings[:-1]  # only the warning about missing lights
+    assert [np.ptp(world(found, k)) for k in range(3)] == pytest.approx([0.06, 0.02, 0.02])  # a unit is 1 cm by default
 
 
 def test_sublayers_that_are_the_layer_itself_or_named_twice_are_left_out(tmp_path):
-    """Paths of other folders are found by their bare names: both lead to files beside the layer."""
+    """A sublayer that is the layer itself or is listed twice is dropped.
+
+    Paths in other folders resolve to files of the same name next to the layer.
+    """
     beside = stage(tmp_path / "b.usda")
     mesh(beside, "/square")
     beside.GetRootLayer().Save()
@@ -186,7 +189,7 @@ def test_textures_in_tiles_lie_side_by_side(tmp_path, png):
         u, v = a * s + b * (1 - t) + c, d * s + e * (1 - t) + f
         return pixels[int(v * pixels.shape[0]), int(u * pixels.shape[1]), :3].tolist()
 
-    # Each of the pictures is its colour above and black below.
+    # Each image has its colour in the upper half and black in the lower.
     assert at(0.5, 0.9) == [255, 0, 0]
     assert at(1.5, 0.9) == [0, 255, 0]
     assert at(1.5, 1.9) == [0, 0, 255]

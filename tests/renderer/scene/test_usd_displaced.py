@@ -1,4 +1,4 @@
-"""USD: displacement becomes the slopes of its heights, along the sides of the mesh that shows it."""
+"""Tests of USD displacement: heights become slopes along the sides of the mesh."""
 
 import numpy as np
 import pytest
@@ -9,12 +9,12 @@ from tests.renderer.scene.test_usd_materials import shaded  # noqa: F401
 from tests.renderer.scene.usd_files import TYPES, material, texture
 
 F, TOKEN = TYPES.Float, TYPES.Token
-STEP = 2 / 255 * 64  # by which the picture rises over its width
+STEP = 2 / 255 * 64  # slope of the image per its width
 
 
 @pytest.fixture
 def heights(tmp_path):
-    """The name of a picture whose heights rise evenly to the right."""
+    """Returns the name of an image whose heights rise linearly to the right."""
     row = (np.arange(64) * 2).astype(np.uint8)
     Image.fromarray(np.stack([np.tile(row, (8, 1))] * 3, axis=-1)).save(tmp_path / "h.png")
     return "h.png"
@@ -60,7 +60,7 @@ def test_heights_become_slopes(shaded, heights, look):  # noqa: F811
 
 
 def test_an_output_that_says_nothing_is_not_named(shaded):  # noqa: F811
-    """Exporters connect it always."""
+    """A displacement output without a value, which exporters always connect, causes no warning."""
 
     def make(stage):
         look, shader = material(stage, "/look")

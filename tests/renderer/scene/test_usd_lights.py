@@ -1,4 +1,4 @@
-"""USD: lights of UsdLux as its schema says, and how the sky is turned."""
+"""Tests of USD: lights as in the UsdLux schema, and the rotation of the sky."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from tests.renderer.scene.usd_files import TYPES, bind, cube, material, mesh, re
 
 @pytest.fixture
 def lit(tmp_path):
-    """`lit(kind, up, unit, **inputs)` is the scene of a cube and a light with these inputs."""
+    """Returns a function `lit(kind, up, unit, **inputs)` that reads a scene of a cube and a light with these inputs."""
 
     def make(kind, up="Y", unit=1.0, place=None, **inputs):
         made = stage(tmp_path / "a.usda", up, unit)
@@ -31,7 +31,7 @@ def lit(tmp_path):
 
 
 def shining(found):
-    """The material of what has a body and shines."""
+    """Returns the material of the emissive mesh or sphere."""
     return next(m for m in found.materials if max(m.emission) > 0)
 
 
@@ -71,7 +71,7 @@ def test_flat_lights_shine_along_minus_z_alone(lit):
         assert np.cross(b - a, c - a)[2] < 0
     found = lit("RectLight")
     mesh = found.meshes[found.instances[1].mesh]
-    # A picture's first texel is at +X, +Y, which is the upper left to who is shone at.
+    # An image's first texel is at +X, +Y: the upper left, seen from the lit side.
     first = mesh.positions[np.argmin(mesh.uvs.sum(axis=1))]
     np.testing.assert_allclose(first, (0.5, 0.5, 0))
 
@@ -127,7 +127,7 @@ def test_the_sky_is_where_openexr_has_it(tmp_path, kind, up, turn):
     if turn:
         UsdGeom.Xformable(dome).AddRotateYOp().Set(float(turn))
     pixels = np.zeros((64, 128, 3), np.float32)
-    pixels[24, 96] = 1000  # longitude -90 degrees and a bit, above the horizon
+    pixels[24, 96] = 1000  # just beyond longitude -90 degrees, above the horizon
     encode.write(tmp_path / "sky.exr", pixels)
     made.GetRootLayer().Save()
     found = read(tmp_path / "a.usda")
@@ -135,7 +135,7 @@ def test_the_sky_is_where_openexr_has_it(tmp_path, kind, up, turn):
     latitude = np.radians(90 - (24.5 / 64) * 180)
     longitude = np.pi - 2 * np.pi * (96.5 / 128)
     local = np.array((np.cos(latitude) * np.sin(longitude), np.sin(latitude), np.cos(latitude) * np.cos(longitude)))
-    if kind == "DomeLight_1":  # its pole is the stage's
+    if kind == "DomeLight_1":  # its pole is the stage's up axis
         local = np.array((local[0], -local[2], local[1]))
     x, y, z = np.array(UsdGeom.Xformable(dome).ComputeLocalToWorldTransform(0).TransformDir(Gf.Vec3d(*local)))
     wanted = np.array((x, z, -y) if up == "Z" else (x, y, z))
@@ -144,7 +144,7 @@ def test_the_sky_is_where_openexr_has_it(tmp_path, kind, up, turn):
     rows, columns = np.nonzero(image > image.max() / 2)
     theta, phi = (rows.mean() + 0.5) / image.shape[0] * np.pi, (columns.mean() + 0.5) / image.shape[1] * 2 * np.pi - np.pi
     straight = np.array((np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)))
-    angle = np.radians(found.environment.rotation)  # counter-clockwise seen from above
+    angle = np.radians(found.environment.rotation)  # counter-clockwise, seen from above
     turned = (
         straight[0] * np.cos(angle) + straight[2] * np.sin(angle),
         straight[1],
@@ -154,14 +154,17 @@ def test_the_sky_is_where_openexr_has_it(tmp_path, kind, up, turn):
 
 
 def test_a_point_that_is_normalised_sends_the_same_whatever_its_radius(lit):
-    """UsdLux: its watts are pi times its intensity, so 1 / 4 of that to each direction."""
+    """A normalised point light has the same intensity for any radius: its watts are pi times its intensity, 1/4 per direction."""
     for radius in (0.0, 0.1, 2.0):
         (point,) = lit("SphereLight", radius=radius, intensity=8.0, normalize=True, treatAsPoint=True).lights
         assert point.intensity[0] == pytest.approx(2.0)
 
 
 def test_blenders_lights_are_those_that_blender_reads_back(lit, tmp_path):
-    """It asks for a temperature and says none, and writes a fourth of its suns, and half of their angle."""
+    """Blender's lights have the values that Blender reads back.
+
+    Its exporter enables a colour temperature without one, and writes 1/4 of a sun's strength and half its angle.
+    """
     (plain,) = lit("DistantLight", angle=1.25, intensity=0.5, normalize=True, enableColorTemperature=True).lights
     assert (plain.intensity, plain.angle) == (pytest.approx((0.5, 0.5, 0.5)), 1.25)
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))
@@ -172,7 +175,10 @@ def test_blenders_lights_are_those_that_blender_reads_back(lit, tmp_path):
 
 
 def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in_metres(lit, tmp_path):
-    """It scales the whole, and counts what it normalises by in metres nevertheless."""
+    """Lights of a stage written by Blender in centimetres are as bright as in metres.
+
+    Blender scales the whole stage, but normalises by sizes in metres.
+    """
     lit("SphereLight", "Y", 0.01, radius=0.1, intensity=3.0, normalize=True)
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))
     made = Usd.Stage.Open(layer)
@@ -185,7 +191,9 @@ def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in
 
 
 def test_what_carries_a_lamp_of_blenders_makes_it_no_larger(lit, tmp_path):
-    """As in Cycles; in other stages a radius is in the space of its prim."""
+    """Parent scales do not enlarge the radius of Blender's lamps, as in Cycles; in other stages a radius is in its prim's
+    space.
+    """
     place = Gf.Matrix4d().SetScale(3.0)
     assert lit("SphereLight", place=place, radius=0.1, intensity=3.0, normalize=True).spheres[0].radius == pytest.approx(0.3)
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))
@@ -218,7 +226,7 @@ def test_a_mesh_that_is_a_light_shines(tmp_path, mode, glow, expected, normalize
     np.testing.assert_allclose(found.materials[found.meshes[0].material].emission, expected, rtol=1e-5)
 
 
-LEFT_OUT = {  # what of a light is named, and in which sentence
+LEFT_OUT = {  # light inputs without support, and their warnings
     "inputs:shaping:ies:file": (Sdf.AssetPath("a.ies"), "IES profiles that are not among the files"),
     "inputs:shaping:focus": (8.0, "The focus of lights"),
     "inputs:shadow:enable": (False, "Lights without shadows"),

@@ -1,4 +1,4 @@
-"""USD: materials and their textures become the values that their shaders say."""
+"""Tests of USD: materials and textures have the values of their shaders."""
 
 import re
 
@@ -13,7 +13,7 @@ F, C = TYPES.Float, TYPES.Color3f
 
 @pytest.fixture
 def shaded(tmp_path, png):
-    """`shaded(make)` is the description of a square whose material is what `make(stage)` gives; t.png is (200, 100, 50)."""
+    """Returns a function `shaded(make)` that reads a square with the material made by `make(stage)`; t.png is (200, 100, 50)."""
 
     def make_scene(make):
         made = stage(tmp_path / "a.usda")
@@ -29,7 +29,7 @@ def shaded(tmp_path, png):
 
 
 def preview(**inputs):
-    """A maker of a material that is a UsdPreviewSurface."""
+    """Returns a function that makes a UsdPreviewSurface material with these inputs."""
 
     def make(made):
         given = {name: (kind, value(made) if callable(value) else value) for name, (kind, value) in inputs.items()}
@@ -39,7 +39,7 @@ def preview(**inputs):
 
 
 def image(output="rgb", **inputs):
-    """A texture of t.png under an input."""
+    """Returns an input value that connects to a texture of t.png."""
     return lambda made: texture(made, f"/look/{output}{len(inputs)}", "t.png", output, **inputs)
 
 
@@ -77,7 +77,7 @@ def test_what_is_not_said_has_the_specifications_default(shaded):
 def test_opacity_is_transmission_presence_or_a_cut(shaded, inputs, expected):
     _, found = shaded(preview(**inputs))
     assert (found.alpha_mode, found.opacity, found.transmission) == expected
-    assert found.thin == (found.transmission > 0)  # an open square is a pane
+    assert found.thin == (found.transmission > 0)  # a square is open, so it is a pane
 
 
 def test_a_specular_workflow_reflects_what_it_says(shaded):
@@ -93,7 +93,7 @@ def linear(code):
 
 
 def seen(description, number, channel=0):
-    """The upper left texel of a texture as the shader reads it."""
+    """Returns the upper left texel of a texture as the shader reads it."""
     picture = description.images[description.textures[number].image]
     code = int(picture.pixels[0, 0, channel])
     return linear(code) if picture.srgb and channel < 3 else code / 255
@@ -303,7 +303,7 @@ def test_omniverses_material_where_there_is_no_other(shaded, png, tmp_path):
 
 
 def test_arnolds_surface_and_karmas_are_read_where_they_are_alone(shaded):
-    """Maya and Houdini write outputs:arnold:surface, whose images name files by strings, and outputs:kma:surface."""
+    """outputs:arnold:surface (Maya), whose images are named by strings, and outputs:kma:surface (Houdini) are read if alone."""
 
     def arnold(made):
         picture = UsdShade.Shader.Define(made, "/look/picture")
@@ -319,7 +319,7 @@ def test_arnolds_surface_and_karmas_are_read_where_they_are_alone(shaded):
     used = description.textures[found.base_color_texture]
     assert description.images[used.image].pixels[0, 0, :3].tolist() == [200, 100, 50]
     assert used.transform[0] == 2
-    assert len(description.warnings) == 1  # of the light
+    assert len(description.warnings) == 1  # the one about missing lights
 
     given = {"base_color": (C, (0.1, 0.7, 0.2)), "base": (F, 1.0)}
     _, found = shaded(lambda made: material(made, "/look", "ND_standard_surface_surfaceshader", "kma", **given)[0])
@@ -353,7 +353,7 @@ def test_proxies_are_drawn_where_there_is_nothing_else(purposes, shown, said, tm
 
 
 def test_a_preview_surface_that_blender_wrote_has_its_alpha_and_its_highlights(shaded, tmp_path):
-    """Blender reads opacity back as the alpha by which nothing is left, highlights and all, and has an input more."""
+    """Blender's preview surfaces are read as in Blender: opacity is alpha, which also hides highlights, and `specular` exists."""
     inputs = {"diffuseColor": (C, (0.5, 0.9, 0.6)), "opacity": (F, 0.42), "specular": (F, 0.35)}
     _, found = shaded(preview(**inputs))
     assert (found.opacity, found.transmission, found.specular) == (1.0, pytest.approx(0.58), 1.0)

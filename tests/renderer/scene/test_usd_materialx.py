@@ -1,4 +1,4 @@
-"""USD: MaterialX surfaces and the nodes before them come to the values that MaterialX defines."""
+"""Tests of USD: MaterialX surfaces and their input nodes evaluate to the values that MaterialX defines."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ PICTURE = (200, 100, 50)
 
 
 def node(made, name, kind, output=C, **inputs):
-    """The output of a node whose inputs are (type, value), or such outputs."""
+    """Returns the output of a new node; inputs are (type, value) or (type, output of another node)."""
     shader = UsdShade.Shader.Define(made, f"/look/{name}")
     shader.CreateIdAttr(f"ND_{kind}")
     for key, (type_name, value) in inputs.items():
@@ -32,7 +32,7 @@ def picture(made, **inputs):
 
 @pytest.fixture
 def looks(shaded):  # noqa: F811
-    """`looks(kind, name=(type, value or a maker of an output), ...)`: the description, and its material."""
+    """Returns a function `looks(kind, name=(type, value or a function that makes an output), ...)`: (description, material)."""
 
     def make(kind=STANDARD, **inputs):
         def build(made):
@@ -44,7 +44,7 @@ def looks(shaded):  # noqa: F811
     return make
 
 
-ARITHMETIC = {  # of a picture and of numbers, and what comes out for red, green and blue
+ARITHMETIC = {  # operation on an image and constants, and its result for red, green and blue
     "multiply": ({"in2": (C, (0.5, 0.25, 1))}, lambda x: x * (0.5, 0.25, 1)),
     "add": ({"in2": (C, (0.1, 0.2, 0.3))}, lambda x: np.add(x, (0.1, 0.2, 0.3))),
     "subtract": ({"in2": (C, (0.1, 0, 0))}, lambda x: x - (0.1, 0, 0)),
@@ -68,7 +68,7 @@ def test_what_is_calculated_of_a_picture_and_numbers_is_what_materialx_says(look
 
 
 def texels(folder, name, rows):
-    """A picture, and its values (h, w, 3) before they were encoded."""
+    """Writes an image, and returns its linear values (h, w, 3)."""
     codes = np.array(rows, np.uint8)
     Image.fromarray(codes).save(folder / name)
     return np.array([[[linear(int(c)) for c in texel] for texel in row] for row in rows])
@@ -76,7 +76,7 @@ def texels(folder, name, rows):
 
 @pytest.fixture
 def pictures(tmp_path):
-    """Two pictures beside t.png, their values, and a maker of their nodes."""
+    """Writes two images next to t.png, and returns their values and a function that makes their nodes."""
     random = np.random.default_rng(4)
     one = texels(tmp_path, "one.png", random.integers(0, 255, (4, 8, 3)).tolist())
     other = texels(tmp_path, "other.png", random.integers(0, 255, (4, 8, 3)).tolist())
@@ -88,7 +88,7 @@ def pictures(tmp_path):
 
 
 def values_of(found, number):
-    """(h, w, 3) of a texture, as shaders read it."""
+    """Returns a texture's values (h, w, 3) as shaders read them."""
     picture = found.images[found.textures[number].image]
     values = picture.pixels[..., :3].astype(float) / (255 if picture.pixels.dtype == np.uint8 else 1)
     return np.vectorize(lambda x: linear(255 * x))(values) if picture.pixels.dtype == np.uint8 and picture.srgb else values
@@ -128,7 +128,7 @@ def test_what_is_calculated_of_two_pictures_is_one_picture(looks, pictures, name
 
 
 def test_a_picture_mixes_two_others(looks, pictures):
-    """Its own first channel, which is a number: not decoded, whatever is done to colours."""
+    """The mix weight is an image's first channel, which is data and therefore not decoded."""
     one, other, shown = pictures
 
     def mixed(made):
@@ -138,7 +138,7 @@ def test_a_picture_mixes_two_others(looks, pictures):
     found, look = looks(base_color=(C, mixed))
     got = values_of(found, look.base_color_texture)
     assert got.shape == (4, 8, 3)
-    # Of t.png's two rows, the lower black, and each seen a quarter of a texel above or below its middle.
+    # t.png has two rows, the lower one black; each is sampled a quarter of a texel above or below its centre.
     share = np.array((0.75, 0.75, 0.25, 0.25))[:, None, None] * (200 / 255)
     np.testing.assert_allclose(got, share * one + (1 - share) * other, atol=0.006)
 
@@ -154,7 +154,7 @@ def test_pictures_that_repeat_differently_are_laid_on_one_another(looks, picture
     found, look = looks(base_color=(C, tiled))
     got = values_of(found, look.base_color_texture)
     assert got.shape == (4, 16, 3)
-    # Of each second of the finer texels the coarse one is seen a quarter of a texel beside its middle.
+    # Every second fine texel samples the coarse image a quarter of a texel away from its centre.
     coarse = 0.75 * one + 0.25 * np.roll(one, 1, axis=1)
     np.testing.assert_allclose(got[:, ::2], np.tile(other, (1, 2, 1))[:, ::2] * coarse, atol=0.008)
 
@@ -172,7 +172,7 @@ def test_pictures_that_lie_in_different_ways_are_not_mixed_and_that_is_named(loo
     assert any("different placements" in w and "ND_multiply_color3" in w for w in found.warnings)
 
 
-ALONE = {  # nodes that are no factor and addend of a picture
+ALONE = {  # nodes that cannot be written as a factor and an addend of an image
     "power": ("in1", {"in2": (C, (2, 0.5, 1))}, lambda x: x ** np.array((2, 0.5, 1))),
     "clamp": ("in", {"low": (C, (0.3,) * 3), "high": (C, (0.5,) * 3)}, lambda x: np.clip(x, 0.3, 0.5)),
     "smoothstep": ("in", {"low": (C, (0.1,) * 3), "high": (C, (0.6,) * 3)}, None),
@@ -253,7 +253,7 @@ def test_a_normal_map_has_the_scale_of_its_node(looks):
 
 
 def rotated(x, y, degrees):
-    """MaterialX's rotate2d, which turns clockwise."""
+    """Returns MaterialX's rotate2d, which rotates clockwise."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.array([c * x + s * y, -s * x + c * y])
 

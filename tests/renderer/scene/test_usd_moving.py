@@ -1,4 +1,4 @@
-"""USD: time samples, skeletons and blend shapes, as usd-core itself has them at a time."""
+"""Tests of USD: time samples, skeletons and blend shapes, against usd-core's own values at a time."""
 
 import numpy as np
 import pytest
@@ -65,7 +65,7 @@ def test_frames_count_from_the_stages_start_in_its_own_rate(tmp_path):
 
 
 def test_splines_are_animation(tmp_path):
-    """Keys with curves between them, which are no time samples."""
+    """Spline keys, which are not time samples, are animation too."""
     from pxr import Ts
 
     made = stage(tmp_path / "a.usda")
@@ -89,7 +89,7 @@ def test_splines_are_animation(tmp_path):
 
 
 def arm(path):
-    """A stage with a mesh on a skeleton of two joints that bend, and one with blend shapes, below a moved root."""
+    """Writes a stage with a mesh on a skeleton of two bending joints and one with blend shapes, below a moved root."""
     made = stage(path, "Z", 0.01)
     made.SetStartTimeCode(0)
     made.SetEndTimeCode(10)

@@ -1,4 +1,4 @@
-"""USD: documents of MaterialX that a stage refers to."""
+"""Tests of USD stages that refer to MaterialX documents."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ INCLUDE = '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="{}"/>'
 
 @pytest.fixture
 def shown(tmp_path, png):
-    """`shown(document, name)`: the description of a square with a material of a document."""
+    """Returns a function `shown(document, name)` that reads a square with a material of the document."""
 
     def make(document, name="Look"):
         (tmp_path / "maps").mkdir(exist_ok=True)

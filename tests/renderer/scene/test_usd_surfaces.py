@@ -1,4 +1,4 @@
-"""USD: subdivision surfaces, curves and points."""
+"""Tests of USD: subdivision surfaces, curves and points."""
 
 from dataclasses import replace
 
@@ -51,7 +51,7 @@ def test_smooth_triangles_draw_edges_towards_their_middles(is_smooth, share):
     one.CreateTriangleSubdivisionRuleAttr("smooth" if is_smooth else "catmullClark")
     start = replace(cage(OCTAHEDRON, (3,) * 8, EIGHT), has_smooth_triangles=is_smooth)
     finer = refined(start, [])[0]
-    # Both ends' mean is (1/2, 1/2, 0), that of both faces' middles (1/3, 1/3, 0).
+    # The mean of both ends is (1/2, 1/2, 0), that of both face centres (1/3, 1/3, 0).
     np.testing.assert_allclose(np.abs(finer.points[6:18]).max(axis=1), 1 / 2 - share / 6)
     deep = limit(refined(finer, [])[0])
     found = read_mesh(one.GetPrim(), [UsedPrimvars()], None, Usd.TimeCode(0), Notes())[0]
@@ -60,7 +60,8 @@ def test_smooth_triangles_draw_edges_towards_their_middles(is_smooth, share):
 
 def test_one_level_of_an_octahedron_is_as_loop_computed_it():
     finer, _, parent = refined(replace(cage(OCTAHEDRON, (3,) * 8, EIGHT), is_loop=True), [])
-    # Of valence 4, (5/8 - (3/8)^2) / 4 for each neighbour, whose sum is 0; of an edge, 3/8 of both ends and 1/8 of what faces it.
+    # At valence 4 each neighbour has weight (5/8 - (3/8)^2) / 4, and neighbours sum to 0; an edge point is 3/8 of both ends and
+    # 1/8 of both opposite vertices.
     np.testing.assert_allclose(finer.points[:6], OCTAHEDRON * (1 - (5 / 8 - 9 / 64)))
     np.testing.assert_allclose(np.sort(np.abs(finer.points[6:]), axis=1), [(0, 3 / 8, 3 / 8)] * 12)
     assert np.bincount(parent).tolist() == [4] * 8
@@ -91,7 +92,7 @@ def test_loops_surfaces_are_refined_with_their_uvs_and_what_are_no_triangles_is_
     found, uvs = refined_uvs(one)
     np.testing.assert_allclose(uvs, found, atol=1e-5)
     assert len(found) == 13 * 13
-    # Inside, where six edges meet, the limit is half the point and a twelfth of each neighbour.
+    # Inside, at valence 6, the limit is half the point and a twelfth of each neighbour.
     ring = np.array(points)[[5, 0, 1, 4, 6, 9, 10]][:, :2]
     assert np.linalg.norm(found - (ring[0] / 2 + ring[1:].sum(axis=0) / 12), axis=1).min() < 1e-6
 
@@ -156,7 +157,7 @@ def test_an_open_surface_keeps_its_corners_or_rounds_them(tmp_path):
     found = read(tmp_path / "a.usda")
     spans = [np.ptp(world(found, k).reshape(-1, 3)[:, :2], axis=0) for k in (0, 1)]
     np.testing.assert_allclose(spans[0], 1, atol=1e-6)
-    np.testing.assert_allclose(spans[1], 11 / 12, atol=1e-6)  # of a closed cubic B-spline around a square
+    np.testing.assert_allclose(spans[1], 11 / 12, atol=1e-6)  # a closed cubic B-spline around a square
 
 
 def de_boor(points, u):
@@ -216,7 +217,7 @@ def test_widths_vary_along_curves_of_any_number_of_points_and_ribbons_are_named(
 
 
 def lattice(made, how, split=False):
-    """A flat 4 x 4 lattice whose UVs are where its points are, but that a column of its faces may be moved away."""
+    """Makes a flat 4 x 4 lattice whose UVs equal its points; `split` moves the UVs of a column of faces away."""
     points = [(x + 0.2 * np.sin(2 * y), y + 0.1 * x * x, 0) for y in range(4) for x in range(4)]
     corners = [v for y in range(3) for x in range(3) for v in (4 * y + x, 4 * y + x + 1, 4 * y + x + 5, 4 * y + x + 4)]
     moved = [10 * (split and k // 4 % 3 == 2) for k in range(len(corners))]
@@ -245,7 +246,7 @@ def test_uvs_that_neighbours_share_are_refined_as_points_are(how):
 def test_uvs_have_borders_where_they_are_cut_and_may_be_linear():
     made = Usd.Stage.CreateInMemory()
     points, uvs = refined_uvs(lattice(made, "cornersPlus1", split=True))
-    # Along the cut the border is a cubic B-spline of its own points: at the second its limit is (a + 4 b + c) / 6.
+    # Along the cut the border is a cubic B-spline of its points: at the second the limit is (a + 4 b + c) / 6.
     a, b, c = (np.array((2 + 0.2 * np.sin(2 * y), y + 0.4)) for y in range(3))
     for own in ((a + 4 * b + c) / 6, (a + 4 * b + c) / 6 + (10, 0)):
         assert np.linalg.norm(uvs - own, axis=1).min() < 1e-5

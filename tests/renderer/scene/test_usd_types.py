@@ -1,4 +1,4 @@
-"""USD files whose fields are stored as other types than USD's schemas say, and skins with joints of their own."""
+"""Tests of USD files whose fields have other types than the schemas define, and of skins with their own joints."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def test_a_unit_that_is_stored_as_float_is_read(tmp_path):
     UsdGeom.SetStageMetersPerUnit(stage, 0.5)
     stage.GetRootLayer().Save()
     data = (tmp_path / "a.usdc").read_bytes()
-    assert data.count(b"\x09\x40") == 1  # an inlined double, whose payload is a float's
+    assert data.count(b"\x09\x40") == 1  # an inlined double, stored as the bits of a float
     (tmp_path / "a.usdc").write_bytes(data.replace(b"\x09\x40", b"\x08\x40"))
     description = read(tmp_path, "a.usdc")
     assert np.ptp(world(description)[..., 0]) == pytest.approx(1.0)

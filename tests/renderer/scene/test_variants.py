@@ -1,4 +1,4 @@
-"""KHR_materials_variants: a file's other materials are listed, and one set of them can be chosen."""
+"""Tests of KHR_materials_variants: the variants are listed, and one of them can be chosen."""
 
 import json
 
@@ -63,7 +63,7 @@ def test_a_variant_without_a_name_has_a_number(scene):
     ],
 )
 def test_damaged_mappings_are_told(scene, mappings, why, where):
-    """The primitive keeps its own material, and the mapping that cannot be used is named, once."""
+    """With a damaged mapping the primitive keeps its own material, and one warning names the mapping."""
     warnings = scene("shoe.glb", shoe(mappings=mappings).glb(), variant="0").warnings
     (told,) = [warning for warning in warnings if "unusable" in warning]
     assert told.startswith(f"shoe.glb: 1 unusable part is left out ({why}")
@@ -74,7 +74,7 @@ def test_a_scene_file_shows_two_variants_side_by_side(scene):
     shapes = [{"type": "mesh", "file": "shoe.glb", **chosen} for chosen in ({}, {"variant": "night"}, {"variant": 0})]
     description = scene("s.yaml", json.dumps({"shapes": shapes}), {"shoe.glb": shoe().glb()})
     assert colors(description)[::2] == [(1, 0, 0), (0, 0, 1), (0, 1, 0)]
-    assert description.variants == []  # they are the mesh file's, and chosen in the scene
+    assert description.variants == []  # variants of a mesh file are chosen by the scene file
     with pytest.raises(SceneError, match=r"shoe\.glb: has no variant 'x'"):
         scene("t.yaml", "shapes: [{type: mesh, file: shoe.glb, variant: x}]")
     with pytest.raises(SceneError, match=r"shapes\[0\]\.variant: is not allowed here"):

@@ -1,4 +1,4 @@
-"""Emissive triangles without an area: they emit nothing and do not prevent rendering."""
+"""Tests of emissive triangles without area: they emit nothing and do not prevent rendering."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from tests.renderer.builders import emitter, gray, square
 
 
 def line(material: int, deforms: bool) -> Mesh:
-    """Two triangles whose corners lie on a line, or in a point."""
+    """Returns two triangles whose corners are collinear or coincide."""
     corners = np.array([[0, 0, 0], [1, 1, 0], [2, 2, 0], [3, 3, 0]], np.float32)
     return Mesh("line", corners, np.array([[0, 1, 2], [3, 3, 3]], np.int32), material=material, deforms=deforms)
 

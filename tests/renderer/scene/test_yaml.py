@@ -1,4 +1,4 @@
-"""Rayfarm's scene files: values are read as written, and errors name line and field."""
+"""Tests of Rayfarm's scene files: values are read as written, and errors name line and field."""
 
 import numpy as np
 import pytest
@@ -61,8 +61,8 @@ shapes:
     assert (description.spheres[0].center, description.spheres[0].radius) == ((2, 5, 0), 4)
     geometry = flatten(description)
     placed = [geometry.position[geometry.triangle].reshape(-1, 3)]
-    assert placed[0].max(axis=0)[0] == 7  # the first quad instance: x from 3 to 7
-    assert placed[0].max(axis=0)[1] == 9  # the second: turned upright, y from 5 to 9
+    assert placed[0].max(axis=0)[0] == 7  # the first quad: x from 3 to 7
+    assert placed[0].max(axis=0)[1] == 9  # the second quad, rotated upright: y from 5 to 9
     assert description.materials[description.meshes[-1].material] is table
     assert description.warnings == []
 
@@ -117,7 +117,7 @@ shapes: [{type: quad}]
     assert (leaf.diffuse_transmission, leaf.diffuse_transmission_color) == (0.5, (0.25,) * 3)
     assert (leaf.transmission, leaf.dispersion) == (0.1, 0.3)
     raw = description.images[description.textures[found["rough"].metallic_roughness_texture].image]
-    assert (raw.srgb, raw.pixels[0, -1, 0]) == (False, 128)  # as data, 0.5 is 0.5
+    assert (raw.srgb, raw.pixels[0, -1, 0]) == (False, 128)  # as data: 0.5 stays 0.5
 
 
 def test_a_sky(scene):
@@ -165,7 +165,7 @@ shapes: [{type: quad}]
     plan, lens, portrait, around = (c.view for c in description.cameras)
     assert (plan.projection, plan.height) == ("orthographic", 3)
     assert (lens.aperture, lens.focus, lens.near) == (0.1, 2, 1)
-    # A 50 mm lens has this field of view on 36 x 24 mm; at f/2 it is 25 mm wide.
+    # A 50 mm lens has this field of view on 36 x 24 mm; at f/2 its aperture is 25 mm wide.
     assert portrait.aperture == pytest.approx(0.0125, rel=1e-3)
     assert portrait.focus == 4
     assert around.projection == "panorama"
@@ -189,7 +189,7 @@ shapes:
     assert areas.tolist() == [1, 1.5, 0.5]
     assert len(ridge.triangles) == 4
     top = ridge.positions[:, 1] > 0
-    assert ridge.normals[top][:, 1] == pytest.approx(1)  # rounded off: upright in the middle
+    assert ridge.normals[top][:, 1] == pytest.approx(1)  # smooth normals point upwards along the ridge
     assert ridge.uvs[ridge.positions[:, 0] == 2].tolist() == [[2, 0], [2, 1]]
 
 

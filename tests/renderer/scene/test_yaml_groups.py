@@ -1,4 +1,4 @@
-"""Scene files' groups: a tree of transforms."""
+"""Tests of groups in scene files: a tree of transforms."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ shapes:
         [(*s.center, s.radius) for s in description.spheres], [(101, 3, 5, 0.5), (100, 6, -2, 1)], atol=1e-9
     )
     assert [s.name for s in description.spheres] == ["village/house [0]/knob", "village/house [1]/knob"]
-    assert len(description.meshes) == 2  # however often each is shown
+    assert len(description.meshes) == 2  # each mesh once, however often it is instanced
     names = [i.name for i in description.instances]
     assert names[:4] == [f"village/house [{i}]/roof [{j}]/roof" for i in (0, 1) for j in (0, 1)]
     assert names[4:] == [f"village/house [{i}]/cube 2" for i in (0, 1)]

@@ -1,4 +1,4 @@
-"""Scene files with motion: any value may have keys, and its value at each time matches a computation by hand."""
+"""Tests of scene files with motion: any value may have keys, and its value at each time matches a computation by hand."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ shapes:
 
 
 def at(seconds):
-    return Moment(10 * seconds)  # the file has 10 frames a second
+    return Moment(10 * seconds)  # the file has 10 frames per second
 
 
 def test_everything_is_where_its_keys_say(scene):

@@ -1,4 +1,4 @@
-"""Scene files' stacks of textures."""
+"""Tests of layered textures in scene files."""
 
 import pytest
 
@@ -26,7 +26,10 @@ shapes: [{type: quad}]
     wall, plain = description.materials[:2]
     lowest = textures[wall.base_color_texture]
     assert images[lowest.image].name == "b.png"
-    assert [(layer.blend, layer.strength) for layer in lowest.layers] == [("multiply", 0.5), ("over", 1)]  # one is missing
+    assert [(layer.blend, layer.strength) for layer in lowest.layers] == [
+        ("multiply", 0.5),
+        ("over", 1),
+    ]  # the layer with a missing image is dropped
     above = [textures[layer.texture] for layer in lowest.layers]
     assert [(images[t.image].name, images[t.image].srgb, t.uv_set) for t in above] == [("d.png", True, 1), ("snow", True, 0)]
     rough = textures[wall.metallic_roughness_texture]

@@ -1,4 +1,4 @@
-"""USD files that tests write: small stages by usd-core itself."""
+"""Small USD stages for tests, written by usd-core."""
 
 from pathlib import Path
 
@@ -45,11 +45,11 @@ MTLX = """<?xml version="1.0"?>
     <input name="surfaceshader" type="surfaceshader" nodename="surface"/>
   </surfacematerial>
   %s
-</materialx>"""  # with a place for more elements
+</materialx>"""  # %s is replaced by further elements
 
 
 def stage(path, up="Y", unit=1.0):
-    """A new stage in a file, by its suffix."""
+    """Makes a new stage in a file, in the format of its suffix."""
     made = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(made, up)
     UsdGeom.SetStageMetersPerUnit(made, unit)
@@ -57,7 +57,7 @@ def stage(path, up="Y", unit=1.0):
 
 
 def mesh(on, path, points=SQUARE, counts=(4,), corners=(0, 1, 2, 3), scheme="none"):
-    """A mesh of polygons."""
+    """Makes a mesh of polygons."""
     made = UsdGeom.Mesh.Define(on, path)
     made.CreatePointsAttr([Gf.Vec3f(*map(float, p)) for p in points])
     made.CreateFaceVertexCountsAttr(list(counts))
@@ -67,12 +67,12 @@ def mesh(on, path, points=SQUARE, counts=(4,), corners=(0, 1, 2, 3), scheme="non
 
 
 def cube(on, path, **options):
-    """A cube from -1 to 1."""
+    """Makes a cube from -1 to 1."""
     return mesh(on, path, CUBE, [4] * 6, QUADS, **options)
 
 
 def material(on, path, kind="UsdPreviewSurface", context="", **inputs):
-    """A material whose surface has these inputs: (type, value), or an output that they are connected to. (material, shader)"""
+    """Makes a material, and returns (material, surface shader). inputs: (type, value) or (type, connected output)."""
     made = UsdShade.Material.Define(on, path)
     shader = UsdShade.Shader.Define(on, f"{path}/surface")
     shader.CreateIdAttr(kind)
@@ -87,7 +87,7 @@ def material(on, path, kind="UsdPreviewSurface", context="", **inputs):
 
 
 def texture(on, path, file, output="rgb", st=None, **inputs):
-    """The output of a UsdUVTexture that reads a file by the primvar st."""
+    """Returns the output of a UsdUVTexture that reads the file at the primvar st."""
     shader = UsdShade.Shader.Define(on, path)
     shader.CreateIdAttr("UsdUVTexture")
     shader.CreateInput("file", TYPES.Asset).Set(Sdf.AssetPath(file))
@@ -101,19 +101,19 @@ def texture(on, path, file, output="rgb", st=None, **inputs):
 
 
 def bind(prim, made):
-    """Binds a prim, or a subset, to a material."""
+    """Binds a prim or a subset to a material."""
     UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(made)
 
 
 def read(path, moment=None, **options):
-    """The scene of a file."""
+    """Reads the file as a scene at the given moment."""
     path = Path(path)
     shot = Shot(path.parent, path.name, **options)
     return shot.at(moment or Moment())
 
 
 def world(description, number=0):
-    """(T, 3, 3) the corners of an instance's triangles in the world."""
+    """Returns the world-space corners (T, 3, 3) of an instance's triangles."""
     instance = description.instances[number]
     made = description.meshes[instance.mesh]
     placed = made.positions.astype(float) @ instance.transform[:3, :3].T + instance.transform[:3, 3]
@@ -121,6 +121,6 @@ def world(description, number=0):
 
 
 def ours(on, point):
-    """A point of the stage's as ours: in metres, with Y up."""
+    """Converts a point of the stage to ours: in metres, with Y up."""
     x, y, z = np.array(point, float) * UsdGeom.GetStageMetersPerUnit(on)
     return np.array((x, z, -y) if UsdGeom.GetStageUpAxis(on) == "Z" else (x, y, z))

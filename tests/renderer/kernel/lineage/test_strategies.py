@@ -184,7 +184,7 @@ def under_a_lamp(height, side=0.05):
 
 @pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 def test_the_mistakes_are_made_as_their_names_say(integrator):
-    """Under a small lamp at height h, E = L A / h^2; `attenuation` divides by h^2 again, `light-cutoff` applies above sqrt(1000)."""
+    """Under a small lamp at height h, E = L A / h^2; `attenuation` divides by h^2 again, `light-cutoff` is sqrt(1000)."""
     for height, mistake, factor in (
         (3.0, "", 1.0),
         (3.0, "attenuation", 1 / 9),

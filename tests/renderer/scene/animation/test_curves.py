@@ -1,4 +1,4 @@
-"""Interpolation between keys, compared with numbers computed by hand."""
+"""Tests of interpolation between animation keys, against numbers computed by hand."""
 
 import decimal
 import math
@@ -33,7 +33,10 @@ def test_steps_hold_until_the_next_key(time, value):
 
 
 def test_cubics_follow_the_specification():
-    """glTF 2.0, C.5: v(t) = (2t^3 - 3t^2 + 1) v + d (t^3 - 2t^2 + t) b + (-2t^3 + 3t^2) w + d (t^3 - t^2) a, in fractions."""
+    """Cubic splines equal glTF 2.0, C.5, evaluated in fractions:
+
+    v(t) = (2t^3 - 3t^2 + 1) v + d (t^3 - 2t^2 + t) b + (-2t^3 + 3t^2) w + d (t^3 - t^2) a.
+    """
     values = [[1], [5]]
     arriving, leaving = [[0], [Fraction(3)]], [[Fraction(-2)], [0]]
     slopes = np.array([[a, b] for a, b in zip(arriving, leaving, strict=True)], np.float64)
@@ -54,9 +57,9 @@ def test_rotations_are_turned_by_even_steps_along_the_shorter_arc():
     curve = Curve(np.array([0.0, 1.0]), np.array([quaternion(0), quaternion(90)]), is_rotation=True)
     for share in (0.25, 0.5, 0.9):
         np.testing.assert_allclose(curve.at(share), quaternion(90 * share), atol=1e-15)
-    # -q is the same rotation: from 10 to 30 degrees it goes by 20, however the file writes it.
+    # -q is the same rotation: from 10 to 30 degrees it turns by 20, whichever sign the file has.
     np.testing.assert_allclose(np.abs(slerp(quaternion(10), -quaternion(30), 0.5)), quaternion(20), atol=1e-15)
-    # The longer way is never taken: from 0 to 270 degrees by -45 at the half.
+    # The shorter arc is taken: from 0 to 270 degrees, half way is -45.
     half = np.array(slerp(quaternion(0), quaternion(270), 0.5))
     np.testing.assert_allclose(half * np.sign(half[3]), quaternion(-45), atol=1e-15)
 
@@ -93,12 +96,12 @@ def test_smooth_goes_through_its_keys_rests_at_its_ends_and_never_overshoots():
     assert abs(curve.at(6 - 1e-4)[0] - 2) < 1e-7
     kink = (curve.at(2 + 1e-5)[0] - 2 * curve.at(2.0)[0] + curve.at(2 - 1e-5)[0]) / 1e-5
     assert abs(kink) < 1e-3
-    # Two keys: Hermite's 3u^2 - 2u^3.
+    # With two keys the curve is Hermite's 3u^2 - 2u^3.
     assert smooth(np.array([0.0, 4.0]), np.array([[0.0], [8.0]])).at(1.0)[0] == pytest.approx(8 * (3 / 16 - 2 / 64), rel=1e-15)
 
 
 def test_a_slope_inside_is_the_weighted_harmonic_mean_of_both_sides():
-    # Rises of 1 and 4 over spans of 1 and 2: (w1 + w2) / (w1 / 1 + w2 / 4), w1 = 2 * 2 + 1, w2 = 2 + 2 * 1.
+    # Slopes 1 and 4 over spans of 1 and 2: (w1 + w2) / (w1 / 1 + w2 / 4), w1 = 2 * 2 + 1, w2 = 2 + 2 * 1.
     curve = smooth(np.array([0.0, 1.0, 3.0]), np.array([[0.0], [1.0], [9.0]]))
     measured = (curve.at(1 + 1e-6)[0] - curve.at(1 - 1e-6)[0]) / 2e-6
     assert measured == pytest.approx((5 + 4) / (5 / 1 + 4 / 4), rel=1e-5)
@@ -108,7 +111,7 @@ def test_a_bezier_bends_time():
     straight = (1 / 3, 1 / 3, 2 / 3, 2 / 3)
     for u in (0.1, 0.5, 0.77):
         assert eased(straight, u) == pytest.approx(u, abs=1e-12)
-    # CSS's ease-in-out is symmetric; its height at x(s) for s = 1/4 by hand: x = 3 * 9/64 * 0.42 + 3 * 3/64 * 0.58 + 1/64.
+    # CSS's ease-in-out is symmetric; its value at x(s), s = 1/4, computed by hand: x = 3 * 9/64 * 0.42 + 3 * 3/64 * 0.58 + 1/64.
     ease = (0.42, 0.0, 0.58, 1.0)
     assert eased(ease, 0.5) == pytest.approx(0.5, abs=1e-12)
     x, y = 27 / 64 * 0.42 + 9 / 64 * 0.58 + 1 / 64, 9 / 64 + 1 / 64
@@ -118,7 +121,7 @@ def test_a_bezier_bends_time():
 
 
 def exact(angle, cosine=False):
-    """The nearest float to a sine or cosine, by 70 decimal digits and none of our reductions."""
+    """Returns the float nearest to a sine or cosine, computed to 70 decimal digits without our range reduction."""
     with decimal.localcontext(prec=70 + int(abs(angle))):
         x = decimal.Decimal(angle)
         term, total, n = (decimal.Decimal(1), decimal.Decimal(0), 0) if cosine else (x, decimal.Decimal(0), 1)

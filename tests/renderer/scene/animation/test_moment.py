@@ -1,4 +1,4 @@
-"""Conversion of frames to times."""
+"""Tests of the conversion of frames to times."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The camera of a turntable animation."""
+"""Tests of the camera of a turntable animation."""
 
 import numpy as np
 import pytest
@@ -30,5 +30,5 @@ def test_around_any_axis_distance_and_height_stay_and_the_camera_keeps_its_roll(
         assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before), rel=1e-14)
         assert after @ unit == pytest.approx(before @ unit, abs=1e-14)
         assert np.dot(moved.up, after) == pytest.approx(np.dot(view.up, before), rel=1e-13)
-    # Twice a tenth is a fifth.
+    # Turning twice by 0.1 equals turning once by 0.2.
     np.testing.assert_allclose(orbit(orbit(view, 0.1, axis), 0.1, axis).eye, orbit(view, 0.2, axis).eye, atol=1e-14)
