@@ -60,7 +60,7 @@ def _terrain(n: int) -> tuple[Any, Any]:
 
 
 def _rays(position: Any) -> dict[str, tuple[Any, Any]]:
-    """Returns origins and directions by kind of ray, (n, 3) float32 each."""
+    """Returns (origins, directions) by kind of ray, (n, 3) float32 each."""
     rng = np.random.default_rng(0)
     center = (position.min(0) + position.max(0)) / 2
     radius = np.linalg.norm(position.max(0) - position.min(0)) / 2
@@ -85,7 +85,7 @@ def _rate(work: Callable[[], Any], amount: int, rounds: int = 5) -> float:
 
 
 def _trace(name: str, bvh: Bvh, position: Any) -> dict[str, float]:
-    """Prints and returns the rate of each kind of ray."""
+    """Prints and returns the rate of each kind of ray, in millions per second."""
     rates = {}
     rays = _rays(position)
     stack = new_stack()
@@ -94,7 +94,7 @@ def _trace(name: str, bvh: Bvh, position: Any) -> dict[str, float]:
         ("random", _closest, rays["random"]),
         ("shadow", _any, rays["random"]),
     ):
-        kernel(bvh, stack, o[:1], d[:1])  # compiled before the clock starts
+        kernel(bvh, stack, o[:1], d[:1])  # compiles the kernel before timing starts
         rates[kind] = _rate(lambda k=kernel, o=o, d=d: k(bvh, stack, o, d), len(o))
         print(f"{name}, {kind} rays: {rates[kind]:.1f} M/s")
     return rates
@@ -105,7 +105,7 @@ def _bytes(bvh: Bvh) -> int:
 
 
 def _bunny() -> tuple[Any, Any]:
-    """Returns the mesh of the file $RAYFARM_BUNNY, or else a terrain of 70,000 triangles."""
+    """Returns (positions, triangles) of the mesh in the file $RAYFARM_BUNNY, or of a terrain of 70,000 triangles without one."""
     path = Path(os.environ.get("RAYFARM_BUNNY", ""))
     if not path.is_file():
         return _terrain(187)
@@ -114,7 +114,7 @@ def _bunny() -> tuple[Any, Any]:
 
 
 def _places(position: Any, count: int) -> Any:
-    """Returns transforms (count, 3, 4) side by side on a square, each rotated about the vertical axis."""
+    """Returns transforms (count, 3, 4) on a square grid, each rotated about the vertical axis by another angle."""
     side = int(np.ceil(count**0.5))
     size = float((position.max(0) - position.min(0)).max())
     places = np.zeros((count, 3, 4))
@@ -126,7 +126,7 @@ def _places(position: Any, count: int) -> Any:
 
 
 def _instances() -> None:
-    """Compares a thousand instances of a mesh with one, and sixteen instances with sixteen copies in world space."""
+    """Prints the cost of a thousand instances against one, and of sixteen instances against sixteen world-space copies."""
     none = np.zeros((0, 4), np.float32)
     position, triangle = _bunny()
     first = np.array([0, len(triangle)])

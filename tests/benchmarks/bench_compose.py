@@ -3,9 +3,9 @@
     python3 farm.py bench compose [--spp 4000]
 
 For machines without Docker. Commands, environment and health checks are read from docker-compose.yml and the Dockerfile. Each
-container is a set of namespaces with its own network and host name, and sees neither the service's data nor the others' files.
-Images are not built; the packages are those of this environment. Needs root. The job's digest is compared with the digest of the
-same frame rendered alone.
+container is a set of namespaces with its own network and host name, without access to the data of the service or of other
+containers. Images are not built; the packages are those of this environment. Needs root. The job's digest is compared with the
+digest of the same frame rendered alone.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from tests.helpers import ROOT, wait_until
 
 WORKERS = ("worker-1", "worker-2", "worker-3")
 PATIENCE_S = 300.0
-# There is no redis-cli in Redis' wheel: the same question.
+# A Redis wheel has no redis-cli, so Python sends the ping.
 PING = "import redis, sys; sys.exit(not redis.Redis(socket_timeout=2).ping())"
 
 
@@ -50,14 +50,14 @@ class Containers:
         self.services = _filled_in(yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"], values)
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         for name in network.addresses:
-            hosts = Path("/etc/netns") / network.namespace(name) / "hosts"  # ip puts it over /etc/hosts
+            hosts = Path("/etc/netns") / network.namespace(name) / "hosts"  # `ip netns exec` mounts this file over /etc/hosts
             hosts.parent.mkdir(parents=True)
             hosts.write_text(
                 "".join(f"{address} {host}\n" for host, address in (*network.addresses.items(), ("localhost", "127.0.0.1")))
             )
 
     def up(self, name: str) -> None:
-        """Starts a container."""
+        """Starts the container with this name."""
         of = name.partition("-")[0]
         about = self.services[of]
         command = [_here(word) for word in about.get("command") or _default_command(of)]
@@ -81,7 +81,7 @@ class Containers:
             )
 
     def is_healthy(self, name: str) -> bool:
-        """Returns the result of a container's health check."""
+        """Returns whether the container's health check succeeds."""
         about = self.services[name.partition("-")[0]]
         test = about.get("healthcheck", {}).get("test") or _health_check()
         command = [_here(word) for word in test[1:]]
@@ -157,7 +157,7 @@ def _filled_in(what: Any, values: dict[str, str]) -> Any:
 
 
 def _targets() -> dict[str, str]:
-    """Returns the Dockerfile's text by target."""
+    """Returns the Dockerfile's build stages: target name to text."""
     parts = re.split(r"^FROM \S+ AS (\w+)$", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
@@ -176,7 +176,7 @@ def _health_check() -> list[str]:
 
 
 def _here(word: str) -> str:
-    """Returns the local path of a program that the image contains."""
+    """Returns the local path of a program by its name in the image."""
     scripts = Path(sys.executable).parent
     return {"python3": sys.executable, "uvicorn": str(scripts / "uvicorn"), "redis-server": str(find_server())}.get(word, word)
 

@@ -2,8 +2,8 @@
 
     python3 farm.py bench counts [--scenes 1000,10000]
 
-For each number of scenes there are a tenth as many users and tokens, a fiftieth as many projects, and as many jobs, environments
-and references. Times are milliseconds of the service's process, the minimum of several tries.
+N scenes come with N/10 users and tokens, N/50 projects, and N jobs, environments and references each. Times are milliseconds of
+the service's process, the minimum of several tries.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ ASKED = {
 
 
 def fill(service: Service, scenes: int) -> None:
-    """Inserts rows as after years of use."""
+    """Inserts the rows that a farm with this many scenes has after years of use."""
 
     def ref(n: int) -> dict[str, Any]:
         return {"name": f"file{n}.obj", "sha256": hashlib.sha256(str(n).encode()).hexdigest(), "size": 1000 + n}

@@ -2,8 +2,8 @@
 
     python3 farm.py bench farm [--cold]
 
-Targets: at least 0.9 of the speed without a farm; a first tile within 40 s from an empty kernel cache (--cold), within 5 s from
-a warm one. One run measures both sides, so that only the ratio counts.
+Targets: at least 0.9 of the speed without a farm; a first tile within 40 s from an empty kernel cache (--cold), within 5 s from a
+warm one. Each run measures both with and without a farm, and only their ratio is compared with a target.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ REQUEST = {"width": 512, "height": 512, "max_depth": 8}
 
 
 def main() -> None:
-    """Measures and prints the results."""
+    """Prints speed with and without a farm, and the times to the first tile."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--spp", type=int, default=256)
     parser.add_argument("--slots", type=int, default=2)
@@ -41,7 +41,7 @@ def main() -> None:
         if options.cold:
             seconds, _, _ = first_tile(folder / "cold", options.slots, RAYFARM_CACHE=str(folder / "cache"))
             print(f"start to first tile, empty kernel cache   {seconds:6.2f} s   (target < 40)")
-        alone(folder, options.slots, 1)  # the kernels are in the cache from here on
+        alone(folder, options.slots, 1)  # fills the kernel cache
         seconds, after_submit, parts = first_tile(folder / "warm", options.slots)
         print(f"start to first tile, warm                 {seconds:6.2f} s   (target < 5)")
         each = ", ".join(f"{name} {spent:.2f} s" for name, spent in parts.items())
@@ -70,7 +70,7 @@ def main() -> None:
 
 
 def alone(folder: Path, threads: int, spp: int) -> tuple[float, float]:
-    """Returns wall and processor seconds of rendering with `rayfarm render`, without reading and compiling."""
+    """Returns wall and processor seconds of `rayfarm render`, excluding reading and compiling the scene."""
     command = [sys.executable, "-m", "rayfarm", "render", str(SCENE), "-o", str(folder / "alone.exr"), f"--spp={spp}"]
     command += [f"--threads={threads}", "--size=512x512", "--max-depth=8", f"--stats={folder / 'stats.json'}"]
     subprocess.run(command, cwd=ROOT, check=True, stderr=subprocess.DEVNULL)
@@ -85,7 +85,7 @@ def through(farm: Farm, spp: int) -> tuple[float, dict[str, float]]:
         before = _processor(farm)
         job = client.submit(scene.id, spp=spp, fresh=True, **REQUEST).id
         while client.job(job).state != "finished":
-            time.sleep(1.0)  # to be asked takes the service 5 ms: ten times a second was a fortieth of what two cores do
+            time.sleep(1.0)  # a request takes the service 5 ms, so ten per second would use 1/40 of two cores
         after = _processor(farm)
         found = client.call("GET", f"/api/jobs/{job}")
         return found["finished"] - found["created"], {name: after[name] - before.get(name, 0.0) for name in after}
@@ -125,7 +125,7 @@ def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float
 def _samples_of(client: Client, job: str) -> float:
     """Returns the time at which a job has its first samples, and cancels it."""
     while not client.job(job).samples:
-        time.sleep(0.05)  # asked more often, the service takes a part of the time that is measured
+        time.sleep(0.05)  # more frequent requests would use part of the measured time
     now = time.perf_counter()
     client.change(job, state="cancelled")
     return now

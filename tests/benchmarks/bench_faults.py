@@ -4,7 +4,7 @@
 
 A farm renders small jobs; one or more faults are injected into each. `back after` is the time from the kill, or from the end of a
 lasting fault (a lock, a full disk, a cut cable), until new samples arrive. When a job has ended, its digest is compared with that
-of the same frame rendered by this process alone. `batches repeated` counts answers whose samples had arrived before.
+of the same frame rendered by this process alone. `batches repeated` counts results whose samples had arrived before.
 
 As root, data folders are small separate disks, and hosts have separate networks (`faults/hosts.py`); otherwise these kinds are
 left out.
@@ -37,7 +37,7 @@ from tests.helpers import ROOT
 GROUNDS = {"one machine": Ground, "another clock": clocks.ClockGround, "three hosts": hosts.HostsGround}
 GROUNDS |= {each.name: each for each in (pair.PairGround, pair.PostgresPairGround)}
 FAULTS_A_GROUND = 20
-SEEDS = 4  # of jobs: a ground renders each once, so that no result can be had from an earlier one
+SEEDS = 4  # job seeds; a farm renders each once, so that no earlier result can be reused
 NEARLY_DONE = 0.9
 MENDS_ITSELF_S = 45.0
 
@@ -49,8 +49,8 @@ class Campaign:
         self.options = options
         self.draw = random.Random(options.seed)
         self.faults: list[Fault] = []
-        self._failed: dict[str, float] = {}  # jobs, and since when
-        self._asked: set[str] = set()  # jobs that were set to running, since the last fault
+        self._failed: dict[str, float] = {}  # failed jobs and the times at which they failed
+        self._asked: set[str] = set()  # jobs resumed since the last fault
 
     def run(self) -> None:
         while len(self.faults) < self.options.count:
@@ -61,7 +61,7 @@ class Campaign:
             try:
                 ground = GROUNDS[name](folder)
                 self._on(ground)
-            except (UnrecoveredError, pytest.fail.Exception) as error:  # the latter where a farm does not start
+            except (UnrecoveredError, pytest.fail.Exception) as error:  # pytest's exception: the farm did not start
                 print(f"THE FARM DOES NOT COME BACK: {error}", flush=True)
             finally:
                 if ground is not None:
@@ -143,7 +143,7 @@ class Campaign:
             print(ground.logs()[-6000:])
 
     def _has_failed(self, ground: Ground, job: str) -> bool:
-        """Returns True if a job has failed. If its error asks the user to act, does so."""
+        """Returns whether the job has failed; if its error asks the user to resume it, resumes it."""
         try:
             with ground.client() as client:
                 found = client.job(job)
@@ -167,7 +167,7 @@ class Campaign:
         return 0.0
 
     def _end(self, ground: Ground, job: str, seed: int, faults: list[Fault]) -> None:
-        """Waits for the job's end and checks its digest."""
+        """Waits until the job has ended, and checks its digest."""
         began = time.monotonic()
         with contextlib.suppress(UnrecoveredError):
             ground.wait(lambda: ground.samples(job) == OVER and not self._has_failed(ground, job), "the job ends")
@@ -184,7 +184,7 @@ class Campaign:
         print(f"      THE JOB DID NOT END\n{ground.logs()[-6000:]}")
 
     def _read_digest(self, ground: Ground, job: str) -> str:
-        """Returns the job's digest once it is available. A film that was damaged at the very end is repaired first."""
+        """Returns the job's digest once it is available; a film damaged at the very end is repaired first."""
         found = ""
 
         def is_told() -> bool:

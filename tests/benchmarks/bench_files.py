@@ -30,7 +30,7 @@ from renderer.scene.studio import STUDIO_NOTES
 _ENDS = ("loads", "warnings", "refused", "crashed", "slow", "failed")
 _COLUMNS = ("format", "files", "load", "of these with warnings", "refused", "importer crashed", "slow", "failed")
 _COLUMNS += ("median s", "longest s")
-# Words of Python that no sentence for a user holds.
+# Python internals, which no sentence for a user may contain.
 _INTERNAL = re.compile(r"Traceback|\b[A-Z]\w*(?:Error|Exception)\b|<class |<[\w.]+ object at |0x[0-9a-f]{6,}|NoneType|numpy\.")
 
 
@@ -53,7 +53,7 @@ def scene_files(folders: Iterable[Path]) -> list[Path]:
 
 
 def read_one(path: Path) -> Found:
-    """Reads and compiles one file, as `rayfarm info` does."""
+    """Reads and compiles one file, as `rayfarm info` does, and returns the outcome."""
     begun = time.perf_counter()
     end, said = "loads", ""
     try:

@@ -1,11 +1,11 @@
-"""Time from opening the page, and from choosing a file in it, to what a person sees.
+"""Time from opening the page, and from choosing a file in it, until each stage is visible.
 
     python3 farm.py bench first_picture [--cold] [--rounds 3] [FILE ...]
 
-Columns, in seconds: first contentful paint of the front page; then, from the moment a file is chosen (an example: opened), the
-model drawn by WebGL, the first path-traced samples, and the whole picture: one sample a pixel on average. Without files: a GLB
-of 1,000 and one of a million triangles, made here, and the example Still life. Warm: kernels are in the cache, and the farm
-waits; --cold: before each file a farm starts with an empty kernel cache. Each round has a new browser profile.
+Columns, in seconds: first contentful paint of the front page; then, from the moment a file is chosen (or an example opened), the
+model drawn by WebGL, the first path-traced samples, and the whole picture: one sample per pixel on average. Without files: a
+generated GLB of 1,000 and one of a million triangles, and the example Still life. Warm: kernels are in the cache, and the farm
+waits; --cold: a farm starts with an empty kernel cache before each file. Each round has a new browser profile.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def with_farm(
     farm = start_farm(data, slots, **environment)
     try:
         if label == "warm":
-            first_picture(browser, farm.url, scenes[0])  # loads the kernels into the slots
+            first_picture(browser, farm.url, scenes[0])  # makes the slots load the kernels
         for scene in scenes:
             found = [first_picture(browser, farm.url, scene) for _ in range(rounds)]
             title = f"{scene.stem if isinstance(scene, Path) else scene}, {label}"
@@ -80,7 +80,7 @@ def with_farm(
 
 
 def first_picture(browser: Browser, url: str, scene: Path | str) -> dict[str, float]:
-    """Returns the seconds to each stage. The scene is deleted afterwards, so that the next round uploads and prepares it anew."""
+    """Returns the seconds to each stage; deletes the scene afterwards, so that the next round uploads and prepares it again."""
     context = browser.new_context(viewport={"width": 1440, "height": 900})
     try:
         page = context.new_page()
@@ -94,7 +94,7 @@ def first_picture(browser: Browser, url: str, scene: Path | str) -> dict[str, fl
             now = time.monotonic() - begun
             found |= {stage: now for stage in STAGES if seen.get(stage) and stage not in found}
             if "samples" in found:
-                found.setdefault("model", found["samples"])  # the samples were quicker than its mesh
+                found.setdefault("model", found["samples"])  # samples arrived before the preview mesh
             if now > DEADLINE_S:
                 raise TimeoutError(f"{scene}: no whole picture after {DEADLINE_S:.0f} s; seen: {found}")
             page.wait_for_timeout(20)
@@ -105,7 +105,7 @@ def first_picture(browser: Browser, url: str, scene: Path | str) -> dict[str, fl
 
 
 def begin(page: Page, scene: Path | str) -> float:
-    """Chooses the file, or opens the example; returns the time of that moment."""
+    """Chooses the file or opens the example, and returns the time at which it did."""
     if isinstance(scene, str):
         begun = time.monotonic()
         page.get_by_role("button", name=scene).first.click()

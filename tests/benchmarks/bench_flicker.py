@@ -2,9 +2,9 @@
 
     python3 farm.py bench flicker [--size 192x108] [--shot "camera over texture"]
 
-Error: root mean square of the difference from a reference, relative to its mean. Flicker: root mean square, relative to the same
-mean, of the change of that difference between consecutive frames along the motion vectors. Reference: many samples, denoised.
-Measured with one seed for all frames, the default of a shot, and with a different seed for each.
+Error: root mean square of the difference from a reference, relative to the reference's mean. Flicker: root mean square, relative
+to the same mean, of the change of that difference between consecutive frames along the motion vectors. Reference: many samples,
+denoised. Measured with one seed for all frames, the default of a shot, and with a different seed for each.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from renderer.temporal_denoise import REACH, DenoisedFrame, stabilised_frame
 from renderer.vectors import motion_vectors
 from tests.renderer.builders import gray, square
 
-FRAMES = 3  # judged; REACH more on both sides are rendered
+FRAMES = 3  # evaluated frames; REACH more are rendered on both sides
 F32 = np.ndarray
 Shot = Callable[[float], tuple[SceneDescription, View]]
 FLOOR, RED, LAMP, MIRROR, WHITE = range(5)
@@ -90,23 +90,23 @@ def indoors() -> SceneDescription:
 
 
 def stands_still(found: SceneDescription, t: float) -> View:
-    """Returns the view of a shot without motion."""
+    """Returns the camera view at time t of a shot without motion."""
     return STILL
 
 
 def camera_goes(found: SceneDescription, t: float) -> View:
-    """Moves the camera across the texture."""
+    """Returns the view at time t of a camera that moves across the texture."""
     return replace(STILL, eye=(0.12 * t, 2.2, 5.5 - 0.05 * t), target=(0.08 * t, 0.4, 0.0))
 
 
 def body_flies(found: SceneDescription, t: float) -> View:
-    """Moves a ball and its shadow."""
+    """Moves a ball and its shadow to time t, and returns the static view."""
     found.spheres.append(Sphere((0.3 + 0.1 * t, 0.9, 0.6), 0.35, RED, "flies", moves=True))
     return STILL
 
 
 def board_turns(found: SceneDescription, t: float) -> View:
-    """Rotates a board and its shadow in front of a static camera."""
+    """Rotates a board and its shadow to time t, and returns the static view."""
     turned = np.eye(4)
     sine, cosine = math.sin(0.12 * t), math.cos(0.12 * t)
     turned[0, 0] = turned[2, 2] = cosine
@@ -117,7 +117,7 @@ def board_turns(found: SceneDescription, t: float) -> View:
 
 
 def mirror_passes(found: SceneDescription, t: float) -> View:
-    """Moves the camera past a mirror ball."""
+    """Returns the view at time t of a camera that moves past a mirror ball."""
     found.spheres.append(Sphere((0.4, 0.7, 0.8), 0.7, MIRROR, "mirror"))
     return camera_goes(found, t)
 
@@ -129,11 +129,14 @@ MOVES: dict[str, Callable[[SceneDescription, float], View]] = {
     "board that turns": board_turns,
     "camera past a mirror": mirror_passes,
 }
-LIGHTS = {"a lamp": (room, 8, 256), "by the ceiling": (indoors, 16, 400)}  # with so many samples; and the truth's
+LIGHTS = {
+    "a lamp": (room, 8, 256),
+    "by the ceiling": (indoors, 16, 400),
+}  # name -> (scene, samples per pixel, samples of the reference)
 
 
 def shot_of(place: Callable[[], SceneDescription], move: Callable[[SceneDescription, float], View]) -> Shot:
-    """Returns the shot of a movement in a scene."""
+    """Returns the shot that applies `move` to the scene of `place`."""
 
     def at(t: float) -> tuple[SceneDescription, View]:
         found = place()
@@ -143,7 +146,7 @@ def shot_of(place: Callable[[], SceneDescription], move: Callable[[SceneDescript
 
 
 def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) -> DenoisedFrame:
-    """Renders and denoises one frame separately."""
+    """Renders one frame and denoises it without its neighbours."""
     description, view = shot(frame)
     settings = RenderSettings(*size, view, seed=seed)
     sums = render_frame(compile_scene(description), settings, spp)
@@ -160,13 +163,14 @@ def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) ->
 
 
 def _shown(light: F32) -> F32:
-    """Tone maps approximately, so that a lamp seen in a mirror does not dominate the error."""
+    """Returns approximately tone-mapped values, so that a lamp seen in a mirror does not dominate the error."""
     return light / (1 + light)
 
 
 def off_along(first: F32, second: F32, there: DenoisedFrame) -> tuple[F32, np.ndarray]:
-    """Returns the change of the error between two frames along the motion, and where it is defined: within the picture, on one
-    object.
+    """Returns the change of the error between two frames along the motion, and a mask of where it is defined.
+
+    It is defined for pixels whose object is the same in both frames and inside the picture.
     """
     height, width = first.shape[:2]
     rows, columns = np.mgrid[0:height, 0:width]

@@ -26,12 +26,12 @@ from renderer.scene.load import Shot
 from tests.renderer.scene.builders import Gltf, clip
 
 SET = 5_000_000
-PIECES = 500  # that the set consists of
+PIECES = 500  # meshes in the static set
 FRAMES = 24
 
 
 def relief(triangles: int, seed: float, size: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns a hilly square of that many triangles: positions, normals and corners."""
+    """Returns positions, normals and corners of a hilly square with that many triangles."""
     n = int((triangles / 2) ** 0.5) + 1
     v, u = np.mgrid[0:n, 0:n] / (n - 1)
     height = 0.05 * np.sin(9 * u + seed) * np.cos(7 * v - seed)
@@ -45,7 +45,7 @@ def relief(triangles: int, seed: float, size: float = 1.0) -> tuple[np.ndarray, 
 
 
 def tube(vertices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns a closed band around the y axis, 4 units high."""
+    """Returns positions, normals and corners of a closed band around the y axis, 4 units high."""
     around = 100
     rows = vertices // around
     turn = 2 * np.pi * np.arange(around) / around
@@ -59,7 +59,7 @@ def tube(vertices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def still_set(triangles: int) -> Gltf:
-    """Returns the static set: pieces of ground, each a mesh with its own node, under a uniform sky; and a camera."""
+    """Returns the static set: pieces of ground, each a mesh on its own node, under a uniform sky, and a camera."""
     g = Gltf()
     side = int(np.ceil(PIECES**0.5))
     for i in range(PIECES):
@@ -172,7 +172,7 @@ def costs(folder: Path, frames: int) -> list[Cost]:
             size = sum(part.size for part in new) + manifest.stat().st_size
             known |= {part.sha256 for part in new}
             if frame:
-                for part in new:  # as if sent: only what stays is kept on the disk
+                for part in new:  # as after sending: only unchanged parts stay on disk
                     (out / part.sha256).unlink()
         shown = compiled
         found.append(Cost(is_compiled - begun, is_written - is_compiled, is_mapped - is_written, size))

@@ -4,7 +4,7 @@
 
 The scene is a furnished room with emitters of all kinds (spheres, squares, points, spots) whose powers differ by a factor of
 1,000. For each choice: mean squared error at equal samples, time, and mean squared error at equal time, relative to the tree's,
-over the pixels that show no emitter. The reference has 64 times as many samples, by the tree. Times are processor seconds of one
+over the pixels that show no emitter. The reference uses the tree and 64 times as many samples. Times are processor seconds of one
 thread, the minimum of three runs.
 """
 
@@ -33,12 +33,12 @@ def _square(center: np.ndarray, u: np.ndarray, v: np.ndarray, material: int) -> 
 
 
 def room(count: int, seed: int = 0) -> CompiledScene:
-    """Returns a room of 40 x 10 x 40 with 60 balls, and `count` lights (a square counts as two) distributed over it."""
+    """Returns a room of 40 x 10 x 40 with 60 balls and `count` lights (a square counts as two) distributed over it."""
     rng = np.random.default_rng(seed)
     materials = [Material(base_color=(0.7, 0.7, 0.7)), Material(kind="metallic_roughness", roughness=0.4)]
     sides = [(axis, sign) for axis in range(3) for sign in (-1, 1)]
     meshes = []
-    for axis, sign in sides:  # each faces inwards
+    for axis, sign in sides:  # walls face inwards
         u, v = np.eye(3)[(axis + 1) % 3] * _ROOM, -sign * np.eye(3)[(axis + 2) % 3] * _ROOM
         meshes.append(_square(sign * np.eye(3)[axis] * _ROOM, u, v, 0))
     spheres = [Sphere(tuple(rng.uniform(-0.9, 0.9, 3) * _ROOM), rng.uniform(0.3, 1.0), int(i % 2)) for i in range(60)]

@@ -51,7 +51,7 @@ class Watched:
         @contextmanager
         def timed(sessions: Sessions) -> Iterator[Session]:
             with begin(sessions) as session:
-                session.connection()  # from here on it holds the lock
+                session.connection()  # takes the database lock
                 began, processor = time.monotonic(), time.thread_time()
                 yield session
             self.held = max(self.held, time.monotonic() - began)
@@ -162,7 +162,7 @@ def run(service: Service, measured: Measured, options: argparse.Namespace) -> No
     measured("go on", lambda: patch(state="running"))
     until(lambda: job in service.farm.engine.snapshot.jobs, "it is taken up", 300)
     measured("restart of the service", service.restart)
-    http = service.http  # the earlier one ended with its service
+    http = service.http  # a restart ends the previous client
     http.timeout = 600
     measured("it is taken up", lambda: until(lambda: job in service.farm.engine.snapshot.jobs, "it is taken up", 300))
     measured("HEAD of all in a zip", lambda: http.head(f"/api/jobs/{job}/frames.zip?which=all"))
@@ -184,7 +184,7 @@ def finish(service: Service, job: str) -> None:
 def _anew(session: Session, job: str) -> Any:
     row = session.get(Job, job)
     assert row is not None and row.shot is not None
-    return {**row.shot, "revision": row.shot["revision"] + 1}  # the engine's own numbers count no more
+    return {**row.shot, "revision": row.shot["revision"] + 1}  # invalidates the engine's own copy
 
 
 def _options() -> argparse.Namespace:

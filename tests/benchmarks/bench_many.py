@@ -32,7 +32,7 @@ from worker.exchange.errors import WorkError
 
 MANY = 100_000
 STEEP = 1.3
-LEAST = 0.2  # seconds, below which growth says nothing
+LEAST = 0.2  # seconds; for shorter times no growth is computed
 
 THINGS: dict[str, Any] = {**TEXT, **GLTF, **USD}
 
@@ -53,7 +53,7 @@ def read(folder: Path, main: str) -> dict[str, Any]:
 
 
 def measured(files: dict[str, bytes], folder: Path, memory: int, seconds: float) -> dict[str, Any]:
-    """Returns the result of `read` for these files in a separate child process."""
+    """Returns the result of `read` for these files, from a child process of its own."""
     main = pick_main(list(files))[0]
     placed(folder, files)
     try:
@@ -79,9 +79,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="rayfarm-many-") as name:
         folder = Path(name)
         for thing, make in chosen.items():
-            read(
-                placed(folder / "few", make(2)), pick_main(list(make(2)))[0]
-            )  # here: what it loads is there before children fork
+            read(placed(folder / "few", make(2)), pick_main(list(make(2)))[0])  # loads modules before children are forked
             gc.freeze()
             found = [measured(make(count), folder / "many", memory, options.seconds) for count in counts]
             few, many = (max(each["seconds"], 1e-3) for each in found)

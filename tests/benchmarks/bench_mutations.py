@@ -50,7 +50,7 @@ from tests.peers.blender import python_with_bpy
 from worker.exchange.errors import WorkError
 
 MEMORY = 1 << 30
-BLENDER_MEMORY = 8 << 30  # address space: Blender takes six before it has opened anything
+BLENDER_MEMORY = 8 << 30  # address space: Blender reserves 6 GiB before it opens anything
 SECONDS = 30.0
 SLOW = 5.0
 PAGE = ROOT / "docs" / "reliability.md"
@@ -58,7 +58,7 @@ BLEND = ".blend"
 
 
 def read(folder: Path, main: str) -> dict[str, Any]:
-    """Reads and compiles a scene in the child process."""
+    """Reads and compiles a scene in the child process, and returns the outcome."""
     reset_peak_memory()
     begun = _used()
     try:
@@ -81,9 +81,9 @@ def _used() -> float:
 
 
 def _refusal(sentence: str) -> str:
-    """Returns the category of an error message."""
+    """Returns the category of a refusal by its error message."""
     if "ended while it opened it" in sentence:
-        return "child crashed"  # Blender's own process
+        return "child crashed"  # Blender's own process crashed
     if "took longer" in sentence:
         return "too slow"
     return "refused by the net" if "could not be read as" in sentence else "refused"
@@ -106,7 +106,7 @@ def _expanded(archive: Path, folder: Path) -> tuple[Path, str]:
 
 
 def outcome(folder: Path, main: str) -> dict[str, Any]:
-    """Returns the outcome of a scene in a separate child process."""
+    """Returns the outcome of reading a scene in a child process of its own."""
     memory = BLENDER_MEMORY if main.endswith(BLEND) else MEMORY
     try:
         return run_bounded(lambda _: read(folder, main), lambda _: None, memory, SECONDS, subject=main)
@@ -128,7 +128,7 @@ class Campaign:
         self._seed, self._seeds, self._folder, self._jobs = seed, all_seeds, folder, jobs
 
     def of(self, number: int) -> tuple[str, str, dict[str, bytes], str]:
-        """Returns the files of a number; see `draw`."""
+        """Returns (format, main file, files, damage) of the number-th file; see `draw`."""
         return draw(number, self._seed, self._seeds)
 
     def sound(self) -> None:
@@ -155,7 +155,7 @@ class Campaign:
             yield from map(self._again, doubtful)
 
     def _read(self, number: int, slot: int) -> dict[str, Any]:
-        """Reads a file in a child that reads many."""
+        """Reads a file in a child process that reads many."""
         _, main, files, _ = self.of(number)
         return read(placed(self._folder / f"case-{slot}", files), main)
 
@@ -191,15 +191,17 @@ def main() -> int:
     found: dict[str, Tally] = defaultdict(Tally)
     with tempfile.TemporaryDirectory(prefix="rayfarm-mutations-") as name:
         campaign = Campaign(options.seed, all_seeds, Path(name), options.jobs)
-        if not options.folders:  # others' files may be damaged to begin with
+        if not options.folders:  # files from folders may already be damaged
             campaign.sound()
-        gc.freeze()  # so that no child copies what its collector touches
+        gc.freeze()  # keeps children from copying memory that the garbage collector touches
         before, started = psutil.Process().memory_info().rss, time.monotonic()
         until = started + 60 * options.minutes if options.minutes else float("inf")
         numbers = range(options.first, options.first + options.count)
         for done, (number, seconds, result) in enumerate(campaign.run(numbers, until), 1):
             kind, _, files, how = campaign.of(number)
-            seconds = result.get("used", seconds)  # by the clock where it did not come back: others may have had the processor
+            seconds = result.get(
+                "used", seconds
+            )  # if the child was lost, wall time, during which others may have used the processor
             found[kind].add(result["outcome"], seconds, result.get("memory", 0))
             if result["outcome"] not in ("read", "refused"):
                 print(f"{number} {kind} {how}: {result['outcome']}: {result['sentence'][:300]}", flush=True)
@@ -220,7 +222,7 @@ def main() -> int:
 
 
 def placed(folder: Path, files: dict[str, bytes]) -> Path:
-    """Empties a folder and writes these files to it."""
+    """Empties a folder, writes these files to it, and returns it."""
     shutil.rmtree(folder, ignore_errors=True)
     for name, data in files.items():
         path = folder / name

@@ -5,7 +5,7 @@
 Each figure is printed next to its target. Headless Chromium draws WebGL on the processor (SwiftShader), which takes hundreds of
 milliseconds where a graphics card takes one or two. So gestures are measured twice: unchanged, and without the shader's work,
 which leaves the page's code, the upload of tiles, layout, and the browser's own part. Processor times are user plus system time,
-and hardly depend on other work of the machine; wall times do.
+which hardly depends on other work of the machine; wall times do.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ HAND_S = 6.0
 MB = 1e6
 WINDOW = {"width": 1440, "height": 900}
 
-# Counts what WebGL is told and what comes over sockets. With `isDry` the shader draws nothing.
+# Counts WebGL calls and socket messages. With `isDry` the shader draws nothing.
 WATCH = """
 window.seen = {draws: 0, uploads: 0, tiles: 0, received: 0, frames: [], isDry: false};
 const gl = WebGL2RenderingContext.prototype;
@@ -109,7 +109,7 @@ def hand(farm: Farm, browser: Browser, _: argparse.Namespace) -> None:
 
 
 def moved(page: Page, cdp: Any, gesture: str) -> str:
-    """Returns the cost of a gesture as text."""
+    """Performs a gesture, and returns its cost as text."""
     box = page.locator("canvas.film").bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -257,7 +257,7 @@ class Visit:
 
 
 def visited(context: BrowserContext, url: str, wanted: Sequence[str], line: tuple[float, float] | None) -> Visit:
-    """Visits the page over a line with this many bits per second and milliseconds of latency."""
+    """Visits the page over a connection of (bits per second, latency in milliseconds); None: without limits."""
     page = context.new_page()
     cdp = context.new_cdp_session(page)
     cdp.send("Network.enable")
@@ -277,7 +277,7 @@ def visited(context: BrowserContext, url: str, wanted: Sequence[str], line: tupl
     return visit
 
 
-# Bits a second and milliseconds; the slowest is a phone's in the country.
+# (bits per second, latency in ms); the slowest is a mobile connection in the country
 LINES = {"this machine": None, "10 Mbit/s, 40 ms": (10e6, 40.0), "400 kbit/s, 400 ms": (400e3, 400.0)}
 
 PARTS: dict[str, Callable[[Farm, Browser, argparse.Namespace], None]] = {
@@ -307,7 +307,7 @@ def submitted(farm: Farm, **request: Any) -> str:
 
 
 def rendered(farm: Farm, **request: Any) -> str:
-    """Returns the id of a finished job."""
+    """Renders a job, and returns its id once it is finished."""
     job = submitted(farm, **request)
     wait_until(lambda: described(farm, job)["state"] == "finished", 600, "the job is finished")
     return job
@@ -339,7 +339,7 @@ def share(process: psutil.Process, seconds: float) -> float:
 
 
 def memory(page: Page) -> dict[str, float]:
-    """Returns the tab's memory in MB: its JavaScript heap, and its renderer process, the largest of these."""
+    """Returns memory in MB of the tab's JavaScript heap and of the largest renderer process."""
     cdp = page.context.new_cdp_session(page)
     cdp.send("HeapProfiler.collectGarbage")
     heap = page.evaluate("performance.memory.usedJSHeapSize")

@@ -1,4 +1,4 @@
-"""Comparison with Mitsuba, Embree and Cycles, each at its fastest, in alternating rounds; else with targets.
+"""Comparison with Mitsuba, Embree and Cycles, each at its fastest, in alternating rounds; rows without a peer have targets.
 
     python3 farm.py bench peers [--quick] [--long] [--rows samples,rays] [--only "Cornell box,textured mesh"] [--out FOLDER]
     python3 farm.py bench peers --against COMMIT [--rounds 15] [--spp 4]   # row samples, compared with another commit
@@ -58,7 +58,7 @@ ROWS: dict[str, Callable[..., Iterator[Line]]] = {
 }
 _HELD_AGAINST_CONVERGED = ("error", "cycles")
 LONG_FILE = 10_000_000  # triangles
-BUSY = 0.3  # of a core, that others use
+BUSY = 0.3  # share of a core used by other processes
 
 
 def main() -> int:
@@ -112,7 +112,7 @@ def _measure(row: str, lines: Callable[..., Iterator[Line]], sizes: Sizes, repor
         with tempfile.TemporaryDirectory(prefix="rayfarm-peers-") as folder:
             for line in lines(sizes, Path(folder)):
                 if sizes.only and not any(begins(name, line.name) for name in sizes.only):
-                    continue  # measured together with one that is wanted
+                    continue  # measured together with a requested row
                 report.lines.append(line)
                 print(f"  {line.name}: {line.value:.3g} after {time.perf_counter() - begun:.0f} s", flush=True)
     except MissingPeerError as error:
@@ -131,12 +131,12 @@ def _rows(text: str) -> list[str]:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Parses names separated by commas; a comma followed by a space belongs to the name."""
+    """Returns the names in a comma-separated text; a comma followed by a space is part of a name."""
     return tuple(name.strip() for name in re.split(r",(?! )", text) if name.strip())
 
 
 def _machine() -> dict[str, Any]:
-    """Describes the machine of the figures, and its load at the time."""
+    """Returns a description of this machine and its load."""
     cores = len(os.sched_getaffinity(0))
     load = os.getloadavg()[0]
     if load > BUSY:

@@ -1,4 +1,4 @@
-"""Many clients request a large picture at once: latency of /healthz meanwhile, and memory of the service.
+"""Many clients request a large picture at once: latency of /healthz during these requests, and memory of the service.
 
     python3 farm.py bench pictures
 
@@ -66,7 +66,7 @@ def main() -> None:
 
 
 def rendered(farm: Farm, width: int, height: int) -> tuple[str, str]:
-    """Returns the ids of a finished job of that size and of its scene."""
+    """Renders a job of that size, and returns its id and its scene's."""
     with farm.client() as client:
         scene = client.wait_for_scene(client.upload([SCENE]).id).id
         job = client.submit(scene, width=width, height=height, spp=2, max_depth=3).id
@@ -96,7 +96,7 @@ def load(farm: Farm, asked: list[str]) -> None:
     with multiprocessing.get_context("spawn").Pool(1) as pool, multiprocessing.Manager() as manager:
         over = manager.Event()
         watching = pool.apply_async(watch, (farm.url, service.pid, over))
-        time.sleep(1)  # the watcher's process has begun by then; what it sees before is a service at rest
+        time.sleep(1)  # the watcher's process has started; its first measurements are of an idle service
         used, begun = sum(service.cpu_times()[:2]), time.perf_counter()
         answers = asyncio.run(ask(farm.url, asked))
         took, used = time.perf_counter() - begun, sum(service.cpu_times()[:2]) - used
@@ -140,7 +140,7 @@ async def _ask(http: httpx.AsyncClient, path: str) -> tuple[float, int, int]:
 
 
 def watch(url: str, pid: int, over: Event) -> tuple[list[float], float]:
-    """Returns the latencies of /healthz until `over`, each over a new connection, and the peak memory in MiB."""
+    """Returns the latencies of /healthz until `over` is set, each over a new connection, and the peak memory in MiB."""
     process, latencies, most = psutil.Process(pid), [], 0.0
     while not over.is_set():
         begun = time.perf_counter()
@@ -153,7 +153,7 @@ def watch(url: str, pid: int, over: Event) -> tuple[list[float], float]:
 
 
 def resident(process: psutil.Process) -> float:
-    """Returns the resident memory of a process in MiB."""
+    """Returns the process' resident memory in MiB."""
     return float(process.memory_info().rss) / MIB
 
 

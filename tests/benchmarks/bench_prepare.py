@@ -82,7 +82,7 @@ def main() -> None:
         warm_up()
         prepare()
         for _ in range(given.rounds):
-            Path("/proc/self/clear_refs").write_text("5")  # VmHWM begins anew
+            Path("/proc/self/clear_refs").write_text("5")  # resets VmHWM
             before, wall, processor = _memory("VmRSS"), time.perf_counter(), time.process_time()
             description = read(Path(folder), "sphere.glb")
             compiled = compile_scene(description)

@@ -27,7 +27,7 @@ from tests.helpers import ROOT, Farm, start_farm, stop_farm
 
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGSEGV, signal.SIGABRT)
 PATIENCE_S = 120.0
-A_KILL_S = 5.0  # of rendering for each
+A_KILL_S = 5.0  # of rendering per kill
 
 
 def main() -> None:
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def measure(farm: Farm, client: Client, draw: random.Random, options: argparse.Namespace) -> None:
-    """Renders with and without kills; prints the recovery time of each kill, and whether the digests are equal."""
+    """Renders with and without kills; prints each kill's recovery time, and whether the digests are equal."""
     scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id)
     asked = {"width": 160, "height": 120, "max_depth": 5}
     trial = client.wait(client.submit(scene.id, **asked, spp=256).id)
@@ -95,7 +95,7 @@ def _victim(farm: Farm, name: str, draw: random.Random) -> psutil.Process:
 
 
 def _is_back(farm: Farm, victim: psutil.Process, slots: int) -> bool:
-    """Returns True if the killed process is gone, all processes run again, and the service is ready."""
+    """Returns whether the killed process is gone, all processes run again, and the service is ready."""
     is_gone = not victim.is_running() or victim.status() == psutil.STATUS_ZOMBIE
     return is_gone and victim.pid not in farm.pids().values() and _number(farm) >= slots and _ready(farm)
 

@@ -94,7 +94,7 @@ def main() -> None:
         if options.json:
             options.json.write_text(json.dumps([{"load": asdict(load), "taken": asdict(taken)} for load, taken in rows]))
         if options.plot:
-            from tests.benchmarks.scale.plots import plot  # matplotlib takes a second
+            from tests.benchmarks.scale.plots import plot  # importing matplotlib takes a second
 
             plot(rows, options.plot)
 

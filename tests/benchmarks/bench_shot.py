@@ -2,10 +2,10 @@
 
     python3 farm.py bench shot [--frames 250] [--shot camera|bodies|figure] [--slots 2,1] [--rounds 1] [--spp 1]
 
-First the frames are rendered in one process from prepared parts: the time of the samples. Then they are rendered through a farm
-with that many slots, from the request until the job is finished, watched as by the page; both alternate, so that other work on
-the machine affects both. The digests of some frames must agree. Targets: a first frame within 1 s, and all frames within 1.1
-times the samples' time.
+First the frames are rendered in one process from prepared parts, which gives the time of the samples. Then a farm with that many
+slots renders them, from the request until the job is finished, while a client watches as the page does; both alternate, so that
+other work on the machine affects both. The digests of some frames must agree. Targets: a first frame within 1 s, and all frames
+within 1.1 times the samples' time.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.benchmarks.bench_frames import SHOTS, still_set
 from tests.helpers import ROOT, Farm, start_farm, stop_farm
 
-TRIANGLES = 20_000  # of what stands still
+TRIANGLES = 20_000  # of static geometry
 SIZE = {"width": 480, "height": 270}
-LOOKED_AT = 3  # frames whose digests are compared
+LOOKED_AT = 3  # number of frames whose digests are compared
 
 
 class Taken(NamedTuple):
@@ -50,7 +50,7 @@ class Taken(NamedTuple):
 
     @property
     def sum(self) -> float:
-        """Returns the processor seconds of all processes of the farm."""
+        """Total processor seconds of the farm's processes."""
         return sum(self.processor.values())
 
 
@@ -159,7 +159,7 @@ def through(farm: Farm, scene: str, frames: int, spp: int) -> tuple[Taken, list[
 
 
 def check(frames: list[tuple[CompiledScene, RenderSettings]], digests: list[str], spp: int) -> None:
-    """Checks that the farm's digests equal those of this process."""
+    """Asserts that the farm's digests equal those of this process."""
     whole = Tile(0, 0, SIZE["width"], SIZE["height"])
     for (compiled, settings), found in zip(frames, digests, strict=False):
         assert digest(render_batch(compiled, settings, whole, 0, spp).sums) == found
@@ -183,7 +183,7 @@ def ready_scene(farm: Farm, path: Path) -> str:
 
 @contextmanager
 def running(data: Path, slots: int) -> Iterator[Farm]:
-    """Context manager that runs a farm."""
+    """Runs a farm in the `with` block."""
     farm = start_farm(data, slots)
     try:
         yield farm

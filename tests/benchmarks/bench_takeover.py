@@ -3,7 +3,7 @@
     python3 farm.py bench takeover [--times 20] [--how kill|stop] [--database sqlite|postgresql]
 
 Measured from the signal until the other service's `/readyz` reports `ready`, polled fifty times per second. Nothing is rendered
-meanwhile; the time until samples arrive again is measured by `farm.py bench faults --kinds 'two services,'`.
+during the takeover; `farm.py bench faults --kinds 'two services,'` measures the time until samples arrive again.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def takeovers(folder: Path, settings: dict[str, object], options: argparse.Names
 
 
 def pair(both: list[Started]) -> tuple[Started, Started]:
-    """Returns the owner and the standby, as soon as both are ready."""
+    """Waits until both services are ready, and returns (owner, standby)."""
     until(
         lambda: sorted(each.says() for each in both) == ["ready", "stands by"], "both are there", PATIENCE_S, lambda: told(both)
     )

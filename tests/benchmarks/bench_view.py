@@ -29,7 +29,7 @@ from tests.helpers import ROOT, Farm, start_farm, stop_farm
 
 
 class Viewer:
-    """A viewer that acknowledges at once, and checks that pictures belong to the requested views."""
+    """A viewer that acknowledges packets at once, and checks that pictures belong to the requested views."""
 
     def __init__(self, socket: ClientConnection, view: dict[str, Any], size: tuple[int, int]) -> None:
         self.socket, self.view, self.size = socket, view, size
@@ -103,7 +103,7 @@ def main() -> None:
 
 
 def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: bool, rest: int) -> None:
-    """Prints three one-line tables."""
+    """Prints three tables of one line each."""
     with farm.client() as client:
         scene = httpx.post(f"{farm.url}/api/examples/{name}", verify=False).raise_for_status().json()["id"]
         client.wait_for_scene(scene)
@@ -112,7 +112,7 @@ def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: b
     with connect(f"ws{farm.url[4:]}/api/scenes/{scene}/viewport", proxy=None, max_size=None) as socket:
         viewer = Viewer(socket, view, size)
         viewer.send(0.0)
-        viewer.until_samples(4)  # the kernel is ready, and the scene's speed is known
+        viewer.until_samples(4)  # the kernel is loaded, and the scene's speed is known
         firsts = []
         for number in range(views):
             id = viewer.send(0.05 * (number + 1))
@@ -153,7 +153,7 @@ def moving(viewer: Viewer, views: int) -> list[float]:
 
 
 def told(seconds: list[float]) -> str:
-    """Returns percentiles in milliseconds as text."""
+    """Returns percentiles of the times as text, in milliseconds."""
     p50, p95 = np.percentile(np.array(seconds) * 1000, (50, 95))
     return f"p50 {p50:4.0f} ms, p95 {p95:4.0f} ms of {len(seconds)}"
 

@@ -1,4 +1,4 @@
-"""The table of outcomes of many scene files."""
+"""Tests of the table of outcomes of many scene files."""
 
 from pathlib import Path
 

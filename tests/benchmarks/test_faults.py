@@ -1,4 +1,4 @@
-"""The counts of the fault campaign."""
+"""Tests of the fault campaign: timeouts by idle time, and the counts of batches."""
 
 from __future__ import annotations
 
@@ -60,16 +60,16 @@ def test_only_time_without_anything_to_do_uses_up_patience() -> None:
     busy = [0.0]
     patience = Patience(10.0, list, lambda: clock[0])
     patience._busy = lambda: {1: busy[0], 2: 0.0}  # type: ignore[method-assign]
-    for _ in range(7):  # it starts, on a machine that has no time for it
+    for _ in range(7):  # a busy machine: the process works all the time
         busy[0] += 10.0
         assert not after(10.0, patience)
     assert not after(9.0, patience)
-    assert after(2.0, patience)  # eleven seconds, in which it did nothing
+    assert after(2.0, patience)  # 11 s of idle time in total
 
     patience = Patience(10.0, list, lambda: clock[0])
     patience._busy = lambda: {1: clock[0]}  # type: ignore[method-assign]
     assert not after(80.0, patience)
-    assert after(1.1, patience)  # nor is it waited for without end
+    assert after(1.1, patience)  # the limit in wall time applies
 
 
 def test_the_time_of_a_process_that_computes_is_seen() -> None:
@@ -90,7 +90,7 @@ def test_what_comes_again_is_counted_once_and_what_was_forged_is_not(redis_url: 
             store.xadd(RESULTS, answer(0))  # type: ignore[arg-type]
             wait_until(lambda: stream.batches == 1, 20, "it is read")
             stream.forge(store, stream.latest[-1])
-            for first in (4, 6, 12):  # the second has samples of the first
+            for first in (4, 6, 12):  # the second repeats samples of the first
                 store.xadd(RESULTS, answer(first))  # type: ignore[arg-type]
             wait_until(lambda: stream.latest[-1] == answer(12), 20, "all are read")
         assert (stream.batches, stream.repeated) == (4, 1)

@@ -1,4 +1,4 @@
-"""Row `formats`: the same mesh is written in each format, and read back."""
+"""Tests of row `formats`: the same mesh is written in each format and read back."""
 
 import numpy as np
 import pytest
@@ -16,11 +16,11 @@ def test_a_format_holds_the_mesh(tmp_path, name):
     description = read(tmp_path, name)
     (found,) = description.meshes
     assert len(found.triangles) == len(mesh.triangles)
-    assert len(found.positions) < 2 * len(mesh.positions)  # no corner is a vertex of its own
+    assert len(found.positions) < 2 * len(mesh.positions)  # corners share vertices
     place = description.instances[0].transform[:3, :3]
     corners = found.positions[found.triangles].astype(float) @ place.T
     size = np.ptp(corners.reshape(-1, 3), axis=0)
-    unit = 0.01 if name in ("a.usdc", "a.fbx") else 1.0  # who does not say counts in centimetres
+    unit = 0.01 if name in ("a.usdc", "a.fbx") else 1.0  # formats without a unit are read as centimetres
     np.testing.assert_allclose(np.sort(size), np.sort(np.ptp(mesh.positions, axis=0)) * unit, rtol=1e-4)
 
 

@@ -1,4 +1,4 @@
-"""Every benchmark has a help text, and `--help` runs nothing."""
+"""Tests that every benchmark has a help text, and that `--help` runs nothing."""
 
 from __future__ import annotations
 

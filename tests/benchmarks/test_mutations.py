@@ -1,4 +1,4 @@
-"""The campaign of damaged files: what is drawn, and how outcomes are classified."""
+"""Tests of the campaign of damaged files: what is drawn, and how outcomes are classified."""
 
 import io
 import os
@@ -47,7 +47,7 @@ def test_what_a_package_is_made_of_is_damaged_and_packed():
 
 
 def lost(number, _):
-    """Stands for a child process that loses some files."""
+    """Replaces a child process, and loses some files."""
     if number == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     if number == 5:

@@ -1,4 +1,4 @@
-"""The comparison with other renderers: its verdicts, and a small run of every row."""
+"""Tests of the comparison with other renderers: its verdicts, and a small run of every row."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_the_error_is_relative_and_forgets_fireflies() -> None:
     picture = truth * 1.1
     expected = 0.04 / (4 + 0.04)
     assert relative_error(picture, truth) == pytest.approx(expected)
-    picture[0, :10] = 1e6  # a thousandth of the pixels
+    picture[0, :10] = 1e6  # 1/1000 of the pixels
     assert relative_error(picture, truth) == pytest.approx(expected)
     picture[1, 0] = 1e6
     assert relative_error(picture, truth) > 1e6
@@ -77,9 +77,9 @@ def test_the_report_says_what_falls_short() -> None:
     report.missing["rays"] = "Embree is away"
     verdicts = {v.name: v for v in report.verdicts()}
     assert {name: v.met for name, v in verdicts.items()} == {
-        "Cornell box": False,  # 1.3 is asked for
+        "Cornell box": False,  # the target is 1.3
         "textured mesh": True,
-        "many lights": False,  # 8, and it is not in the mean
+        "many lights": False,  # the target is 8, and the line is not part of the mean
         "geometric mean": False,
     }
     assert verdicts["geometric mean"].value == pytest.approx(geometric_mean([1.2, 2.0]))
@@ -149,7 +149,7 @@ def test_some_lines_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
 
     monkeypatch.setattr(bench, "ROWS", {"samples": lines})
     monkeypatch.setattr(bench, "warm_up", lambda: None)
-    monkeypatch.setattr(bench.Report, "_plot", lambda *_: None)  # what draws is installed with the benchmark alone
+    monkeypatch.setattr(bench.Report, "_plot", lambda *_: None)  # matplotlib is installed only for benchmarks
     for only, found, code in (
         ("large mesh, rough plastic,textured mesh", ["large mesh, rough plastic", "textured mesh"], 0),
         ("large mesh", ["large mesh, diffuse", "large mesh, rough plastic"], 0),

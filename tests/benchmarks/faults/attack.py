@@ -1,4 +1,4 @@
-"""A kind of fault, and one injection of it."""
+"""A kind of fault, and a single injection of it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["KINDS", "Attack", "Kind", "kind"]
 
 @dataclass
 class Attack:
-    """A fault being injected. `since`: time from which the farm can recover, which is the end of a lasting fault."""
+    """A fault being injected. since: the time from which the farm can recover: the fault's start, or its end if it lasts."""
 
     ground: Ground
     stream: Stream
@@ -24,11 +24,11 @@ class Attack:
     since: float = 0.0
 
     def pause(self, least_s: float, most_s: float) -> None:
-        """Waits for a random time while the fault lasts."""
+        """Waits for a random time between the limits while the fault lasts."""
         time.sleep(self.draw.uniform(least_s, most_s))
 
     def over(self) -> None:
-        """Marks the end of the fault: from now on the farm can recover."""
+        """Marks the end of the fault, after which the farm can recover."""
         self.since = time.monotonic()
 
 
@@ -40,7 +40,7 @@ class Kind:
     act: Callable[[Attack], None]
     grounds: tuple[str, ...]
     weight: int
-    harms_films: bool  # the job may end with a sentence that asks to set it to running
+    harms_films: bool  # the job may fail with an error that asks the user to resume it
 
 
 KINDS: dict[str, Kind] = {}
@@ -50,7 +50,10 @@ EVERYWHERE = ("one machine", "another clock", "three hosts")
 def kind(
     name: str, grounds: tuple[str, ...] = EVERYWHERE, weight: int = 2, harms_films: bool = False
 ) -> Callable[[Callable[[Attack], None]], Callable[[Attack], None]]:
-    """Decorator that registers a kind of fault. The function returns when everything except kills is undone."""
+    """Returns a decorator that registers a kind of fault.
+
+    The decorated function must undo everything except kills before it returns.
+    """
 
     def add(act: Callable[[Attack], None]) -> Callable[[Attack], None]:
         KINDS[name] = Kind(name, act, grounds, weight, harms_films)

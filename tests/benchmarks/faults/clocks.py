@@ -8,8 +8,8 @@ from pathlib import Path
 from tests.benchmarks.faults.attack import Attack, kind
 from tests.benchmarks.faults.ground import Ground
 
-# Python runs this before anything else. What measures how long something takes (time.monotonic) stays true, as on a machine
-# whose clock is set. libfaketime does it for every program, but Python's sleep fails (EINVAL) where it leaves that alone.
+# Python runs this file at start. time.monotonic, which measures durations, is unchanged, as on a machine whose clock is set.
+# libfaketime would change every program, but Python's sleep fails (EINVAL) if libfaketime leaves monotonic time unchanged.
 SITE = """
 import os, time
 
@@ -34,7 +34,7 @@ time.time_ns = lambda: _real_ns() + int(_ahead() * 1e9)
 
 
 class ClockGround(Ground):
-    """A `Ground` whose clock is controlled by a file."""
+    """A `Ground` whose clock is set by a file."""
 
     name = "another clock"
 

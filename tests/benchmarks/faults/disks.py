@@ -16,7 +16,7 @@ import psutil
 from tests.benchmarks.faults.attack import Attack, kind
 from tests.benchmarks.faults.ground import UnrecoveredError, stopped
 
-FULL_AT = 4096  # bytes that may be left
+FULL_AT = 4096  # bytes that are left free
 
 
 @kind("the disk is full, then not", weight=3)
@@ -80,7 +80,7 @@ def film_damaged(attack: Attack) -> None:
 
 @contextlib.contextmanager
 def at_rest(attack: Attack) -> Iterator[None]:
-    """Context manager that kills the service and suspends the supervisor that would restart it."""
+    """Kills the service, and suspends the supervisor that would restart it, during the `with` block."""
     ground = attack.ground
     with stopped([psutil.Process(ground.farm.process.pid)]):
         processes = [*ground.spares(), ground.part("service")]

@@ -1,4 +1,4 @@
-"""The frame that is rendered during faults, and its digest without any."""
+"""The frame that is rendered during faults, and its undisturbed digest."""
 
 from __future__ import annotations
 

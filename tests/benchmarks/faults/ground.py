@@ -24,20 +24,20 @@ __all__ = ["OVER", "Ground", "UnrecoveredError", "disk_of"]
 
 PATIENCE_S = 240.0
 DISK_MIB = 192
-OVER = 1 << 62  # samples: more than any job has
+OVER = 1 << 62  # stands for all samples of a finished job
 GUEST = "guest"  # the worker that joined
-# Impatient, and in small steps, so that each fault meets work that is under way.
+# Short timeouts and small batches, so that each fault affects running work.
 SETTINGS = {"RAYFARM_BATCH_SECONDS": "0.25", "RAYFARM_BATCH_DEADLINE": "5", "RAYFARM_MIN_FREE_BYTES": "1000000"}
 
 
 class UnrecoveredError(Exception):
-    """Raised if an awaited condition does not occur."""
+    """Raised if an awaited condition does not occur in time."""
 
 
 class Ground:
     """A farm of two slots and a joined worker of one slot.
 
-    Each has an empty data folder, on a separate disk if this user may mount one.
+    Both have an empty data folder, on a separate disk if this user may mount one.
     """
 
     name = "one machine"
@@ -55,10 +55,10 @@ class Ground:
 
     @classmethod
     def is_possible(cls) -> bool:
-        """Returns True if this machine and user support this test farm."""
+        """Returns whether this machine and user support this test farm."""
         return True
 
-    # --- what an attack may want to know
+    # --- state for attacks
 
     @property
     def url(self) -> str:
@@ -69,11 +69,11 @@ class Ground:
 
     @property
     def redis_url(self) -> str:
-        """Current address of the farm's Redis."""
+        """Current URL of the farm's Redis."""
         return str(json.loads((self.data / "farm.json").read_text())["redis_url"])
 
     def store(self) -> redis.Redis:
-        """A connection to the farm's Redis."""
+        """Returns a new connection to the farm's Redis."""
         return redis.Redis.from_url(self.redis_url, socket_timeout=5, socket_connect_timeout=5)
 
     def part(self, name: str) -> psutil.Process:
@@ -81,12 +81,12 @@ class Ground:
         return psutil.Process(self.farm.pids()[name])
 
     def spares(self) -> list[psutil.Process]:
-        """Returns the processes of loaded spare services."""
+        """Returns the processes of preloaded spare services."""
         known = self.farm.pids()["service"]
         return [p for p in psutil.Process(self.farm.process.pid).children() if p.pid != known and "service.standby" in line(p)]
 
     def slots(self) -> list[psutil.Process]:
-        """The processes that render."""
+        """Returns the processes that render."""
         owners = [self.part("worker")]
         if self._guest is not None:
             owners.append(psutil.Process(self._guest.pid))
@@ -99,22 +99,22 @@ class Ground:
     def film(self, job: str) -> Path:
         return self.data / "films" / f"{job}.sqlite"
 
-    # --- what an attack may want to be done
+    # --- actions for attacks
 
     def look_after(self) -> None:
         """Restarts processes without a supervisor: the joined worker, and `rayfarm up` itself."""
         if self.farm.process.poll() is not None:
-            self.farm.log.replace(self.farm.log.with_suffix(".old.log"))  # it is read for what the new one says
+            self.farm.log.replace(self.farm.log.with_suffix(".old.log"))  # later, only the new log is read
             self.farm = self.start()
-            self.leave()  # it may have another port
+            self.leave()  # the new farm may have another port
         self.join()
 
     def start(self) -> Farm:
-        """Starts the farm."""
+        """Starts the farm and returns it."""
         return start_farm(self.data, 2, **self.environment)
 
     def join(self) -> None:
-        """Starts the joined workers that do not run."""
+        """Starts the joined workers that are not running."""
         if self._guest is None or self._guest.poll() is not None:
             self._guest = self._start_guest()
 
@@ -143,7 +143,7 @@ class Ground:
         if self.has_disk:
             subprocess.run(["umount", "-l", str(self.data)], check=False)
 
-    # --- how far things are
+    # --- progress
 
     def ready(self) -> bool:
         try:
@@ -154,7 +154,7 @@ class Ground:
     def samples(self, job: str) -> int:
         """Returns the job's number of samples; a very large number if the job has ended; -1 if the service does not answer."""
         if self._asks is None or self._asks[0] != self.url:
-            self._asks = self.url, self.client()  # to make one takes longer than to ask
+            self._asks = self.url, self.client()  # creating a client takes longer than a request
         try:
             now = self._asks[1].job(job)
             return OVER if now.is_over else now.samples
@@ -162,10 +162,9 @@ class Ground:
             return -1
 
     def wait(self, true: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> float:
-        """Waits until a condition is true, restarting processes meanwhile; returns the time. patience_s: timeout, counting idle
-        time only.
+        """Waits until a condition is true, restarting processes if needed; returns the time at which it was.
 
-        Raises UnrecoveredError.
+        patience_s: timeout, which counts only idle time. Raises UnrecoveredError after it.
         """
         patience = Patience(patience_s, children)
         while not true():
@@ -180,7 +179,7 @@ class Ground:
 
 
 def line(process: psutil.Process) -> str:
-    """Returns a process' command line; '' if it has ended."""
+    """Returns a process' command line, or '' if the process has ended."""
     try:
         return " ".join(process.cmdline())
     except psutil.Error:
@@ -196,7 +195,7 @@ def disk_of(folder: Path, mib: int) -> bool:
 
 @contextlib.contextmanager
 def stopped(processes: list[psutil.Process]) -> Iterator[None]:
-    """Context manager that suspends processes."""
+    """Suspends processes during the `with` block."""
     for process in processes:
         with contextlib.suppress(psutil.NoSuchProcess):
             process.suspend()

@@ -26,33 +26,33 @@ TUNSETIFF = 0x400454CA
 IFF_TAP, IFF_NO_PI = 0x0002, 0x1000
 CLONE_NEWNET = 0x40000000
 FRAME = 65536
-QUEUE_S = 2.0  # what waits longer for a slow cable is lost
+QUEUE_S = 2.0  # frames that would wait longer for a slow cable are lost
 
 
 @dataclass
 class Cable:
-    """Quality of a host's cable in both directions. rate: bytes per second; None: unlimited."""
+    """Quality of a host's cable in both directions. rate: bytes per second, None for unlimited."""
 
     is_cut: bool = False
     delay_s: float = 0.0
-    uneven_s: float = 0.0  # more delay, up to this: frames overtake each other
+    uneven_s: float = 0.0  # random additional delay up to this, so that frames overtake each other
     loss: float = 0.0
     rate: float | None = None
     busy_until: float = field(default=0.0, compare=False)
 
 
 class Network:
-    """Context manager: hosts that reach each other and this machine. Needs root."""
+    """Simulated network of hosts that reach each other and this machine; a context manager that needs root."""
 
     def __init__(self, prefix: str, hosts: list[str]) -> None:
-        """prefix: of the namespaces' names, at most six letters."""
+        """prefix: of the namespaces' names, at most six letters. hosts: names."""
         self.prefix = prefix
         part = random.SystemRandom().randrange(1, 250)
         self.here = f"10.197.{part}.254"
         self.addresses = {name: f"10.197.{part}.{i}" for i, name in enumerate(hosts, 1)}
         self.cables = {name: Cable() for name in hosts}
         self._by_fd: dict[int, Cable] = {}
-        self._known: dict[bytes, int] = {}  # by address of a device: where it is
+        self._known: dict[bytes, int] = {}  # MAC address -> file descriptor of its tap device
         self._late: list[tuple[float, int, int, bytes]] = []
         self._number = itertools.count()
         self._draw = random.Random(1)
@@ -64,7 +64,7 @@ class Network:
         return f"{self.prefix}-{host}"
 
     def inside(self, host: str) -> list[str]:
-        """Returns the beginning of a command line that runs on a host."""
+        """Returns the prefix of a command line that runs on a host."""
         return ["ip", "netns", "exec", self.namespace(host)]
 
     def __enter__(self) -> Network:
@@ -135,12 +135,15 @@ class Network:
 
 
 def _write(fd: int, frame: bytes) -> None:
-    with contextlib.suppress(OSError):  # its queue is full, or nobody is there: an Ethernet loses frames
+    with contextlib.suppress(OSError):  # the queue is full or the host is down: Ethernet drops the frame
         os.write(fd, frame)
 
 
 def _tap(name: str, namespace: str | None) -> int:
-    """Returns the non-blocking file of a new tap device. Runs in a separate thread, since a namespace belongs to a thread."""
+    """Returns the non-blocking file descriptor of a new tap device.
+
+    Runs in a thread of its own, since a network namespace belongs to a thread.
+    """
     made: list[int] = []
 
     def make() -> None:

@@ -31,7 +31,7 @@ class PairGround(Ground):
     def __init__(self, folder: Path, environment: dict[str, str] | None = None) -> None:
         self._port = free_port("127.0.0.1")
         self._second: subprocess.Popen[bytes] | None = None
-        self._latest = ""  # who answered as the farm
+        self._latest = ""  # URL that last answered as the owner
         self._timers: list[threading.Timer] = []
         super().__init__(folder, environment)
 
@@ -47,11 +47,11 @@ class PairGround(Ground):
             if not self._stands_still(url) and said(url) == "ready":
                 self._latest = url
                 return url
-        self._latest = urls[-1]  # that one is asked first the next time
+        self._latest = urls[-1]  # is tried first next time
         return urls[0]
 
     def _stands_still(self, url: str) -> bool:
-        """Returns True if a service is suspended and would not answer; such waiting does not count as recovery time."""
+        """Returns whether the service is suspended and cannot answer; such waiting does not count as recovery time."""
         with contextlib.suppress(psutil.NoSuchProcess):
             process = self.part("service") if url == self.farm.url else psutil.Process(self._second.pid if self._second else -1)
             return process.status() == psutil.STATUS_STOPPED
@@ -77,7 +77,7 @@ class PairGround(Ground):
         return (own, second) if said(self.farm.url) == "ready" else (second, own)
 
     def later(self, seconds: float, process: psutil.Process) -> None:
-        """Resumes a process after some seconds."""
+        """Resumes a suspended process after some seconds."""
 
         def resume() -> None:
             with contextlib.suppress(psutil.NoSuchProcess):
@@ -123,7 +123,7 @@ PAIRS = (PairGround.name, PostgresPairGround.name)
 
 
 def said(url: str) -> str:
-    """Returns a service's state from /readyz: ready, standing by, or an error."""
+    """Returns the state in a service's /readyz: ready, standing by, or an error."""
     try:
         answer = httpx.get(f"{url}/readyz", timeout=ASK_S).json()
     except (httpx.HTTPError, ValueError) as error:

@@ -11,12 +11,12 @@ import psutil
 
 __all__ = ["Patience", "children"]
 
-MOST = 8.0  # times as long by the clock: a farm that is busy for ever does not come either
+MOST = 8.0  # limit in wall time, as a multiple, since a farm may be busy for ever
 LOOKS_EVERY_S = 1.0
 
 
 class Patience:
-    """Idle time since its creation. If the system does not report the waiting times of threads (no /proc), all time counts."""
+    """A timeout over idle time since its creation; without /proc, which reports waiting times of threads, over all time."""
 
     def __init__(self, seconds: float, processes: Callable[[], list[int]], now: Callable[[], float] = time.monotonic) -> None:
         """seconds: idle time until the timeout. processes: returns the current process ids."""
@@ -29,7 +29,7 @@ class Patience:
 
     @property
     def is_over(self) -> bool:
-        """True if the timeout has passed."""
+        """Whether the timeout has passed."""
         now = self._now()
         if now - self._looked >= LOOKS_EVERY_S:
             busy = self._busy()
@@ -39,7 +39,7 @@ class Patience:
         return self._idle > self._seconds or now - self._begun > MOST * self._seconds
 
     def _busy(self) -> dict[int, float]:
-        """Returns, for each thread, the seconds that it ran or was ready to run."""
+        """Returns thread id -> seconds that the thread ran or was ready to run."""
         found = {}
         for process in self._processes():
             for thread in Path(f"/proc/{process}/task").glob("*"):

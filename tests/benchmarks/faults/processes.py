@@ -23,7 +23,7 @@ def kill(attack: Attack, *processes: psutil.Process) -> None:
     for process in processes:
         with contextlib.suppress(psutil.NoSuchProcess):
             process.send_signal(number)
-    psutil.wait_procs(processes, timeout=20)  # else what an ending service still tells would count as what comes after it
+    psutil.wait_procs(processes, timeout=20)  # otherwise the last results of an ending service would count as recovery
 
 
 def tree(process: psutil.Process) -> list[psutil.Process]:
@@ -107,7 +107,7 @@ def broker_stands(attack: Attack) -> None:
 
 @kind("a second service on the folder, and the owner is killed", grounds=("one machine", "another clock"))
 def two_services(attack: Attack) -> None:
-    """Starts a second service for a while; whichever owns the farm, the farm continues."""
+    """Starts a second service for a while; the farm continues, whichever service owns it."""
     ground = attack.ground
     command = [sys.executable, "-m", "service", "--no-access-log", "--port", "0"]
     owner = ground.part("service")

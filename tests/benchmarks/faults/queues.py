@@ -115,7 +115,7 @@ def version_skew(attack: Attack) -> None:
         newer = said | {"name": "newer", "kind": "9.9.9-ffffffff-x86-64-v3", "gpus": [1], "mood": {"good": True}}
         store.set(worker_key("newer"), json.dumps(newer), ex=HEARTBEAT_TTL_S)
         for event in OLD["events"].values():
-            # Of this job it says no batch: it never got one, and sums that fit would be taken.
+            # For this job only non-batch events are sent: an old batch was never requested, but its sums could be accepted.
             is_batch = event["type"] == "batch"
             fields = {b"event": json.dumps(event if is_batch else event | {"job": attack.job}).encode()}
             if is_batch:

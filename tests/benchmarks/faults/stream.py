@@ -1,4 +1,4 @@
-"""Reads the workers' answers in parallel to the service: finds batches that arrive twice, and answers to send again."""
+"""Reads workers' results in parallel to the service, to find batches that arrive twice and results to send again."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Fields = dict[bytes, bytes]
 
 
 class Stream:
-    """Context manager: a thread that reads the stream of results."""
+    """A thread that reads the stream of results; a context manager."""
 
     def __init__(self, connect: Callable[[], redis.Redis]) -> None:
         self._connect = connect
@@ -31,7 +31,7 @@ class Stream:
         self._forged: list[Fields] = []
         self.latest: deque[Fields] = deque(maxlen=KEPT)
         self.batches = 0
-        self.repeated = 0  # batches of which a sample had come before
+        self.repeated = 0  # batches with samples that had arrived before
 
     def __enter__(self) -> Stream:
         self._thread.start()
@@ -42,7 +42,7 @@ class Stream:
         self._thread.join(15)
 
     def forge(self, store: redis.Redis, fields: Fields) -> None:
-        """Appends a forged answer, which is not counted."""
+        """Appends a forged result, which is not counted."""
         self._forged.append(fields)
         store.xadd(RESULTS, fields)  # type: ignore[arg-type]
 
@@ -55,11 +55,11 @@ class Stream:
                 for _, entries in store.xread({RESULTS: last}, block=300, count=64) or []:  # type: ignore[union-attr, misc]
                     for id, fields in entries:
                         last = id
-                        if (id, fields.get(b"event")) not in self._read:  # after a lost connection all are read again
+                        if (id, fields.get(b"event")) not in self._read:  # after a lost connection all entries are read again
                             self._read.add((id, fields.get(b"event")))
                             self._note(fields)
             except (redis.RedisError, OSError, ValueError):
-                store = None  # it is killed, or another by now, whose entries begin anew
+                store = None  # Redis was killed or replaced, and entry ids start again
                 last = "0"
                 time.sleep(0.1)
 

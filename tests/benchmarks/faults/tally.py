@@ -15,8 +15,10 @@ BEGIN, END = "<!-- faults: made by `farm.py bench faults` -->", "<!-- end of fau
 
 @dataclass
 class Fault:
-    """One fault and its outcome. recovered_s: None if no sample arrived after it. digest_is_right: None if its job did not end.
-    asked: the job had failed with an error message, and was resumed as the message requests.
+    """One fault and its outcome.
+
+    recovered_s: None if no sample arrived after it. digest_is_right: None if its job did not end. asked: the job had failed with
+    an error message, and was resumed as the message asks.
     """
 
     kind: str
@@ -25,7 +27,7 @@ class Fault:
     repeated: int = 0
     digest_is_right: bool | None = None
     asked: bool = False
-    undone: str = ""  # why it could not be done
+    undone: str = ""  # reason why it could not be injected
 
 
 def write(path: Path, faults: list[Fault]) -> None:
@@ -40,7 +42,7 @@ def read(paths: list[Path]) -> list[Fault]:
 
 
 def table(faults: list[Fault]) -> str:
-    """Returns a Markdown table with a row for each kind, and one for all."""
+    """Returns a Markdown table with a row for each kind of fault and one for all."""
     rows = defaultdict(list)
     for fault in faults:
         if not fault.undone:
@@ -71,7 +73,7 @@ def _row(kind: str, faults: list[Fault]) -> str:
 
 
 def into_page(page: Path, text: str) -> None:
-    """Replaces the text between two marks of a page."""
+    """Replaces the text between two markers in a documentation page."""
     before, _, rest = page.read_text().partition(BEGIN)
     if not rest:
         raise SystemExit(f"{page} has no place for the table: a line {BEGIN}, and one {END}")

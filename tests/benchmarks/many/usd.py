@@ -18,7 +18,7 @@ _PICTURE = 'def Shader "T" {{ uniform token info:id = "UsdUVTexture"\nasset inpu
 
 
 def _stage(inside: str, head: str = "") -> Files:
-    """Returns a layer with these statements."""
+    """Returns the files of a layer with these statements."""
     return {"a.usda": f"#usda 1.0\n({head})\n{inside}".replace(" }", "\n}").encode()}
 
 
@@ -63,7 +63,7 @@ def instances(n: int) -> Files:
 
 
 def prototypes(n: int) -> Files:
-    """A PointInstancer with as many prototypes as points."""
+    """Returns a PointInstancer with n prototypes and n points."""
     places = ", ".join(f"({i}, 0, 0)" for i in range(n))
     targets = ", ".join(f"</p/m{i}>" for i in range(n))
     return _stage(

@@ -26,7 +26,7 @@ def _cut(data: bytes, dice: random.Random) -> bytes:
 
 
 def _swapped(data: bytes, dice: random.Random) -> bytes:
-    """Swaps two tokens, or two parts of a binary file."""
+    """Returns the data with two tokens, or two parts of a binary file, swapped."""
     tokens = [m.span() for m in _TOKEN.finditer(data, 0, 200_000)]
     if len(tokens) > 8:
         (a, b), (c, d) = sorted(dice.sample(tokens, 2))
@@ -50,7 +50,7 @@ def _dropped(data: bytes, dice: random.Random) -> bytes:
 
 
 def _huge(data: bytes, dice: random.Random) -> bytes:
-    """Replaces a number by an invalid or far too large one; four bytes of a binary file."""
+    """Returns the data with a number, or four bytes of a binary file, replaced by an invalid or far too large value."""
     numbers = [m.span() for m in _NUMBER.finditer(data, 0, 200_000)]
     if numbers and dice.random() < 0.8:
         a, b = dice.choice(numbers)

@@ -42,7 +42,7 @@ def _pixels() -> np.ndarray:
 
 
 def pictures() -> dict[str, bytes]:
-    """Returns a small picture in every texture format that can be written here."""
+    """Returns a small picture in every texture format that this machine can write, by file name."""
     made: dict[str, bytes] = {}
     for suffix, form in (
         ("png", "PNG"),
@@ -58,7 +58,7 @@ def pictures() -> dict[str, bytes]:
         out = io.BytesIO()
         Image.fromarray(_pixels()).convert("RGBA" if form in ("PNG", "WEBP", "TGA", "DDS") else "RGB").save(out, form)
         made[f"a.{suffix}"] = out.getvalue()
-    # A DDS of four by four blocks of BC5: a normal map of two channels.
+    # A DDS of 4 x 4 blocks of BC5: a two-channel normal map.
     header = struct.pack("<4s7I44x2I4s20xI16x", b"DDS ", 124, 0x81007, SIZE, SIZE, SIZE * SIZE, 0, 0, 32, 4, b"ATI2", 0x1000)
     made["bc5.dds"] = header + bytes(range(256))[: SIZE * SIZE]
     light = _pixels()[..., :3].astype(np.float32) / 64
@@ -86,7 +86,7 @@ def pictures() -> dict[str, bytes]:
 
 
 def textures() -> list[Seed]:
-    """Returns a square with each of the pictures as its texture."""
+    """Returns scenes of a square, each with one of the pictures as its texture."""
     scene = "shapes: [{{type: quad, material: m}}]\ntextures: {{t: {{image: {0}}}}}\nmaterials: {{m: {{texture: t}}}}\n"
     lit = "shapes: [{{type: sphere}}]\nenvironment: {{image: {0}}}\n"
     found: list[Seed] = []
@@ -162,7 +162,7 @@ def zips(scene: dict[str, bytes]) -> list[Seed]:
 
 
 def blends() -> list[Seed]:
-    """Returns .blend files, uncompressed and compressed; none without Blender."""
+    """Returns .blend files saved by Blender, uncompressed and compressed; an empty list if Blender is not installed."""
     python = python_with_bpy()
     if python is None:
         return []

@@ -25,7 +25,7 @@ _NUMBER = 8
 
 @dataclass(frozen=True)
 class Came:
-    """The outcome of the number-th file; None if the child was lost."""
+    """The outcome of the number-th file; None if the child process was lost."""
 
     number: int
     seconds: float
@@ -34,7 +34,7 @@ class Came:
 
 @dataclass
 class _Child:
-    """A child process that reads files: it receives a number, and answers with a line."""
+    """A child process that reads files: it receives numbers, and answers each with a line."""
 
     slot: int
     child: int

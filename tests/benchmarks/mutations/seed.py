@@ -12,15 +12,15 @@ from tests.benchmarks.mutations.damage import damaged
 __all__ = ["Seed", "draw", "kind_of", "packed"]
 
 _MOSTLY = 0.75
-# Shares of the formats in a campaign, where one is not as large as the others': Blender takes seconds for each of its files.
+# Relative frequency of formats in a campaign, if not 1: Blender takes seconds per file.
 _SHARES = {".blend": 0.2}
 
 
 class Seed(NamedTuple):
     """The main file's name, and all files.
 
-    victims: the files that are damaged most often instead of the main one. is_package: the files are packed into the main file
-    after one was damaged.
+    victims: files that are damaged most often, in place of the main file. is_package: the files are packed into the main file
+    after one of them was damaged.
     """
 
     main: str
@@ -35,7 +35,7 @@ def kind_of(number: int, seed: int, seeds: dict[str, list[Seed]]) -> str:
 
 
 def draw(number: int, seed: int, seeds: dict[str, list[Seed]]) -> tuple[str, str, dict[str, bytes], str]:
-    """Returns format, main file, all files and description of the damage, of the number-th file of a campaign."""
+    """Returns (format, main file, all files, description of the damage) of the number-th file of a campaign."""
     dice = random.Random(f"{seed}:{number}")
     kind = _kind(dice, seeds)
     chosen = dice.choice(seeds[kind])
@@ -47,7 +47,7 @@ def draw(number: int, seed: int, seeds: dict[str, list[Seed]]) -> tuple[str, str
 
 
 def packed(main: str, parts: dict[str, bytes]) -> dict[str, bytes]:
-    """Returns the parts packed into a zip as the main file."""
+    """Returns a zip of the parts as the main file."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in parts.items():

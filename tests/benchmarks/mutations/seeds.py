@@ -1,4 +1,4 @@
-"""Small valid files of every format with many features, which are damaged."""
+"""Small valid files of every format with many features, as input for damage."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from tests.renderer.scene.test_threemf import RELATIONS, model, package, solid
 
 __all__ = ["from_folders", "seeds"]
 
-_LARGEST = 60_000  # bytes of a file that is taken from a folder
-_OF_ONE = 6  # files of one suffix
+_LARGEST = 60_000  # largest file taken from a folder, in bytes
+_OF_ONE = 6  # files per suffix
 _FBX = Path(__file__).parents[2] / "data" / "fbx" / "kit.fbx"
 _STL = (
     "solid a\n"

@@ -9,20 +9,20 @@ from pathlib import Path
 __all__ = ["OUTCOMES", "Tally", "into_page", "table"]
 
 BEGIN, END = "<!-- mutations: made by `farm.py bench mutations` -->", "<!-- end of mutations -->"
-# What may come of a file: in the order of the table's columns.
+# The possible outcomes, in the order of the table's columns.
 OUTCOMES = ("read", "refused", "refused by the net", "too large", "too slow", "child crashed")
 
 
 @dataclass
 class Tally:
-    """The outcomes of one format's files."""
+    """The outcomes of the files of one format."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     slowest_s: float = 0.0
     most_bytes: int = 0
 
     def add(self, outcome: str, seconds: float, memory: int) -> None:
-        """Adds an outcome."""
+        """Counts one outcome, and its time and memory."""
         self.outcomes[outcome] += 1
         self.slowest_s, self.most_bytes = max(self.slowest_s, seconds), max(self.most_bytes, memory)
 
@@ -32,7 +32,7 @@ class Tally:
 
 
 def table(found: dict[str, Tally]) -> str:
-    """Returns a Markdown table with a row for each format, and one for all."""
+    """Returns a Markdown table with a row for each format and one for all."""
     head = ["format", "files", *OUTCOMES, "slowest", "most memory of a child"]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     whole = Tally()
@@ -48,7 +48,7 @@ def _row(name: str, tally: Tally) -> str:
 
 
 def into_page(page: Path, text: str) -> None:
-    """Replaces the text between two marks of a page."""
+    """Replaces the text between two markers in a documentation page."""
     before, _, rest = page.read_text().partition(BEGIN)
     if not rest:
         raise SystemExit(f"{page} has no place for the table: a line {BEGIN}, and one {END}")

@@ -20,7 +20,7 @@ _SCRIPT = Path(__file__).with_name("one_side.py")
 
 
 class _Side:
-    """A process that renders one scene with the renderer of a working tree."""
+    """A process that renders a scene with the renderer of one working tree."""
 
     def __init__(self, tree: Path, name: str, size: str, spp: int) -> None:
         command = [sys.executable, str(_SCRIPT), name, size, str(spp)]
@@ -33,7 +33,9 @@ class _Side:
         return self._process.stdout.readline().strip()
 
     def render(self, seed: int) -> Taken:
-        """Renders once; the clock's time is that of the processor, which other work on the machine changes less."""
+        """Renders once and returns the time; wall time is replaced by processor time, which other work on the machine
+        affects less.
+        """
         assert self._process.stdin is not None
         self._process.stdin.write(f"{seed}\n")
         self._process.stdin.flush()
@@ -49,7 +51,7 @@ class _Side:
 
 @contextlib.contextmanager
 def _working_tree(commit: str, folder: Path) -> Iterator[Path]:
-    """Checks out a commit below a temporary folder."""
+    """Checks out a commit below a temporary folder during the `with` block."""
     tree = folder / "against"
     subprocess.run(["git", "worktree", "add", "--quiet", "--detach", str(tree), commit], cwd=ROOT, check=True)
     try:

@@ -15,7 +15,7 @@ __all__ = ["Peer"]
 
 
 class Peer:
-    """Context manager: a program of this folder, run by another Python."""
+    """A program of this folder run by another Python; a context manager."""
 
     def __init__(self, python: Path, program: str) -> None:
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed with the block
@@ -30,7 +30,7 @@ class Peer:
         )
 
     def ask(self, do: str, **arguments: Any) -> dict[str, Any]:
-        """Returns the answer to a request. Raises RuntimeError with the end of the peer's error output if it fails."""
+        """Returns the peer's answer to a request; if it fails, raises RuntimeError with the end of the peer's error output."""
         assert self._process.stdin and self._process.stdout
         try:
             self._process.stdin.write(json.dumps({"do": do, **arguments}) + "\n")

@@ -1,7 +1,7 @@
 """Row `cold`: waiting times with an empty kernel cache, alone and for a worker that joins a farm with kernels. No peer.
 
-The first is measured from the start of a farm to the first tile of a job, the second from the start of `rayfarm worker --join`
-with an empty cache, which fetches the kernels, until the farm reports the worker as ready.
+The first time is measured from the start of a farm to the first tile of a job, the second from the start of `rayfarm worker
+--join` with an empty cache, which fetches the kernels, until the farm reports the worker as ready.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _FIRST, _JOINS = "empty cache to the first tile", "a worker joins a farm that ha
 
 
 def cold_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields two lines; compiling takes too long for many rounds of the first."""
+    """Yields two lines; the first has few rounds, since compiling takes long."""
     cache = folder / "cache"
     if sizes.wants(_FIRST):
         first = []
@@ -67,7 +67,7 @@ def _until_handed_in(farm: Farm, cache: Path) -> None:
 
 
 def _join(farm: Farm, cache: Path) -> float:
-    """Returns the seconds until a worker with an empty cache is ready, and ends the worker."""
+    """Returns the seconds until a worker with an empty cache is ready; ends the worker."""
     command = [sys.executable, "-m", "rayfarm", "worker", "--join", farm.url, "--slots", "1", "--name", _NAME]
     environment = {**os.environ, "RAYFARM_TOKEN": farm.token, "RAYFARM_CACHE": str(cache)}
     begun = time.perf_counter()

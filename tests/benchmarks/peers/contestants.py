@@ -18,7 +18,7 @@ from tests.peers.mitsuba_scene import mitsuba_dict
 
 __all__ = ["Mitsuba", "Rayfarm", "converged"]
 
-_AT_ONCE = 256  # samples a pixel of a part of a reference
+_AT_ONCE = 256  # samples per pixel of each part of a reference picture
 
 
 class Rayfarm:
@@ -54,13 +54,13 @@ class Mitsuba:
 
 
 def converged(picture: Callable[[int, int], np.ndarray], spp: int) -> np.ndarray:
-    """Returns the mean of pictures with separate seeds, of that many samples in total."""
+    """Returns the mean of pictures with different seeds that have `spp` samples in total."""
     parts = max(1, spp // _AT_ONCE)
     return np.mean([picture(min(spp, _AT_ONCE), 1000 + part) for part in range(parts)], axis=0)
 
 
 def _shared(made: dict[str, Any]) -> dict[str, Any]:
-    """Returns the scene with each material once, and without back faces, which no view shows."""
+    """Returns the scene with shared materials, and without back faces, which no view shows."""
     names: dict[int, str] = {}
     scene: dict[str, Any] = {}
     for key, part in made.items():

@@ -1,6 +1,6 @@
 """Row `cycles`: a GLB file of textured objects in a white world, rendered by Cycles and by Rayfarm.
 
-Cycles' preparation is not counted: its scene is kept between pictures, and the time of one sample is subtracted.
+Cycles' preparation is not counted: it caches its scene between pictures, and the time of one sample is subtracted.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ __all__ = ["cycles_lines"]
 _NAME = "textured objects"
 _SAMPLES, _ERROR = "samples a second", "error in the same time"
 _WHITE = (1.0, 1.0, 1.0)
-_ONES = 5  # pictures of one sample, of which the quickest counts
+_ONES = 5  # pictures of one sample; the fastest is subtracted
 
 
 def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterator[Line]:
-    """Yields samples per second, and the error at equal time. kept: as in `error_lines`."""
+    """Yields the lines for samples per second and for the error at equal time. kept: as in `error_lines`."""
     if not (sizes.wants(_SAMPLES) or sizes.wants(_ERROR)):
         return
     glb = textured_objects(folder / "objects.glb", sizes.small_mesh // 8, sizes.texture)
@@ -53,7 +53,7 @@ def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterat
             took = cycles.ask("render", samples=1 + spp, seed=seed)
             return Taken(took["wall"] - one["wall"], took["cpu"] - one["cpu"])
 
-        plain = Rayfarm(case, sizes.picture, environment=_WHITE, splitting=1)  # the same work as theirs
+        plain = Rayfarm(case, sizes.picture, environment=_WHITE, splitting=1)  # splitting 1 does the same work as Cycles
         plain.picture(1, 0)
         ours.picture(1, 0)
         picture(1, 0)

@@ -14,12 +14,14 @@ from tests.peers.cycles_render import prepare
 def load(glb: str, size: int, max_depth: int, sky: list[float]) -> dict[str, Any]:
     """Loads a file with its camera."""
     prepare(glb, size, max_depth, sky)
-    bpy.context.scene.render.use_persistent_data = True  # a scene once built is kept: pictures take their samples' time alone
+    bpy.context.scene.render.use_persistent_data = (
+        True  # the built scene is cached, so that pictures take only their samples' time
+    )
     return {"version": bpy.app.version_string}
 
 
 def render(samples: int, seed: int, exr: str = "") -> dict[str, Any]:
-    """Renders the loaded scene."""
+    """Renders the loaded scene to an EXR file, and returns the time."""
     scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = samples, seed
     scene.render.filepath = exr

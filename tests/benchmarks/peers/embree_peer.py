@@ -20,11 +20,11 @@ def build(mesh: str) -> dict[str, Any]:
     if _kept.get("mesh") != mesh:
         with np.load(mesh) as file:
             _kept.update(mesh=mesh, position=file["position"], triangle=file["triangle"])
-    scene = EmbreeScene()  # medium quality, not robust: Embree's defaults
+    scene = EmbreeScene()  # Embree's defaults: medium quality, not robust
     _kept.update(shape=TriangleMesh(scene, _kept["position"], _kept["triangle"]), scene=scene)
     nowhere = np.full((1, 3), 1e6, np.float32), np.ones((1, 3), np.float32)
     begun, used = time.perf_counter(), time.process_time()
-    scene.run(*nowhere)  # the first ray has the scene committed
+    scene.run(*nowhere)  # the first ray commits the scene
     return {"wall": time.perf_counter() - begun, "cpu": time.process_time() - used}
 
 

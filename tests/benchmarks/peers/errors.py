@@ -1,7 +1,7 @@
 """Rows `error-time` and `error-samples`: the noise of pictures compared with Mitsuba's best sampler, multijitter.
 
-Each side is compared with its own converged picture, so that different material models do not matter. At equal time, Rayfarm
-takes as many samples as it renders in Mitsuba's time for its number of samples, which is a square.
+Each renderer is compared with its own converged picture, so that different material models do not matter. At equal time, Rayfarm
+takes as many samples as it renders in Mitsuba's time for its number of samples, which is a square number.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tests.benchmarks.peers.sizes import Sizes
 
 __all__ = ["error_lines"]
 
-_NOT_ASKED = ("large mesh, rough plastic",)  # its noise is the diffuse one's
+_NOT_ASKED = ("large mesh, rough plastic",)  # has the same noise as its diffuse variant
 
 
 def error_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterator[Line]:
@@ -44,7 +44,7 @@ def _lines(name: str, case: Case, references: References, folder: Path) -> Itera
 
 
 def _times_faster(case: Case, sizes: Sizes, folder: Path) -> float:
-    """Returns the ratio of wall times, on a picture as large as in row `samples`, where Mitsuba's start-up matters little."""
+    """Returns Mitsuba's wall time over ours, for a picture of row `samples`' size, so that Mitsuba's start-up matters little."""
     ours, theirs = Rayfarm(case, sizes.picture), Mitsuba(case, sizes.picture, "multijitter", folder)
     spp = sizes.error_spp
     ours.picture(1, 0)

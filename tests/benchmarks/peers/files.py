@@ -18,7 +18,7 @@ _TILT = 18.0
 
 
 def textured_objects(path: Path, triangles: int, texture: int) -> Path:
-    """Writes a model on the ground: rings and bumpy balls with textures, rough, glossy and metallic, and a camera."""
+    """Writes a GLB of textured rings and bumpy balls on the ground, rough, glossy and metallic, and a camera."""
     glb = Glb()
     looks = [(0.0, 0.9), (0.0, 0.4), (1.0, 0.35), (0.0, 0.2)]
     materials = []
@@ -43,7 +43,7 @@ def textured_objects(path: Path, triangles: int, texture: int) -> Path:
 
 
 def large_file(path: Path, triangles: int) -> Path:
-    """Writes one mesh with normals and UVs."""
+    """Writes a GLB of one mesh with normals and UVs."""
     glb = Glb()
     gray = glb.add("materials", {"pbrMetallicRoughness": {"baseColorFactor": [0.7, 0.7, 0.7, 1], "metallicFactor": 0}})
     glb.add_node(mesh=_add(glb, displaced_sphere(triangles), gray))

@@ -1,6 +1,6 @@
 """Row `formats`: one mesh in each format that can store it, from the file to a renderable scene. No peer.
 
-Measured as in `ready`, but by the processor time of all processes, since Blender is a separate one.
+Measured as in row `ready`, but by the processor time of all processes, since Blender is a separate one.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _usdc(path: Path, mesh: Mesh) -> None:
 
 
 def _fbx(path: Path, mesh: Mesh) -> None:
-    """Writes FBX 7.4 as exporters do: arrays deflated, normals and UVs per corner."""
+    """Writes FBX 7.4 as exporters do: compressed arrays, and normals and UVs per corner."""
     points, normals, uvs, triangles = _arrays(mesh)
 
     def array(code: bytes, values: np.ndarray) -> bytes:
@@ -178,7 +178,7 @@ def _blend(is_compressed: bool) -> Callable[[Path, Mesh], None]:
     return write
 
 
-# By what a file of it is called.
+# File name -> function that writes the mesh in its format.
 WRITERS: dict[str, Callable[[Path, Mesh], object]] = {
     "a.glb": lambda path, mesh: large_file(path, len(mesh.triangles)),
     "a.ply": _ply,

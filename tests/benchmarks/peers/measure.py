@@ -13,13 +13,13 @@ import numpy as np
 
 __all__ = ["Line", "Race", "Taken", "error_line", "geometric_mean", "race", "ratio_line", "relative_error", "taken"]
 
-_TRIMMED = 0.001  # of the pixels, those that are farthest off: a firefly would be all that is measured
-_FLOOR = 0.01  # of the reference's mean square: what black pixels are measured against
+_TRIMMED = 0.001  # share of pixels with the largest errors that is ignored, so that fireflies do not dominate
+_FLOOR = 0.01  # share of the reference's mean square that is added, for black pixels
 
 
 @dataclass(frozen=True)
 class Taken:
-    """Wall seconds, and processor seconds of all threads; the latter NaN if unknown."""
+    """Wall seconds and processor seconds of all threads; the latter are NaN if unknown."""
 
     wall: float
     cpu: float = math.nan
@@ -27,7 +27,7 @@ class Taken:
 
 @dataclass
 class Line:
-    """A line of the table: `value` is compared with the target, `spread` is the minimum and maximum over the rounds.
+    """A line of the table. value: compared with the target. spread: minimum and maximum over the rounds.
 
     ours, peers: the measurements by round, in `unit`. notes: further figures by name.
     """
@@ -59,24 +59,24 @@ class Race:
 
     @property
     def seconds(self) -> tuple[list[float], list[float]]:
-        """Seconds of both sides: (ours, theirs)."""
+        """Times of both sides by round: (ours, theirs)."""
         return [getattr(t, self.clock) for t in self.ours], [getattr(t, self.clock) for t in self.theirs]
 
     @property
     def ratios(self) -> list[float]:
-        """Ratio of their time to ours, by round."""
+        """Their time divided by ours, by round."""
         return [b / a for a, b in zip(*self.seconds, strict=True)]
 
     @property
     def cpu_ratio(self) -> float:
-        """The ratio of processor times in the fastest rounds, which depends less on other work of the machine."""
+        """Ratio of processor times in the fastest rounds, which depends less on other work of the machine."""
         return min(t.cpu for t in self.theirs) / min(t.cpu for t in self.ours)
 
 
 def race(
     ours: Callable[[int], Taken], theirs: Callable[[int], Taken], rounds: int, clock: Literal["wall", "cpu"] = "wall"
 ) -> Race:
-    """Runs both sides in alternating order; each receives the round's number."""
+    """Runs both sides in alternating order; each function gets the round's number."""
     results = Race([], [], clock)
     for number in range(rounds):
         sides = [(ours, results.ours), (theirs, results.theirs)]
@@ -93,7 +93,7 @@ def ratio_line(
 
 
 def error_line(row: str, name: str, ours: Sequence[float], peers: Sequence[float], **notes: Any) -> Line:
-    """Returns a line with the ratio of the peer's mean error to ours; rounds are not paired, since their seeds are unrelated."""
+    """Returns a line with the peer's mean error divided by ours; rounds are not paired, since their seeds are unrelated."""
     return ratio_line(row, name, [statistics.fmean(peers) / error for error in ours], "relMSE", ours, peers, **notes)
 
 
@@ -103,7 +103,7 @@ def geometric_mean(values: Sequence[float]) -> float:
 
 
 def relative_error(picture: np.ndarray, reference: np.ndarray) -> float:
-    """Returns the mean squared error relative to the reference's square, without the largest 0.1 % of the pixels."""
+    """Returns the mean squared error relative to the reference's square, ignoring the 0.1 % of pixels with the largest errors."""
     truth = reference.astype(np.float64)
     square = np.square(truth).mean(-1)
     each = np.square(picture.astype(np.float64) - truth).mean(-1) / (square + _FLOOR * square.mean())

@@ -12,7 +12,7 @@ __all__ = ["checks", "displaced_sphere", "torus"]
 
 
 def displaced_sphere(triangles: int, material: int = 0) -> Mesh:
-    """Returns a bumpy sphere of radius about 1 with about that many triangles, smooth normals and UVs."""
+    """Returns a bumpy sphere of radius about 1 with about `triangles` triangles, smooth normals and UVs."""
     rows = max(4, round(math.sqrt(triangles / 4)))
     columns = 2 * rows
     theta, phi = np.meshgrid(np.linspace(0, math.pi, rows + 1), np.linspace(0, 2 * math.pi, columns + 1), indexing="ij")
@@ -23,7 +23,7 @@ def displaced_sphere(triangles: int, material: int = 0) -> Mesh:
 
 
 def torus(triangles: int, material: int = 0, winding: float = 3.0) -> Mesh:
-    """Returns a ring whose tube varies in radius, with about that many triangles, smooth normals and UVs."""
+    """Returns a torus with varying tube radius, about `triangles` triangles, smooth normals and UVs."""
     rows = max(4, round(math.sqrt(triangles / 4)))
     u, v = np.meshgrid(np.linspace(0, 2 * math.pi, 2 * rows + 1), np.linspace(0, 2 * math.pi, rows + 1), indexing="ij")
     tube = 0.32 + 0.08 * np.sin(winding * u)
@@ -42,8 +42,9 @@ def checks(size: int, seed: int = 0) -> Image:
 
 
 def _grid(name: str, points: np.ndarray, material: int, poles: bool = False) -> Mesh:
-    """Returns a mesh over a grid of points (rows + 1, columns + 1, 3), facing along rows x columns; poles: its ends are single
-    points.
+    """Returns a mesh over a grid of points (rows + 1, columns + 1, 3), facing along rows x columns.
+
+    poles: the first and last rows are single points.
     """
     rows, columns = points.shape[0] - 1, points.shape[1] - 1
     corner = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
@@ -69,7 +70,7 @@ def _grid(name: str, points: np.ndarray, material: int, poles: bool = False) -> 
 
 
 def _vertex_normals(positions: np.ndarray, triangles: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """Returns the mean normals of the faces around each grid point; the first and last columns coincide."""
+    """Returns the mean face normal at each grid point; the first and last columns coincide."""
     corner = positions[triangles]
     face = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     total = np.stack([np.bincount(triangles.ravel(), np.repeat(face[:, k], 3), len(positions)) for k in range(3)], -1).reshape(

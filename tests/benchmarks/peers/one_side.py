@@ -20,13 +20,13 @@ from tests.benchmarks.peers.sizes import FULL, QUICK
 
 
 def main() -> None:
-    """Serves rounds until standard input ends."""
+    """Renders on request until standard input ends."""
     name, size, spp = sys.argv[1:]
     sizes = QUICK if size == "quick" else FULL
     case = CASES[name](sizes)
     scene, settings = compile_scene(case.description), case.settings(sizes.picture, splitting=1)
     stats = RenderStats()
-    render_frame(scene, settings, 1, stats=stats)  # compiles
+    render_frame(scene, settings, 1, stats=stats)  # compiles the kernel
     print("ready", flush=True)
     for line in sys.stdin:
         begun = time.process_time()

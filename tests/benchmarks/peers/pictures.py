@@ -1,4 +1,4 @@
-"""Row `samples`: samples per second compared with Mitsuba's, which uses its fastest sampler, independent; ours is Sobol'."""
+"""Row `samples`: samples per second compared with Mitsuba's with its fastest sampler, independent; ours is Sobol'."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def sample_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
 
 
 def _line(name: str, case: Case, sizes: Sizes, folder: Path) -> Line:
-    """Measures one scene after a warm-up of both sides, which do equal work: one sample of each kind per vertex."""
+    """Returns a scene's line, measured after a warm-up. Both sides do equal work: one sample of each kind per vertex."""
     ours, theirs = Rayfarm(case, sizes.picture, splitting=1), Mitsuba(case, sizes.picture, "independent", folder)
     spp = sizes.spp
     ours.picture(1, 0)

@@ -10,7 +10,7 @@ __all__ = ["trace_any", "trace_closest"]
 
 @entry
 def trace_closest(bvh, stack, origin, direction, reach, distance, primitive):
-    """Fills in each ray's hit distance, in lengths of its direction, and the primitive that it hits (-1: none)."""
+    """Writes each ray's hit distance, in lengths of its direction, and the hit primitive, -1 for none."""
     for i in range(len(origin)):
         o = (origin[i, 0], origin[i, 1], origin[i, 2])
         d = (direction[i, 0], direction[i, 1], direction[i, 2])
@@ -21,7 +21,7 @@ def trace_closest(bvh, stack, origin, direction, reach, distance, primitive):
 
 @entry
 def trace_any(bvh, stack, origin, direction, reach, met):
-    """Fills in 0 for each ray that hits anything, -1 for the others."""
+    """Writes 0 for each ray that hits anything, and -1 for the others."""
     for i in range(len(origin)):
         o = (origin[i, 0], origin[i, 1], origin[i, 2])
         d = (direction[i, 0], direction[i, 1], direction[i, 2])

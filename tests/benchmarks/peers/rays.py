@@ -1,7 +1,7 @@
 """Row `rays`: closest and any hit on one thread compared with Embree; row `build`: the BVH on all cores.
 
 embreex offers neither packets nor streams: its C loop calls rtcIntersect1 or rtcOccluded1 once per ray, as ours calls its own
-traversal. Each side reads the rays from an array and writes the hits to another. Time is processor time.
+traversal. Both sides read the rays from an array and write the hits to another. Time is processor time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["build_lines", "ray_lines"]
 
 _FAR = np.float32(1e30)
 _WHOLE = np.float32(1.0)
-_ALIKE = 1e-3  # of the rays may meet something on one side alone: those that graze an edge
+_ALIKE = 1e-3  # share of rays that may hit on one side only: those that graze an edge
 _NO_SPHERES = np.zeros((0, 4), np.float32)
 _BUILT = "large mesh"
 
@@ -34,7 +34,7 @@ Rays = tuple[np.ndarray, np.ndarray]
 
 
 def ray_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields ten lines: two meshes; camera, random and bounced rays for the closest hit, random and bounced ones for any hit."""
+    """Yields ten lines, five per mesh: camera, random and bounce rays for closest hit, random and bounce rays for any hit."""
     with Peer(python_with_embree(), "embree_peer") as embree:
         for name, triangles in (("small mesh", sizes.small_mesh), ("large mesh", sizes.large_mesh)):
             if not sizes.wants(name):
@@ -48,7 +48,7 @@ def ray_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
             for query, names in (("closest", ("camera", "random", "bounce")), ("any", ("random", "bounce"))):
                 for kind in (kind for kind in names if sizes.wants(f"{name}, {query} hit, {kind}")):
                     file = str(folder / f"{name}-{kind}.npz")
-                    to_a_point = query == "any" and kind == "random"  # as a shadow ray goes
+                    to_a_point = query == "any" and kind == "random"  # like shadow rays
                     reach = _WHOLE if to_a_point else _FAR
                     yield _line(f"{name}, {query} hit, {kind}", sizes.rounds, bvh, embree, query, kinds[kind], file, reach)
 
@@ -71,7 +71,7 @@ def _line(name: str, rounds: int, bvh: Bvh, embree: Peer, query: str, rays: Rays
         told = ask()
         return Taken(told["wall"], told["cpu"])
 
-    ours()  # compiled, and both sides' memory touched, before the clock starts
+    ours()  # compiles, and touches both sides' memory, before timing starts
     hits = int((met >= 0).sum()), ask()["hits"]
     if abs(hits[0] - hits[1]) > _ALIKE * count:
         raise RuntimeError(f"{name}: of {count} rays {hits[0]} hit here and {hits[1]} in Embree; they do not do the same work")
@@ -82,7 +82,7 @@ def _line(name: str, rounds: int, bvh: Bvh, embree: Peer, query: str, rays: Rays
 
 
 def build_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields the build times of our 8-wide tree and of Embree's; copying the mesh into Embree is not counted."""
+    """Yields the build times of our 8-wide tree and of Embree's, without copying the mesh to Embree."""
     if not sizes.wants(_BUILT):
         return
     mesh, path = _mesh(sizes.large_mesh, folder)
@@ -105,8 +105,10 @@ def _mesh(triangles: int, folder: Path) -> tuple[Any, Path]:
 
 
 def _rays(bvh: Bvh, position: np.ndarray, triangle: np.ndarray, count: int) -> dict[str, Rays]:
-    """Returns rays by kind. camera: from one eye, in raster order. random: between two points of the bounding sphere. bounce:
-    from the camera rays' hits, cosine distributed about the face's normal.
+    """Returns rays by kind.
+
+    camera: from one eye, in raster order. random: between two points of the bounding sphere. bounce: from the camera rays' hits,
+    cosine-distributed about the face normal.
     """
     rng = np.random.default_rng(0)
     radius = float(np.linalg.norm(position, axis=1).max())

@@ -15,7 +15,7 @@ from tests.benchmarks.peers.sizes import Sizes
 
 __all__ = ["OURS", "References"]
 
-OURS = f"ours {kind()}"  # a side that is another one with each change of what renders
+OURS = f"ours {kind()}"  # changes with every change of the renderer
 _MADE_BY = ("contestants.py", "cycles.py", "files.py", "meshes.py", "scenes.py")
 
 

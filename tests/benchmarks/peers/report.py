@@ -25,7 +25,7 @@ class Verdict:
 
     @property
     def met(self) -> bool:
-        """True if the target is met."""
+        """Whether the target is met."""
         return self.goal.met(self.value)
 
     def __str__(self) -> str:
@@ -47,7 +47,7 @@ class Report:
     only: tuple[str, ...] = ()
 
     def rows(self) -> dict[str, list[Line]]:
-        """The lines of each row, in the table's order."""
+        """Returns the lines of each row, in the table's order."""
         return {row: lines for row in TABLE if (lines := [line for line in self.lines if line.row == row])}
 
     def verdicts(self) -> Iterable[Verdict]:
@@ -62,7 +62,7 @@ class Report:
                 yield Verdict(row, "geometric mean", geometric_mean(together), target.mean)
 
     def text(self) -> str:
-        """Returns the whole table, followed by the missed targets."""
+        """Returns the whole table as text, followed by the missed targets."""
         said = {(v.row, v.name): v for v in self.verdicts()}
         parts = [", ".join(f"{key} {value}" for key, value in self.machine.items())]
         for row, lines in self.rows().items():

@@ -20,7 +20,7 @@ from tests.benchmarks.peers.sizes import Sizes
 
 __all__ = ["scaling_lines"]
 
-_PICTURE = 128  # pixels across where it is not they that are counted
+_PICTURE = 128  # width in pixels, except where pixels are varied
 _MOST_ROUNDS = 3
 
 

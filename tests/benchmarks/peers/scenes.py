@@ -1,4 +1,4 @@
-"""The scenes rendered by Rayfarm and Mitsuba, with the differences of Mitsuba's description."""
+"""Scenes rendered by both Rayfarm and Mitsuba, with the changes that Mitsuba's description needs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _GOLD = {"eta": (0.143, 0.375, 1.442), "k": (3.983, 2.386, 1.603)}
 class Case:
     """A scene and its view.
 
-    twin: the description converted for Mitsuba instead, if it has no equal material. theirs: modifies Mitsuba's scene dictionary
+    twin: the description to convert for Mitsuba instead, if it has no equal material. theirs: modifies Mitsuba's scene dictionary
     where its parameters differ.
     """
 
@@ -44,7 +44,7 @@ class Case:
 
 
 def cornell_box(sizes: Sizes) -> Case:
-    """Returns the Cornell box; Mitsuba renders the one shipped with it."""
+    """Returns the Cornell box; Mitsuba renders the one that it includes."""
 
     def shipped(mi: Any, made: dict[str, Any]) -> None:
         scene = mi.cornell_box()
@@ -68,7 +68,7 @@ def large_mesh_diffuse(sizes: Sizes) -> Case:
 
 
 def large_mesh_plastic(sizes: Sizes) -> Case:
-    """Returns a mesh of plastic; the renderers' models differ, so each is compared with its own converged picture."""
+    """Returns a plastic mesh; since the plastic models differ, each renderer is compared with its own converged picture."""
     color = (0.7, 0.3, 0.2)
     case = displaced(sizes.large_mesh, Material(kind="metallic_roughness", base_color=color, roughness=ROUGHNESS))
 
@@ -98,7 +98,7 @@ def glass_and_metal(sizes: Sizes) -> Case:
 
 
 def textured_mesh(sizes: Sizes) -> Case:
-    """Returns six thousand triangles with one texture."""
+    """Returns a mesh of six thousand triangles with one texture."""
     description = _under_a_sky([Material(base_color=gray(0.9), base_color_texture=0)], [torus(6_000)])
     description.images.append(checks(sizes.texture))
     description.textures.append(Texture(len(description.images) - 1))
@@ -110,13 +110,13 @@ def many_lights_case(sizes: Sizes) -> Case:
 
 
 def many_lights(count: int) -> Case:
-    """Returns a room of 40 x 10 x 40 with 60 balls and `count` small emitting balls of different power."""
+    """Returns a room of 40 x 10 x 40 with 60 balls and `count` small emissive balls of different power."""
     rng = np.random.default_rng(0)
     half = np.array([20.0, 5.0, 20.0])
     materials = [Material(base_color=gray(0.7)), Material(kind="conductor", roughness=0.4, **_GOLD)]  # type: ignore[arg-type]
     walls = []
     for axis in range(3):
-        for sign in (-1, 1):  # each faces inwards
+        for sign in (-1, 1):  # walls face inwards
             u, v = np.eye(3)[(axis + 1) % 3] * half, -sign * np.eye(3)[(axis + 2) % 3] * half
             walls.append(square(tuple(sign * np.eye(3)[axis] * half), tuple(u), tuple(v), 0))
     spheres = [Sphere(tuple(rng.uniform(-0.9, 0.9, 3) * half), rng.uniform(0.3, 1.0), i % 2) for i in range(60)]
@@ -156,7 +156,7 @@ def _under_a_sky(materials: list[Material], meshes: list[Mesh], **more: Any) -> 
 def _sky(height: int = 256) -> np.ndarray:
     """Returns a sky with clouds and a bright haze around the sun, (height, 2 height, 3).
 
-    Caustics of a sharp sun would not converge.
+    A sharp sun would make caustics that do not converge.
     """
     v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(2 * height) + 0.5) / (2 * height), indexing="ij")
     clouds = 0.15 * np.sin(14 * math.pi * u) * np.sin(9 * math.pi * v) * np.sin(math.pi * v)

@@ -1,4 +1,4 @@
-"""Sizes of the benchmark: full, or small for a check that every row works; and the selection of lines."""
+"""Sizes of the benchmark: full, or small for checking that every row works; and the selection of lines."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ __all__ = ["FULL", "QUICK", "Sizes", "begins"]
 
 
 def begins(name: str, line: str) -> bool:
-    """Returns True if a line has this name, or this part of its name up to a comma."""
+    """Returns whether a line has this name, or a name that begins with it up to a comma."""
     return f"{line}, ".startswith(f"{name}, ")
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """picture: width and height in pixels. reference_spp: samples per pixel of the reference pictures.
+    """Sizes of scenes and pictures. picture: width and height in pixels. reference_spp: samples per pixel of reference pictures.
 
     only: names of lines, or their beginnings up to a comma; empty for all. It does not affect cached reference pictures.
     """
@@ -25,22 +25,22 @@ class Sizes:
     error_picture: int
     error_spp: int
     reference_spp: int
-    small_mesh: int  # triangles
+    small_mesh: int  # triangle count
     large_mesh: int
-    texture: int  # texels across
+    texture: int  # width in texels
     lights: int
     rays: int
-    ready: tuple[int, ...]  # triangles of each file
+    ready: tuple[int, ...]  # triangle count of each file
     triangles: tuple[int, ...]  # the five scaling curves
     many_lights: tuple[int, ...]
-    pixels: tuple[int, ...]  # across
+    pixels: tuple[int, ...]  # width of the picture
     samples: tuple[int, ...]
     depths: tuple[int, ...]
     scaling_spp: int
     only: tuple[str, ...] = field(default=(), repr=False)
 
     def wants(self, name: str) -> bool:
-        """Returns True if a line, or a group of lines by the common beginning of their names, is to be measured."""
+        """Returns whether a line, or any of a group of lines with this common beginning, is to be measured."""
         return not self.only or any(begins(name, wanted) or begins(wanted, name) for wanted in self.only)
 
 

@@ -16,11 +16,11 @@ LEAST_LLVM = 16
 
 
 class MissingPeerError(Exception):
-    """Raised if a peer is not available; the message says why, and what to do."""
+    """Raised if a peer is not available; the message has the reason and a remedy."""
 
 
 def find_llvm() -> Path | None:
-    """Returns the system's newest LLVM library that Mitsuba supports."""
+    """Returns the system's newest LLVM library that Mitsuba supports, or None."""
     found = {
         int(number.group(1)): path
         for folder in ("usr/lib", "usr/lib/*", "opt/homebrew/opt/llvm/lib")

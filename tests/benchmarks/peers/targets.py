@@ -1,4 +1,4 @@
-"""The targets of each row of the comparison. All target figures are defined here."""
+"""The targets of each row of the comparison; all target figures are defined here."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Goal:
     side: Literal["at least", "at most"]
 
     def met(self, value: float) -> bool:
-        """Returns True if a value satisfies the bound."""
+        """Returns whether a value satisfies the bound."""
         return value >= self.bound if self.side == "at least" else value <= self.bound
 
     def __str__(self) -> str:
@@ -37,7 +37,8 @@ def at_most(bound: float) -> Goal:
 class Target:
     """The targets of a row's lines.
 
-    mean: for the geometric mean of the lines without a separate target. each: for each of these. lines: separate targets by name.
+    mean: for the geometric mean of the lines without a separate target. each: for each of these lines. lines: separate targets by
+    line name.
     """
 
     title: str
@@ -103,6 +104,6 @@ TABLE: dict[str, Target] = {
         "seconds",
         lines={"empty cache to the first tile": at_most(15.0), "a worker joins a farm that has compiled": at_most(3.0)},
     ),
-    # How much slower the largest would be at the curve's price, over how much slower it is; a tenth is left to the clock.
+    # Allowed growth from the smallest to the largest, over the measured growth; a tenth is allowed for timing noise.
     "scaling": Target("Growth of the cost", "times the growth that log, log, linear, linear, linear allow", each=at_least(0.9)),
 }

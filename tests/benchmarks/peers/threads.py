@@ -1,4 +1,4 @@
-"""Row `threads`: speedup by a second thread. No peer."""
+"""Row `threads`: speedup from one thread to two. No peer."""
 
 from __future__ import annotations
 

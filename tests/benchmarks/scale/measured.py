@@ -40,7 +40,7 @@ OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 EXPONENT = 24
 SETTLES_S = 150.0
 SITE_NAME = "simulated"
-MANY = 1 << 20  # samples: more than anybody renders here
+MANY = 1 << 20  # more samples than any run renders
 
 
 @dataclass(frozen=True)
@@ -51,46 +51,46 @@ class Load:
     tile: int = 128
     width: int = 1920
     height: int = 1024
-    sample_s: float = 1 / 16  # of a tile of 128 x 128, on one slot
+    sample_s: float = 1 / 16  # time of a sample of a 128 x 128 tile on one slot
     seconds: float = 30.0
     warm_s: float = 8.0
     watchers: int = 0
-    pictures: int = 0  # asked for at the same time, again and again
-    alone: bool = False  # each slot sends its own sums
-    per_worker: int = 32  # slots of a machine
-    site: bool = False  # the machines are of one site, with a reducer
-    simulators: int = 1  # processes that simulate them
+    pictures: int = 0  # clients that repeatedly request pictures
+    alone: bool = False  # slots send their own sums instead of a machine's
+    per_worker: int = 32  # slots per machine
+    site: bool = False  # machines share a site with a reducer
+    simulators: int = 1  # processes that simulate the slots
 
 
 @dataclass
 class Taken:
-    """What was measured; rates are over `seconds` of wall time."""
+    """The measurements; rates are per second of wall time."""
 
     seconds: float = 0.0
     merged: int = 0
-    results: int = 0  # of one batch or more
-    result_bytes: int = 0  # of their sums
+    results: int = 0  # each of one or more batches
+    result_bytes: int = 0  # size of their sums
     lost: int = 0
     dropped: int = 0
-    samples: int = 0  # of tiles, in the film at the end
-    sample_rate: float = 0.0  # of tiles, a second
-    service_s: float = 0.0  # of processors
+    samples: int = 0  # tile samples in the film at the end
+    sample_rate: float = 0.0  # tile samples per second
+    service_s: float = 0.0  # processor time
     redis_s: float = 0.0
     stream: list[int] = field(default_factory=list)
     redis_bytes: list[int] = field(default_factory=list)
     service_bytes: list[int] = field(default_factory=list)
     health_s: list[float] = field(default_factory=list)
-    own_health_s: list[float] = field(default_factory=list)  # at a port of its own
+    own_health_s: list[float] = field(default_factory=list)  # latency at the separate health port
     is_exact: bool = False
-    unread: int = 0  # results at the very end
-    in_all: dict[str, int] = field(default_factory=dict)  # the service's counts, from its start to its end
-    repeated: int = 0  # samples of tiles that were rendered more than once, or are in no film
-    rounds_s: list[float] = field(default_factory=list)  # between two rounds of a watcher
-    packets: int = 0  # that all watchers got
-    pictures: Counter[int] = field(default_factory=Counter)  # answers by their status
-    unfed_s: float = 0.0  # of slots, for which there was no work
-    held_up_s: float = 0.0  # of slots that waited for the process that simulates them
-    shares: dict[str, Share] = field(default_factory=dict)  # of processors, by process
+    unread: int = 0  # unread results at the end
+    in_all: dict[str, int] = field(default_factory=dict)  # the service's counters over its whole run
+    repeated: int = 0  # tile samples that were rendered twice or are in no film
+    rounds_s: list[float] = field(default_factory=list)  # intervals between rounds of a watcher
+    packets: int = 0  # received by all watchers
+    pictures: Counter[int] = field(default_factory=Counter)  # number of answers by status
+    unfed_s: float = 0.0  # slot time without work
+    held_up_s: float = 0.0  # slot time spent waiting for the simulator
+    shares: dict[str, Share] = field(default_factory=dict)  # processor time by process
 
 
 class Served:
@@ -146,7 +146,7 @@ class Served:
         return False
 
     def scene(self) -> str:
-        """Uploads a scene and returns its id; it is prepared as soon as there are slots."""
+        """Uploads a scene and returns its id; slots prepare it when they exist."""
         return str(self.http.post("/api/scenes", files={"files": ("scene.obj", OBJ)}).raise_for_status().json()["id"])
 
     def job(self, scene: str, load: Load, spp: int = MANY) -> str:
@@ -178,7 +178,7 @@ class Served:
 
 @contextlib.contextmanager
 def slots_of(served: Served, load: Load, sums: Path) -> Iterator[list[subprocess.Popen[str]]]:
-    """Context manager that runs the processes of simulated slots."""
+    """Runs the processes of simulated slots during the `with` block."""
     sample_s = load.sample_s * (load.tile / 128) ** 2
     machines = -(-load.slots // load.per_worker)
     ends = [min(load.slots, machines * i // load.simulators * load.per_worker) for i in range(load.simulators + 1)]
@@ -202,7 +202,7 @@ def _ended(process: subprocess.Popen[str]) -> None:
 
 @contextlib.contextmanager
 def reducer_of(served: Served, load: Load) -> Iterator[None]:
-    """Context manager that runs the reducer of the machines' site, if they have one."""
+    """Runs the site's reducer during the `with` block, if the load has one."""
     if not load.site:
         yield
         return
@@ -214,7 +214,7 @@ def reducer_of(served: Served, load: Load) -> Iterator[None]:
 
 
 def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
-    """Measures one row: an endless job, rendered by that many slots for a while, whose film is compared with the sent sums."""
+    """Measures one row: slots render an endless job for a while, and its film is compared with the sent sums."""
     kept = folder / "sums.npy"
     np.save(kept, sums[:, : load.tile, : load.tile])
     taken = Taken()
@@ -247,7 +247,7 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
             seen = json.loads(watching.communicate(timeout=60)[0].splitlines()[-1])
             taken.rounds_s, taken.packets = seen["rounds_s"], seen["packets"]
         served.http.patch(f"/api/jobs/{job}", json={"state": "paused"}).raise_for_status()
-        time.sleep(2.0)  # until all have reported themselves after that
+        time.sleep(2.0)  # until all workers have reported after the pause
         said = _settled(served, slots, taken, (begun, begun + taken.seconds))
         taken.in_all = served.counts()
         served.stop()
@@ -289,7 +289,7 @@ def _watching(served: Served, job: str, load: Load) -> subprocess.Popen[str] | N
 
 @contextlib.contextmanager
 def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Iterator[None]:
-    """Context manager: clients that request pictures of the job, in a process whose processor time does not count."""
+    """Runs clients that request pictures of the job in a separate process, whose processor time does not count."""
     if not many:
         yield
         return
@@ -305,7 +305,7 @@ def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Ite
 
 
 def _between(spent: list[list[float]], column: int, begin: float, end: float) -> float:
-    """Returns the growth of a sum between two times."""
+    """Returns how much a cumulative value in column `column` grew between two times."""
     times = [row[0] for row in spent]
     return float(np.interp(end, times, values := [row[column] for row in spent]) - np.interp(begin, times, values))
 
@@ -333,7 +333,7 @@ def _settled(served: Served, slots: list[subprocess.Popen[str]], taken: Taken, m
 
 
 def _in_hand(served: Served) -> int:
-    """Returns the number of batches and messages that workers reported to hold, as of the last second or two."""
+    """Returns the number of batches and messages that workers hold, by their reports of the last second or two."""
     keys = [*served.store.scan_iter(WORKER_KEYS), *served.store.scan_iter(site_key("*"))]
     found = 0
     for value in served.store.mget(keys) if keys else ():  # type: ignore[union-attr]

@@ -1,6 +1,6 @@
 """Finds the bottleneck: how much processor time each process used, and how long it waited for a processor (Linux, /proc).
 
-A thread that used or waited for a processor all the time was the bottleneck, or the machine was.
+A thread that used a processor all the time was the bottleneck; if it waited for one, the machine was.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 __all__ = ["Processors", "Share"]
 
-_Times = dict[int, tuple[float, float]]  # of a thread: seconds on a processor, and waiting for one
+_Times = dict[int, tuple[float, float]]  # thread id -> seconds on a processor, and seconds waiting for one
 
 
 class Share(NamedTuple):
@@ -31,7 +31,7 @@ class Share(NamedTuple):
 
 
 class Processors:
-    """Measures from its creation on."""
+    """Measures processor time from its creation on."""
 
     def __init__(self, processes: Mapping[str, int]) -> None:
         """processes: process ids by name."""
@@ -40,7 +40,7 @@ class Processors:
         self._before = {name: _times(pid) for name, pid in processes.items()}
 
     def shares(self) -> dict[str, Share]:
-        """Returns the share of each process since then; ended threads are left out."""
+        """Returns the share of each process since then, without threads that have ended."""
         seconds = time.monotonic() - self._begun
         found = {}
         for name, pid in self._processes.items():

@@ -1,4 +1,4 @@
-"""Clients that request pictures of a job, in a separate process: each with another exposure, again and again.
+"""Clients that repeatedly request pictures of a job, in a separate process, each with another exposure.
 
 The last line of output has the number of answers by status.
 """

@@ -1,6 +1,6 @@
 """Simulated slots: they use the real protocol and Redis, and answer with real sums after the time that rendering would take.
 
-The sums of one tile of a rendered picture stand for one sample; those of n samples are n times these. So the packed bytes have a
+The sums of one tile of a rendered picture represent one sample; those of n samples are n times these. So the packed bytes have a
 realistic size, cost almost no processor time, and the final content of a film is known exactly.
 """
 
@@ -46,8 +46,8 @@ __all__ = ["SAMPLES", "Slots", "main", "of_one_sample"]
 PER_WORKER = 32
 LOOK_EVERY_S = 0.005
 BEAT_EVERY_S = 1.0
-AT_ONCE = 64  # messages or answers, between two looks at the clock
-SAMPLES = 16  # of the rendered tile
+AT_ONCE = 64  # messages or results between two readings of the clock
+SAMPLES = 16  # samples per pixel of the rendered tile
 PACKED_KEPT = 64
 
 
@@ -61,7 +61,7 @@ def of_one_sample(sums: Sums) -> Sums:
 
 @dataclass
 class _Joint:
-    """Batches of a tile that the slots of one machine render, and their sums so far."""
+    """Batches of one tile rendered by the slots of one machine, and their sums so far."""
 
     message: str
     hold_s: float
@@ -73,7 +73,7 @@ class _Joint:
 
 @dataclass
 class _Machine:
-    """A worker: its free slots, and the batches that wait for them."""
+    """A worker: its free slots, and the batches waiting for them."""
 
     name: str
     free: list[int]
@@ -109,12 +109,13 @@ class Slots(PeerWorker):
         per_worker: int = PER_WORKER,
         name: str = "peer",
     ) -> None:
-        """sums: (CHANNELS, side, side) of one sample of a tile. tile_sample_s: a slot's time for it. adds: whether the slots of a
-        machine add up their sums of a tile. site: the machines' site.
+        """sums: (CHANNELS, side, side) of one sample of a tile. tile_sample_s: seconds that a slot takes for it.
+
+        adds: whether the slots of a machine add up their sums of a tile. site: name of the machines' site.
         """
         super().__init__(redis_url, service, token, name, slots=slots)
         self.site = site
-        self.direct_bytes = 0  # of sums that went to the service without a site's reducer
+        self.direct_bytes = 0  # sums sent to the service without the site's reducer
         self._per_worker = per_worker
         self._links = SiteLink(redis_url)
         self._keeps: dict[str, Terms] = {}
@@ -122,9 +123,9 @@ class Slots(PeerWorker):
         self.tile_sample_s = tile_sample_s
         self.adds = adds
         self._turn = 0
-        self.rendered = 0  # batches
-        self.samples = 0  # samples of tiles, those that were rendered again included
-        self.waited = 0  # answers that found the stream full
+        self.rendered = 0  # number of batches
+        self.samples = 0  # tile samples, including repeated ones
+        self.waited = 0  # results that found the stream full
         self._sums = sums
         self._packed: dict[int, bytes] = {}
         firsts = range(0, slots, per_worker)
@@ -134,15 +135,15 @@ class Slots(PeerWorker):
         self._lives = [redis.Redis.from_url(redis_url, client_name=lifeline(machine.name)) for machine in self._machines]
         for life in self._lives:
             life.ping()
-        self._next = 0  # machine to take something
-        self._hands: list[tuple[float, int, _Batches]] = []  # by when the next of its batches is rendered
+        self._next = 0  # the machine that takes work next
+        self._hands: list[tuple[float, int, _Batches]] = []  # (time at which the next batch is done, number, batches)
         self._doing: dict[int, dict[str, Any]] = {}
         self._full_until = 0.0
-        self._asked_at = time.monotonic()  # for work, and whether there was none
+        self._asked_at = time.monotonic()  # when work was last requested, and whether there was none
         self._found_none = True
-        self._unfed_s = 0.0  # of slots that were free, where no work waited for them
-        self._held_up_s = 0.0  # of slots that this process kept: it came late to what waited for them, or to what they had done
-        self.spent: list[tuple[float, float, float]] = []  # the last two, by a clock that all processes share
+        self._unfed_s = 0.0  # idle slot time while no work was waiting
+        self._held_up_s = 0.0  # slot time lost because this process was late to assign or finish work
+        self.spent: list[tuple[float, float, float]] = []  # (time, unfed, held up), by a clock that all processes share
 
     def run(self, seconds: float) -> None:
         """Runs for some seconds, or until the process receives a signal."""
@@ -200,7 +201,7 @@ class Slots(PeerWorker):
             self._queues = [*sorted(asked), render_queue(self.kind)]
 
     def _take(self) -> bool:
-        """Assigns waiting batches to free slots, first those waiting on the same machine."""
+        """Assigns waiting batches to free slots, those of the same machine first; returns whether new messages were read."""
         now = time.monotonic()
         many = 0
         for machine in self._machines:
@@ -233,7 +234,7 @@ class Slots(PeerWorker):
         return bool(found)
 
     def _with_a_free_slot(self) -> _Machine:
-        while True:  # in turn, as machines that ask the same queue do
+        while True:  # machines take turns, as if they consumed one queue
             self._next = (self._next + 1) % len(self._machines)
             if self._machines[self._next].free:
                 return self._machines[self._next]
@@ -253,7 +254,7 @@ class Slots(PeerWorker):
         heapq.heappush(self._hands, (now + seconds, self._turn, hand))
 
     def _answer(self, now: float) -> bool:
-        """Sends finished results as workers do, which wait while the stream is full."""
+        """Sends finished results as workers do, waiting while the stream is full; returns whether it sent any."""
         due = []
         while self._hands and self._hands[0][0] <= now and len(due) < AT_ONCE:
             due.append(heapq.heappop(self._hands))
@@ -280,7 +281,7 @@ class Slots(PeerWorker):
         return True
 
     def _add(self, now: float, machine: _Machine, joint: _Joint, work: RenderBatch, seconds: float) -> None:
-        """Holds sums until those of all batches have arrived, or the hold time has passed."""
+        """Adds sums of a joint batch, and sends them once all batches have arrived or the hold time has passed."""
         joint.since = joint.since if joint.done else now
         joint.done.append((work, seconds))
         joint.left -= 1
@@ -298,7 +299,7 @@ class Slots(PeerWorker):
             machine.joints.pop(joint.message, None)
 
     def _send_sums(self, machine: _Machine, run: list[tuple[RenderBatch, float]], of: Run | None = None) -> None:
-        """Sends the sums of a machine. of: the site's run."""
+        """Sends the sums of a machine. of: the run of the site's reducer."""
         work, seconds = run[0]
         event = {"type": "batch", **self._words(work), "worker": machine.name, "seconds": seconds, "bad": [], "bad_count": 0}
         if len(run) > 1:
@@ -319,7 +320,7 @@ class Slots(PeerWorker):
             try:
                 self.redis.xadd(RESULTS, result.to_fields())  # type: ignore[arg-type]
                 return
-            except redis.RedisError:  # its memory is full: the service makes room
+            except redis.RedisError:  # Redis is full until the service removes entries
                 self.waited += 1
                 time.sleep(0.05)
 
@@ -336,7 +337,7 @@ class Slots(PeerWorker):
 
 
 def _with_pieces(message: bytes, pieces: tuple[Piece, ...]) -> bytes:
-    """Returns the message of a joint batch with these pieces only."""
+    """Returns the message of a joint batch, reduced to these pieces."""
     whole = json.loads(message)
     positional, arguments, more = json.loads(base64.b64decode(whole["body"]))
     arguments["joint"]["pieces"] = [list(piece) for piece in pieces]

@@ -13,7 +13,7 @@ from websockets.exceptions import ConnectionClosed
 
 __all__ = ["main"]
 
-PAUSE_S = 0.04  # packets that come closer than that are of one round
+PAUSE_S = 0.04  # packets closer together than this belong to one round
 SEQUENCE = struct.Struct("<4xI")
 
 
