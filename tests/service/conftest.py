@@ -1,4 +1,4 @@
-"""Fixtures with the real service: uvicorn on a free port, a real Redis, and workers that speak the contract."""
+"""Fixtures with the real service: uvicorn on a free port, a real Redis, and workers with the real protocol."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ TOKEN = "the farm's token"
 OVER = ("finished", "failed", "cancelled")
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 # Test files whose tests with a service run on either database, and name prefixes of the tests that do so without --long: those
-# with database queries that the others do not make.
+# with database queries that other tests do not make.
 ON_BOTH: dict[str, tuple[str, ...]] = {
     "scheduling/test_jobs.py": ("test_a_job_comes_to_the_very_sums_that_its_samples_have",),
     "scheduling/test_shots.py": (),
@@ -54,7 +54,7 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
 
 @functools.cache
 def _quick_hasher() -> PasswordHasher:
-    """Returns a password hasher with a thousandth of the usual work."""
+    """Returns a password hasher with 1/1000 of the usual work."""
     from argon2 import PasswordHasher
 
     return PasswordHasher(time_cost=1, memory_cost=256, parallelism=1)
@@ -63,12 +63,12 @@ def _quick_hasher() -> PasswordHasher:
 passwords._hasher = _quick_hasher
 
 
-# redis reads its package's metadata anew for each connection pool.
+# redis reads its package's metadata for each connection pool, so it is cached.
 redis.utils.get_lib_version = functools.cache(redis.utils.get_lib_version)
 
 
 class _Compiled(dict[Any, Any]):
-    """A cache of statements compiled to SQL, shared by all databases of a kind; SQLAlchemy's own is per dialect object."""
+    """A cache of compiled SQL statements, shared by all databases of one kind; SQLAlchemy's own is per dialect object."""
 
     def get(self, key: Any, default: Any = None) -> Any:
         return super().get((key[0].name, *key[1:]), default)
@@ -86,7 +86,7 @@ def _keep_what_is_compiled(connection: Connection) -> None:
 
 
 class Service:
-    """The service in a thread, with an empty Redis at first; `restart` starts it again with the same data folder."""
+    """The service in a thread, with a Redis that is empty at first; `restart` starts it again with the same data folder."""
 
     def __init__(self, data: Path, redis_server: running_redis, **settings: Any) -> None:
         _empty(redis_server)
@@ -187,10 +187,10 @@ def new_sqlite(folder: Path) -> str:
 def until(
     true: Callable[[], bool], what: str, timeout: float = 20.0, say: Callable[[], Any] = lambda: "", rarely: float = 0.1
 ) -> None:
-    """Waits until a condition holds; raises at the timeout.
+    """Waits until a condition holds; raises after `timeout` seconds.
 
     Conditions mostly use HTTP, so after a while they are checked only every `rarely` seconds: checks took a fifth of the
-    processor time of such tests.
+    processor time of such tests. say: returns more information for the error.
     """
     deadline = time.monotonic() + timeout
     pause = 0.02
@@ -209,7 +209,7 @@ def redis_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[running_r
 
 
 def _empty(server: running_redis) -> None:
-    """Clears what earlier tests left in Redis: a worker's pause, for example, would apply to the next worker of its name."""
+    """Clears what earlier tests left in Redis, such as a pause of a worker whose name is used again."""
     with redis.Redis.from_url(server.url) as client:
         client.flushall()
 
@@ -218,11 +218,11 @@ class Databases:
     """The source of databases for the tests of this process, by name: `sqlite` or `postgresql`."""
 
     def __init__(self) -> None:
-        self.given = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")  # database that may be cleared; if set, all tests use it
+        self.given = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")  # a database that may be cleared; if set, all tests use it
         self._server: PostgresServer | None = None
 
     def server(self) -> PostgresServer:
-        """The PostgreSQL server of this process, started at its first use."""
+        """Returns the PostgreSQL server of this process, started at its first use."""
         if self._server is None:
             binaries = find_postgres()
             if binaries is None:
@@ -267,7 +267,7 @@ def databases() -> Iterator[Databases]:
 
 @pytest.fixture
 def database(request: pytest.FixtureRequest, databases: Databases) -> Iterator[str]:
-    """A database for one test: SQLite, or for the files in ON_BOTH each kind in turn."""
+    """Yields a database for one test: SQLite, or for the files in ON_BOTH each kind in turn."""
     with databases.new(getattr(request, "param", "sqlite")) as url:
         yield url
 

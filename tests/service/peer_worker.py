@@ -1,4 +1,4 @@
-"""A worker that speaks the real contract over the real Redis, with a formula in place of the path tracer.
+"""A worker with the real protocol over a real Redis, which computes samples by a formula instead of a path tracer.
 
 It takes Celery's messages from the queues, answers on the stream, and renews its key. A sample's value depends only on pixel,
 sample number and seed, so that tests can compute the expected film of any job.
@@ -76,7 +76,7 @@ def expected_digest(width: int = 64, height: int = 48, spp: int = 8, seed: int =
 class PeerWorker:
     """A worker with one slot, in a thread. `on_batch` may delay, drop (return False) or fail (raise) a batch.
 
-    Its capabilities are arguments of the constructor, since the service acts on the first report that it sees.
+    Its capabilities are arguments of the constructor, since the service acts on the first report that it receives.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class PeerWorker:
         self.explained: list[ExplainPixel] = []  # requests received
         self.on_part: Callable[[ViewParts, Part], bool | None] = lambda work, part: None  # False: no response
         self.parts: list[tuple[ViewParts, Part]] = []  # parts rendered
-        self.unwanted: list[ViewParts] = []  # of views that nobody watches any more
+        self.unwanted: list[ViewParts] = []  # of views that are no longer watched
         self.on_vectors: Callable[[str], bool | None] = lambda job: None  # True: no response
         self.vectors: list[FrameVectors] = []  # vectors made
         self.messages: list[int] = []  # number of batches in each message
@@ -153,7 +153,7 @@ class PeerWorker:
         self.stop()
 
     def stop(self) -> None:
-        """Stops without a response to work in progress, as a killed worker does."""
+        """Stops without a response to work in progress, like a killed worker."""
         self._stop.set()
         for thread in self._threads:
             thread.join()
@@ -255,7 +255,7 @@ class PeerWorker:
             self.redis.rpush(explained_key(work.message), json.dumps({"worker": self.name, **answer}))
 
     def _cannot(self, type: str, about: dict[str, Any]) -> bool:
-        """Returns True if the machine is unfit, which is then reported."""
+        """Returns whether the machine is unfit; if so, reports it."""
         if self.unfit is not None:
             self.send({"type": type, **about, "error": self.unfit, "unfit": True})
         return self.unfit is not None
@@ -273,7 +273,7 @@ class PeerWorker:
             sha256 = hashlib.sha256(clean).hexdigest()
             self.http.put(f"/api/farm/blobs/{sha256}", content=clean).raise_for_status()
             seen = {"version": means.headers["x-film-version"], "samples": int(means.headers["x-samples"])}
-            self.denoised.append(work.job)  # first, since the test may check it as soon as it has the response
+            self.denoised.append(work.job)  # recorded first, since the test may check it as soon as it has the response
             self.send({"type": "denoised", **about, "sha256": sha256, **seen})
         except (ValueError, httpx.HTTPError) as error:
             self.send({"type": "denoise-failed", **about, "error": str(error)})
@@ -293,7 +293,7 @@ class PeerWorker:
         self.send({"type": "environment-shown", **about, "sha256": sha256})
 
     def _point(self, work: FrameVectors) -> None:
-        """Sends the vectors of each pixel: column, row, frame (in halves), and minus the column."""
+        """Sends motion vectors with the values column, row, frame (in halves), and minus the column for each pixel."""
         about = {"work": work.work, "worker": self.name}
         if self._cannot("vectors-failed", about):
             return

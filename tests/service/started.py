@@ -46,7 +46,7 @@ class Started:
         self.http = httpx.Client(base_url=self.url, timeout=20)
 
     def says(self, path: str = "/readyz") -> str:
-        """Returns the response of a readiness probe: `ready`, or a sentence."""
+        """Returns the response of the readiness probe at `path`: `ready`, or a sentence."""
         try:
             answer = self.http.get(path).json()
         except httpx.HTTPError as error:

@@ -1,4 +1,4 @@
-"""The add-on's archive: Blender's requirements, and that the service and the command give the same bytes."""
+"""Tests of the add-on's archive: Blender's requirements, and equal bytes from the service and the command."""
 
 from __future__ import annotations
 

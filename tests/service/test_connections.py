@@ -1,4 +1,4 @@
-"""Limits of connections with incomplete requests: memory and number."""
+"""Tests of the limits on connections with incomplete requests: memory and number."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ begun: list[str] = []  # paths of the application's requests
 
 
 async def _echo(scope: Any, receive: Any, send: Any) -> None:
-    """An application that responds with the length of the body; 0 if it did not arrive."""
+    """An application that responds with the length of the body, or 0 if none arrived."""
     assert scope["type"] == "http"
     begun.append(scope["path"])
     size, more = 0, True
@@ -38,7 +38,7 @@ async def _echo(scope: Any, receive: Any, send: Any) -> None:
 
 
 class Server:
-    """A server with only the code between the socket and the application."""
+    """A server without an application: only the code between the socket and the application."""
 
     def __init__(self) -> None:
         self.port = free_port("127.0.0.1")
@@ -67,7 +67,7 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
 
 
 def answer(client: socket.socket) -> bytes:
-    """Returns all bytes until the other side closes."""
+    """Returns all bytes received until the server closes the connection."""
     found = b""
     try:
         while piece := client.recv(1 << 16):

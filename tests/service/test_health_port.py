@@ -1,4 +1,4 @@
-"""/healthz on a separate port: responds at once while the event loop is busy, and reports one that hangs."""
+"""Tests of /healthz on a separate port: it responds at once while the event loop is busy, and reports a loop that hangs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The container's health check, run as the separate program that it is."""
+"""Tests of the container's health check, run as a separate program as in a container."""
 
 from __future__ import annotations
 

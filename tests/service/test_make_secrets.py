@@ -1,4 +1,4 @@
-"""The secrets of a farm in containers."""
+"""Tests of generating the secrets of a farm in containers."""
 
 from __future__ import annotations
 

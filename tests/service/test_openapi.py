@@ -1,4 +1,4 @@
-"""The published API is listed in openapi.txt, so that it does not change by accident.
+"""Tests that the published API equals openapi.txt, so that it does not change by accident.
 
     python -m tests.service.test_openapi
 

@@ -1,4 +1,4 @@
-"""The page's files: cached permanently under a versioned address, compressed, and never of two versions at once."""
+"""Tests of the page's files: cached permanently under a versioned address, compressed, and never of two versions at once."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_the_index_says_what_each_view_needs_beyond_the_first_modules(pages: Pag
 
 
 def test_the_index_lists_the_views_by_address() -> None:
-    """And the page has no other table of them: an address that is missing here shows nothing."""
+    """The index lists every view's address, and the page has no other list: views missing there are not shown."""
     web = ROOT / "web"
     sources = {path.relative_to(web).as_posix(): path.read_text() for path in web.rglob("*.js")}
     html = index_of((web / "index.html").read_text(), sources, "v/1/")

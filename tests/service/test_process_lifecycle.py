@@ -16,7 +16,10 @@ from service.settings import Settings
 
 
 def test_a_service_that_starts_while_the_database_is_away_waits_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """For example while the owner is suspended during a write: if the service ended, none would be left to take over."""
+    """A service that starts while the database is unreachable waits for it.
+
+    The owner may be suspended during a write; if the standby ended, none would be left to take over.
+    """
     answers: list[Any] = [Unavailable("The database does not answer.")] * 2
     owned: list[object] = []
     was_owned = asyncio.Event()

@@ -1,4 +1,4 @@
-"""`python -m service`: its listening address reaches the settings, which decide whether a login is required."""
+"""Tests of `python -m service`: its listening address reaches the settings, which decide whether a login is required."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.service.conftest import Service
 
 
 def image_command() -> list[str]:
-    """Returns the command of the service's image, without `python3 -m service`."""
+    """Returns the command of the service's container image, without `python3 -m service`."""
     lines = (ROOT / "Dockerfile").read_text().partition("AS service")[2].splitlines()
     (line,) = [line for line in lines if line.startswith("CMD") and '"service"' in line]
     words = [word.strip(",") for word in shlex.split(line.removeprefix("CMD").strip(" []"))]
@@ -68,7 +68,7 @@ def test_it_listens_where_its_settings_say(
 
 
 def test_another_machine_is_none_of_loopback_whatever_it_says(tmp_path: Path, redis_server: running_redis) -> None:
-    """A service whose settings do not know the address that its server listens on."""
+    """A remote client is not treated as loopback, even if the settings do not know the server's address."""
     service = Service(tmp_path / "data", redis_server)
 
     async def status(address: str) -> int:
@@ -88,7 +88,7 @@ def test_another_machine_is_none_of_loopback_whatever_it_says(tmp_path: Path, re
     [("/readyz", 200, False), ("/healthz", 200, False), ("/readyz", 503, True), ("/api/jobs", 200, True)],
 )
 def test_probes_that_succeed_are_not_logged(path: str, status: int, kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The filter is added before uvicorn configures its loggers, which keeps it."""
+    """Successful probes are not logged: the filter is added before uvicorn configures its loggers, and survives that."""
     access = logging.getLogger("uvicorn.access")
     monkeypatch.setattr(access, "filters", [])
     monkeypatch.setattr(uvicorn, "main", lambda args, prog_name: None)

@@ -64,7 +64,7 @@ def test_the_page_is_named_as_people_reach_it(given: dict[str, Any], url: str, t
 
 @grid("name", Settings.model_fields)
 def test_every_setting_may_lie_in_a_file(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """The environment's value takes precedence if both are given."""
+    """Every setting may be given in a file; the environment variable takes precedence if both are set."""
     values = {
         "allowed_hosts": '["farm.example"]',
         "blobs": "s3://bucket/prefix",
@@ -109,6 +109,6 @@ def test_a_secret_s_file_that_cannot_be_read_is_a_sentence(monkeypatch: pytest.M
     ],
 )
 def test_redis_s_password_comes_by_itself(url: str, with_it: str) -> None:
-    """The password is inserted into URLs without one, also into the URL for workers."""
+    """The Redis password is inserted into URLs without one, also into the URL for workers."""
     settings = Settings(redis_url=url, redis_password="p/w@", public_redis_url=url)
     assert (settings.redis_url, settings.worker_redis_url) == (with_it, with_it)

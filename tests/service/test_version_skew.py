@@ -1,4 +1,4 @@
-"""Workers of another release: messages of release 0.1.0, recorded in tests/data.
+"""Tests of workers of another release: messages of release 0.1.0, recorded in tests/data.
 
 A job is finished by the kind of worker that began it and by no other; unreadable messages are ignored.
 """
@@ -81,7 +81,7 @@ def test_a_job_waits_for_its_own_kind_and_is_never_mixed(service: Service) -> No
 
 @pytest.mark.long
 def test_a_job_of_a_kind_that_is_gone_begins_anew_where_one_wants_it(service: Service) -> None:
-    """A new job renders the same picture; the old one keeps its samples, and can be continued instead."""
+    """A new job on another kind renders the same picture; the old job keeps its samples, and can be continued instead."""
     old_kind = OLD["report"]["kind"]
     address = str(service.options["redis_url"]), service.url, "the farm's token"
     with OldWorker(*address, name="old", kind=old_kind) as old:
@@ -162,7 +162,7 @@ def test_what_an_older_service_left_in_redis_is_left_aside(service: Service, sto
 
 @pytest.mark.long
 def test_what_a_worker_hands_back_is_rendered_again_and_nobody_is_blamed(service: Service, worker: PeerWorker) -> None:
-    """A lost connection is not the scene's fault: the job continues, however often it happens."""
+    """Batches returned after a lost connection are rendered again, however often; the scene is not blamed."""
     returns: dict[tuple[Any, ...], int] = {}
 
     def hand_back(batch: RenderBatch) -> bool | None:
@@ -202,7 +202,10 @@ def test_a_scene_that_a_worker_hands_back_is_prepared_again(service: Service, wo
 
 @pytest.mark.long
 def test_a_worker_that_does_not_understand_its_batches_is_set_aside_and_its_jobs_go_to_others(service: Service) -> None:
-    """The worker may be older or newer, and have most of the slots: then jobs are started with its kind."""
+    """Jobs of a worker that cannot read its batches are given to others.
+
+    The worker may be older or newer, and have most of the slots, so that jobs were started with its kind.
+    """
 
     def misunderstand(batch: RenderBatch) -> None:
         context: Any = SimpleNamespace(name="old")

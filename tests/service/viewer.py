@@ -24,7 +24,7 @@ SIZE = {"width": 96, "height": 64}
 
 
 class Viewer:
-    """Receives messages, and assembles the picture as the page does."""
+    """Receives messages of a view, and assembles the picture as the page does."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
@@ -92,7 +92,7 @@ class Viewer:
 
 
 def body_of(message: bytes) -> np.ndarray:
-    """Returns the bytes after the tiles' headers."""
+    """Returns the bytes after the tile headers."""
     (count,) = struct.unpack_from("<H", message, 2)
     return np.frombuffer(zlib.decompress(message[HEADER.size + count * TILE.size :], -15), np.uint8)
 

@@ -1,4 +1,4 @@
-"""Redis users of workers with their own tokens: address, permissions and revocation."""
+"""Tests of the Redis users of workers with their own tokens: address, permissions and revocation."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def is_refused(connection: redis.Redis) -> bool:
     except redis.AuthenticationError:
         return True
     except redis.ConnectionError:
-        return False  # closed; the next look knows whether it is let in again
+        return False  # closed; the next check finds out whether access is granted again
     return False
 
 
@@ -191,7 +191,7 @@ def test_keys_of_the_wrong_type_are_removed(service: Service) -> None:
 
 
 def test_a_worker_that_fills_redis_does_not_stop_the_farm(service: Service) -> None:
-    """The keys of reports or queues may be large or many; other workers' keys stay."""
+    """A worker that fills Redis with large or many keys is cut off, while other workers' keys stay."""
     with redis.Redis.from_url(service.options["redis_url"]) as store, joined(service, made(service)["secret"]) as worker:
         before = store.config_get("maxmemory")["maxmemory"]
         store.config_set("maxmemory", int(store.info("memory")["used_memory"]) + (32 << 20))

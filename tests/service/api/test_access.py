@@ -29,7 +29,7 @@ NOBODY = {"login": True, "name": None, "role": None, "kind": None, "provider": N
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
-    """A service configured as reachable from all machines."""
+    """Yields a service configured as reachable from all machines."""
     service = Service(tmp_path_factory.mktemp("access") / "data", redis_server, host="0.0.0.0", trusted_proxies="127.0.0.1")
     yield service
     service.stop()
@@ -42,7 +42,7 @@ def no_tries_yet(service: Service) -> None:
 
 @pytest.fixture(scope="module")
 def owner(service: Service) -> Iterator[httpx.Client]:
-    """A client with the token from the data folder."""
+    """Yields a client with the token from the data folder."""
     path = service.options["data"] / "owner-token"
     assert path.stat().st_mode & 0o777 == 0o600
     with caller(service, path.read_text().strip()) as client:
@@ -119,7 +119,7 @@ def test_each_role_reaches_what_the_table_says(service: Service, owner: httpx.Cl
         with caller(service, token) as client:
             for (method, pattern), need in NEEDS.items():
                 if pattern == "/api/events" or shape(need) == "anyone" or (method != "GET" and pattern.startswith("/api/tokens")):
-                    continue  # what a token may do to tokens: test_tokens.py
+                    continue  # token permissions on tokens are tested in test_tokens.py
                 expected = {"workers": 401}.get(shape(need)) or (None if Role.of(role) >= (need.role or 9) else 403)
                 status = ask(client, method, pattern)
                 assert status == expected if expected else status not in (401, 403), (role, method, pattern, status)
@@ -142,7 +142,7 @@ def test_a_link_lets_its_user_in_once(service: Service, owner: httpx.Client) -> 
 
 def test_over_tls_the_cookie_is_for_tls_alone(service: Service, owner: httpx.Client) -> None:
     code = owner.post("/api/links", json={}).json()["code"]
-    with caller(service, **{"X-Forwarded-Proto": "https"}) as browser:  # as a trusted proxy says
+    with caller(service, **{"X-Forwarded-Proto": "https"}) as browser:  # header of a trusted proxy
         cookie = browser.post("/api/login", json={"link": code}).headers["set-cookie"]
     assert cookie.startswith("__Host-rayfarm-")
     assert "Secure" in cookie
@@ -202,7 +202,7 @@ def test_passwords_are_asked_for_few_times(service: Service, owner: httpx.Client
         answer = guesser.post("/api/login", json={"name": "anna", "password": PASSWORD})
         assert answer.status_code == 429
         assert 0 < int(answer.headers["retry-after"]) <= attempts.WINDOW_S
-    with caller(service, **{"X-Forwarded-For": "192.0.2.7"}) as anna:  # from another address, as a trusted proxy says
+    with caller(service, **{"X-Forwarded-For": "192.0.2.7"}) as anna:  # header of a trusted proxy: another address
         assert anna.post("/api/login", json={"name": "anna", "password": PASSWORD}).status_code == 200
 
 
@@ -371,7 +371,7 @@ def test_on_loopback_all_is_open_but_who_else_is_let_in(tmp_path: Path, redis_se
             assert "owner-token" in answer.json()["detail"]
         owner_token = (tmp_path / "data" / "owner-token").read_text().strip()
         assert http.get("/api/users", headers={"Authorization": f"Bearer {owner_token}"}).json() == []
-        for header in ("X-Forwarded-For", "Forwarded", "X-Real-IP"):  # others stand behind a proxy
+        for header in ("X-Forwarded-For", "Forwarded", "X-Real-IP"):  # without a trusted proxy these headers count for nothing
             assert http.get("/api/jobs", headers={header: "203.0.113.9"}).status_code == 401, header
         assert not (tmp_path / "data" / "audit.jsonl").exists()
     finally:

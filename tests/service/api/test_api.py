@@ -1,4 +1,4 @@
-"""General behaviour of the API: problems, idempotency, pictures with ETags, pagination, headers, and authorization."""
+"""Tests of the API in general: problems, idempotency, pictures with ETags, pagination, headers, and authorization."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
 
 @pytest.mark.long
 def test_a_still_says_its_noise(service: Service, scene: str) -> None:
-    """The noise, by which docs/python.md ends a loop, equals that of the history, and is stored."""
+    """The noise of a still, by which docs/python.md ends a loop, equals the history's last value, and is stored."""
     job = service.submit(scene, spp=16)
     service.wait_for(job, "finished")
     noise = service.job(job)["frames"][0]["noise"]
@@ -73,7 +73,7 @@ def test_a_still_says_its_noise(service: Service, scene: str) -> None:
 
 
 def test_a_scenes_thumbnail_is_sent_once(service: Service, scene: str) -> None:
-    """The front page requests all thumbnails each time it is opened."""
+    """A thumbnail has an ETag, since the front page requests all thumbnails whenever it is opened."""
     writer = service.farm.blobs.writer()
     writer.write(b"a picture")
     sha256 = writer.commit()

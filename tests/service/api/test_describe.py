@@ -1,4 +1,4 @@
-"""Rows that this release cannot interpret are listed with an error, and the list still works."""
+"""Tests of rows that this release cannot interpret: they are listed with an error, and the list still works."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_job_of_another_release_does_not_hide_the_others(service: Service) -> 
         listed = {job["id"]: job for job in service.http.get("/api/jobs").raise_for_status().json()}
         assert listed[good]["state"] == "finished" and listed[good]["error"] is None
         assert {**listed[bad], "as_of": 0} == {**service.job(bad), "as_of": 0}
-        if value not in ("[1, 2]", "{broken"):  # what is asked for and what came of it stand for each other
+        if value not in ("[1, 2]", "{broken"):  # either of the request and the result replaces the other
             assert "another release" in listed[bad]["error"], value
             assert listed[bad]["samples"] == listed[good]["samples"]
         assert service.http.delete(f"/api/jobs/{bad}").status_code == 204
@@ -63,5 +63,5 @@ def test_a_scene_of_another_release_does_not_hide_the_others(service: Service) -
         write(service, "scenes", bad, column, value)
         listed = {scene["id"]: scene for scene in service.http.get("/api/scenes").raise_for_status().json()}
         assert listed[good]["status"] == "ready"
-        if value != "[]":  # as good as nothing
+        if value != "[]":  # treated as empty
             assert "another release" in listed[bad]["error"]

@@ -81,7 +81,12 @@ def test_an_image_is_looked_at_once_and_kept_once(both: tuple[Service, PeerWorke
         ("scene.glb", b"glTF", 422, "best an .exr or .hdr"),
         ("empty.exr", b"", 422, "is empty"),
         ("large.exr", bytes(200_000), 413, "larger than"),
-        ("larger.exr", bytes(1_200_000), 413, "larger than the 100000 bytes"),  # and not by the limit of other bodies
+        (
+            "larger.exr",
+            bytes(1_200_000),
+            413,
+            "larger than the 100000 bytes",
+        ),  # limited by the environment limit, not by that of other bodies
     ],
 )
 def test_what_lights_nothing_leaves_nothing(

@@ -42,7 +42,7 @@ def test_of_an_example_that_is_a_shot_its_frames_are_told(service: Service) -> N
 
 
 def test_an_example_that_cannot_be_stored_leaves_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The disk becomes full at the third file."""
+    """If the disk becomes full at the third file of an example, nothing of the example remains."""
     written: list[bytes] = []
 
     def write(self: BlobWriter, data: bytes) -> None:

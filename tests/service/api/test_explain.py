@@ -1,4 +1,4 @@
-"""GET /api/jobs/{id}/explain: the worker's request, the validated answer, and the errors without a capable worker."""
+"""Tests of GET /api/jobs/{id}/explain: the worker's request, the validated answer, and errors without a capable worker."""
 
 from __future__ import annotations
 

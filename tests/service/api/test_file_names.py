@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from service.http.file_names import content_disposition, picture_name, title_of
 from service.store.models import Job
 
-# Any but surrogates, which no JSON brings. Said as numbers: `st.text` first makes a table of all characters, which takes seconds.
+# Any character except surrogates, which JSON cannot hold. As numbers, since `st.text` first builds a table of all characters,
+# which takes seconds.
 LETTERS = st.one_of(st.integers(0, 0x2FF), st.integers(0, 0xD7FF), st.integers(0xE000, 0x10FFFF)).map(chr)
 TEXTS = st.lists(LETTERS, max_size=300).map("".join)
 

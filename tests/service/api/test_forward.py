@@ -1,4 +1,4 @@
-"""Forwarding by a standby, with two real servers: one that echoes, and a standby in front of it."""
+"""Tests of forwarding by a standby, with two real servers: one that echoes, and a standby in front of it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.service.conftest import until
 
 @contextmanager
 def served(app: ASGIApp, lifespan: Literal["on", "off"] = "off") -> Iterator[int]:
-    """Context of a server; yields its port on loopback."""
+    """Runs a server in the `with` block; yields its port on loopback."""
     server = uvicorn.Server(uvicorn.Config(app, port=0, lifespan=lifespan, log_level="warning"))
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
@@ -35,7 +35,7 @@ def served(app: ASGIApp, lifespan: Literal["on", "off"] = "off") -> Iterator[int
 
 
 async def echo(scope: Scope, receive: Receive, send: Send) -> None:
-    """Responds with the received request, and sets a session cookie."""
+    """Responds with the request that it received, and sets a session cookie."""
     headers = {name.decode(): value.decode() for name, value in scope["headers"]}
     body = json.dumps({"path": scope["raw_path"].decode(), "headers": headers}).encode()
     cookie = (b"set-cookie", b"session=of-the-one-before; Path=/; HttpOnly")
@@ -84,7 +84,7 @@ def test_nobody_is_taken_for_whoever_asked_before(standby: int) -> None:
 
 
 def test_what_is_asked_for_does_not_say_of_whom(standby: int) -> None:
-    """A path cannot change the owner's host: `http://owner:8000` and `*@elsewhere/` together are a URL at elsewhere."""
+    """A path cannot change the owner's host: `http://owner:8000` plus `*@elsewhere/` would be a URL at elsewhere."""
     with served(echo) as elsewhere:
         status, body = asked(standby, f"*@127.0.0.1:{elsewhere}/secret")
     assert status == 400
@@ -93,7 +93,7 @@ def test_what_is_asked_for_does_not_say_of_whom(standby: int) -> None:
 
 
 def test_nothing_is_said_that_nobody_said(standby: int) -> None:
-    """A client that did not request gzip gets an uncompressed response."""
+    """A client that did not request gzip gets an uncompressed response, although the standby's own client supports gzip."""
     found = json.loads(asked(standby, "/a?b=%20c")[1])
     assert found["path"] == "/a"
     assert not {"accept", "accept-encoding", "user-agent"} & found["headers"].keys()
@@ -113,7 +113,12 @@ def test_the_owner_learns_the_clients_address_by_a_signed_field_alone() -> None:
     assert origin(scope, "the owner's") == ("192.168.1.7", "https")
     assert origin(scope, "another's") is None
     assert origin(scope, "") is None
-    for address in ("127.0.0.1", "127.0.0.2", "::ffff:127.0.0.1", "::1"):  # means another machine to the owner
+    for address in (
+        "127.0.0.1",
+        "127.0.0.2",
+        "::ffff:127.0.0.1",
+        "::1",
+    ):  # loopback addresses, which would mean another machine to the owner
         assert origin({**scope, "client": (address, 1234)}, "the owner's") == ("", "https")
     for forged in ("1", "", "192.168.1.7 https", "192.168.1.7 https ", "- ftp x"):
         assert _verified_origin(forged, "the owner's") is None

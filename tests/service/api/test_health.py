@@ -1,4 +1,4 @@
-"""Health checks respond while all threads are busy; excess picture requests are rejected with Retry-After."""
+"""Tests of health checks, which respond while all threads are busy; excess picture requests get 503 with Retry-After."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.service.peer_worker import PeerWorker
 
 @pytest.mark.long
 def test_health_needs_no_thread(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With more slow requests than threads."""
+    """Health checks respond while there are more slow requests than threads."""
     hold = threading.Event()
     monkeypatch.setattr(scenes, "find_scene", lambda id, farm: hold.wait(20))
     with ThreadPoolExecutor(60) as many:

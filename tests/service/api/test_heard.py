@@ -1,4 +1,4 @@
-"""A flood of messages leaves time for other tasks."""
+"""A flood of messages on one socket leaves time for other tasks."""
 
 from __future__ import annotations
 

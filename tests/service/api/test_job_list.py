@@ -32,14 +32,14 @@ def service(
         farm = Farm(Settings(data=data, redis_url=redis_server.url, token="token", database_url=url))
         many_jobs(farm.sessions, N)
         farm.stop()
-        service = Service(data, redis_server, film_check_days=0, database_url=url)  # its jobs have no films
+        service = Service(data, redis_server, film_check_days=0, database_url=url)  # its jobs have no films to check
         yield service
         service.stop()
 
 
 @contextmanager
 def statements(service: Service) -> Iterator[list[str]]:
-    """Records the database queries of requests."""
+    """Records the database queries made in the `with` block."""
     said: list[str] = []
 
     def note(_: Any, __: Any, statement: str, *___: Any) -> None:
@@ -75,7 +75,7 @@ def test_pages_follow_each_other_and_ask_the_database_a_few_times_however_many_j
 def test_jobs_are_chosen_by_words_state_scene_and_kind(service: Service) -> None:
     assert [job["name"] for job in get(service, search="TRUCK 2321")] == ["Milk truck take 2321"]
     assert [job["id"] for job in get(service, search=f"{77:020x}")] == [f"{77:020x}"]
-    for none in ("100%_", "\0", "truck\0"):  # signs of the pattern, and of its end, are letters here
+    for none in ("100%_", "\0", "truck\0"):  # pattern characters are matched literally
         assert get(service, search=none) == []
     stopped = get(service, state=["failed", "paused"], scene="scene1", limit=1000)
     assert {job["state"] for job in stopped} == {"failed", "paused"} and {job["scene"] for job in stopped} == {"scene1"}

@@ -60,7 +60,7 @@ def test_a_worker_with_a_token_of_its_own_fetches_what_others_made_and_hands_in_
     answer = service.http.put(url, content=artefact(tmp_path, own), headers=shown)
     assert (answer.status_code, "own token" in answer.json()["detail"]) == (403, True)
     stored = Path(service.options["data"]) / "kernels" / NAME
-    stored.write_bytes(stored.read_bytes()[:-1] + b"x")  # somebody at the disk: that is not signed for others
+    stored.write_bytes(stored.read_bytes()[:-1] + b"x")  # changed on disk, so its signature is invalid for others
     assert service.http.get(url, headers=shown).status_code == 404
 
 

@@ -23,7 +23,7 @@ from tests.service.peer_worker import PeerWorker, expected_sums
 
 
 class Watcher:
-    """Reads a job's live messages; acknowledges them on demand."""
+    """Reads a job's live messages, and acknowledges them on demand."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
@@ -34,7 +34,7 @@ class Watcher:
         self.words: dict[Tile, np.ndarray] = {}
 
     def read(self, seconds: float, acknowledge: bool = True) -> None:
-        """Receives messages until none arrives for a while, the job has ended, or the timeout expires."""
+        """Receives messages until none arrives for a while, the job has ended, or `seconds` have passed."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0:
             try:
@@ -192,7 +192,7 @@ def test_events_tell_of_scenes_jobs_and_workers(service: Service, worker: PeerWo
 
 
 def film_of(service: Service, job: str, **headers: str) -> tuple[list[int], np.ndarray, int]:
-    """Returns the whole film from one response: samples of its tiles, words (h, w), side of a tile."""
+    """Returns the whole film from one response: sample counts of its tiles, words (h, w), side of a tile."""
     answer = service.http.get(f"/api/jobs/{job}/frames/0/film", headers=headers).raise_for_status()
     version, kind, frame, width, height, side = struct.unpack_from("<BBHHHI", answer.content)
     assert (version, kind, frame) == (1, 2, 0)
@@ -219,7 +219,7 @@ def test_a_film_comes_whole_and_then_only_what_it_lacks(service: Service, worker
     for (x, y, w, h), of_tile in watcher.words.items():
         np.testing.assert_array_equal(words[y : y + h, x : x + w], of_tile)
 
-    # Who has all gets nothing; who lacks of two tiles gets these; who cannot say what it has gets all.
+    # A client with all tiles gets nothing, one without two tiles gets these, one without information gets all.
     order = sorted(watcher.words, key=lambda tile: (tile.y, tile.x))
     assert (order[1].x, order[0].w) == (side, side)
     for have, wanted in ((samples, []), ([*samples[:5], 4, *samples[6:11], 0], [order[5], order[11]]), (["?"], order)):

@@ -1,4 +1,4 @@
-"""Live connection to a shot: the states of its frames, and tiles of one frame after another."""
+"""Tests of the live connection to a shot: the states of its frames, and tiles of one frame after another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Prometheus metrics; the shipped alerts and dashboard only query existing ones."""
+"""Tests of Prometheus metrics; the shipped alerts and dashboard query only existing ones."""
 
 from __future__ import annotations
 

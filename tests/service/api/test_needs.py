@@ -1,4 +1,4 @@
-"""The access requirements of all routes are in one table, and no others are enforced."""
+"""Tests that one table has the access requirements of all routes, and that no others are enforced."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ CHANGING = {"POST", "PUT", "PATCH", "DELETE"}
 
 
 def routes(found: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Returns method and pattern of every route of an application, including routers and mounted files."""
+    """Yields method and pattern of every route of an application, including routers and mounted files."""
     for route in found:
         if isinstance(route, Mount):
             yield "GET", route.path or "/"
-        elif hasattr(route, "original_router"):  # FastAPI keeps an included router whole
+        elif hasattr(route, "original_router"):  # FastAPI stores an included router as one object
             yield from routes(route.original_router.routes, prefix + route.include_context.prefix)
         elif hasattr(route, "methods") and route.methods:
             yield from ((method, prefix + route.path) for method in route.methods - {"HEAD"})

@@ -57,8 +57,8 @@ class Provider:
 @pytest.fixture(scope="module")
 def provider() -> Iterator[Provider]:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of names that the provider's library will call otherwise
-        import oidc_provider_mock  # here, as it takes half a second, that the other processes of tests need not spend
+        warnings.simplefilter("ignore")  # names that the provider's library will rename
+        import oidc_provider_mock  # imported here, since it takes half a second
     users = [oidc_provider_mock.User(sub=sub, claims=claims) for sub, claims in PEOPLE.items()]
     with oidc_provider_mock.run_server_in_thread(user_claims=users, require_nonce=True) as server:
         yield Provider(server)
@@ -233,7 +233,7 @@ def test_several_tabs_log_in_at_once_and_a_browser_keeps_a_bounded_number(servic
 
 
 def test_over_tls_no_other_host_can_set_the_cookie(service: Service) -> None:
-    with caller(service, **{"X-Forwarded-Proto": "https"}) as client:  # from a trusted proxy
+    with caller(service, **{"X-Forwarded-Proto": "https"}) as client:  # header of a trusted proxy
         (header,) = client.get("/api/login/openid").headers.get_list("set-cookie")
     assert header.startswith("__Host-") and "Secure" in header and "Path=/" in header and "Domain" not in header
 

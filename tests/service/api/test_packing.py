@@ -23,7 +23,7 @@ async def _pieces() -> AsyncIterator[bytes]:
 
 
 async def answer(request: Request) -> Response:
-    """Responds with the content that the path names."""
+    """Responds with the kind of content that the path names."""
     kinds: dict[str, Response] = {
         "long": JSONResponse(LONG),
         "short": JSONResponse({}),

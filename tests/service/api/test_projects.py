@@ -1,4 +1,4 @@
-"""Items of a project are visible to its members only, on every route and socket."""
+"""Tests that items of a project are visible only to its members, on every route and socket."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from tests.service.api.test_access import caller
 from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import PeerWorker
 
-HIDDEN = "moonlight"  # what all that is in the project is called
-# What has a parameter in its path, and is no thing that projects have.
+HIDDEN = "moonlight"  # word in the names of all items in the project
+# Routes with a path parameter that is not an item of a project.
 OTHERS = re.compile(r"/api/(farm|tokens|users|projects|shares|quotas|workers|hooks|examples)")
 ROLE = {"anna": "submit", "ben": "submit"}
 
 
 @dataclass
 class People:
-    """Clients with tokens. anna: a member of the project; ben: of no project; chief: an administrator."""
+    """Clients with tokens. anna: member of the project; ben: member of no project; chief: administrator."""
 
     anna: httpx.Client
     ben: httpx.Client
@@ -141,7 +141,7 @@ def test_no_list_has_any_of_it(people: People) -> None:
             assert HIDDEN not in answer.text, pattern
             assert not any(id in answer.text for id in people.ids.values()), pattern
             told += HIDDEN in people.anna.get(pattern, params=query).text
-    assert told >= 8  # scenes, jobs, environments, references
+    assert told >= 8  # scenes, jobs, environments, references and more
     assert people.ben.get("/api/jobs/tallies").json()["finished"] == 0
     assert people.anna.get("/api/jobs/tallies").json()["finished"] == 1
     assert people.ben.get("/api/jobs", params={"search": HIDDEN, "ids": people.ids["job"]}).json() == []

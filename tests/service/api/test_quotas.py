@@ -20,7 +20,7 @@ from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import PeerWorker
 
 SIZE = {"width": 32, "height": 32, "tile_size": 16}
-SAMPLES = 32 * 32 * 4  # of a job of 4 samples a pixel
+SAMPLES = 32 * 32 * 4  # size of a job with 4 samples per pixel
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ def test_samples_count_from_the_moment_they_are_asked_for(service: Service, chie
         scene = scene_of(hal)
         may(chief, "users/hal", samples_day=1 << 40)
         first = asked(hal, scene, spp=1 << 20, frames="0-1").raise_for_status().json()["id"]
-        waits = asked(hal, scene, after=[first]).raise_for_status().json()["id"]  # nobody takes it up before the first is over
+        waits = asked(hal, scene, after=[first]).raise_for_status().json()["id"]  # stays waiting until the first has ended
         assert used(hal)["samples_day"] == (2 << 30) + SAMPLES
         may(chief, "users/hal", samples_day=(2 << 30) + 2 * SAMPLES - 1)
         assert asked(hal, scene, after=[first]).status_code == 429
@@ -169,8 +169,10 @@ def test_what_is_said_of_nobody_is_refused(service: Service, chief: httpx.Client
 
 
 def test_what_all_have_used_is_what_each_has(service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The list reads every table once, not once per user."""
-    monkeypatch.setattr(service.farm.quotas, "_size_of", len)  # of a job's id: films settle meanwhile, and become smaller
+    """The list of all users' usage equals each user's own, and reads every table once, not once per user."""
+    monkeypatch.setattr(
+        service.farm.quotas, "_size_of", len
+    )  # length of a job's id: real films settle and become smaller during the test
 
     def listed() -> dict[str, Any]:
         return {found["whose"]: found["used"] for found in chief.get("/api/quotas").raise_for_status().json()}

@@ -1,4 +1,4 @@
-"""Reference pictures: decoded in a child process, stored once, returned as films, and refused with error messages."""
+"""Tests of reference pictures: decoded in a child process, stored once, returned as films, refused with error messages."""
 
 from __future__ import annotations
 
@@ -95,14 +95,14 @@ def test_a_picture_may_be_longer_than_other_bodies(service: Service) -> None:
 
 
 def test_a_long_name_keeps_what_says_its_format(service: Service) -> None:
-    file = b"PF\n1 1\n-1.0\n" + np.ones(3, "<f4").tobytes()  # whose first bytes are not looked at
+    file = b"PF\n1 1\n-1.0\n" + np.ones(3, "<f4").tobytes()  # a format without a signature check
     found = service.http.post("/api/references", files={"file": ("n" * 240 + ".pfm", file)}).raise_for_status().json()
     assert found["name"] == "n" * 196 + ".pfm"
     service.http.delete(f"/api/references/{found['id']}").raise_for_status()
 
 
 def ended(*_: Any) -> dict[str, Any]:
-    """A task that ends its process and leaves a file behind."""
+    """Ends its process and leaves a file behind; used in place of the decoder."""
     tempfile.mkdtemp()
     os._exit(1)
 

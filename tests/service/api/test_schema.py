@@ -19,11 +19,11 @@ from tests.helpers import running_redis
 from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import PeerWorker
 
-FAULTS_ALLOWED = {503, 507}  # what is away or full comes back; nothing else beyond 499 is a client's business
+FAULTS_ALLOWED = {503, 507}  # temporarily unavailable or out of space; any other status from 500 is a bug
 ENDLESS = "/api/events"
 ENDLESS_SPP = 1 << 16
 FAILS = 13
-LONGEST_S = 3600.0  # that all tests of this file take
+LONGEST_S = 3600.0  # limit for all tests of this file
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ class Alive:
             if state in ("cancelled", "paused"):
                 service.patch(self.jobs[state], state=state)
             service.wait_for(self.jobs[state], state, timeout=60)
-        # The one slot is busy with this scene from now on; so jobs stay as they are.
+        # This scene occupies the only slot, so jobs keep their states.
         worker.on_prepare = lambda scene: bool(self.done.wait(LONGEST_S)) and None
         service.farm.engine.show_environment = _nobody  # type: ignore[method-assign]
         service.farm.explaining.explain = _nobody  # type: ignore[method-assign]
@@ -93,7 +93,7 @@ def alive(service: Service) -> Iterator[Alive]:
 
 @pytest.fixture(scope="module")
 def schema(alive: Alive) -> Any:
-    import schemathesis  # takes a second, which every process that only collects these tests would wait for
+    import schemathesis  # imported here, since it takes a second
 
     return schemathesis.openapi.from_url(f"{alive.service.url}/openapi.json")
 
@@ -104,14 +104,14 @@ def ids(path: str, alive: Alive) -> list[str]:
 
 
 def spare(path: str, alive: Alive) -> str:
-    """Returns a scene or a job that may be changed and deleted, so that the others keep their states."""
+    """Returns the path with a scene or job that may be changed and deleted, so that the others keep their states."""
     if "/scenes/" in path:
         return alive.service.upload(OBJ + f"# {time.monotonic_ns()}".encode())
     return alive.service.submit(alive.scenes["ready"], width=32, height=32, priority=-100)
 
 
 def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> dict[int, int]:
-    """Calls an operation many times; returns how often it answered with which status."""
+    """Calls an operation many times; returns how often each status occurred."""
     from schemathesis import GenerationMode
 
     seen: dict[int, int] = {}
@@ -136,7 +136,7 @@ def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> d
         if isinstance(case.body, dict) and "scene" in case.body and data.draw(st.booleans()):
             case.body["scene"] = alive.scenes["ready"]
         if (case.query or {}).get("which") == "coming":
-            case.query["which"] = "all"  # the other ends when the job does
+            case.query["which"] = "all"  # the other kind of stream ends only with the job
         if "/farm/" in path and data.draw(st.booleans()):
             case.headers = {**(case.headers or {}), "Authorization": f"Bearer {alive.service.options['token']}"}
         if (method in ("DELETE", "PATCH") or path.endswith("/anew")) and (case.path_parameters or {}).get("id") in live:

@@ -58,7 +58,7 @@ def test_a_zip_comes_while_frames_are_finished(service: Service, worker: PeerWor
         for chunk in answer.iter_bytes():
             came += chunk
             if NAMES[1].encode() in came:
-                gate.set()  # the first two have come, though the rest is not rendered
+                gate.set()  # the first two frames have arrived before the rest is rendered
     with zipfile.ZipFile(io.BytesIO(came)) as archive:
         assert sorted(archive.namelist()) == NAMES
 

@@ -1,4 +1,4 @@
-"""Snapshots returned later equal the picture at that time."""
+"""Tests that snapshots returned later equal the picture at their time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EXPONENT = 24
 
 
 def light(samples: int) -> np.ndarray:
-    """Returns (h, w) RGB9E5 words of the picture after this number of samples of every pixel."""
+    """Returns the picture as RGB9E5 words (h, w) after this number of samples of every pixel."""
     sums = expected_sums(Tile(0, 0, WIDTH, HEIGHT), 0, samples, 0)
     return rgbe9995.pack(film_math.mean(sums, EXPONENT))
 
@@ -32,7 +32,9 @@ def kept(service: Service, job: str) -> list[int]:
 
 
 def in_step(service: Service, worker: PeerWorker) -> list[str]:
-    """Delays the worker at each power of two until its snapshot is stored; job ids are added to the list."""
+    """Delays the worker at each power of two of samples until its snapshot is stored; returns a list, to which tests add
+    job ids.
+    """
     jobs: list[str] = []
 
     def wait(batch: RenderBatch) -> None:

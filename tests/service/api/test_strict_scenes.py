@@ -1,4 +1,4 @@
-"""Strict uploads: a scene with warnings fails and lists them, and differs from the same files without `strict`."""
+"""Tests of strict uploads: a scene with warnings fails and lists them, and differs from the same files without `strict`."""
 
 from __future__ import annotations
 

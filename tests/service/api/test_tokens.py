@@ -1,4 +1,4 @@
-"""Permissions of tokens on tokens."""
+"""Tests of which tokens may list, create and revoke tokens."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
 
 
 def test_a_token_that_only_looks_withdraws_nothing_but_itself(service: Service) -> None:
-    """A widely shared token must not be able to revoke its owner's other tokens."""
+    """A read-only token, which may be widely shared, can revoke itself but none of its owner's other tokens."""
     path = service.options["data"] / "owner-token"
     owner = {"Authorization": f"Bearer {path.read_text().strip()}"}
 

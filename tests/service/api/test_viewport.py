@@ -1,4 +1,4 @@
-"""Live views of a scene: pictures over the WebSocket, by a worker that speaks the real contract, without leftovers."""
+"""Tests of live views of a scene: pictures over the WebSocket, from a worker with the real protocol, without leftovers."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_a_view_is_small_first_then_whole_and_exact_at_last(service: Service, wo
         until(lambda: (viewer.read(), viewer.states[-1]["samples"] == 16)[1], "the state says so")
         told = {"id": 7, "samples": 16, "bound": 16, "mean": 16, "done": True, "slots": 2, "message": None}
         assert {name: viewer.states[-1][name] for name in told} == told
-        # The worker takes 10 us a sample of a pixel: the next view is known to be too large for the first picture.
+        # The worker takes 10 us per sample of a pixel, so the next view is too large for one complete picture.
         viewer.show(8, view={"eye": [1, 2, 3], "target": [0, 0, 0]}, max_depth=11)
         viewer.wait(8, 1)
         settings = worker.parts[-1][0].settings
@@ -219,7 +219,7 @@ def test_views_go_before_batches_and_leave_with_a_killed_page(service: Service, 
         (watch,) = service.farm.views._sessions.values()
         assert watch.pixels == 96 * 64
         worker.on_part = lambda work, part: time.sleep(0.05)
-        viewer.connection.socket.close()  # as a killed browser: without a word
+        viewer.connection.socket.close()  # without a closing handshake, like a killed browser
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
     until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
     assert service.farm.views._sessions == {}
@@ -253,7 +253,7 @@ def test_a_hand_on_the_sun_sees_the_lights_that_are_prepared(service: Service, w
             viewer.read(0.02)
         seen = {id for id, _ in viewer.pictures}
         viewer.wait(moves, 1)
-        # Where the machine is busy, the hand goes on before what is prepared is seen.
+        # On a busy machine the camera moves on before prepared frames are shown.
         assert len(worker.prepared) - before <= 2 * len(seen) + 3, "and hardly any others are asked for"
 
 
@@ -316,7 +316,7 @@ def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> 
         (found,) = viewer.picked
         direction = found.pop("direction")
         assert found == {"x": 5, "y": 60, "depth": 2.0, "position": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}
-        half = math.tan(math.radians(20)) / 32  # of a pixel of 64 rows
+        half = math.tan(math.radians(20)) / 32  # of a pixel, with 64 rows
         np.testing.assert_allclose(np.divide(direction, -direction[2]), [(5.5 - 48) * half, (32 - 60.5) * half, -1])
         (asked,) = [(work, part) for work, part in worker.parts if work.is_whole]
         assert asked[1].tile == (5, 60, 1, 1)
@@ -357,7 +357,7 @@ def test_clicks_without_end_neither_pile_up_nor_hold_up_the_picture(service: Ser
         def click() -> None:
             while not stop.is_set():
                 viewer.say(pick=[5, 60])
-                stop.wait(0.001)  # a thousand a second, and not all that a processor can
+                stop.wait(0.001)  # a thousand per second, not as many as possible
 
         clicking = threading.Thread(target=click)
         clicking.start()
@@ -399,7 +399,7 @@ def test_nobody_who_can_render_it_is_said(service: Service) -> None:
         )
         with service.worker(name="old", views=False):
             until(lambda: (viewer.read(), "older release" in (viewer.states[-1]["message"] or ""))[1], "it is too old")
-            with service.worker(name="other", kind="another-kind"):  # the scene is compiled for it, as for a job
+            with service.worker(name="other", kind="another-kind"):  # the scene is compiled for this kind, as for a job
                 viewer.wait(1, 2)
 
 

@@ -1,4 +1,4 @@
-"""Pictures of frames without samples: 409 with an error message, never an empty file."""
+"""Tests of pictures of frames without samples: 409 with an error message, never an empty file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FILES = (
 def test_a_picture_without_samples_is_a_conflict_with_a_sentence(service: Service, worker: PeerWorker, state: str) -> None:
     scene = service.ready_scene()
     if state in ("waits", "cancelled"):
-        worker.on_batch = lambda batch: False  # it is never answered
+        worker.on_batch = lambda batch: False  # the batch is never answered
         job = service.submit(scene)
         until(lambda: service.job(job)["state"] == "running", "it begins")
         if state == "cancelled":

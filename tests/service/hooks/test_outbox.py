@@ -1,4 +1,4 @@
-"""Hooks receive each end of a job once: a real server with chosen responses, and a real program."""
+"""Tests that hooks receive each end of a job once, with a real server that gives chosen responses, and a real program."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def receiver() -> Iterator[Receiver]:
 
 @pytest.fixture
 def told(service: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) -> Service:
-    """A service that sends to the receiver, with short retry delays."""
+    """Returns a service that sends to the receiver, with short retry delays."""
     monkeypatch.setattr(outbox, "RETRIES_S", (0.1,) * 7)
     monkeypatch.setattr(outbox, "POLL_EVERY_S", 0.1)
     service.options |= {"webhooks": [receiver.url], "webhook_secret": SECRET, "public_url": "http://farm.example/"}
@@ -81,7 +81,7 @@ def test_a_job_s_end_is_told_signed_and_once(told: Service, receiver: Receiver) 
     with told.worker():
         job = told.submit(told.ready_scene(), name="the night's")
         told.wait_for(job, "finished")
-        # Recorded as delivered, not only received: else a service that stops in between sends it again, as it must.
+        # The delivery must be recorded, not only received: a service that stops in between sends it again, as it must.
         until(lambda: told.http.get("/api/hooks").json()[0]["arrived"] == 1, "the hook is told")
         told.restart()
         other = told.submit(told.ready_scene())
@@ -240,7 +240,7 @@ def test_a_program_may_leave_another_running(tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_program_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The hook is a script that waits for another program; with retries, eight of these would remain for each job."""
+    """A hook program that hangs is killed with its child processes; with retries, eight of these would remain per job."""
     monkeypatch.setattr(deliver, "RUN_TIMEOUT_S", 1.0)
     program = tmp_path / "hook"
     program.write_text(f"#!/bin/sh\nsleep 300 &\necho $! > {tmp_path}/waited-for\nwait\n")
@@ -277,7 +277,10 @@ def test_a_hook_that_hangs_holds_up_no_other(service: Service, receiver: Receive
 def test_more_ends_than_are_looked_at_at_once_are_told_beside_what_is_late(
     told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """More jobs ended than one round reads, before another job was late; the late job's time must not hide the rest."""
+    """If more jobs end than one round reads, all are delivered, although a job that ended before was late.
+
+    The late job's time must not hide the rest.
+    """
     monkeypatch.setattr(outbox, "AT_A_TIME", 2)
     jobs = [told.submit(told.upload()) for _ in range(6)]
     now = time.time()

@@ -1,4 +1,4 @@
-"""Zip archives: each kind of damage gives an error message, and zip bombs use little memory."""
+"""Tests of zip archives: each kind of damage gives an error message, and zip bombs use little memory."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_data_that_its_method_cannot_read_is_said_to_be_damaged(store: BlobFolde
 
 @grid("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA], ordinary=(zipfile.ZIP_DEFLATED,))
 def test_a_bomb_is_found_before_it_is_in_memory(store: BlobFolder, method: int) -> None:
-    """A zip of many zeros in a few kilobytes, with a directory that states a small size."""
+    """A zip bomb, zeros in a few kilobytes with a directory that states a small size, is refused before it is in memory."""
     size = 96 << 20
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", method) as archive, archive.open("scene.obj", "w", force_zip64=True) as file:

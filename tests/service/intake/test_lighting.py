@@ -1,4 +1,4 @@
-"""Lighting belongs to the request: no further scene in the lists, one compiled scene per lighting, deleted when unused."""
+"""Tests of lighting in the request: no further scene in the lists, one compiled scene per lighting, deleted when unused."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def service(both: tuple[Service, PeerWorker]) -> Service:
 
 
 def rendered(service: Service, scene: str, **environment: Any) -> tuple[dict[str, Any], str | None]:
-    """Returns a finished job, and the derived scene that it was rendered from."""
+    """Renders a job; returns the finished job, and the derived scene that it was rendered from."""
     id = service.submit(scene, environment=environment)
     service.wait_for(id, "finished")
     row = service.farm.records.job(id)

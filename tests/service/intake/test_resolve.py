@@ -1,4 +1,4 @@
-"""Resolution of a request and a scene to the settings that determine every sample."""
+"""Tests of resolving a request and a scene to the settings that determine every sample."""
 
 from __future__ import annotations
 
@@ -38,7 +38,10 @@ def test_the_scene_says_what_the_request_leaves_out() -> None:
 @pytest.mark.parametrize("defaults", [{}, {"width": 100, "height": 50, "spp": 9}])
 @pytest.mark.parametrize("ends", [{}, {"spp": 5}, {"noise": 0.1}, {"seconds": 60.0}, {"noise": 0.1, "spp": 7}])
 def test_what_nobody_said_is_the_same_at_a_farm_as_without_one(defaults: dict[str, Any], ends: dict[str, Any]) -> None:
-    """Regression: `rayfarm render` stopped at 64 samples for any noise goal, and pictures of a farm had another size."""
+    """Default settings are the same with and without a farm.
+
+    Regression: `rayfarm render` stopped at 64 samples for any noise goal, and pictures of a farm had another size.
+    """
     cameras = INFO["cameras"]
     job = Job(request={}, **ends)
     resolve(job, Scene(info={"cameras": cameras, "defaults": defaults}), 1 << 20)
@@ -59,7 +62,9 @@ def test_a_camera_is_meant_by_its_name_or_its_number(camera: str | int | None, n
 
 @pytest.mark.parametrize("camera", ["²", "9" * 5000, "1234567", "-1", " 1", "side", "", 2, "2", 10**30])
 def test_a_camera_that_is_not_there_is_answered_with_a_sentence(camera: str | int) -> None:
-    """The engine resolves waiting jobs repeatedly: any error other than SettingsError would stop all jobs."""
+    """A missing camera raises SettingsError: any other error would stop all jobs, since the engine resolves waiting ones
+    repeatedly.
+    """
     with pytest.raises(SettingsError, match=r"^camera is .*(0: front, 1: 7|the scene has 2)") as caught:
         resolved(camera=camera)
     assert len(str(caught.value)) < 200

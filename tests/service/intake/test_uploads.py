@@ -169,7 +169,7 @@ def test_too_many_files(service: Service) -> None:
 
 
 def test_the_files_of_an_upload_are_not_all_open_at_once(tmp_path: Path, service: Service) -> None:
-    """Thousands of textures would use up the service's file descriptors, which films and the database need too."""
+    """The files of an upload are not all open at once: textures would use up descriptors that films and the database need."""
     are_open: list[int] = []
 
     class Folder(BlobFolder):
@@ -281,7 +281,7 @@ def test_what_was_half_written_is_swept_at_the_start(tmp_path: Path, redis_serve
 def test_an_upload_that_is_cancelled_before_its_turn_leaves_no_file(
     tmp_path: Path, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A service that stops cancels uploads that wait for a thread."""
+    """An upload cancelled while it waits for a thread, as when the service stops, leaves no file."""
     store = BlobFolder(tmp_path / "blobs", tmp_path)
     boundary = "-" * 8
     body = f'--{boundary}\r\nContent-Disposition: form-data; name="files"; filename="a.obj"\r\n\r\n'.encode() + OBJ

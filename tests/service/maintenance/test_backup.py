@@ -1,4 +1,4 @@
-"""A backup taken while a farm runs can be started as a farm, which continues with the same bits."""
+"""Tests that a backup taken while a farm runs can be started as a farm, which continues with the same bits."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_a_half_done_job_is_finished_from_its_backup(
         worker.on_batch = slow
         half = service.submit(service.ready_scene(), spp=40, seed=3)
         until(lambda: service.job(half)["progress"] > 0.1, "it is under way")
-        report = back_up_to(service, tmp_path / name)  # while batches come in
+        report = back_up_to(service, tmp_path / name)  # taken while batches arrive
         assert service.job(half)["state"] == "running", "it was taken half way"
         some.set()
         service.wait_for(half, "finished")
@@ -86,7 +86,7 @@ def test_a_half_done_job_is_finished_from_its_backup(
         assert {path.stat().st_mode & 0o077 for path in (tmp_path / "again").rglob("*")} == {0}
     finally:
         again.stop()
-        service.start()  # which the fixture stops
+        service.start()  # the fixture stops it
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""A clock set forward by mistake causes no deletion of data that cannot be restored."""
+"""Tests that a clock set forward by mistake deletes no data that cannot be restored."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_machine_that_slept_has_not_put_its_clock_forward(monkeypatch: pytest.
     clock, woken = WallClock(), time.time() + 8 * 3600
     slept_to = time.clock_gettime(time.CLOCK_BOOTTIME) + 8 * 3600
     monkeypatch.setattr(time, "time", lambda: woken)
-    monkeypatch.setattr(time, "clock_gettime", lambda _: slept_to)  # while time.monotonic() stood still
+    monkeypatch.setattr(time, "clock_gettime", lambda _: slept_to)  # time.monotonic was suspended meanwhile
     assert abs(clock.jumped_s()) < 1
 
 

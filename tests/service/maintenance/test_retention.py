@@ -1,4 +1,4 @@
-"""Data deleted by rules is restored to the same bits if possible, and needed or pinned data is kept."""
+"""Tests of deletion by rules: data is restored to the same bits if possible, and needed or pinned data is kept."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.service.conftest import OBJ, Service, until
 
 
 def aged(service: Service, **days: float) -> None:
-    """Sets the age of jobs and scenes, given by id."""
+    """Sets the age of jobs and scenes, by id."""
     for id, age in days.items():
         then = time.time() - age * DAY_S
         with service.farm.sessions.begin() as session:
@@ -32,7 +32,7 @@ def let_go(service: Service, **rules: float) -> list[tuple[str, str]]:
 
 
 def over(service: Service, location: str = "/api/retention") -> dict[str, Any]:
-    """Returns a deletion run after it has ended."""
+    """Waits until a deletion run has ended, and returns it."""
     runs: list[dict[str, Any]] = []
 
     def is_over() -> bool:
@@ -55,7 +55,7 @@ def film_of(service: Service, job: str) -> Path:
 
 @pytest.fixture
 def jobs(service: Service) -> list[str]:
-    """Four finished jobs of one scene, 40, 30, 20 and 10 days old; the first is pinned."""
+    """Returns four finished jobs of one scene, 40, 30, 20 and 10 days old; the first is pinned."""
     with service.worker():
         scene = service.ready_scene()
         jobs = [service.submit(scene, seed=seed) for seed in range(4)]
@@ -110,7 +110,7 @@ def test_compiled_scenes_and_uploads_that_nobody_used_go(service: Service, jobs:
     assert would_go(service, **rules) == [("compiled", other)], "a pinned job needs the first"
     service.patch(jobs[0], pinned=False)
     assert would_go(service, **rules) == [("compiled", scene), ("compiled", other)]
-    service.restart()  # which waits for no news of what workers stored
+    service.restart()  # restarts without waiting for reports of what workers stored
     before = service.farm.records.blobs()
     assert len(let_go(service, **rules)) == 2
     kept = service.farm.records.blobs()
@@ -119,7 +119,7 @@ def test_compiled_scenes_and_uploads_that_nobody_used_go(service: Service, jobs:
         assert not service.farm.blobs.exists(sha256)
     assert service.scene(other)["status"] == "ready"
     with service.worker():
-        service.wait_for(service.submit(other), "finished")  # who uses it makes it again
+        service.wait_for(service.submit(other), "finished")  # a job that uses it prepares it again
     assert would_go(service, uploads_days=5) == [("upload", scene)], "the other was used just now"
     assert let_go(service, uploads_days=5) == [("upload", scene)]
     assert service.http.get(f"/api/scenes/{scene}").status_code == 404

@@ -1,4 +1,4 @@
-"""Reuse of samples: never too many samples, never different bits, and the jobs' goals stay independent."""
+"""Tests of reusing samples: never too many samples, never different bits, and the jobs' goals stay independent."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LONG_S = 120.0
 
 @pytest.fixture
 def service(service: Service) -> Iterator[Service]:
-    """A service that reuses films, the default."""
+    """Yields a service that reuses films, which is the default."""
     service.stop()
     service.options["reuse_films"] = True
     service.start()
@@ -28,7 +28,7 @@ def service(service: Service) -> Iterator[Service]:
 
 
 def samples_of(worker: PeerWorker, job: str) -> int:
-    """Returns the number of samples that a worker has rendered for a job, over all pixels."""
+    """Returns the number of samples, over all pixels, that a worker has rendered for a job."""
     return sum(batch.count * batch.tile.w * batch.tile.h for batch in worker.batches if batch.job == job)
 
 
@@ -39,7 +39,7 @@ def test_a_picture_that_is_asked_for_again_is_there_at_once_and_outlasts_the_fir
         first = service.submit(scene)
         service.wait_for(first, "finished", LONG_S)
     noise = service.job(first)["frames"][0]["noise"]
-    again = service.submit(scene)  # nobody is there who could render it
+    again = service.submit(scene)  # no worker is there to render it
     found = service.wait_for(again, "finished", LONG_S)
     assert found["frames"][0]["noise"] == noise > 0
     assert found["taken"] == {"job": first, "spp": 8.0, "samples": 64 * 48 * 8, "frames": None}
@@ -141,7 +141,7 @@ def test_a_shot_that_is_asked_for_again_is_there_at_once_in_whatever_order(servi
         scene = service.ready_scene()
         first = service.submit(scene, **SHOT, frames="0-3")
         service.wait_for(first, "finished", LONG_S)
-    again = service.submit(scene, **SHOT, frames="1-3", order="breadth-first")  # nobody is there who could render it
+    again = service.submit(scene, **SHOT, frames="1-3", order="breadth-first")  # no worker is there to render it
     found = service.wait_for(again, "finished", LONG_S)
     assert found["taken"] == {"job": first, "spp": 4.0, "samples": 3 * 32 * 24 * 4, "frames": "1-3"}
     assert (found["shot"]["states"], found["progress"]) == ({"finished": 3}, 1.0)

@@ -1,4 +1,4 @@
-"""Two services on one database, with a simulated clock: which of them owns the farm, and that writes of the other are refused."""
+"""Tests of two services on one database, with a simulated clock: one owns the farm, and writes of the other are refused."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def clock() -> Time:
 
 @pytest.fixture
 def candidates(tmp_path: Path, database: str, clock: Time) -> Iterator[Callable[..., Candidate]]:
-    """A factory of candidates, by default in the folder `data`."""
+    """Returns a factory of candidates for ownership, by default in the folder `data`."""
     made: list[Candidate] = []
     url = database or new_sqlite(tmp_path)
 
@@ -62,7 +62,7 @@ def elsewhere(owning: Ownership) -> None:
 
 
 def wait(candidate: Candidate, clock: Time, seconds: float) -> Ownership | None:
-    """Stands by for `seconds`; returns the ownership if it was taken, else None."""
+    """Stands by for `seconds`; returns the ownership if it was obtained, else None."""
     until = clock.now + seconds
     while clock.now < until:
         if (found := candidate.attempt()) is not None:

@@ -1,4 +1,4 @@
-"""An owner counts as dead only after a request, enough checks, and enough time without an answer."""
+"""Tests that an owner counts as dead only after a request, enough checks, and enough time without an answer."""
 
 from __future__ import annotations
 

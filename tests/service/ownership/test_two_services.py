@@ -1,6 +1,6 @@
-"""Two services of one farm: the second stands by and takes over when the first is killed or hangs.
+"""Tests of two services of one farm: the second stands by and takes over when the first is killed or hangs.
 
-Later writes of the first are refused. The film has each sample once, whenever the takeover happened.
+Later writes of the first are refused. The film has each sample once, whenever the takeover happens.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SPP = 3000
 
 @pytest.fixture
 def pair(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[tuple[Started, Started]]:
-    """The owner and a service that stands by. They are started at the same time; the faster one becomes the owner."""
+    """Yields (owner, standby); both are started at the same time, and the faster one becomes the owner."""
     both = [Started(tmp_path / "data", name, redis_url=redis_server.url, database_url=database) for name in ("one", "other")]
 
     def are_there() -> bool:
@@ -51,7 +51,7 @@ def told(services: list[Started]) -> str:
 
 @contextmanager
 def watched(service: Started, job: str) -> Iterator[ClientConnection]:
-    """Opens a viewer's WebSocket to a job, after its state and some tiles were received."""
+    """Opens a viewer's WebSocket to a job, and receives its state and some tiles."""
     url = f"{service.url.replace('http', 'ws')}/api/jobs/{job}/live"
     with connect(url, max_size=None, open_timeout=30) as watcher:
         kinds = {type(watcher.recv(timeout=30)) for _ in range(3)}
@@ -60,7 +60,7 @@ def watched(service: Started, job: str) -> Iterator[ClientConnection]:
 
 
 def code_of(watcher: ClientConnection) -> int:
-    """Returns the close code of a connection, after reading the remaining messages."""
+    """Reads the remaining messages of a connection, and returns its close code."""
     with pytest.raises(ConnectionClosed) as closed:
         while True:
             watcher.recv(timeout=30)
@@ -80,14 +80,14 @@ def begun(service: Started, worker: PeerWorker) -> str:
 def test_one_that_hangs_and_one_that_is_killed_are_taken_over_from(
     pair: tuple[Started, Started], redis_server: running_redis
 ) -> None:
-    """The first service is suspended, and the second takes over; the first resumes, and stands by; the second is killed, and the
-    first takes over again. A job is rendered meanwhile.
+    """The first service is suspended, and the second takes over; the first resumes and stands by; the second is killed, and the
+    first takes over again. A job is rendered during all of this.
     """
     first, second = pair
     assert second.says("/healthz") == "stands by"
     assert "rayfarm_owner 0" in second.http.get("/metrics").text
     with PeerWorker(redis_server.url, second.url, TOKEN) as worker:
-        job = begun(second, worker)  # which passes all of it on
+        job = begun(second, worker)  # the standby forwards the request
         assert second.job(job)["samples"] <= first.job(job)["samples"]
         with watched(second, job) as watcher:
             first.process.send_signal(signal.SIGSTOP)
@@ -122,7 +122,10 @@ def renders_on(service: Started, job: str) -> None:
 def test_whoever_lost_the_farm_in_the_middle_of_a_merge_adds_nothing(
     service: Service, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Both services run in one process, so that the test can choose the moment: between the film's check and its write."""
+    """A service that loses the farm between the film's check and its write adds nothing.
+
+    Both services run in one process, so that the test can choose that moment.
+    """
     standby = Service.__new__(Service)
     standby.options = {**service.options, "lease_s": LEASE_S}
     standby.start()
@@ -141,7 +144,7 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_merge_adds_nothing(
         with service.worker() as worker:
             job = service.submit(service.ready_scene(), spp=64)
             assert in_the_middle.wait(60)
-            old._moves = lambda: False  # it counts as hanging
+            old._moves = lambda: False  # the old owner counts as hanging
             until(lambda: standby.http.get("/readyz").json().get("status") == "ready", "the other takes over", 60)
             standby.wait_for(job, "finished", 60)
             expected = standby.digest(job)

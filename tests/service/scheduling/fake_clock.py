@@ -1,4 +1,4 @@
-"""A clock that tests set."""
+"""A simulated clock whose time tests set."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ __all__ = ["FakeClock"]
 
 
 class FakeClock:
-    """The wall and this thread's processor, which works all the time."""
+    """Simulated wall time and processor time of this thread, which is always busy."""
 
     def __init__(self) -> None:
         self.now = 100.0

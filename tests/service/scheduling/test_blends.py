@@ -1,4 +1,4 @@
-"""Scenes that require Blender: which workers get them, the message without Blender, and what is stored."""
+"""Tests of scenes that require Blender: which workers get them, the message without Blender, and what is stored."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_a_blend_waits_for_a_worker_with_blender_and_then_is_what_that_wrote(ser
             assert plain.prepared == []
         found = manifest(service, scene)
         assert (found["main"], [file["sha256"] for file in found["files"]]) == ("blender-scene.yaml", [SHA256])
-        service.wait_for(job, "finished")  # by the other worker, which has no Blender
+        service.wait_for(job, "finished")  # by the other worker, which lacks Blender
         assert service.scene(scene)["main"] == "shot.blend"
 
         again = service.http.post("/api/scenes", files={"files": ("shot.blend", BLEND)}, data={"environment": "sky:30,0"})

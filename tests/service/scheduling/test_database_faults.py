@@ -1,4 +1,4 @@
-"""A locked, read-only or unreachable database: films continue, and pending writes are made up for later."""
+"""Tests of a locked, read-only or unreachable database: films continue, and pending writes are made later."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.service.scheduling.test_faults import film_of, locked, rendered_once,
 @pytest.mark.long
 def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, worker: PeerWorker) -> None:
     if service.options["database_url"]:
-        return  # PostgreSQL has no lock of the whole
+        return  # PostgreSQL has no lock of the whole database
     worker.on_batch = slow
     job = under_way(service, worker, spp=60)
     with locked(service.options["data"] / "rayfarm.sqlite"):
@@ -92,7 +92,7 @@ def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
     monkeypatch.setattr(Records, "prepare_failed", away_while(away, Records.prepare_failed))
     scene = service.upload(b"broken")
     until(lambda: bool(worker.prepared), "a worker has looked at the scene")
-    time.sleep(5.5)  # longer than what is lost takes to be called lost
+    time.sleep(5.5)  # longer than until a batch counts as lost
     assert len(worker.prepared) == 1, "the worker has done it once"
     away.clear()
     until(lambda: service.scene(scene)["status"] == "failed", "it is written down")
@@ -109,13 +109,13 @@ def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
     monkeypatch.setattr(Records, "failed", away_while(away, Records.failed))
     service.farm.engine._bulkheads.give_verdict(job, "The film of this job is lost.")
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
-    time.sleep(0.5)  # meanwhile the engine hears of it
+    time.sleep(0.5)  # the engine notices it meanwhile
     away.clear()
     until(lambda: not film_of(service, job).exists(), "its film is gone")
 
 
 def answers_of(worker: PeerWorker, job: str) -> bool:
-    """Returns True if the stream contains results of a job."""
+    """Returns whether the stream contains results of a job."""
     return any(json.loads(fields[b"event"]).get("job") == job for _, fields in worker.redis.xrange(RESULTS))
 
 
@@ -141,7 +141,7 @@ def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
 
 
 def test_a_character_that_a_database_cannot_have_is_no_fault(service: Service) -> None:
-    """PostgreSQL does not accept NUL characters."""
+    """NUL characters, which PostgreSQL does not accept, are not treated as a database fault."""
     assert service.http.get("/api/jobs/%00").status_code == 404
     assert service.http.get("/%00").status_code == 404
     asked = {"scene": "\0", "width": 16, "height": 16}

@@ -1,4 +1,4 @@
-"""Shares and limits through the real service: the work that workers actually get."""
+"""Tests of shares and limits through the real service: the work that workers actually get."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerW
     scene = service.ready_scene()
     refused = service.http.put("/api/shares/somebody", json={})
     assert (refused.status_code, "everybody, user:NAME and project:NAME" in refused.json()["detail"]) == (422, True)
-    endless = service.http.put("/api/shares/user:anna", json={"weight": 1e-320})  # by which a second of slots lasts for ever
+    endless = service.http.put(
+        "/api/shares/user:anna", json={"weight": 1e-320}
+    )  # the smallest weights, by which a slot-second would last for ever
     assert endless.status_code == 422
     service.http.put("/api/shares/user:anna", json={"weight": 3}).raise_for_status()
     worker.on_batch = lambda batch: time.sleep(0.002)
@@ -64,7 +66,7 @@ def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Serv
     with service.worker(slots=8) as worker:
 
         def look(batch: RenderBatch) -> None:
-            """Records the messages outstanding besides the current one; eight slots would have sixteen."""
+            """Records the number of outstanding messages besides the current one; eight slots would have sixteen."""
             waiting.append(worker.redis.llen(render_queue(worker.kind)))  # type: ignore[arg-type]
 
         scene = service.ready_scene()

@@ -1,4 +1,4 @@
-"""Faults of films and jobs, one kind per test: unrelated jobs continue, and nothing is lost."""
+"""Tests of faults of films and jobs, one kind per test: unrelated jobs continue, and nothing is lost."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def film_of(service: Service, job: str) -> Path:
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Context in which another program holds a write lock on a database."""
+    """Holds a write lock on a database from another program during the `with` block."""
     other = sqlite3.connect(path, timeout=10, isolation_level=None)
     try:
         other.execute("BEGIN IMMEDIATE")
@@ -44,7 +44,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def under_way(service: Service, worker: PeerWorker, **request: Any) -> str:
-    """Returns a job with some samples that gets more."""
+    """Returns a job with some samples that is still being rendered."""
     job = service.submit(service.ready_scene(), **{"spp": 30, **request})
     until(lambda: service.job(job)["samples"] > 0, "the job is under way")
     return job
@@ -69,7 +69,7 @@ def test_a_locked_film_waits_and_the_others_go_on(service: Service, worker: Peer
         assert service.job(held)["state"] == "running"
         until(lambda: service.http.get("/readyz").status_code == 503, "of all unfinished jobs none goes on")
         assert "is locked" in service.http.get("/readyz").json()["detail"]
-        time.sleep(2.5)  # longer than what is lost takes to be called lost
+        time.sleep(2.5)  # longer than until a batch counts as lost
     service.wait_for(held, "finished")
     assert service.http.get("/readyz").status_code == 200
     assert (service.digest(held), service.digest(other)) == (expected_digest(spp=30), expected_digest(spp=30, seed=1))
@@ -125,7 +125,7 @@ def no_table(service: Service, job: str) -> None:
     other.close()
 
 
-@pytest.mark.long  # tests/service/store/test_lost_films.py has damages that are healed by themselves
+@pytest.mark.long  # tests/service/store/test_lost_films.py tests damage that is repaired automatically
 @pytest.mark.parametrize("spoil", [garbage, no_table])
 def test_a_film_that_is_lost_is_rendered_anew_by_itself(
     service: Service, worker: PeerWorker, spoil: Callable[[Service, str], None]
@@ -144,7 +144,7 @@ def test_a_film_that_is_lost_ends_its_own_job_and_is_rendered_anew_when_asked_to
     worker.on_batch = slow
     lost = under_way(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
-    service.options["film_check_days"] = 0  # nothing is healed by itself
+    service.options["film_check_days"] = 0  # disables automatic repair
     garbage(service, lost)
     failed = service.wait_for(lost, "failed")
     assert "film" in failed["error"]
@@ -184,7 +184,7 @@ def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
         path.unlink()
     else:
         path.write_bytes(b"" if spoil == "empty" else path.read_bytes()[:-40000] + b"\xee" * 40000)
-    service.options["film_check_days"] = 0  # which would see to it by itself
+    service.options["film_check_days"] = 0  # disables automatic repair
     service.start()
     broken = service.http.get(f"/api/jobs/{job}/frames/0/digest")
     assert broken.status_code == 409
@@ -282,7 +282,7 @@ def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
 def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Its rows were read, but are deleted before it is loaded."""
+    """A job deleted after its rows were read but before it is loaded delays no other job."""
     scene, records, deleted = service.ready_scene(), service.farm.records, list[str]()
     pending = records.pending
 

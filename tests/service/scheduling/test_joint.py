@@ -1,4 +1,4 @@
-"""Batches of a tile for the slots of one machine, whose sums are added up.
+"""Tests of batches of one tile for the slots of one machine, whose sums are added up.
 
 Each sample is in the film once, even if sums are lost, duplicated, or arrive separately.
 """
@@ -32,7 +32,7 @@ class Machines(Slots):
 
     def __init__(self, service: Service, adds: bool = True) -> None:
         super().__init__(service.options["redis_url"], service.url, TOKEN, 64, SUMS, 0.01, adds)
-        self.runs: list[int] = []  # batches of each result
+        self.runs: list[int] = []  # number of batches in each result
         self.troubled: Callable[[Any, Run], bool] = lambda machine, run: False
 
     def _send_sums(self, machine: Any, run: Run, of: Any = None) -> None:

@@ -1,4 +1,4 @@
-"""Shots with very many frames: a real service is killed while it carries out changes, and several clients change them at once."""
+"""Tests of shots with very many frames: a real service is killed during changes, and several clients change them at once."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from tests.service.started import Started
 FRAMES = int(os.environ.get("RAYFARM_TEST_FRAMES", "20000"))
 SIZE = {"width": 16, "height": 16, "tile_size": 16}
 PIXELS = 16 * 16
-MOMENTS = (0.0, 0.3, 0.8)  # of the work, at which the service is killed
+MOMENTS = (0.0, 0.3, 0.8)  # fractions of the work after which the service is killed
 PATIENCE_S = 240.0
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 
 class Looked:
-    """The database, read by another program."""
+    """The database as read by another program."""
 
     def __init__(self, data: Path, url: str) -> None:
         self._engine = create_engine(url or sqlite_url(data / "rayfarm.sqlite"))
@@ -52,7 +52,7 @@ class Looked:
         return int(self.one("SELECT count(*) FROM frames WHERE job = :job", job=job))
 
     def targets(self, job: str) -> dict[int, int]:
-        """Returns the number of frames for each target of samples per pixel."""
+        """Returns target (samples per pixel) -> number of frames."""
         rows = self.all("SELECT target, count(*) FROM frames WHERE job = :job GROUP BY target", job=job)
         return {target // PIXELS: count for target, count in rows}
 
@@ -105,7 +105,7 @@ class Mortal:
         return in_the_midst
 
     def at_rest(self, job: str) -> dict[str, Any]:
-        """Returns a job after all its changes were carried out and the engine has loaded it."""
+        """Waits until all changes of a job are carried out and the engine has loaded it, and returns the job."""
         until(self.looked.is_at_rest, "what was accepted is done", PATIENCE_S)
         until(lambda: self.told(job)["count"] == self.looked.frames(job), "it is taken up", PATIENCE_S)
         return self.told(job)
@@ -129,7 +129,7 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) 
     in_the_midst = 0
 
     def done(job: str | None, share: float) -> bool:
-        """Returns True if this fraction of a change was carried out."""
+        """Returns whether at least this fraction of a change was carried out."""
         row = looked.all("SELECT job, done FROM frame_changes")
         return any((job is None or id == job) and count >= share * FRAMES for id, count in row)
 
@@ -168,7 +168,7 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) 
 
 
 def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
-    """Clients request more samples, frames anew, priorities, cancellation, resumption and deletion of two shots."""
+    """Clients concurrently request more samples, frames anew, priorities, cancellation, resumption and deletion of two shots."""
     farm = mortal
     scene, looked = farm.scene(), farm.looked
     kept, gone = (farm.shoot(scene).raise_for_status().json()["id"] for _ in range(2))
@@ -177,7 +177,7 @@ def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
     answers: list[tuple[str, int]] = []
 
     def is_deleted(http: httpx.Client) -> bool:
-        """Returns True if the deletion is accepted; while others hold the rows, the service may ask for a retry."""
+        """Returns whether the deletion was accepted; while others hold the rows, the service may ask for a retry."""
         status = http.delete(f"/api/jobs/{gone}").status_code
         answers.append(("delete", status))
         return status != 503

@@ -1,4 +1,4 @@
-"""Workers with false sums, times, blobs or others' batches do not affect the pictures."""
+"""Tests that workers with false sums, times or blobs, or with others' batches, do not affect the pictures."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_news_by_the_batch_of_another_job_or_of_other_samples_keep_nobody_waitin
         time.sleep(0.003)
         if batch.job == other and len(held) < len(types):
             held.append(batch)
-            return False  # nobody answers it
+            return False  # leaves the batch unanswered
         if batch.job == other or not held or not types:
             return None
         type, mine = types.pop(), worker._about(batch)
@@ -122,7 +122,7 @@ def test_times_that_are_not_so_starve_nobody(service: Service, worker: PeerWorke
 
 @pytest.mark.long
 def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, worker: PeerWorker) -> None:
-    """A worker that names an upload as its result: the upload is neither exposed nor deleted."""
+    """A worker that names an upload as its denoised picture: the upload is neither exposed nor deleted."""
     upload = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".ljust(64 * 48 * 12)
     scene = service.upload(upload)
     until(lambda: service.scene(scene)["status"] == "ready", "the scene is prepared")
@@ -149,7 +149,7 @@ def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, 
     picture = f"/api/jobs/{job}/frames/0/image.png?denoise=true"
     refused = service.http.get(picture)
     assert (refused.status_code, "another size" in refused.json()["detail"]) == (502, True)
-    assert service.http.get(picture).status_code == 200  # of the right size: what it shows is its own fault
+    assert service.http.get(picture).status_code == 200  # a picture of the right size is shown, whatever it contains
     worker._denoise = honest  # type: ignore[method-assign]
     service.patch(job, spp=16)
     service.wait_for(job, "finished")
@@ -157,14 +157,14 @@ def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, 
     assert service.http.delete(f"/api/jobs/{job}").status_code == 204
     handled = threading.Event()
     service.farm.events.subscribe(threading.Event, lambda event: event.set(), in_background=True)
-    service.farm.events.publish(handled)  # after the blob was released, in the same thread
+    service.farm.events.publish(handled)  # published after the blob was released, in the same thread
     assert handled.wait(20)
     assert service.farm.blobs.exists(hashlib.sha256(upload).hexdigest())
 
 
 @pytest.mark.long
 def test_what_several_or_nobody_sent_is_not_taken_where_batches_are_looked_at(service: Service) -> None:
-    """Such samples could not be removed later, so a faulty worker could hide behind others."""
+    """With verification, samples of several or unknown senders are refused, since they could not be removed later."""
     with service.worker(name="good") as good, service.worker(name="bad") as bad:
 
         def lie(batch: RenderBatch) -> bool:

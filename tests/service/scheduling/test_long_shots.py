@@ -1,4 +1,4 @@
-"""Shots with very many frames: changes are carried out in parts with the same result.
+"""Tests of shots with very many frames: changes are carried out in parts, with the same result.
 
 A killed service leaves nothing half done.
 """
@@ -19,12 +19,12 @@ from tests.service.conftest import Service, until
 
 SIZE = {"width": 16, "height": 16, "tile_size": 16, "spp": 4}
 LAST = 119
-PARTS = 25  # frames at a time, here
+PARTS = 25  # frames per part in these tests
 COLUMNS = ("number", "samples", "target", "bad_samples", "progress", "state", "error", "noise", "spp", "settings")
 
 
 class KilledError(Exception):
-    """Stands for the end of the process."""
+    """Raised to simulate the end of the process."""
 
 
 def shoot(service: Service, scene: str, frames: str = f"0-{LAST}", key: str = "") -> Any:
@@ -149,7 +149,7 @@ def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, m
 def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
     service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("service.scheduling.loading.ROUND_PROCESSOR_S", -1.0)  # one step a round
+    monkeypatch.setattr("service.scheduling.loading.ROUND_PROCESSOR_S", -1.0)  # one step per round
     monkeypatch.setattr("service.scheduling.records.AT_A_TIME", 10)
     monkeypatch.setattr("service.scheduling.jobs.active_job.FRAMES_PER_STEP", 10)
     rounds: list[bool] = []

@@ -1,6 +1,6 @@
-"""Four users of a farm with quotas, while workers come, go and change: shots are created, changed and deleted.
+"""Four users of a farm with quotas create, change and delete shots while workers come, go and change.
 
-The service is restarted meanwhile, and at the end every picture equals its expected samples.
+The service is restarted during this, and at the end every picture equals its expected samples.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PIXELS = 32 * 24
 PEOPLE = ("anna", "ben", "cleo", "dan")
 ACTS_S = 12.0
 ENDS_S = 180.0
-LOOKED_AT = 8  # frames of a shot
+LOOKED_AT = 8  # frames compared per shot
 FRAMES = ("0-5", "0-29", "1-9x2", "0,3,7.5", "0-99")
 CHANGES: tuple[dict[str, Any], ...] = (
     *({"state": state} for state in ("paused", "running", "cancelled")),
@@ -40,11 +40,11 @@ TERMS: tuple[dict[str, Any], ...] = (
     *({"state": "paused"}, {"state": "running"}, {"slots": 1}, {"slots": None}),
     *({"hours": "Mon 00:00-00:01"}, {"hours": None}),
 )
-EXPECTED = {200, 201, 204, 304, 404, 409, 422, 429, 503}  # there was something else in the way; never a fault of the service
+EXPECTED = {200, 201, 204, 304, 404, 409, 422, 429, 503}  # statuses of conflicts between users, none of them a bug
 
 
 class Crowd:
-    """All clients and workers, and the responses that they got."""
+    """All clients and workers, and the responses that they received."""
 
     def __init__(self, service: Service, chief: httpx.Client, scene: str) -> None:
         self.service = service
@@ -57,7 +57,7 @@ class Crowd:
         self._made = 0
 
     def hire(self) -> None:
-        """Starts a worker; every second one has the tag gpu, and it loses a batch from time to time."""
+        """Starts a worker that sometimes loses a batch; every second one has the tag gpu."""
         draw = random.Random(self._made)
         options = self.service.options
         worker = PeerWorker(
@@ -84,7 +84,7 @@ class Crowd:
         return answer
 
     def person(self, secret: str, seed: int) -> None:
-        """Creates, changes, views and deletes a user's own jobs."""
+        """Creates, changes, views and deletes a user's own jobs, until the test ends."""
         draw, mine = random.Random(seed), list[str]()
         with caller(self.service, secret) as http:
             while not self.over.is_set():
@@ -110,7 +110,7 @@ class Crowd:
                 time.sleep(0.1 * draw.random())
 
     def administrator(self, seed: int) -> None:
-        """Changes quotas and workers' terms; starts and stops workers."""
+        """Changes quotas and workers' settings; starts and stops workers."""
         draw = random.Random(seed)
         while not self.over.is_set():
             deed, who = draw.random(), draw.choice(PEOPLE)
@@ -211,7 +211,7 @@ def _let_all_end(crowd: Crowd) -> None:
 
 
 def _look(crowd: Crowd, job: dict[str, Any]) -> int:
-    """Compares some frames with the expected samples; returns their number."""
+    """Compares some frames of a job with the expected samples; returns their number."""
     path = f"/api/jobs/{job['id']}/frames"
     frames = crowd.chief.get(path).raise_for_status().json()
     some = random.Random(1).sample(frames, min(len(frames), LOOKED_AT))

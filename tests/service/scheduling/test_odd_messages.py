@@ -1,4 +1,4 @@
-"""Malformed messages of workers, from hypothesis and by hand: each is put aside and counted, and jobs yield the same bits."""
+"""Tests of malformed messages of workers, from hypothesis and by hand: each is stored and counted, and jobs keep their bits."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_whatever_workers_say_is_put_aside_and_the_picture_is_the_same(service: 
 
 @pytest.mark.long
 def test_a_still_is_not_failed_by_news_of_a_frame(service: Service, worker: PeerWorker) -> None:
-    """Otherwise its only frame would fail, and the job would never end."""
+    """A frame error does not fail a still, whose only frame would then fail, so that the job would never end."""
 
     def lie(batch: RenderBatch) -> None:
         worker.send({"type": "frame-prepared", "job": batch.job, "worker": "odd", **SENSE["frame-prepared"]})
@@ -152,7 +152,10 @@ def test_a_message_that_made_the_engine_loop_is_put_aside_also_after_a_restart(s
 def test_a_fault_with_one_batch_hands_it_out_again_and_stops_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
-    """Simulates a bug: results of one tile raise an error, once before and once after the film accepted them."""
+    """A batch whose results raise an error, as in a bug, is handed out again, and stops no other batch.
+
+    Results of one tile fail, once before and once after the film accepted them.
+    """
     left = [3]
     answers = service.farm.engine._answers
     name = {"merge": "_add", "note": "_note_one"}[where]
@@ -168,7 +171,7 @@ def test_a_fault_with_one_batch_hands_it_out_again_and_stops_no_other(
     monkeypatch.setattr(answers, name, instead)
     with service.worker(name="other"):
         job = service.submit(service.ready_scene(), spp=20)
-        service.wait_for(job, "finished", 150)  # what is handed out again waits for its deadline each time
+        service.wait_for(job, "finished", 150)  # a batch handed out again waits for its deadline each time
     assert service.digest(job) == expected_digest(spp=20)
     assert service.farm.engine.snapshot.counts["put_aside"] >= 1
 

@@ -1,4 +1,4 @@
-"""More slots than the service can take results from: it hands out fewer and longer batches, and none twice."""
+"""Tests of more slots than the service can take results from: it hands out fewer and longer batches, and none twice."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SLOTS = 200
 @pytest.mark.long
 @pytest.mark.timeout(300)
 def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a slow disk, and results that wait in the stream longer than the polls after which a batch counts as lost."""
+    """Nothing is rendered twice with a slow disk, and results that wait longer than until a batch counts as lost."""
     add = FilmFile.add
 
     def slowly(*arguments: Any) -> None:
@@ -55,7 +55,7 @@ def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monke
 
 @pytest.mark.long
 def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Their reports expire while they are suspended, but they are still connected to Redis and keep their batches."""
+    """Workers whose reports expire while they are suspended keep their batches, since they are still connected to Redis."""
     monkeypatch.setattr(slots_module, "HEARTBEAT_TTL_S", 1)
     sums, samples = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)), 40
     slots = Slots(service.options["redis_url"], service.url, TOKEN, 6, sums, 0.05)

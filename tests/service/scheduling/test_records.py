@@ -1,4 +1,4 @@
-"""The engine's writes never undo a user's concurrent change."""
+"""Tests that the engine's writes never undo a user's concurrent change."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_many_jobs_that_are_to_be_taken_up_are_read_by_three_queries(tmp_path: P
 
 
 def test_writers_wait_for_each_other(records: Records) -> None:
-    """Read-modify-write from four threads at once: no update is lost and no thread fails."""
+    """With concurrent read-modify-write from four threads no update is lost and no thread fails."""
 
     def add() -> None:
         for _ in range(25):

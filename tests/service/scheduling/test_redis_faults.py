@@ -1,4 +1,4 @@
-"""A faulty Redis, one kind of fault per test: the service reports it, loses nothing, and recovers afterwards."""
+"""Tests of a faulty Redis, one kind of fault per test: the service reports it, loses nothing, and recovers afterwards."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def read_only(store: redis.Redis, is_so: bool) -> None:
     store.replicaof(*(("127.0.0.1", 9) if is_so else ("NO", "ONE")))
 
 
-@pytest.mark.long  # that it is noticed and said is tested below, that every call is made again too
+@pytest.mark.long  # tests below check that the fault is reported and that every call is repeated
 @pytest.mark.long
 @pytest.mark.parametrize("spoil", [read_only, full])
 def test_a_redis_that_refuses_costs_only_time(
     service: Service, worker: PeerWorker, spoil: Callable[[redis.Redis, bool], None]
 ) -> None:
-    worker.on_batch = lambda batch: time.sleep(0.1)  # long enough that it is not over before Redis is spoilt
+    worker.on_batch = lambda batch: time.sleep(0.1)  # long enough that the job is still running when Redis is damaged
     job = service.submit(service.ready_scene(), spp=30)
     until(lambda: service.job(job)["progress"] > 0, "the job is under way")
     with redis.Redis.from_url(service.options["redis_url"]) as store:

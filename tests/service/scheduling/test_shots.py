@@ -1,4 +1,4 @@
-"""Jobs of several frames, through a real Redis and the real contract: frames are independent of each other."""
+"""Tests of jobs of several frames, through a real Redis and the real protocol: frames are independent of each other."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_every_frame_has_its_own_bits_in_whatever_order(service: Service, worker
     done = service.wait_for(job, "finished")
     assert done["shot"]["states"] == {"finished": 5}
     assert (done["shot"]["frames"], done["shot"]["count"], done["progress"]) == ("0-3,7.5", 5, 1.0)
-    if order != "noisiest-first":  # which spends the samples of all where the noise is
+    if order != "noisiest-first":  # that order spends all samples where the noise is
         assert done["samples"] == 5 * 32 * 24 * 4
         assert [digest(service, job, n) for n in (0, 1, 2, 3, 7.5)] == [expected(n) for n in (0, 1, 2, 3, 7.5)]
     assert sorted(worker.frames) == [0, 1, 2, 3, 7.5], "each is prepared once"
@@ -234,7 +234,10 @@ def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker
 def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All frames have the samples of their round, so no returning batch would start the next."""
+    """A service stopped between two rounds starts the next round after a restart.
+
+    All frames have the samples of their round, so no returning batch would start the next.
+    """
     request = {"spp": 64, "order": "noisiest-first"}
     whole = shoot(service, service.ready_scene(), "0-3", **request)
     service.wait_for(whole, "finished", 40)

@@ -1,4 +1,4 @@
-"""The engine's snapshot for other threads, and when they are notified."""
+"""Tests of the engine's snapshot for other threads, and of when they are notified."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many submissions at once: each write of the engine waits for at most one of their transactions."""
+"""Tests of many submissions at once: each write of the engine waits for at most one of their transactions."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ SIZE = {"width": 32, "height": 24, "tile_size": 16}
 def test_a_running_job_goes_on_while_many_are_submitted(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    begun: list[bool] = []  # of each transaction: whether it was the engine's
-    passed: list[int] = []  # of each of the engine's: how many of others began while it waited
+    begun: list[bool] = []  # whether each transaction was the engine's
+    passed: list[int] = []  # number of other transactions that began while each of the engine's waited
     taken = WriterQueue.turn
 
     @contextmanager
@@ -47,7 +47,7 @@ def test_a_running_job_goes_on_while_many_are_submitted(
         with httpx.Client(base_url=service.url, headers=dict(service.http.headers), timeout=60) as http:
             for _ in range(EACH):
                 asked = {"scene": scene, "spp": 1, "fresh": True, **SIZE}
-                while (answer := http.post("/api/jobs", json=asked)).status_code == 503:  # on a machine with much else to do
+                while (answer := http.post("/api/jobs", json=asked)).status_code == 503:  # 503 on a busy machine
                     time.sleep(float(answer.headers["Retry-After"]))
                 codes.append(answer.status_code)
 

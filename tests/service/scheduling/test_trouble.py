@@ -1,4 +1,4 @@
-"""Jobs while batches, workers, Redis, the service or a film are lost: it costs time, but never changes the picture."""
+"""Tests of jobs while batches, workers, Redis, the service or a film are lost: it costs time, but never changes the picture."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def test_results_that_wait_unread_are_not_lost(service: Service, worker: PeerWor
     monkeypatch.setattr(results, "read", lambda block_ms: time.sleep(0.1) or [])
     until(lambda: len(worker.batches) >= 4, "the window is full of what is rendered and not read")
     out = len(worker.batches)
-    time.sleep(4.5)  # of which three looks were enough to call it lost
+    time.sleep(4.5)  # longer than the three polls after which it counted as lost
     assert len(worker.batches) == out, "nothing is rendered twice, and nothing more is handed out"
     monkeypatch.setattr(results, "read", read)
     service.wait_for(job, "finished")

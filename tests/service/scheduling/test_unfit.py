@@ -1,4 +1,4 @@
-"""Machines that cannot prepare scenes or frames: other workers get them, and the scene does not fail."""
+"""Tests of machines that cannot prepare scenes or frames: other workers get them, and the scene does not fail."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_workers_own_queue_is_one_of_its_kinds() -> None:
 
 
 def test_another_worker_makes_what_clients_ask_for_where_one_machine_cannot(service: Service) -> None:
-    """Denoised pictures, motion vectors, thumbnails of environments and explained pixels."""
+    """If one machine cannot, another worker makes denoised pictures, motion vectors, thumbnails and explained pixels."""
     with service.worker(name="small", slots=1, denoises=True) as small:
         scene = service.ready_scene()
         job = service.submit(scene)
@@ -95,7 +95,7 @@ def test_another_worker_makes_what_clients_ask_for_where_one_machine_cannot(serv
             large.on_explain = explained
             until(lambda: len(service.farm.engine.snapshot.roster.ready()) == 2, "both are there")
             for url, _ in asked:
-                for _ in range(3):  # either is asked first
+                for _ in range(3):  # either worker may be asked first
                     answer = service.http.get(url)
                     assert answer.status_code == 200, (url, answer.text)
             assert service.http.post("/api/environments", files={"file": ("window.hdr", IMAGE)}).status_code == 201

@@ -10,7 +10,7 @@ from tests.service.peer_worker import PeerWorker, expected_digest
 
 
 def submit_paused(service: Service, scene: str, **request: object) -> str:
-    """Returns a job that stays unfinished until it is resumed."""
+    """Submits a job that stays unfinished until it is resumed; returns its id."""
     service.http.patch("/api/workers/peer", json={"state": "paused"}).raise_for_status()
     job = service.submit(scene, **request)
     service.patch(job, state="paused")
@@ -81,7 +81,7 @@ def test_a_long_chain_falls_at_once(service: Service, worker: PeerWorker) -> Non
     for _ in range(60):
         last = service.submit(scene, after=[last])
     service.patch(first, state="cancelled")
-    service.wait_for(last, "failed", 30.0)  # at one a second it would take a minute
+    service.wait_for(last, "failed", 30.0)  # at one per second this would take a minute
 
 
 @pytest.mark.long

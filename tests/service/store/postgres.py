@@ -1,4 +1,4 @@
-"""A PostgreSQL server for one test process, and databases on it."""
+"""A PostgreSQL server for one test process, and its databases."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from service.store.database import connect
 __all__ = ["PostgresServer", "find_postgres"]
 
 PATIENCE_S = 60.0
-# The data is temporary: no durability, and no planner statistics.
+# Options for temporary data: no durability, and no planner statistics.
 QUICK = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "autovacuum=off", "jit=off")
 
 
 def find_postgres() -> Path | None:
-    """Returns the folder of the server's programs, which Debian keeps off the PATH; None if there is none."""
+    """Returns the folder of PostgreSQL's server programs, which Debian does not put on the PATH; None if there is none."""
     if found := shutil.which("pg_ctl"):
         return Path(found).parent
     return next((path.parent for path in sorted(Path("/usr/lib/postgresql").glob("*/bin/pg_ctl"), reverse=True)), None)
 
 
 class PostgresServer:
-    """A PostgreSQL server on a socket in its own folder, so that no port can conflict.
+    """A PostgreSQL server on a socket in its own folder, so that no ports can conflict.
 
-    PostgreSQL refuses to run as root: then it runs as the user nobody. It ends with this process in any case.
+    Since PostgreSQL refuses to run as root, it then runs as the user nobody. It always ends with this process.
     """
 
     def __init__(self, binaries: Path) -> None:
@@ -74,7 +74,7 @@ class PostgresServer:
         return self.url(name)
 
     def drop(self, url: str) -> None:
-        """Deletes a database, also with open connections."""
+        """Deletes a database even if it has open connections."""
         self._do(f"DROP DATABASE {url.rpartition('/')[2].partition('?')[0]} WITH (FORCE)")
 
     def stop(self) -> None:
@@ -83,7 +83,7 @@ class PostgresServer:
         self._process.kill()
         self._process.wait()
         self._log.close()
-        shutil.rmtree(self._folder, ignore_errors=True)  # its processes end a moment later
+        shutil.rmtree(self._folder, ignore_errors=True)  # its processes end slightly later
 
     def _do(self, statement: str) -> None:
         with self._administrator.connect() as connection:

@@ -54,7 +54,7 @@ def test_what_is_there_is_not_written_again(tmp_path: Path) -> None:
 
 
 def test_services_that_begin_at_once_on_a_new_folder_know_it_by_one_id(tmp_path: Path) -> None:
-    """Otherwise the service that stands by would take the folder for a different one."""
+    """Services started at once on a new folder read the same id; otherwise a standby would take the folder for another farm's."""
     for number in range(10):
         settings = [
             Settings(data=tmp_path / str(number), redis_url="redis://nowhere", token="t", owner_token="o") for _ in "12345678"

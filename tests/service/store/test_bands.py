@@ -1,4 +1,4 @@
-"""A frame read in bands equals the frame read as a whole; its digest equals that of renderer.film."""
+"""Tests of frames read in bands: they equal the whole frame, and the digest equals that of renderer.film."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The blob stores, with the same tests for each: a folder, and an S3 server."""
+"""Tests of the blob stores, the same for each: a folder, and an S3 server."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def s3_server() -> Iterator[str]:
 
 @pytest.fixture
 def s3(s3_server: str, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The URL of an empty bucket, with the environment variables to access it."""
+    """Returns the URL of an empty bucket, and sets the environment variables to access it."""
     monkeypatch.setenv("AWS_ENDPOINT_URL", s3_server)
     monkeypatch.setenv("AWS_REGION", "us-east-1")
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "key")
@@ -159,7 +159,7 @@ def test_a_farm_whose_blobs_are_in_s3(s3: str, tmp_path: Path, redis_server: run
             service.wait_for(job, "finished")
             assert service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 200
             thumbnail = service.http.get(f"/api/scenes/{scene}/thumbnail.png")
-            assert thumbnail.status_code in (200, 404)  # as the worker has made one
+            assert thumbnail.status_code in (200, 404)  # may have been made by the worker already
         sha256 = service.scene(scene)["files"][0]["sha256"]
         headers = {"Authorization": f"Bearer {TOKEN}"}
         assert service.http.get(f"/api/farm/blobs/{sha256}", headers=headers).content == OBJ
@@ -189,7 +189,7 @@ def test_what_the_service_keeps_is_its_users_alone(tmp_path: Path, redis_server:
 
 
 def test_many_are_put_at_once(tmp_path: Path) -> None:
-    """Commits run in parallel, since each waits for the disk: 4,000 files of an upload took 48 seconds one after the other."""
+    """Commits of many files run in parallel, since each waits for the disk: 4,000 files in sequence took 48 seconds."""
     staging, together = Staging(tmp_path), threading.Barrier(4)
 
     def put(writer: BlobWriter) -> None:
@@ -204,7 +204,7 @@ def test_many_are_put_at_once(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no file that is always full")
 def test_a_full_disk_leaves_nothing_of_what_is_forgotten(tmp_path: Path) -> None:
-    """The last bytes of a small file are written when it is closed, which may fail."""
+    """A file that fails to close on a full disk, where its last bytes are written, leaves nothing behind."""
     writer = BlobFolder(tmp_path / "blobs", tmp_path).writer()
     writer._file.close()
     writer._file = Path("/dev/full").open("wb")  # noqa: SIM115 - the writer closes it

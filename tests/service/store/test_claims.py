@@ -1,4 +1,4 @@
-"""A film accepts each sample once, also if joined sums and one of their batches both arrive."""
+"""Tests that a film accepts each sample once, also if joined sums and one of their batches both arrive."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.service.store.test_films import make, part, rows_of
 
 
 def right(film: Film, tile: int, samples: int) -> None:
-    """Checks the film's index, and the file as read by another Film object."""
+    """Asserts the samples of a tile in the film's index, and in the file as read by another Film object."""
     again = make(film._path)
     for each in (film, again):
         np.testing.assert_array_equal(each.tile_sums(0, tile), expected_sums(film.tiles[tile], 0, samples, 0))
@@ -30,7 +30,7 @@ def test_a_run_takes_the_place_of_its_pieces_that_came_before(tmp_path: Path, al
         bad = [BadSample(1, 2, first), BadSample(1, 3, first + 1)]
         assert film.merge([part(film, 0, first, count, bad=bad, bad_count=2)]) == [True]
     assert film.merge([part(film, 1, 0, 12)]) == [True], "of another tile"
-    film.tile_sums(0, 0)  # what was looked at is not taken for what there is
+    film.tile_sums(0, 0)  # a read tile is not mistaken for a stored one
     bad = [BadSample(1, 2, 4), BadSample(3, 3, 11)]
     assert film.merge([part(film, 0, 0, 12, bad=bad, bad_count=2)]) == [True]
     right(film, 0, 12)

@@ -1,4 +1,4 @@
-"""Parsing of JSON columns."""
+"""Tests of parsing JSON columns."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.service.conftest import Databases
             '{"a": [1, -0.0, 1e-320, 12345678901234567890123], "b": "\\u00e9"}',
             {"a": [1, -0.0, 1e-320, 12345678901234567890123], "b": "é"},
         ),
-        (json.dumps("half of a pair \ud800"), "half of a pair \ud800"),  # of a file's name that is no UTF-8
+        (json.dumps("half of a pair \ud800"), "half of a pair \ud800"),  # from a file name that is not UTF-8
         ("[Infinity, 1.7976931348623157e308]", [float("inf"), 1.7976931348623157e308]),
         ('{"cut": "of', None),
     ],

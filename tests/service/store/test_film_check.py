@@ -1,4 +1,4 @@
-"""Damage to a film's file by the disk is detected, and intact rows are kept."""
+"""Tests that damage to a film's file by the disk is detected, and that intact rows are kept."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def flip(path: Path, tile: int, first: int) -> None:
     database = sqlite3.connect(path)
     (sums,) = database.execute("SELECT sums FROM part WHERE tile = ? AND first = ?", (tile, first)).fetchone()
     turned = bytearray(sums)
-    turned[3] ^= 1  # of the value that a plane of equal pixels has
+    turned[3] ^= 1  # value of a plane of equal pixels
     database.execute("UPDATE part SET sums = ? WHERE tile = ? AND first = ?", (bytes(turned), tile, first))
     database.commit()
     database.close()
 
 
 def holds(film: Film, missing: set[tuple[int, int]]) -> None:
-    """Checks that a film has the original samples of all tiles except those in `missing`, as (tile, sample)."""
+    """Asserts that a film has the original samples of all tiles except those in `missing`, as (tile, sample)."""
     for tile, area in enumerate(film.tiles):
         samples = [s for s in range(MAX_ROWS_UNFOLDED if tile == 1 else SPP) if (tile, s) not in missing]
         assert film.coverage(0, tile).total == len(samples)

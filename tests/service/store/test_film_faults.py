@@ -1,4 +1,4 @@
-"""Faults of a film's file: temporary ones raise FilmUnavailable, permanent ones FilmLost, and the film's index stays correct."""
+"""Tests of faults of a film's file: temporary ones raise FilmUnavailable, permanent ones FilmLost; the index stays correct."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ def test_what_was_merged_is_reported_though_folding_fails(film: Film) -> None:
 
 
 def test_a_commit_of_which_nobody_knows_is_looked_up(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The commit succeeds, but the writer gets an error: when the same parts arrive again, they are known to be stored."""
+    """If a commit succeeds but reports an error, the same parts, arriving again, are known to be stored."""
     add = film_file.FilmFile.add
 
     def add_and_fail(self: film_file.FilmFile, *rows: object) -> None:
@@ -202,7 +202,7 @@ def test_a_commit_of_which_nobody_knows_is_looked_up(film: Film, monkeypatch: py
 
 
 def test_rows_that_somebody_else_wrote_are_not_folded_away(film: Film, tmp_path: Path) -> None:
-    """Folding writes cached sums. If the file has other rows, they stay."""
+    """Folding, which writes cached sums, leaves rows alone that another process wrote."""
     sneaked = part(film, 0, 2 + MAX_ROWS_UNFOLDED, 1)
     sql_rows = sqlite3.connect(tmp_path / "job.sqlite")
     sql_rows.execute("INSERT INTO part VALUES (0, 0, ?, 1, 0, ?, NULL, NULL, NULL)", (sneaked.first, sneaked.sums))

@@ -1,4 +1,4 @@
-"""A snapshot of a film does not change with later merges."""
+"""Tests that a snapshot of a film does not change with later merges."""
 
 from __future__ import annotations
 

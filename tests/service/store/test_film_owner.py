@@ -1,4 +1,4 @@
-"""Only the service that owns the farm writes a film; writes of an earlier owner are refused."""
+"""Tests that only the service that owns the farm writes a film, and that writes of an earlier owner are refused."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_what_an_earlier_owner_still_merges_is_refused_and_nothing_is_in_twice(t
 
 
 def test_what_the_earlier_owner_merged_before_is_known_to_the_new_one(tmp_path: Path) -> None:
-    """Also if the new owner has already read the film, to show it."""
+    """A new owner knows the earlier owner's merges, also if it had read the film before, to show it."""
     old, new = film(tmp_path / "job.sqlite", 7), film(tmp_path / "job.sqlite", 8)
     old.merge([part(old, 0, 0, 2)])
     assert new.samples(0) > 0
@@ -51,7 +51,7 @@ def test_what_the_earlier_owner_merged_before_is_known_to_the_new_one(tmp_path: 
 
 def test_to_look_at_a_film_changes_nothing_and_one_without_owners_gets_one(tmp_path: Path) -> None:
     path = tmp_path / "job.sqlite"
-    plain = film(path, None)  # as a release wrote it that knew of no owners
+    plain = film(path, None)  # written by a release without owners
     plain.merge([part(plain, 0, 0, 2)])
     plain.close()
 

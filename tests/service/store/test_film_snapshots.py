@@ -1,4 +1,4 @@
-"""Snapshots of films in progress: complete, within the limits, and deleted with their job."""
+"""Tests of snapshots of films in progress: complete, within the limits, and deleted with their job."""
 
 from __future__ import annotations
 

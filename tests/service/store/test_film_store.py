@@ -1,4 +1,4 @@
-"""One Film object per job, however long it is held."""
+"""Tests that there is one Film object per job, however long it is held."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def films(tmp_path: Path) -> FilmFolder:
 
 def pinned(films: FilmFolder, job: str = "job") -> Film:
     film = films.open(job, SETTINGS, TILE, pin=True)
-    film.load(make=True)  # as its first batch does
+    film.load(make=True)  # as for its first batch
     return film
 
 
@@ -70,7 +70,10 @@ def test_few_of_many_films_that_are_rendered_have_open_files(
 
 
 def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFolder) -> None:
-    """Other films evict it from the store meanwhile. With two objects for one job, each would fold from an outdated index."""
+    """A film held by a viewer stays the object that is rendered into, even if other films evict it from the store.
+
+    With two objects for one job, each would fold from an outdated index.
+    """
     watched = pinned(films)
     watched.merge([part(watched, 0, first, 1) for first in range(MAX_ROWS_UNFOLDED - 1)])
     films.unpin("job")
@@ -143,7 +146,7 @@ def test_a_damaged_film_is_set_aside_and_the_job_begins_anew(films: FilmFolder, 
     films.quarantine("job")
     with pytest.raises(FilmClosed):
         film.tile_sums(0, 0)
-    films.quarantine("job")  # nothing is there: nothing to do
+    films.quarantine("job")  # does nothing without a film
     films.delete("job")
     assert list((tmp_path / "films").iterdir()) == []
 

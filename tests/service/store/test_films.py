@@ -1,4 +1,4 @@
-"""A film stores each sample once, for any repetition, order and partition of the parts."""
+"""Tests that a film stores each sample once, for any repetition, order and partition of the parts."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_a_film_of_a_release_with_fewer_planes_is_read_and_goes_on(tmp_path: Pat
     assert not sums[planes:].any()
     assert film.merge([part(film, 0, 2, 2)]) == [True]
     np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 4, 0))
-    # What a worker sends is of this release, and complete.
+    # Sums of a worker must be of this release, and complete.
     assert film.merge([Part(0, 1, 0, 2, pack_sums(expected_sums(film.tiles[1], 0, 2, 0)[:planes]))]) == [False]
     film.close()
 

@@ -1,4 +1,4 @@
-"""On a full disk, uploads are refused with an error message and deletions work; with space again, everything continues."""
+"""Tests of a full disk: uploads are refused with an error message, deletions work, and with space everything continues."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DISK = 48 << 20
 
 @pytest.fixture(params=["a small disk", "a database without room"])
 def small_disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path | None]:
-    """A small disk, or None: then `full` makes the database report a full disk."""
+    """Yields a small disk, or None, for which `full` makes the database report a full disk."""
     if request.param == "a database without room":
         yield None
         return
@@ -56,7 +56,7 @@ def fill(path: Path) -> None:
 
 @contextmanager
 def full(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Fills the disk, or without one makes the database report a full disk until the reserve is deleted."""
+    """Fills the disk or, without one, makes the database report a full disk until the reserve is deleted."""
     if disk is not None:
         fill(disk / "filler")
         yield
@@ -99,7 +99,7 @@ def test_deleting_works_with_no_byte_free(
                 refused = service.http.post("/api/jobs", json={"scene": scenes[0], "width": 64, "height": 48, "spp": 8})
                 assert refused.status_code == 507, refused.text
                 service.restart()
-                fill(small_disk / "filler too")  # what ended has left some room
+                fill(small_disk / "filler too")  # ended work has freed some space
                 service.restart()
             for path in [*(f"/api/scenes/{id}" for id in scenes[:5]), *(f"/api/jobs/{id}" for id in jobs)]:
                 answer = service.http.delete(path)

@@ -1,4 +1,4 @@
-"""No acknowledged upload is lost with simultaneous uploads and deletions of the same files."""
+"""Tests that no acknowledged upload is lost with simultaneous uploads and deletions of the same files."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def at_once(*actions: Callable[[], None]) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("shared", [pytest.param(False, marks=pytest.mark.long), True])
 def test_an_upload_beside_a_deletion_of_the_same_files(service: Service, shared: bool) -> None:
-    """shared: whether another scene has one of the files."""
+    """An upload succeeds during a deletion of the same files. shared: whether another scene has one of the files."""
     codes: list[tuple[str, int]] = []
     for turn in range(ROUNDS):
         texture = ("files", ("wood.png", b"wood %d" % turn))
@@ -127,19 +127,19 @@ def test_a_pinned_blob_of_which_a_scene_was_made_stays(garbage: tuple[Garbage, B
 
 
 def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, BlobFolder]) -> None:
-    """A blob was compiled for one scene while another scene, compiled to the same bytes, is deleted."""
+    """A worker's blob is kept until it is reported, while another scene, compiled to the same bytes, is deleted."""
     collector, blobs = garbage
     sha256 = put(blobs, b"compiled")
     collector.pin_until_recorded(sha256)
     collector.collect(lambda session: {sha256})
     assert blobs.exists(sha256)
-    collector._promised[sha256] = [0.0]  # the news did not come
+    collector._promised[sha256] = [0.0]  # as if the report never arrived
     collector.collect(lambda session: set())
     assert not blobs.exists(sha256)
 
 
 def test_a_workers_question_for_a_blob_keeps_it(service: Service) -> None:
-    """The worker does not send an existing blob again, and reports its reference later."""
+    """A worker's query for a blob keeps it: the worker does not send an existing blob again, and reports its reference later."""
     content = b"what stands still"
     url = f"/api/farm/blobs/{hashlib.sha256(content).hexdigest()}"
     headers = {"Authorization": f"Bearer {TOKEN}"}
@@ -168,7 +168,7 @@ def test_the_parts_of_a_compiled_scene_stay_with_it(garbage: tuple[Garbage, Blob
 
 
 def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch) -> None:
-    """A deletion that was recorded succeeds even if the blob store does not respond."""
+    """A recorded deletion succeeds even if the blob store does not respond, and is carried out later."""
     collector, blobs = garbage
     one, two = put(blobs, b"one"), put(blobs, b"two")
 
@@ -184,7 +184,10 @@ def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolde
 
 
 def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_path: Path) -> None:
-    """The service was suspended after deleting the rows; meanwhile the same file was uploaded to the service that took over."""
+    """A service that loses the farm during a deletion deletes no blob.
+
+    It was suspended after deleting the rows; then the same file was uploaded to the service that took over.
+    """
     engine, sessions = connect(new_sqlite(tmp_path))
     blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
 
@@ -202,7 +205,10 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_p
 def test_many_blobs_that_go_keep_nobody_else_waiting(
     garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A disk may take seconds for thousands of files. One of them is uploaded again meanwhile, and one is being deleted."""
+    """Deleting thousands of files, which may take seconds, delays no other request.
+
+    One of the files is uploaded again meanwhile, and one is already being deleted.
+    """
     collector, blobs = garbage
     contents = [b"file %d" % i for i in range(AT_A_TIME + 40)]
     hashes = {put(blobs, content): content for content in contents}
@@ -239,9 +245,9 @@ def test_many_blobs_that_go_keep_nobody_else_waiting(
 
 
 def test_a_life_inherits_what_the_last_one_was_about_to_delete(service: Service) -> None:
-    """The service was killed after the scene was deleted and before its files were.
+    """A service killed after deleting a scene but before deleting its files deletes them after the restart.
 
-    Blobs stored by a worker meanwhile stay pinned.
+    Blobs stored by a worker in between stay pinned.
     """
     service.stop()
     blobs = BlobFolder(service.options["data"] / "blobs", service.options["data"] / "tmp")
@@ -277,5 +283,5 @@ def test_a_scene_whose_row_is_damaged_keeps_no_other_from_being_deleted(service:
     files = service.scene(other)
     assert service.http.delete(f"/api/scenes/{other}").status_code == 204
     assert not stored(service, files)
-    service.restart()  # which looks at what all scenes refer to
+    service.restart()  # the restart examines the references of all scenes
     assert service.http.delete(f"/api/scenes/{damaged}").status_code == 204

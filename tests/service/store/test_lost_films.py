@@ -1,4 +1,4 @@
-"""Finished jobs with a damaged film: requests for the picture get an error, and missing samples are rendered again."""
+"""Tests of finished jobs with a damaged film: requests get an error, and missing samples are rendered again."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def half_of_it(path: Path) -> None:
 def test_readers_are_told_what_is_wrong(service: Service, job: str, break_it: Callable[[Path], object], sentence: str) -> None:
     service.stop()
     break_it(film_of(service, job))
-    service.options["film_check_days"] = 0  # so that nobody heals it meanwhile
+    service.options["film_check_days"] = 0  # disables automatic repair
     service.start()
     for reader in READERS:
         answer = service.http.get(f"/api/jobs/{job}/frames/0/{reader}")
@@ -125,7 +125,7 @@ def test_what_is_missing_is_rendered_again_by_itself(
 def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None:
     digest = service.digest(job)
     with service.farm.sessions.begin() as session:
-        session.execute(update(Job).values(checked=time.time()))  # nobody would look for a week
+        session.execute(update(Job).values(checked=time.time()))  # as if checked just now, so that no check is due for a week
     service.restart()
     one_bit(film_of(service, job))
     assert service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 409

@@ -1,4 +1,4 @@
-"""Selection of a tile's rows for folding, and the folded row."""
+"""Tests of selecting a tile's rows for folding, and of the folded row."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def rows(count: int, workers: int = 1, step: int = 4) -> list[Head]:
     [
         (MAX_ROWS_UNFOLDED - 1, 1, False, True, []),
         (MAX_ROWS_UNFOLDED, 3, False, True, [MAX_ROWS_UNFOLDED]),
-        (MAX_ROWS_UNFOLDED, 3, False, False, []),  # it is waited for what is missing between them
+        (MAX_ROWS_UNFOLDED, 3, False, False, []),  # samples between them are still expected
         (2 * MAX_ROWS_UNFOLDED, 2, True, False, [MAX_ROWS_UNFOLDED, MAX_ROWS_UNFOLDED]),
         (2 * MAX_ROWS_UNFOLDED, 3, True, True, []),
         (MAX_ROWS_APART, MAX_ROWS_APART, True, False, [MAX_ROWS_APART]),

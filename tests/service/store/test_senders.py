@@ -1,4 +1,4 @@
-"""The senders of a film's samples are recorded through folding, and their samples can be removed."""
+"""Tests of the senders of a film's samples: recorded through folding, and their samples can be removed."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_what_workers_sent_in_turn_is_folded_apart_and_taken_back_alone(film: Fi
     for first in range(2 * MAX_ROWS_UNFOLDED):
         sent(film, "ab"[first % 2], first)
     assert rows(film) == [('["a"]', MAX_ROWS_UNFOLDED), ('["b"]', MAX_ROWS_UNFOLDED)]
-    again = make(tmp_path / "job.sqlite")  # as the service begins anew
+    again = make(tmp_path / "job.sqlite")  # as after a restart of the service
     for each in (film, again):
         np.testing.assert_array_equal(each.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 * MAX_ROWS_UNFOLDED, 0))
         assert each.coverage(0, 0).ranges == [(0, 2 * MAX_ROWS_UNFOLDED)]

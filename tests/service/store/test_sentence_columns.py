@@ -1,4 +1,4 @@
-"""Columns that keep sentences with their codes, beside plain texts of older releases."""
+"""Tests of columns that store sentences with their codes, also next to plain texts of older releases."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cache of tile sums: recency, its size limit, and pending additions."""
+"""Tests of the cache of tile sums: recency, its size limit, and pending additions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A data folder of an older release is migrated; one of a newer release is refused with an error message."""
+"""Tests of migrating a data folder of an older release; one of a newer release is refused with an error message."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from service.store.upgrade import MIGRATIONS, schema_state, upgrade
 from tests.grids import grid
 from tests.service.conftest import Databases, empty_database
 
-# What release 0.1.0 made, word for word as its database said (SELECT sql FROM sqlite_master).
+# The schema made by release 0.1.0, as in its database (SELECT sql FROM sqlite_master).
 RELEASE_0_1_0 = Path(__file__).with_name("release_0_1_0.sql").read_text()
 
 
 @pytest.fixture
 def old(tmp_path: Path) -> Path:
-    """A data folder of release 0.1.0 with a scene and a finished job."""
+    """Returns a data folder of release 0.1.0 with a scene and a finished job."""
     for folder in ("blobs", "films", "tmp"):
         (tmp_path / folder).mkdir()
     (tmp_path / "token").write_text("token\n")
@@ -83,7 +83,7 @@ def test_a_data_folder_of_release_0_1_0_opens(old: Path) -> None:
         assert differences(farm.database) == []
     finally:
         farm.stop()
-    Farm(Settings(data=old)).stop()  # and once more, now that it is of this release
+    Farm(Settings(data=old)).stop()  # again, now that it is of this release
 
 
 def test_one_of_a_newer_release_is_refused_and_left_alone(old: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_step_that_fails_leaves_the_database_as_it_was(tmp_path: Path, monkeyp
 
 @pytest.fixture
 def postgres(databases: Databases) -> Iterator[Engine]:
-    """An empty database on PostgreSQL."""
+    """Yields an empty PostgreSQL database."""
     server = None if databases.given.startswith("postgresql") else databases.server()
     url = databases.given if server is None else server.new_empty("upgraded")
     engine = create_engine(url)
@@ -136,8 +136,8 @@ def test_the_same_on_postgresql(postgres: Engine, is_old: bool) -> None:
         with postgres.begin() as connection:
             operations = Operations(MigrationContext.configure(connection))
             with Operations.context(operations.migration_context):
-                r0001_release_0_1_0.upgrade()  # its tables, and like it no revision written down
-            columns = "id, scene, name, state, priority, created, active_s, request"  # those that it had
+                r0001_release_0_1_0.upgrade()  # the tables of that release, which recorded no revision
+            columns = "id, scene, name, state, priority, created, active_s, request"  # the columns of that release
             connection.execute(text(f"INSERT INTO jobs ({columns}) VALUES ('job', 's', '', 'finished', 0, 0, 0, '{{}}')"))
     engine, sessions = connect(postgres.url.render_as_string(hide_password=False))
     assert differences(engine) == []

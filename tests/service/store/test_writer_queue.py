@@ -1,4 +1,4 @@
-"""The queue of writers."""
+"""Tests of the queue of writers to the database."""
 
 from __future__ import annotations
 

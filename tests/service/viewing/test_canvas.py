@@ -1,4 +1,4 @@
-"""The sums of a view: its noise, and the tiles to be shown."""
+"""Tests of the sums of a view: its noise, and the tiles to be shown."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.service.peer_worker import expected_sums
 
 
 def filled(canvas: Canvas, samples: int) -> list[int]:
-    """Returns the sample counts at which the first tile is shown, if checked after each piece."""
+    """Adds samples in pieces; returns the sample counts at which the first tile is due to be shown."""
     level, shown = canvas.level, []
     for pieces in iter(Passes([Level(level.width, level.height, samples, level.tiles)], 1e-5).next, []):
         for piece in pieces:

@@ -1,4 +1,4 @@
-"""Accuracy of the reduced-precision pictures of a view."""
+"""Tests of the accuracy of a view's reduced-precision pictures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def shown(mean: np.ndarray, is_exact: bool = False, samples: int = 3) -> ViewTil
 
 def test_brightness_is_near_and_hue_is_that_of_four_pixels() -> None:
     generator = np.random.default_rng(1)
-    four = generator.uniform(0.01, 1, (3, 5, 7)).repeat(2, 1).repeat(2, 2)[:, :9, :13]  # sides that are odd
+    four = generator.uniform(0.01, 1, (3, 5, 7)).repeat(2, 1).repeat(2, 2)[:, :9, :13]  # odd sides
     mean = four * 2.0 ** generator.uniform(-18, 12, (9, 13))
     (found,) = seen([shown(mean)])
     brightness = mean.sum(0)

@@ -1,4 +1,4 @@
-"""The pieces in which a view is rendered."""
+"""Tests of the pieces in which a view is rendered."""
 
 from __future__ import annotations
 

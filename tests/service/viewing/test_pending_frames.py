@@ -1,4 +1,4 @@
-"""Pending frame requests of views."""
+"""Tests of pending frame requests of views."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Waking the scheduler of live views."""
+"""Tests of waking the scheduler of live views."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A reduced copy has the means of squares, however the picture is cut into bands."""
+"""Tests that a reduced copy has the mean of each square of pixels, however the picture is cut into bands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Picture files are readable by any number of clients, and leave no files behind."""
+"""Tests that picture files are readable by any number of clients, and leave no files behind."""
 
 from __future__ import annotations
 

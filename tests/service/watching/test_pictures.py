@@ -1,4 +1,4 @@
-"""Pictures made in bands equal those of the whole frame, and use no more memory than estimated."""
+"""Tests that pictures made in bands equal those of the whole frame, and use no more memory than estimated."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
-    """A small film with as many bands, for comparisons value by value."""
+    """Yields a small film with as many bands, for comparisons value by value."""
     film = rendered(tmp_path_factory.mktemp("film"), WIDTH // 4, HEIGHT // 4, TILE // 4)
     yield film
     film.close()
@@ -70,7 +70,7 @@ def made(film: Film, wish: PictureRequest, folder: Path) -> bytes:
 
 
 def same(data: bytes, other: bytes, folder: Path) -> bool:
-    """Returns True if two files have the same channels and values; their metadata differs in the creation time."""
+    """Returns whether two files have the same channels and values; metadata such as the creation time may differ."""
     read = []
     for content in (data, other):
         path = folder / f"read{'.exr' if content.startswith(EXR) else '.hdr'}"

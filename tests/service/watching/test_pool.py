@@ -1,4 +1,4 @@
-"""The picture pool: limited threads and memory, shared results for equal keys, and bounded queues."""
+"""Tests of the picture pool: limited threads and memory, shared results for equal keys, and bounded queues."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from service.watching.pool import Pool
 
 
 class Work:
-    """A task that lasts until the test ends it."""
+    """A task that runs until the test ends it."""
 
     def __init__(self) -> None:
         self.begun: list[object] = []

@@ -1,4 +1,4 @@
-"""Results for many viewers are made once, and kept only while they are valid."""
+"""Tests that results for many viewers are made once, and kept only while they are valid."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def run(test: Coroutine[Any, Any, None]) -> None:
 
 
 class Packing:
-    """Counts which tiles are packed; can block the packing of one."""
+    """Counts which tiles are packed, and can block the packing of one."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.tiles: list[int] = []
@@ -111,7 +111,7 @@ def test_what_was_packed_while_a_tile_changed_is_packed_again(tmp_path: Path, pa
             assert [body.spp for body in await early] == [1]
             assert [body.spp for body in await shared.tiles("job", film, 0, [0])] == [2], "the late one took nothing back"
         with broadcast.listen("job"):
-            render(film, 0, 2)  # while nobody listened, for all that is known
+            render(film, 0, 2)  # may be rendered while no viewer is connected
             assert [body.spp for body in await shared.tiles("job", film, 0, [0])] == [3]
         film.close()
 

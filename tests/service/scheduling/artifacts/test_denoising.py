@@ -1,4 +1,6 @@
-"""Denoised pictures: available at any time, made once, separate from the raw ones; an error message without a capable worker."""
+"""Tests of denoised pictures: available at any time, made once, separate from the raw ones, with an error if none can make
+them.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +72,7 @@ def test_many_readers_wait_for_one_and_block_nobody(service: Service, worker: Pe
     worker.on_denoise = lambda job: (go.wait(20), None)[1]
     limits = httpx.Limits(max_connections=100)
     with ThreadPoolExecutor(60) as pool, httpx.Client(base_url=service.url, timeout=30, limits=limits) as http:
-        # more than the service has threads
+        # more than the service's threads
         readers = [pool.submit(http.get, f"/api/jobs/{job}/frames/0/image.rgb9e5?denoise=true") for _ in range(60)]
         until(lambda: job in {key[0] for key in service.farm.engine._errands.denoising._wanted}, "it is asked for")
         time.sleep(0.3)
@@ -92,7 +94,7 @@ def test_a_store_that_is_slow_holds_up_no_job(service: Service, worker: PeerWork
     monkeypatch.setattr(service.farm.blobs, "exists", lambda sha256: go.wait(20))
     with ThreadPoolExecutor(1) as pool:
         reader = pool.submit(raw, service, job, "?denoise=true")
-        time.sleep(0.3)  # it asks the store
+        time.sleep(0.3)  # the service looks it up in the store
         service.wait_for(service.submit(service.ready_scene(), seed=1), "finished")
         go.set()
         assert reader.result().status_code == 200

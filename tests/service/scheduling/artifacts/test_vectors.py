@@ -1,4 +1,4 @@
-"""Motion vectors: made once by a worker from the request, separate from the film; an error message without a capable worker."""
+"""Tests of motion vectors: made once by a worker from the request, separate from the film; an error without a capable worker."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_what_a_killed_worker_had_in_hand_is_handed_out_again(
         lost.append(job)
         worker.current = {"vectors": job, "frame": 0}
         worker.report()
-        time.sleep(2.2)  # the service looks once a second
+        time.sleep(2.2)  # the service polls once per second
         worker.current = {}
         return True
 

@@ -1,4 +1,4 @@
-"""Several batches in a message: only for workers that support it, and no samples are lost with a worker that held some."""
+"""Tests of several batches in a message: only for workers that support it, without losing samples if a worker is lost."""
 
 from __future__ import annotations
 

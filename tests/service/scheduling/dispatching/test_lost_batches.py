@@ -1,4 +1,4 @@
-"""Lost batches, late batches, and batches that are neither on an overloaded machine."""
+"""Tests of lost batches, late batches, and batches on an overloaded machine, which are neither."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class World(FakeClock):
         self.messages: set[str] = set()
         self.reports: dict[str, WorkerReport] = {}
         self.sites: dict[str, SiteReport] = {}
-        self.living: set[str] = set()  # as Redis knows
+        self.living: set[str] = set()  # workers that Redis reports as alive
         self.late = False
         self.read = True
         self.roster = WorkerSnapshot()
@@ -150,7 +150,7 @@ def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World,
 
 
 def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
-    """Otherwise a machine's slots would be idle while their results are on the way."""
+    """Rendered batches that wait for others of their run occupy no slot; a machine would be idle while results are on the way."""
     first, second = (
         Lease("job", "kind", Range(0, n, 1), PATIENCE_S, 10.0, issued=world.now, queue="q", is_joint=True) for n in range(2)
     )

@@ -1,4 +1,4 @@
-"""Attribution of errors, and what happens to the failed step."""
+"""Tests of attributing errors to a part, and of what happens to the failed step."""
 
 from __future__ import annotations
 

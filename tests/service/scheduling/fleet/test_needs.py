@@ -1,4 +1,4 @@
-"""Requirements of jobs: which workers get them, and the message if none qualifies."""
+"""Tests of job requirements: which workers get the jobs, and the message if no worker qualifies."""
 
 from __future__ import annotations
 

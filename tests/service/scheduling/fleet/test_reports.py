@@ -1,4 +1,4 @@
-"""Workers' reports are displayed and summed up, so invalid numbers must not affect anything else."""
+"""Tests of workers' reports, which are displayed and summed up: invalid numbers must not affect anything else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Speeds of workers."""
+"""Tests of the estimated speeds of workers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Workers paused by a user, and suspicion that increases and is cleared."""
+"""Tests of workers paused by a user, and of suspicion that increases and is cleared."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_suspicion_is_of_those_that_fail_alone_and_is_forgiven() -> None:
     suspicion = Suspicion()
     for _ in range(3):
         suspicion.succeeded("good", ["bad", "bad"])
-    suspicion.succeeded("bad", ["bad"])  # its own second try
+    suspicion.succeeded("bad", ["bad"])  # the worker's own second attempt
     assert (suspicion.of("bad", ["good"]), suspicion.of("good", ["bad"])) == (2, 0)
     for _ in range(int(3 / FORGIVEN_PER_SUCCESS)):
         suspicion.succeeded("bad", [])
@@ -98,13 +98,16 @@ def test_machines_tell_their_memory_and_where_somebody_reads_it_their_log(servic
 
 
 def test_who_is_gone_does_not_stay_because_redis_clock_was_put_back(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Otherwise its report would expire late: its batches would count as held, and its slots as present."""
+    """A worker that left is dropped even if Redis's clock is set back.
+
+    Otherwise its report would expire late: its batches would count as held, and its slots as present.
+    """
     fleet, hour = service.farm.engine._workers, 3600
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         with service.worker(name="gone"):
             until(lambda: "gone" in fleet.roster.reports, "it is there")
             report: Any = store.get(worker_key("gone"))
-        store.set(worker_key("gone"), report, ex=hour)  # as its last one is by such a clock
+        store.set(worker_key("gone"), report, ex=hour)  # expiry of the worker's last report by that clock
         until(lambda: "gone" in fleet.roster.reports, "it seems to be there")
         seconds, micros = store.time()  # type: ignore[misc]
         monkeypatch.setattr(fleet._redis, "time", lambda: (seconds - hour, micros))

@@ -1,4 +1,4 @@
-"""Forecasts of single and concurrent jobs; the closed form is compared with a simulation of fair sharing."""
+"""Tests of forecasts of single and concurrent jobs; the closed form is compared with a simulation of fair sharing."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def test_where_nobody_knows_it_says_why() -> None:
     ],
 )
 def test_what_comes_before_it_counts(others: list[Job], left: float) -> None:
-    if others[0].sample_s == 0.0:  # the least that it can be, with the speed of now
+    if others[0].sample_s == 0.0:  # the minimum, at the current speed
         assert expected(Job(state="running", samples_per_s=1.0, eta_s=50.0), *others) == pytest.approx(left)
         return
     assert expected(Job(), *others) == pytest.approx(left)
@@ -129,7 +129,7 @@ def test_weights_and_limits_of_shares() -> None:
 
 
 def test_one_that_is_late_is_foretold_as_if_it_were_not() -> None:
-    """Otherwise being late would make it on time, and being on time would make it late."""
+    """A late job's forecast ignores the priority that lateness gives it; otherwise lateness would alternate."""
     other = Job("other", 1000)
     assert expected(Job(), other) == expected(Job(urgency=5.0), other)
 
@@ -151,7 +151,7 @@ def played(jobs: list[Job], slots: int, terms: Mapping[str, Terms]) -> dict[str,
     step, left, ended = 0.5, {job.id: job.work for job in jobs}, dict[str, float]()
     shares, now, turn = Shares(), 0.0, 0
     shares.terms = terms
-    at_work: set[str] = set()  # the shares that have had something: the others come back from a rest
+    at_work: set[str] = set()  # shares that got something; others return from a pause
     while left:
         line = [job for job in jobs if job.id in left]
         top = [job for job in line if job.priority == max(each.priority for each in line)]

@@ -1,4 +1,4 @@
-"""Arbitrary messages of workers: invalid ones are dropped, and the farm continues."""
+"""Tests of arbitrary messages from workers: invalid ones are dropped, and the farm continues."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_nonsense_of_workers_stops_nothing(service: Service, worker: PeerWorker)
     service.wait_for(job, "finished")
     assert service.digest(job) == expected_digest(spp=4)
     until(lambda: worker.redis.xlen(RESULTS) == 0, "the stream is trimmed")
-    time.sleep(1.2)  # a look at the workers
+    time.sleep(1.2)  # one poll of the workers
     names = {known["name"] for known in service.http.get("/api/workers").json()}
     assert names == {worker.name, "strange 3", "strange 10"}, "what makes sense is there"
     assert service.http.get("/readyz").status_code == 200

@@ -1,4 +1,4 @@
-"""The reader of the result stream: every entry once, with its position."""
+"""Tests of the reader of the result stream: every entry once, with its position."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_an_answer_may_be_unread_up_to_the_end(connection: redis.Redis) -> None:
 
 @pytest.fixture
 def limited(connection: redis.Redis) -> Iterator[redis.Redis]:
-    """A Redis that closes a connection whose reply exceeds 2 MiB, as the farm's own does at 192 MiB."""
+    """Yields a Redis that closes a connection whose reply exceeds 2 MiB, as the farm's own does at 192 MiB."""
     name = "client-output-buffer-limit"
     before = connection.config_get(name)[name]
     connection.config_set(name, "normal 2097152 0 0")

@@ -1,4 +1,4 @@
-"""Expected times of batches, from those measured."""
+"""Tests of the expected times of batches, estimated from measured ones."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 
 from service.scheduling.jobs.costs import LEAST_COST, MOST_FASTER, Costs
 
-TILES = {0: 1.0, 1: 4.0, 2: 0.5, 3: 2.0, 4: 1.0, 5: 8.0, 6: 1.5, 7: 1.0}  # seconds a sample
+TILES = {0: 1.0, 1: 4.0, 2: 0.5, 3: 2.0, 4: 1.0, 5: 8.0, 6: 1.5, 7: 1.0}  # seconds per sample of each tile
 
 
 def rendered(costs: Costs, pace: float, rounds: int = 1) -> list[float]:
@@ -23,7 +23,7 @@ def test_batches_keep_their_length_on_a_machine_that_gets_busy() -> None:
     costs = Costs()
     rendered(costs, 1.0)
     assert rendered(costs, 1.0) == pytest.approx([1.0] * len(TILES))
-    ratios = rendered(costs, 3.0)  # each tile once, from here on three times as slow
+    ratios = rendered(costs, 3.0)  # each tile once; from here on three times as slow
     assert ratios[0] == pytest.approx(3.0)
     assert max(ratios[4:]) < 1.4, "most tiles were last rendered at the old pace"
     rendered(costs, 3.0, rounds=10)

@@ -1,4 +1,4 @@
-"""Storage of a shot's compiled frames, and which are dropped when it is short."""
+"""Tests of storing a shot's compiled frames, and of which are dropped if space is short."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def test_a_long_log_keeps_its_newest_lines(tmp_path: Path) -> None:
 
 def test_a_line_is_one_line_and_no_disk_is_no_trouble(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    logs = JobLogs(tmp_path / "file")  # where no folder can be
+    logs = JobLogs(tmp_path / "file")  # a path where no folder can be created
     logs.of("job").add_line("here")
     logs.flush()
     assert logs.text("job") == b""
@@ -63,7 +63,7 @@ def test_a_line_is_one_line_and_no_disk_is_no_trouble(tmp_path: Path) -> None:
 def test_the_log_of_a_job_says_who_did_what_and_outlasts_the_service(service: Service, worker: PeerWorker) -> None:
     failed: list[str] = []
 
-    def fail_once(batch):  # the first batch, once
+    def fail_once(batch):  # fails the first batch once
         if not failed:
             failed.append(batch.batch)
             about = {"batch": batch.batch, "job": batch.job, "frame": 0, "tile": list(batch.tile), "first": batch.first}

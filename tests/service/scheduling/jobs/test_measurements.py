@@ -1,4 +1,4 @@
-"""Measurements of a scene by a job, for the next one."""
+"""Tests of measurements of a scene by one job, reused by the next."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_a_scene_knows_what_its_latest_picture_took_and_how_noisy_it_was(service
     assert service.scene(scene)["measured"] is None
     service.wait_for(service.submit(scene, spp=64), "finished")
     first = service.scene(scene)["measured"]
-    # The peer says that a batch of n samples of a tile of 16 x 16 took n milliseconds.
+    # The peer reports that a batch of n samples of a 16 x 16 tile took n milliseconds.
     assert first["sample_s"] == pytest.approx(0.001 / 256)
     service.wait_for(service.submit(scene, spp=256), "finished")
     second = service.scene(scene)["measured"]

@@ -11,7 +11,7 @@ from tests.service.scheduling.fake_clock import FakeClock
 def test_what_was_saved_up_is_used_at_once_and_then_a_share_of_the_time() -> None:
     clock = FakeClock()
     of = NoiseBudget(clock)
-    clock.now += 1000.0  # no more is saved up than at the beginning
+    clock.now += 1000.0  # idle time saves up no more than at the beginning
 
     def take(look_s: float) -> int:
         taken = 0

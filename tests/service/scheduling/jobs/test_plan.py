@@ -1,4 +1,4 @@
-"""The plan, with a simulated farm that loses, duplicates and reorders batches."""
+"""Tests of the plan, with a simulated farm that loses, duplicates and reorders batches."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class Bench:
-    """A plan with simulated coverage instead of a film; a tile's noise falls with its samples and differs by tile."""
+    """A plan with simulated coverage instead of a film; noise falls with a tile's samples and differs by tile."""
 
     def __init__(self, spp: int, noise: float | None, size: int = 16) -> None:
         self.tiles = tiles_of(50, 40, size)
@@ -70,7 +70,7 @@ class Bench:
             if self.plan.done:
                 return history
             if restart and dice.random() < restart:
-                self.plan = self.again(lambda: FramePlan(*self.args))  # what is in `out` arrives late, from an earlier life
+                self.plan = self.again(lambda: FramePlan(*self.args))  # batches in `out` arrive late, after a restart
             while (
                 len(out) < 6
                 and (batch := self.again(lambda: self.plan.next(lambda tile: dice.randint(1, wanted), of_a_tile))) is not None
@@ -213,7 +213,7 @@ def test_noise_of_a_tile_of_few_pixels_is_estimated_later():
 
 
 def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
-    """Returns the mean of a one-tile picture that ends by noise, with one sample in fifty 50 and the others 0; expected: 1.0."""
+    """Returns the mean of a one-tile picture that ends by noise, where 1 sample in 50 is 50 and others 0; expected: 1.0."""
     tiles = tiles_of(side, side, 16)
     coverage = Coverage()
     sums = np.zeros((2, side, side))

@@ -1,4 +1,4 @@
-"""Fair shares in a simulated farm, where batches take exactly their expected time."""
+"""Tests of fair shares in a simulated farm, where batches take exactly their expected time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Claim:
     id: str
     share: str = EVERYBODY
     batch_s: float = 0.5
-    work_s: float = math.inf  # of slots
+    work_s: float = math.inf  # remaining slot-seconds
     begins: float = 0.0
     max_slots: int | None = None
     urgency: float = math.inf
@@ -39,7 +39,7 @@ class Farm:
     def __init__(
         self, slots: int, jobs: list[Claim], terms: dict[str, Terms] | None = None, guess_s: float | None = None
     ) -> None:
-        """Creates the farm. guess_s: a wrong expected duration of batches."""
+        """Creates the farm. guess_s: a wrong estimate of the batches' duration."""
         self.shares = Shares()
         self.shares.terms = terms or {}
         self.slots, self.jobs, self.guess_s = slots, jobs, guess_s
@@ -103,7 +103,7 @@ def test_slot_seconds_are_as_the_weights_whatever_the_number_of_jobs_and_the_len
         had[job.share] += farm.had[job.id]
     whole = had.total()
     assert whole == pytest.approx(3000, rel=0.01), "no slot stands idle"
-    # A share's lag is bounded by the longest batches that are out (Goyal et al., theorem 1): some seconds of 3,000.
+    # A share's lag is bounded by its longest outstanding batches (Goyal et al., theorem 1): some seconds of 3,000.
     assert [had[f"user:{name}"] / whole for name in ("anna", "ben", "cleo")] == pytest.approx([3 / 6, 2 / 6, 1 / 6], abs=0.01)
     each = [farm.had[f"b{i}"] for i in range(20)]
     assert max(each) - min(each) < 1.0, "and within a share all jobs have the same"

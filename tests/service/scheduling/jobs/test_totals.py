@@ -11,7 +11,7 @@ from service.scheduling.jobs.totals import RunningMaximum, Totals
 
 
 class Frame(SimpleNamespace):
-    """Counts how often its numbers are read."""
+    """A frame that counts how often its numbers are read."""
 
     asked = 0
 

@@ -1,4 +1,4 @@
-"""A worker with wrong results is detected, and its samples are removed from all pictures."""
+"""Tests that a worker with wrong results is detected, and its samples are removed from all pictures."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_one_of_three_that_lies_at_times_is_set_aside_and_its_samples_are_render
         scene = service.ready_scene()
         turns = iter(range(1 << 30))
         lied = liar(bad, lambda batch: next(turns) % 5 == 2)
-        other = service.submit(scene, spp=600, seed=1, verify=0, priority=-1)  # it is not looked at, and gets some of the lies
+        other = service.submit(scene, spp=600, seed=1, verify=0, priority=-1)  # not verified, and gets some of the false sums
         job = service.submit(scene, spp=150, verify=1)
         until(lambda: state_of(service, "bad")[0] == "paused", "it is found out", LONG_S)
         assert "Set aside: its results differ from those of other workers (samples" in str(state_of(service, "bad")[1])
@@ -99,7 +99,7 @@ def test_finished_pictures_that_hold_samples_of_one_who_is_found_out_are_marked_
         old = service.submit(scene, spp=300, seed=1, verify=0)
         service.wait_for(old, "finished", LONG_S)
         assert lied
-        clean = service.submit(scene, spp=1, seed=2, verify=0, tile_size=64)  # one batch, and maybe his
+        clean = service.submit(scene, spp=1, seed=2, verify=0, tile_size=64)  # one batch, which may be from the liar
         service.wait_for(clean, "finished", LONG_S)
         service.wait_for(service.submit(scene, spp=150, verify=1), "finished", LONG_S)
         until(lambda: service.job(old)["doubted"] == ["bad"], "it is marked", LONG_S)
@@ -109,7 +109,7 @@ def test_finished_pictures_that_hold_samples_of_one_who_is_found_out_are_marked_
         again = service.submit(scene, spp=300, seed=1)
         assert service.job(again)["taken"] is None, "and nothing is taken from it"
         service.patch(again, state="cancelled")
-        service.http.patch("/api/workers/bad", json={"state": "running"}).raise_for_status()  # somebody has mended it
+        service.http.patch("/api/workers/bad", json={"state": "running"}).raise_for_status()  # a user resumes the worker
         bad.on_batch = lambda batch: None
         service.patch(old, state="running")
         service.wait_for(old, "finished", LONG_S)

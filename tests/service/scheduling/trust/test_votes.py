@@ -1,4 +1,4 @@
-"""The correct result of a batch: the one on which two different workers agree."""
+"""Tests of determining the correct result of a batch: the one on which two different workers agree."""
 
 from __future__ import annotations
 
