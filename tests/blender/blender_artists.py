@@ -1,4 +1,4 @@
-"""Scenes with artists' features beyond plain surfaces and lamps, made in Blender. Run by a Python that has bpy."""
+"""Scenes with artists' features beyond plain surfaces and lamps, built in Blender. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def suns() -> bpy.types.Scene:
 
 
 def rays() -> bpy.types.Scene:
-    """Returns objects hidden from camera or shadow rays, and a collection visible indirectly only, beside a mirror."""
+    """Returns objects hidden from camera or shadow rays, and a collection visible only indirectly, next to a mirror."""
     scene = empty()
     _front(scene)
     matt = {"Roughness": 0.8, "Specular_IOR_Level": 0.0}
@@ -181,7 +181,7 @@ def bumps() -> bpy.types.Scene:
 
 
 def _leaning(x: float, y: float) -> tuple[float, float, float]:
-    """Returns normals of a normal map that lean to alternating sides."""
+    """Returns the colour of a normal map at x, y, whose normals lean to alternating sides."""
     a, b = 0.5 * math.sin(20 * math.pi * x), 0.4 * math.cos(14 * math.pi * y)
     length = math.sqrt(a * a + b * b + 1)
     return 0.5 + 0.5 * a / length, 0.5 + 0.5 * b / length, 0.5 + 0.5 / length
@@ -216,7 +216,7 @@ def surroundings() -> bpy.types.Scene:
 
 
 def moving() -> bpy.types.Scene:
-    """Returns motion blur by transforms, a shape key, and the camera."""
+    """Returns a scene with motion blur of transforms, a shape key, and the camera."""
     scene = empty()
     table(scene)
     lamp("AREA", 400.0, (2, -3, 5), size=2.0)

@@ -12,7 +12,7 @@ SIZE = 96, 72
 
 
 def principled(name: str, **values) -> bpy.types.Material:
-    """Returns a principled material. values: by socket names, with _ for spaces."""
+    """Returns a principled material. values: by socket name, with _ for spaces."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     node = material.node_tree.nodes["Principled BSDF"]

@@ -1,4 +1,4 @@
-"""Scenes with one renderer feature each, which must be supported or reported. Run by a Python that has bpy."""
+"""Scenes with one renderer feature each, which the add-on must support or report. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def _cycles(**values) -> Callable[[bpy.types.Scene], None]:
 
 
 def _blurred(position: str) -> Callable[[bpy.types.Scene], None]:
-    """Returns a function that adds a moving cube while the shutter is open."""
+    """Returns a function that adds a cube that moves while the shutter is open; `position` is the shutter's."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -330,7 +330,8 @@ def _two_eyes(scene: bpy.types.Scene) -> None:
     scene.render.use_multiview = True
 
 
-# By name: how it is built, and a word of what the add-on, and of what the .blend's reader says; "": it is as Cycles has it.
+# Name -> (function that builds the scene, word of the add-on's message, word of the .blend reader's message); "" where the
+# picture must equal Cycles'.
 SURVEY: dict[str, Survey] = {
     "sky-nishita": (_sky("NISHITA"), "", ""),
     "sky-hosek": (_sky("HOSEK_WILKIE"), "", ""),
@@ -383,7 +384,7 @@ SURVEY: dict[str, Survey] = {
 
 
 def made(name: str) -> bpy.types.Scene:
-    """Returns the scene of a name."""
+    """Returns the scene with this name."""
     scene = empty()
     SURVEY[name][0](scene)
     if scene.camera.data.type != "PANO" and name not in ("camera-scaled", "world-unseen"):

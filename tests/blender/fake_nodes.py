@@ -25,7 +25,7 @@ def socket(name: str, value: Any = None) -> SimpleNamespace:
 
 
 class Node:
-    """A node. inputs: values by name; more: properties."""
+    """A substitute node. inputs: values by name; more: properties."""
 
     def __init__(self, kind: str, inputs: dict[str, Any], outputs: tuple[str, ...] = ("Color",), **more: Any) -> None:
         self.type, self.bl_label, self.mute, self.name = kind, kind.title(), False, kind
@@ -36,7 +36,7 @@ class Node:
 
 
 def linked(source: Node, into: Node, name: str | int, output: str | int = 0) -> Node:
-    """Links an output to an input; returns the node that it goes into."""
+    """Links an output to an input; returns the node with the input."""
     entry = into.inputs[name]
     link = SimpleNamespace(from_node=source, from_socket=source.outputs[output], is_valid=True, is_muted=False)
     entry.links, entry.is_linked = [link], True
@@ -44,7 +44,7 @@ def linked(source: Node, into: Node, name: str | int, output: str | int = 0) -> 
 
 
 def at(source: Node, output: str | int = 0) -> SocketInGroups:
-    """A socket that the node feeds."""
+    """Connects the output to a socket, and returns that socket as the add-on sees it."""
     end = linked(source, Node("END", {"in": 0.0}), "in", output)
     return SocketInGroups(end.inputs[0])
 

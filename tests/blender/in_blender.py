@@ -1,4 +1,4 @@
-"""Tasks of tests/blender/test_in_blender.py inside Blender. Run by a Python that has bpy; imports only the add-on of ours.
+"""Tasks of tests/blender/test_in_blender.py inside Blender. Run by a Python that has bpy; of our code it imports only the add-on.
 
     python in_blender.py FOLDER URL TASK,TASK:SCENE [TOKEN]
 
@@ -88,7 +88,7 @@ def lamps() -> list[str]:
 
 
 def hidden() -> list[str]:
-    """Renders lamps visible directly and in a mirror, with a sun of size 0, since Cycles' mirrors show suns."""
+    """Renders hidden lamps seen directly and in a mirror; the sun has size 0, since Cycles' mirrors show suns."""
     for name, is_seen in (("hidden", False), ("shown", True)):
         scene = empty()
         table(scene)
@@ -124,7 +124,7 @@ def indices() -> dict:
 
 
 def artists() -> list[str]:
-    """Renders scenes of blender_artists.py."""
+    """Renders the scenes of blender_artists.py with both engines; returns the add-on's messages."""
     names = ("shaders", "suns", "rays", "bumps")
     for name in names:
         both(f"artists-{name}", getattr(blender_artists, name)())
@@ -132,7 +132,7 @@ def artists() -> list[str]:
 
 
 def surroundings() -> list[str]:
-    """Renders the surroundings of blender_artists.py."""
+    """Renders the surroundings of blender_artists.py with both engines; returns the add-on's messages."""
     both("surroundings", blender_artists.surroundings())
     return ["surroundings"]
 
@@ -198,7 +198,7 @@ def sent_bytes() -> int:
 
 
 def changes() -> dict:
-    """Returns what is sent: at first, unchanged, after moving a small object, after changing a large mesh, in the next shot."""
+    """Returns the bytes sent at first, unchanged, after moving a small object, after changing a large mesh, in the next shot."""
     scene = empty()
     table(scene)
     for i in range(3):
@@ -277,7 +277,7 @@ def cancelled() -> dict:
         shown.append(args)
         return whole(self, *args)
 
-    # There is no Esc without a window: the question is answered here once a tile has come.
+    # Without a window there is no Esc key: `test_break` returns True once a tile has arrived.
     engine.RayfarmEngine._show = counted
     engine.RayfarmEngine._is_cancelled = lambda self: bool(shown)
     bpy.ops.render.render()
@@ -311,7 +311,7 @@ def viewport() -> dict:
             view.look(region, depsgraph)
             longest[0] = max(longest[0], time.monotonic() - begun)
             rests = view._reading is None and not view._waits and view._watching.is_up_to_date
-            shown, text = view._watching.state  # after it was asked whether that is of the newest scene
+            shown, text = view._watching.state  # read after checking that the picture is of the newest scene
             if rests and shown is not None and shown.id == view._watching.number and text.endswith("done"):
                 sent.append(sent_bytes())
                 return shown.rgb

@@ -1,4 +1,4 @@
-"""Exactly the unsupported Cycles settings that change the picture are reported."""
+"""Tests that exactly the unsupported Cycles settings that change the picture are reported."""
 
 from __future__ import annotations
 
@@ -33,8 +33,7 @@ CYCLES = {
     "pixel_filter_type": "BLACKMAN_HARRIS",
     "filter_width": 1.5,
 }
-# Of what else Cycles' settings have: what is taken over or set in the add-on's panels, what belongs to the viewport, and what
-# decides how and how fast a picture is computed, or how noisy it is.
+# Settings of Cycles that are supported; below, those that affect only the viewport, or the time, method or noise of rendering.
 TAKEN = {"samples", "seed", "use_denoising", "use_adaptive_sampling", "adaptive_threshold"}
 BUT_HOW = {
     *("device", "feature_set", "shading_system", "preview_pause", "denoiser", "use_sample_subset", "sample_offset"),
@@ -44,7 +43,7 @@ BUT_HOW = {
     *("use_animated_seed", "bake_type", "use_auto_tile", "tile_size", "texture_limit", "ao_bounces"),
     *("use_surface_guiding", "use_volume_guiding", "use_deterministic_guiding"),
 }
-WITH = {  # what is said of others, or of what is named itself
+WITH = {  # reported together with other settings or by their feature
     *("film_transparent_glass", "film_transparent_roughness", "camera_cull_margin", "distance_cull_margin"),
     *("rolling_shutter_duration", "fast_gi_method", "ao_bounces_render"),
     *("volume_bounces", "volume_step_rate", "volume_max_steps"),
@@ -54,7 +53,7 @@ KINDS = ("preview_", "denoising_", "debug_", "use_guiding", "guiding_", "use_pre
 
 
 def scene(**changed: Any) -> tuple[Any, Any]:
-    """A scene and its view layer with default settings."""
+    """Returns a scene and its view layer with default settings."""
     straight = SimpleNamespace(curves=[SimpleNamespace(points=[SimpleNamespace(location=(x, 1.0)) for x in (0.0, 1.0)])])
     render = {
         "engine": "CYCLES",

@@ -1,4 +1,4 @@
-"""Scenes written by the add-on are read correctly by the farm."""
+"""Tests that the farm reads scenes written by the add-on correctly."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_what_moves_is_where_it_was_at_each_key(tmp_path) -> None:
 
 
 def test_a_texture_lies_as_blender_has_it(tmp_path) -> None:
-    """Mapping: p' = R (S p) + T with v upwards; in the file v is downwards before and after."""
+    """Mapping nodes compute p' = R (S p) + T with v upwards, while in the file v is downwards."""
     from blender.rayfarm_addon.scene.images import add_pixels
 
     angle, scale, shift = 0.7, (2.0, 3.0), (0.2, -0.4)
@@ -152,7 +152,7 @@ def test_a_pixel_looks_where_the_projection_says(shift, border) -> None:
 
 
 def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
-    """Pass indices match the farm's, also for objects with ray visibility, which have separate materials there."""
+    """Pass indices match the farm's numbers, also for objects with ray visibility, which have separate materials there."""
     scene = Scene(meshes={"a": mesh("a")}, materials={"red": Material("red", number=11), "blue": Material("blue", number=12)})
     flags = ({}, {"unseen": True}, {"shadeless": True}, {"shadeless": True}, {"unseen": True, "shadeless": True}, {})
     for i, hidden in enumerate(flags):
@@ -167,7 +167,7 @@ def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
     told = list(zip(ids.object(objects), ids.material(numbers + 1, objects), strict=True))
     assert told == [wanted[instance.name] for instance in found.instances]
     scene.materials["blue"].gltf = {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}}
-    ids = ids_of(scene)  # where glass is, the farm alone knows which of it has no inside
+    ids = ids_of(scene)  # only the farm knows which glass has no inside
     assert list(ids.material(np.full(len(objects), 99), objects)) == [wanted[instance.name][1] for instance in found.instances]
 
 
@@ -175,7 +175,7 @@ def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
     ("kind", "has_sun", "strength"), [("NISHITA", True, 4.9), ("HOSEK_WILKIE", False, 0.085), ("PREETHAM", False, 0.65)]
 )
 def test_a_sky_is_the_scene_files_own(kind: str, has_sun: bool, strength: float, tmp_path) -> None:
-    """A sky is in the scene file, 49 times as bright as ours with a sun; a request cannot hold the sun's size."""
+    """A sky is part of the scene file, since requests lack a sun size; it is 49 times as bright as our sky with a sun."""
     node = Sky("TEX_SKY", {"Vector": None}, ("Color",), sky_type=kind, sun_direction=(0.0, 0.5, 0.75**0.5))
     node.sun_elevation, node.sun_rotation, node.sun_size, node.sun_disc = np.radians(60), np.radians(30), np.radians(2), True
     node.air_density, node.dust_density, node.ozone_density = 1.0, 2.0, 3.0

@@ -1,6 +1,6 @@
-"""The add-on in Blender's Python module, against a real farm: pictures, passes, uploads and messages, compared to Cycles.
+"""Tests of the add-on in Blender's Python module with a real farm: pictures, passes, uploads and messages, against Cycles.
 
-Not covered is what needs a window: drawing a viewport, and the panels.
+Drawing a viewport and the panels are not covered, since they need a window.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 BLOCK = 4
 MOST = 0.03
-# Most light of that picture is the gold ball's, on which Cycles puts what rough metal scatters more than once elsewhere
-# (docs/correctness.md): without the ball it differs by less than 1 %.
+# Most light in this picture is from the gold ball, on which Cycles places multiple scattering of rough metal elsewhere
+# (docs/correctness.md); without the ball the difference is below 1 %.
 MOST_OF = {"lamp-spot": 0.055}
-BLANK = 0.1  # of a picture's mean, its least deviation: else it shows one colour
+BLANK = 0.1  # least standard deviation relative to the mean; below, the picture has a single colour
 SAMPLES = 256
-BRIGHTEST = 4.0  # the few pixels in which a mirror shows a lamp count as white ones: at 256 samples they are a lottery
+BRIGHTEST = 4.0  # clamps the few pixels in which a mirror shows a lamp, which are too noisy at 256 samples
 
 Run = Callable[..., Any]
 
@@ -55,7 +55,7 @@ def own_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 
 
 def blender(folder: Path, url: str, tasks: str) -> Any:
-    """Returns the results of in_blender.py's tasks in a separate Blender."""
+    """Runs tasks of in_blender.py in a separate Blender; returns their results."""
     (folder / "rayfarm_addon").symlink_to(ROOT / "blender" / "rayfarm_addon")
     script = Path(__file__).with_name("in_blender.py")
     done = subprocess.run([python_with_bpy(), script, folder, url, tasks], capture_output=True, text=True, check=False)
@@ -66,7 +66,7 @@ def blender(folder: Path, url: str, tasks: str) -> Any:
 
 @pytest.mark.parametrize("end", ["pass", "raise SystemExit(3)", "raise ValueError('of a script')"])
 def test_a_script_ends_with_the_add_on_registered(tmp_path: Path, end: str) -> None:
-    """A script ends with the add-on registered: classes left registered would keep Python from exiting."""
+    """A script ends although the add-on is registered: classes left registered would keep Python from exiting."""
     if python_with_bpy() is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
     script = tmp_path / "script.py"
@@ -83,7 +83,7 @@ def pictures(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 
 def blocks(picture: np.ndarray) -> np.ndarray:
-    """Means of 4 x 4 pixels, which average most of the noise away."""
+    """Returns the means of 4 x 4 pixels, which average most of the noise."""
     h, w = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
     return picture.astype(float).reshape(h, BLOCK, w, BLOCK, -1).mean((1, 3))
 
@@ -126,7 +126,7 @@ def assert_said(word: str, said: list[str]) -> None:
 
 
 def survey_table() -> list[tuple[str, str, str]]:
-    """Returns rows of blender_survey.py's table, read without Blender: name, expected messages of add-on and reader."""
+    """Returns (name, add-on's message, reader's message) of blender_survey.py's table, read without Blender."""
     tree = ast.parse(Path(__file__).with_name("blender_survey.py").read_text())
     table = next(n.value for n in tree.body if isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == "SURVEY")
     assert isinstance(table, ast.Dict)
@@ -184,7 +184,7 @@ def test_the_passes_of_cycles(own_farm: Farm, tmp_path: Path) -> None:
     assert set(ours) == {*theirs, *(f"Denoising Albedo.{c}" for c in "RGB")}
     for name in ("IndexOB.X", "IndexMA.X"):
         assert len(np.unique(theirs[name])) > 1
-        assert (ours[name] == theirs[name]).mean() > 0.97, name  # at edges each takes the sample that it likes
+        assert (ours[name] == theirs[name]).mean() > 0.97, name  # at edges each renderer picks another sample
     for name in ("Depth.Z", *(f"{kind}.{axis}" for kind in ("Normal", "Position") for axis in "XYZ")):
         apart = np.abs(ours[name] - theirs[name])
         assert np.median(apart) < 2e-3, name
@@ -216,7 +216,7 @@ def test_a_viewport_shows_what_f12_does(own_farm: Farm, tmp_path: Path) -> None:
 def test_a_million_triangles_are_read_in_a_second_of_one_core(own_farm: Farm, tmp_path: Path) -> None:
     told = blender(tmp_path, own_farm.url, "large")["large"]
     assert told["triangles"] == 1_000_000
-    assert told["read"] + told["written"] < 2, told  # 0.35 where nothing else runs
+    assert told["read"] + told["written"] < 2, told  # 0.35 on an idle machine
 
 
 def test_an_animation_is_a_picture_of_each_frame(own_farm: Farm, tmp_path: Path) -> None:
@@ -263,7 +263,7 @@ def test_without_a_farm_there_is_a_sentence(tmp_path: Path) -> None:
     if python_with_bpy() is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
     with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))  # and nobody listens
+        taken.bind(("127.0.0.1", 0))  # bound but not listening
         said = blender(tmp_path, f"http://127.0.0.1:{taken.getsockname()[1]}", "refused")["refused"]
     assert "the farm's have at most 16,384 along each side" in said.pop("large")
     for sentence in said.values():

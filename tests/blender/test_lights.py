@@ -1,4 +1,4 @@
-"""Blender's lights converted to a scene file have the same flux."""
+"""Tests that Blender's lights, converted to a scene file, have the same flux."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_a_point_is_a_ball_or_a_disk_that_faces(is_soft: bool) -> None:
     scene = lamp("POINT", use_soft_falloff=is_soft)
     made = scene.lamp_materials["lamp"]
     assert made.get("facing", False) == is_soft
-    assert made["emission"][0] * math.pi * 0.5**2 == pytest.approx(10 / (4 * math.pi))  # its intensity
+    assert made["emission"][0] * math.pi * 0.5**2 == pytest.approx(10 / (4 * math.pi))  # intensity of the source
     (light,) = lamp("SPOT", use_soft_falloff=is_soft).lights
     assert light.get("facing", False) == is_soft
 
@@ -69,7 +69,7 @@ def test_what_lamps_cannot_be_told_is_named() -> None:
 
 
 def test_numbers_behind_a_lamp_are_worked_out() -> None:
-    """Light node inputs are evaluated: a black body's colour, a product as strength; quadratic falloff is the default."""
+    """Node inputs of a lamp are evaluated: a black body's colour, a product as strength; quadratic falloff is the default."""
     body = Node("BLACKBODY", {"Temperature": 3000.0})
     falls = Node("LIGHT_FALLOFF", {"Strength": 2.0, "Smooth": 0.0}, ("Quadratic", "Linear"))
     for output, wanted in (("Quadratic", [2 * c for c in blackbody(3000.0)]), ("Linear", None)):

@@ -1,4 +1,4 @@
-"""Shaders and their mixes become a single principled BSDF."""
+"""Tests that shaders and their mixes become a single principled BSDF."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def looked(node: Node) -> tuple[Any, list[str]]:
 
 
 def material(node: Node) -> tuple[dict[str, Any], list[str]]:
-    """Returns the glTF JSON that the add-on writes, and its messages."""
+    """Returns the glTF JSON and the messages that the add-on writes for a material."""
     output = Node("OUTPUT_MATERIAL", {"Surface": None, "Volume": None, "Displacement": None}, ())
     linked(node, output, "Surface")
     tree = SimpleNamespace(get_output_node=lambda engine: output, nodes=[])
@@ -99,7 +99,7 @@ def test_a_reflection_by_fresnel_lies_on_what_is_matt() -> None:
 
 
 def test_glass_that_casts_no_shadow_is_glass() -> None:
-    """Glass mixed with transparency for shadow rays is plain glass."""
+    """Glass mixed with transparency for shadow rays is exported as plain glass."""
     glass = Node("BSDF_GLASS", {"Color": (1.0, 1.0, 1.0, 1.0), "Roughness": 0.0, "IOR": 1.5, "Normal": None}, OUT)
     ray = Node("LIGHT_PATH", {}, ("Is Camera Ray", "Is Shadow Ray"))
     mix = mixed(glass, clear())
@@ -129,7 +129,7 @@ def test_what_shines_and_is_added() -> None:
 
 
 def test_a_glossy_shader_is_narrow_along_its_tangent() -> None:
-    """Cycles: alpha along the tangent is roughness^2 * (1 - anisotropy), and across it roughness^2 / (1 - anisotropy)."""
+    """Alpha is roughness^2 * (1 - anisotropy) along the tangent and roughness^2 / (1 - anisotropy) across it, as in Cycles."""
     for strength, turned in ((0.5, 0.35), (-0.5, 0.1)):
         node = Node("BSDF_GLOSSY", {"Color": (1, 1, 1, 1), "Roughness": 0.4, "Anisotropy": strength, "Rotation": 0.1}, OUT)
         told, _ = looked(node)

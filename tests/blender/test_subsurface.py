@@ -1,4 +1,4 @@
-"""Interiors of Blender's materials: volumes by Cycles' formulas, and subsurface scattering by its radii."""
+"""Tests of material interiors: volumes by Cycles' formulas, and subsurface scattering by its radii."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def close(found: Medium | None, sigma_a: Any, sigma_s: Any, g: float) -> None:
         (scatter(), (0, 0, 0), (1.6, 0.8, 0.4), 0.25),
         (scatter(-1.0), (0, 0, 0), (0, 0, 0), 0.25),
         (absorption(), (0.3, 1.5, 3), (0, 0, 0), 0),
-        # Cycles: the more the colour scatters, the less is absorbed, and the root of the absorption's colour.
+        # In Cycles a strongly scattering colour absorbs less, and absorption uses the square root of its colour.
         (principled(), (4 * 0.5 * 0.5, 4 * 0.75, 0), (2, 1, 4), -0.5),
         (
             Node(
@@ -96,7 +96,7 @@ def test_what_of_a_volume_is_not_taken_over_is_named(node: Node, sentence: str) 
 
 
 def material(surface: Node | None = None, volume: Node | None = None) -> tuple[dict[str, Any], list[str]]:
-    """Returns the glTF JSON that the add-on writes, and its messages."""
+    """Returns the glTF JSON and the messages that the add-on writes for a material."""
     output = Node("OUTPUT_MATERIAL", {"Surface": None, "Volume": None, "Displacement": None}, ())
     for node, name in ((surface, "Surface"), (volume, "Volume")):
         if node is not None:
@@ -152,7 +152,7 @@ def test_a_radius_is_four_pi_mean_free_paths() -> None:
 
 
 def test_skins_radius_is_what_light_diffuses_by() -> None:
-    """A skin radius is a diffusion length (Jensen et al. 2001): the albedo reproduces the half space's colour."""
+    """A skin radius is a diffusion length (Jensen et al. 2001): the albedo reproduces the half-space's colour."""
     found = material(beneath(method="RANDOM_WALK_SKIN"))[0]["extensions"][SUBSURFACE]
     inner = -1.44 / 1.4**2 + 0.71 / 1.4 + 0.668 + 0.0636 * 1.4
     for color, radius, path in zip((0.8, 0.5, 0.2), (0.5, 0.1, 0.05), found["subsurfaceRadius"], strict=True):

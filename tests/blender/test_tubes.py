@@ -1,4 +1,4 @@
-"""Hair is exported as tubes."""
+"""Tests that hair is exported as tubes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The add-on decodes what the farm's own code encodes."""
+"""Tests that the add-on decodes what the farm's own code encodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Debian's Chromium, headless, with software WebGL; and pages that record their errors."""
+"""Fixtures: Debian's Chromium, headless, with software WebGL; and pages that record their errors."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from tests.helpers import running_redis
 from tests.many_jobs import many_jobs
 from tests.service.conftest import Service
 
-# SwiftShader draws WebGL on the CPU, and WebGL alone: the rest of the page takes it four times as long as the browser's own code
-# (measured). The colour profile makes a screenshot's bytes the canvas' bytes; the rest keeps the browser from calling home.
+# SwiftShader draws only WebGL on the CPU; for the rest of the page it takes four times as long as the browser's own code
+# (measured). The colour profile makes a screenshot's bytes equal the canvas's; other flags keep the browser from contacting its
+# vendor.
 FLAGS = [
     "--no-sandbox",
     "--enable-unsafe-swiftshader",
@@ -31,23 +32,23 @@ FLAGS = [
     "--disable-gpu-compositing",
     "--disable-gpu-rasterization",
     "--no-first-run",
-    "--process-per-site",  # a process of its own for each page, and its modules compiled again, takes longer than most tests
+    "--process-per-site",  # a process per page, which compiles all modules again, takes longer than most tests
 ]
-# A live view is done sooner than by itself: it has every slot of the farm until then.
+# A live view ends at a higher noise than by default, since it occupies every slot of the farm until then.
 SOON_CLEAR = "try { localStorage['rayfarm-view-noise'] ??= '0.1'; } catch { /* a page without an origin */ }"
-KEPT = "cookies,local_storage,indexeddb,cache_storage,service_workers"  # of a page that a test has seen
+KEPT = "cookies,local_storage,indexeddb,cache_storage,service_workers"  # state left by an earlier page
 
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    """The system's Chromium; the test is skipped if there is none.
+    """Yields the system's Chromium; skips the test if there is none.
 
     Playwright runs an event loop until it is closed, so it must end before tests of other folders run in this process.
     """
     path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if path is None:
         pytest.skip("no Chromium on the PATH (Debian: apt-get install chromium)")
-    expect.set_options(timeout=20_000)  # what is expected comes; on a machine that is busy with the other tests not within 5 s
+    expect.set_options(timeout=20_000)  # on a busy machine, expected changes may take more than the default 5 s
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=path, args=FLAGS)
         yield chromium
@@ -56,7 +57,7 @@ def browser() -> Iterator[Browser]:
 
 @dataclass
 class Watched:
-    """A page, its console errors, and all origins that it requested."""
+    """A page, its console errors, and all origins that it contacted."""
 
     page: Page
     errors: list[str] = field(default_factory=list)
@@ -65,7 +66,7 @@ class Watched:
 
 @pytest.fixture(scope="package")
 def site() -> Iterator[Site]:
-    """The page's files, served without a farm."""
+    """Yields a server of the page's files without a farm."""
     site = Site()
     yield site
     site.server.should_exit = True
@@ -74,20 +75,20 @@ def site() -> Iterator[Site]:
 
 @pytest.fixture(scope="package")
 def profile(browser: Browser, site: Site) -> Iterator[BrowserContext]:
-    """A browser context with cached modules, so that not every test fetches and compiles them all."""
+    """Yields a browser context with cached modules, so that not every test fetches and compiles them all."""
     # Small and without animations: every frame is drawn by the CPU.
     context = browser.new_context(viewport={"width": 1024, "height": 640}, accept_downloads=True, reduced_motion="reduce")
     context.set_default_timeout(20_000)
-    context.set_default_navigation_timeout(60_000)  # beside the other tests a browser's first page has taken more than 20 s
+    context.set_default_navigation_timeout(60_000)  # next to other tests, the first page has taken more than 20 s
     context.add_init_script(SOON_CLEAR)
-    context.new_page().goto(f"{site.url}/blank")  # stays, and with it the process that all pages share
+    context.new_page().goto(f"{site.url}/blank")  # stays open, and keeps the process that all pages share
     yield context
     context.close()
 
 
 @pytest.fixture
 def watched(profile: BrowserContext) -> Iterator[Watched]:
-    """A fresh page, without stored state except for cached files."""
+    """Yields a fresh page, without stored state except for cached files."""
     page = profile.new_page()
     result = Watched(page)
     page.on("console", lambda message: result.errors.append(message.text) if message.type == "error" else None)
@@ -111,14 +112,14 @@ def watched(profile: BrowserContext) -> Iterator[Watched]:
 
 @pytest.fixture
 def page(watched: Watched, site: Site) -> Page:
-    """An empty document on the page's origin, to import its modules."""
+    """Returns an empty document on the page's origin, from which tests import its modules."""
     watched.page.goto(f"{site.url}/blank")
     return watched.page
 
 
 @pytest.fixture(scope="package")
 def many(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A service with ten thousand jobs and without workers."""
+    """Yields a service with ten thousand jobs and without workers."""
     folder = tmp_path_factory.mktemp("many")
     server = running_redis(folder)
     with server:

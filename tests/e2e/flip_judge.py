@@ -1,4 +1,4 @@
-"""FLIP (Andersson et al. 2020) in numpy with full two-dimensional filters, the reference for the page's implementation."""
+"""FLIP (Andersson et al. 2020) in NumPy with full two-dimensional filters, the reference for the page's implementation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from scipy import ndimage
 
 __all__ = ["flip"]
 
-PPD = 67.0206  # pixels a degree: a screen of 3840 pixels and 0.7 m, from 0.7 m
+PPD = 67.0206  # pixels per degree of a screen 3840 pixels and 0.7 m wide, seen from 0.7 m
 WHITE = np.array([0.950428545, 1.0, 1.088900371])
 XYZ = np.array(
     [
@@ -29,7 +29,7 @@ def _lab(rgb: np.ndarray) -> np.ndarray:
     f = np.where(t > (6 / 29) ** 3, np.cbrt(t), t / (3 * (6 / 29) ** 2) + 4 / 29)
     lightness = 116 * f[..., 1] - 16
     a, b = 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])
-    return np.stack([lightness, 0.01 * lightness * a, 0.01 * lightness * b], axis=-1)  # with Hunt's effect
+    return np.stack([lightness, 0.01 * lightness * a, 0.01 * lightness * b], axis=-1)  # with the Hunt effect
 
 
 def _hyab(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -38,7 +38,7 @@ def _hyab(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def flip(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Returns the error of every pixel of two sRGB-coded pictures, (h, w, 3) in 0 ... 1."""
+    """Returns the error of every pixel of two sRGB-encoded pictures, (h, w, 3) in 0 ... 1."""
     seen, features = [], []
     for picture in (a, b):
         linear = np.where(picture <= 0.04045, picture / 12.92, ((picture + 0.055) / 1.055) ** 2.4)

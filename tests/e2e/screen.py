@@ -1,4 +1,4 @@
-"""The displayed picture of a film, and its expected values."""
+"""Reads the displayed picture of a film from the screen, and computes its expected values."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.helpers import Farm, wait_until
 
 __all__ = ["assert_screen", "assert_shows", "read_exr", "rendered", "shown", "split"]
 
-MARGIN = 3  # columns about the divider's line that it covers
+MARGIN = 3  # columns on each side that the divider's line covers
 
 
 def read_exr(url: str, folder: Path) -> np.ndarray:
@@ -38,7 +38,7 @@ def shown(film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
 
 
 def _one_to_one(page: Page) -> tuple[float, float]:
-    """Returns the position of the picture's corner on the stage, once it is drawn at 1:1."""
+    """Waits until the picture is drawn at 1:1; returns the position of its corner on the stage."""
     stage = page.locator(".stage")
     expect(stage).to_have_attribute("data-view", re.compile("^1 "))
     _, x, y = (float(v) for v in (stage.get_attribute("data-view") or "").split())
@@ -46,7 +46,7 @@ def _one_to_one(page: Page) -> tuple[float, float]:
 
 
 def on_screen(page: Page, width: int, height: int) -> np.ndarray:
-    """Returns the picture's displayed pixels at 1:1, (h, w, 3) uint8. WebGL's own readPixels may be empty."""
+    """Returns the picture's displayed pixels at 1:1, (h, w, 3) uint8, from a screenshot: WebGL's readPixels may be empty."""
     x, y = _one_to_one(page)
     box = page.locator("canvas.film").bounding_box()
     assert box is not None
@@ -55,9 +55,9 @@ def on_screen(page: Page, width: int, height: int) -> np.ndarray:
 
 
 def assert_screen(page: Page, wanted: np.ndarray, what: str) -> np.ndarray:
-    """Checks that the screen shows this picture to within one unit of 8 bits, where it is not negative; returns the screenshot.
+    """Asserts that the screen shows this picture within one 8-bit step, ignoring negative values; returns the screenshot.
 
-    The software renderer draws a frame in tens of milliseconds, its first one in seconds.
+    The software renderer draws a frame in tens of milliseconds, the first one in seconds.
     """
     height, width = wanted.shape[:2]
     seen = wanted >= 0
@@ -67,18 +67,18 @@ def assert_screen(page: Page, wanted: np.ndarray, what: str) -> np.ndarray:
         difference = np.abs(screen.astype(int) - wanted)[seen].max()
         if difference <= 1 or time.monotonic() > deadline:
             break
-        page.wait_for_timeout(100)  # each look draws all of it once more, which takes what the page itself waits for
+        page.wait_for_timeout(100)  # each screenshot draws everything again, on the processor that the page needs
     assert difference <= 1, f"{what} differs by {difference}/255"
     return screen
 
 
 def assert_shows(page: Page, film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
-    """Checks that the screen shows the film, encoded as RGB9E5, with exposure and tone curve; returns the screenshot."""
+    """Asserts that the screen shows the film, encoded as RGB9E5, with exposure and tone curve; returns the screenshot."""
     return assert_screen(page, shown(film, exposure, curve), f"{curve} at {exposure:+} EV")
 
 
 def rendered(farm: Farm, scene: str, **request: Any) -> str:
-    """Returns the id of a finished job."""
+    """Renders a job, and returns its id."""
     with farm.client() as client:
         job = client.submit(scene, **request).id
         wait_until(lambda: client.job(job).state == "finished", 180, "the job is finished")
@@ -86,14 +86,14 @@ def rendered(farm: Farm, scene: str, **request: Any) -> str:
 
 
 def split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:
-    """Returns the expected picture of two at the current wipe; -1 at the divider."""
+    """Returns the expected picture with both sides at the current wipe position; -1 at the divider."""
     x, y = _one_to_one(page)
     stage, divider = page.locator(".stage").bounding_box(), page.get_by_role("slider", name="Wipe").bounding_box()
     assert stage and divider
     column = round(divider["x"] + divider["width"] / 2 - stage["x"] - x)
     wanted = np.concatenate([left[:, :column], right[:, column:]], axis=1)
     wanted[:, max(column - MARGIN, 0) : column + MARGIN] = -1
-    grip = 26  # with the ring about it when it has the focus
+    grip = 26  # including its focus ring
     middle = round(stage["height"] / 2 - y)
     wanted[middle - grip : middle + grip, max(column - grip, 0) : column + grip] = -1
     return wanted

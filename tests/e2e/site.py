@@ -35,12 +35,12 @@ def radiances() -> np.ndarray:
 
 
 def packet(seq: int, film: np.ndarray, spp: int) -> bytes:
-    """Returns a whole film as one live tile."""
+    """Returns a packet with a whole film as one live tile."""
     return encode_tile(0, seq, (0, 0, WIDTH, HEIGHT), spp, rgbe9995.pack(film).astype("<u4").tobytes())
 
 
 class Site:
-    """The page's files, and a live picture that disconnects its first client. Records the clients' messages."""
+    """Serves the page's files, and a live picture that disconnects its first client. Records the clients' messages."""
 
     def __init__(self) -> None:
         self.watchers = 0
@@ -74,5 +74,5 @@ class Site:
 
 
 def call(page: Page, module: str, body: str, argument: Any = None) -> Any:
-    """Runs a function body with a module `m` of the page and an argument `a`."""
+    """Runs a function body in the page, with a module `m` of the page and an argument `a`; returns its result."""
     return page.evaluate(f"async (a) => {{ const m = await import('/js/{module}.js'); {body} }}", argument)

@@ -1,4 +1,4 @@
-"""A generated GLB for browser tests without a sample file: a red cube on a white floor under a lamp."""
+"""Generates a GLB for browser tests: a red cube on a white floor under a lamp."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ QUAD = np.array([0, 1, 2, 0, 2, 3], np.uint16)
 
 
 def cube() -> tuple[np.ndarray, np.ndarray]:
-    """Returns positions and triangles of the cube from -1 to 1, wound outwards."""
+    """Returns (positions, triangles) of the cube from -1 to 1, facing outwards."""
     positions, triangles = [], []
     for axis in range(3):
         for side in (-1.0, 1.0):
@@ -26,13 +26,13 @@ def cube() -> tuple[np.ndarray, np.ndarray]:
 
 
 def floor(height: float, size: float, down: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Returns positions and triangles of a horizontal square that faces up or down."""
+    """Returns (positions, triangles) of a horizontal square that faces up or down."""
     positions = np.insert(CORNERS * size, 1, height, axis=1).astype("<f4")
     return positions, (QUAD if down else QUAD[::-1]).astype("<u2")
 
 
 def small_glb() -> bytes:
-    """Returns the file's bytes: three meshes, a camera."""
+    """Returns a GLB of three meshes and a camera, as bytes."""
     strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 8}}  # parts of the picture are brighter than 1
     parts = [
         (*cube(), {"pbrMetallicRoughness": {"baseColorFactor": [0.7, 0.1, 0.08, 1], "metallicFactor": 0}}),

@@ -1,4 +1,4 @@
-"""A page with a part that fails to load is reloaded, or names the missing part."""
+"""Tests that a page with a part that fails to load is reloaded, or names the missing part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page's files in a browser are loaded once, and again only after a new release."""
+"""Tests that a browser loads the page's files once, and again only after a new release."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.service.conftest import until
 
 
 class Served:
-    """The page alone, served as by the service; `asked` records the requested paths."""
+    """Serves only the page, as the service does; `asked` records the requested paths."""
 
     def __init__(self) -> None:
         self.asked: list[str] = []
@@ -36,7 +36,7 @@ class Served:
             await self.pages({**scope, "app": self}, receive, send)
 
     def of_the_page(self) -> list[str]:
-        """Returns the paths requested since the last call, except the API's."""
+        """Returns the paths requested since the last call, without those of the API."""
         asked, self.asked = [path for path in self.asked if not path.startswith("/api")], []
         return asked
 
@@ -56,10 +56,7 @@ def first_paint(page: Page) -> float:
 
 
 def all_is_here(page: Page) -> None:
-    """Waits until the modules of all views are loaded.
-
-    Those of other views are preloaded some time after the first view is shown.
-    """
+    """Waits until the modules of all views are loaded, which are preloaded some time after the first view is shown."""
     page.wait_for_function(
         """() => {
             const wanted = Object.values(JSON.parse(document.getElementById("view-modules").textContent)).flat();

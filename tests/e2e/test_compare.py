@@ -1,4 +1,4 @@
-"""Two pictures at the wipe: the first is shown on its left, the second on its right."""
+"""Tests of two pictures at a wipe: the first is shown left of the divider, the second right of it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SIZE = {"width": 96, "height": 64}
 
 
 def opened(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], list[np.ndarray]]:
-    """Two pictures of a scene, as the page should display them side by side."""
+    """Opens the comparison of two pictures of a scene; returns their ids and expected displays."""
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     jobs = [rendered(farm, scene, **SIZE, spp=4, max_depth=depth) for depth in (2, 9)]
     films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path) for job in jobs]
@@ -54,7 +54,7 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
     jobs, pictures = opened(farm, page, tmp_path)
     divider = page.get_by_role("slider", name="Wipe")
 
-    # By keys: to an end, and back by tens.
+    # Keyboard: to one end, and back in steps of ten.
     divider.focus()
     page.keyboard.press("Home")
     expect(divider).to_have_attribute("aria-valuenow", "0")
@@ -66,7 +66,7 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
     page.keyboard.press("ArrowRight")
     expect(divider).to_have_attribute("aria-valuenow", "51")
 
-    # By mouse, and the picture stays where it is.
+    # Mouse: moving the divider does not move the picture.
     stage = page.locator(".stage").bounding_box()
     grip = divider.bounding_box()
     assert stage and grip
@@ -78,7 +78,7 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
     page.mouse.move(5, 5)
     assert_screen(page, split(*pictures, page), "after a drag")
 
-    # The address has all of it; swapped, left is right.
+    # The URL has the whole state; swapping exchanges left and right.
     expect(page).to_have_url(re.compile(r"wipe=0\.48"))
     page.reload()
     expect(divider).to_have_attribute("aria-valuenow", "48")
@@ -90,7 +90,7 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
     assert_screen(page, split(pictures[1], pictures[0], page), "swapped")
     expect(page).to_have_url(re.compile(f"compare/{jobs[1]}/{jobs[0]}"))
 
-    # A plane of the one beside the light of the other.
+    # A plane of one picture next to the light of the other.
     page.get_by_label("Channel of A").select_option("albedo")
     expect(page.locator(".channel-tag.left")).to_have_text("depth 9, Albedo")
     assert watched.errors == []
@@ -98,7 +98,7 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
 
 @pytest.mark.long
 def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_path: Path) -> None:
-    """A shot compared with a still, and with a shot of other frames, of which the nearest is shown."""
+    """A shot is compared with a still and with a shot of other frames, of which the nearest frame is shown."""
     parts = [("files", ("turns.glb", turning().glb()))]
     scene = httpx.post(f"{farm.url}/api/scenes", files=parts).raise_for_status().json()["id"]
     white = {"environment": {"color": [1, 1, 1]}}
@@ -121,7 +121,7 @@ def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_pat
 
     shows(8, 10)
     slider.focus()
-    page.keyboard.press("ArrowLeft")  # frame 5, which the left one lacks
+    page.keyboard.press("ArrowLeft")  # frame 5, which only the right shot has
     expect(page).to_have_url(re.compile("frame=5"))
     shows(4, 5)
     page.get_by_role("link", name="Back to the picture").click()

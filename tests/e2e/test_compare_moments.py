@@ -1,4 +1,4 @@
-"""Snapshots and uploaded pictures: on the job's page, and on either side of a comparison."""
+"""Tests of snapshots and uploaded pictures, on the job's page and on either side of a comparison."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def test_a_moment_is_shown_in_the_pictures_place_and_compared_with_now(farm: Far
     tag = page.locator(".stage-box .channel-tag:visible").bounding_box()
     assert tag
     without_tag = pictures[0].copy()
-    without_tag[:40] = -1  # it may lie over the picture's upper rows
+    without_tag[:40] = -1  # the tag may cover the picture's upper rows
     assert_screen(page, without_tag, "then")
     expect(page).to_have_url(re.compile(rf"then={spp}\b"))
     page.reload()
     expect(slider).to_have_attribute("aria-valuetext", re.compile(f"^{spp} sample"))
-    # A plane is of the picture as it is now.
+    # Planes exist only for the current picture.
     page.get_by_label("Channel").select_option("albedo")
     expect(slider).to_have_attribute("aria-valuetext", "As it is now")
     page.get_by_label("Channel").select_option("")
@@ -93,7 +93,7 @@ def test_a_dropped_picture_becomes_a_and_is_measured_against(farm: Farm, watched
     page.mouse.move(5, 5)
     assert_screen(page, split(shown(truth, 0, "neutral"), shown(film, 0, "neutral"), page), "the truth beside the film")
 
-    # A is the reference of what is measured; the address alone shows the same.
+    # A is the reference of the error metric; its URL alone shows the same.
     page.get_by_label("Ways to compare").get_by_text("Rel", exact=True).click()
     expect(page).to_have_url(re.compile("way=relative"))
     page.reload()
@@ -104,7 +104,7 @@ def test_a_dropped_picture_becomes_a_and_is_measured_against(farm: Farm, watched
     figures = [float(text) for text in ways.locator("dd").all_inner_texts()]
     np.testing.assert_allclose(figures[:2], wanted, rtol=2e-3)
 
-    # What has 8 bits says so; what has another size is not stretched.
+    # An 8-bit picture is labelled as such; a picture of another size is not stretched.
     small = encode.encode(truth[:32, :48], "png")
     page.evaluate(DROP, ["small.png", list(small)])
     expect(page.get_by_role("status").filter(has_text="A is 48×32, B is 96×64")).to_be_visible()
@@ -113,7 +113,7 @@ def test_a_dropped_picture_becomes_a_and_is_measured_against(farm: Farm, watched
     page.evaluate(DROP, ["broken.exr", [1, 2, 3]])
     expect(page.get_by_text("broken.exr was not taken")).to_be_visible()
 
-    # It is let go of when no side shows it.
+    # A picture that no side shows is released.
     page.get_by_label("Picture A").select_option(job)
     panel.get_by_role("button", name="Remove small.png").click()
     expect(panel.get_by_text("small.png")).to_have_count(0)

@@ -1,4 +1,4 @@
-"""Error metrics of two pictures, and how the page shows them."""
+"""Tests of error metrics of two pictures, and of their display on the page."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from tests.e2e.screen import read_exr, rendered
 from tests.e2e.site import call
 from tests.helpers import Farm
 
-NVIDIAS = 0.155813  # by flip-evaluator 1.7 of the two pictures below
+NVIDIAS = 0.155813  # computed by flip-evaluator 1.7 for the two pictures below
 
 
 def two_pictures() -> tuple[np.ndarray, np.ndarray]:
-    """Two pictures, (48, 64, 3) uint8: soft colours; and the same with noise and a red bar."""
+    """Returns two pictures, (48, 64, 3) uint8: soft colours; and the same with noise and a red bar."""
     y, x = np.mgrid[0:48, 0:64]
     a = np.stack([np.sin(x / 5) * 0.5 + 0.5, np.cos(y / 7) * 0.5 + 0.5, (x + y) / 110], -1)
     b = np.clip(a + np.random.default_rng(5).normal(0, 0.06, a.shape), 0, 1)
@@ -70,11 +70,11 @@ def test_what_differs_is_measured_and_shown(farm: Farm, watched: Watched, tmp_pa
     assert high == pytest.approx(errors[int((errors.size - 1) * 0.99)], rel=2e-3)
     expect(page).to_have_url(re.compile("way=difference"))
 
-    # Side by side the same pixel is read on both sides.
+    # Side by side, the same pixel is read on both sides.
     ways.get_by_text("Side", exact=True).click()
     stage = page.locator(".stage")
     places = []
-    for at in (0.25, 0.25, 0.75, 0.75):  # twice: the first values take room of the stage
+    for at in (0.25, 0.25, 0.75, 0.75):  # twice, since the first values reduce the stage's size
         box = stage.bounding_box()
         assert box is not None
         page.mouse.move(box["x"] + at * box["width"], box["y"] + box["height"] / 2)
@@ -82,7 +82,7 @@ def test_what_differs_is_measured_and_shown(farm: Farm, watched: Watched, tmp_pa
         places.append(page.get_by_label("Pixel under the cursor").first.locator(".place").inner_text())
     assert places[1] == places[3] and re.match(r"4[78], 3[12]", places[1])
 
-    # Held, B shows the other.
+    # While the key is held, B shows the other picture.
     ways.get_by_text("Wipe", exact=True).click()
     page.keyboard.down("b")
     expect(page.locator(".turn-tag")).to_have_text("B")

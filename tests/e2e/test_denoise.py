@@ -1,4 +1,4 @@
-"""The denoised picture on the page: beside the raw one or instead of it, without modifying it."""
+"""Tests of the denoised picture on the page: next to the raw one or instead of it, without modifying it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
     panel.get_by_text("Off").click()
     assert_screen(page, pictures[0], "off again")
 
-    # Both are there to be taken away.
+    # Both can be downloaded.
     page.get_by_role("tab", name="Save").click()
     page.get_by_role("switch", name="Denoised").check()
     with page.expect_download() as download:
@@ -61,7 +61,7 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
         page.get_by_role("link", name="PNG", exact=True).click()
     np.testing.assert_array_equal(np.asarray(Image.open(download.value.path()).convert("RGB")), tonemap.apply(raw, 0.5, "srgb"))
 
-    # A page that is opened on it has the denoised picture before the film's tiles, and does not take them for new ones.
+    # A page opened on the denoised picture receives it before the film's tiles, which do not count as new samples.
     with page.expect_response(lambda response: "rgb9e5" in response.url):
         page.goto("about:blank")
         page.goto(f"{farm.url}/#/jobs/{job}?ev=0.5&tone=srgb&denoise=on")
@@ -71,7 +71,7 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
     assert_screen(page, pictures[1], "opened anew")
     expect(page.get_by_text("New samples have come")).to_be_hidden()
 
-    # More samples: it is made anew when the job is finished, were the page to hear of nothing between.
+    # With more samples it is made again when the job finishes, even if the page misses all events in between.
     with page.expect_response(lambda response: "rgb9e5" in response.url, timeout=60_000):
         httpx.patch(f"{farm.url}/api/jobs/{job}", json={"spp": 32}).raise_for_status()
     assert watched.errors == []

@@ -1,4 +1,4 @@
-"""The explanation of a pixel over its picture; the job's log; and the picture's tools."""
+"""Tests of the explanation of a pixel over its picture, the job's log, and the picture's tools."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PIXEL = (96, 64)
 
 @pytest.fixture(scope="module")
 def finished(farm: Farm) -> str:
-    """A small finished picture of a closed box with indirect light."""
+    """Returns the id of a small finished picture of a closed box with indirect light."""
     scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
     return rendered(farm, str(scene), width=192, height=128, tile_size=64, spp=8)
 
@@ -33,7 +33,7 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
 
 @pytest.mark.long
 def test_a_pixel_is_explained_over_the_picture(farm: Farm, finished: str, watched: Watched) -> None:
-    """The tool's click and the pin's button both start it; the table shows the service's answer; Escape ends it."""
+    """The tool's click and the pin's button both start an explanation; the table shows the service's answer; Escape ends it."""
     page = watched.page
     x, y = PIXEL
     told = httpx.get(f"{farm.url}/api/jobs/{finished}/explain?x={x}&y={y}", timeout=60).raise_for_status().json()
@@ -59,7 +59,7 @@ def test_a_pixel_is_explained_over_the_picture(farm: Farm, finished: str, watche
     panel.get_by_role("spinbutton", name="Number of a sample").fill("5")
     panel.get_by_role("button", name="Follow").click()
     expect(panel.get_by_role("radio", name="Asked for")).to_be_checked()
-    page.keyboard.press("Escape")  # typing is none of it
+    page.keyboard.press("Escape")  # typing is not affected
     page.locator("h1").click()
     page.keyboard.press("Escape")
     expect(panel).to_be_hidden()
@@ -96,7 +96,7 @@ def test_the_log_is_read_copied_and_taken_along(farm: Farm, finished: str, watch
 
 @pytest.mark.long
 def test_the_tools_do_what_they_say(farm: Farm, finished: str, watched: Watched) -> None:
-    """Copies the picture as displayed, and the URL with all display options; fullscreen shows the stage."""
+    """Tools copy the picture as displayed and the URL with all display options, and show the stage in fullscreen."""
     page = watched.page
     page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=farm.url)
     open_job(page, farm, finished, "?ev=1.5&tone=agx")

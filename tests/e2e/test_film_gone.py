@@ -1,4 +1,4 @@
-"""With a lost film or a busy service, the page shows the reason, and retries after the time that the service names."""
+"""Tests that with a lost film or a busy service, the page shows the reason and retries after the stated time."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ PIXEL = bytes.fromhex(
 
 @pytest.fixture
 def finished(many: Service, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Returns the latest finished still with samples according to the database."""
-    monkeypatch.setattr(many.farm.scrubber, "check_first", lambda job: None)  # else it is rendered again at once
+    """Returns the id of the latest still that the database lists as finished with samples."""
+    monkeypatch.setattr(many.farm.scrubber, "check_first", lambda job: None)  # otherwise it would be rendered again at once
     newest = select(Job.id).where(Job.state == "finished", Job.shot.is_(None)).order_by(Job.created.desc())
     with many.farm.sessions.begin() as session:
         job = session.scalars(newest).first()

@@ -1,4 +1,4 @@
-"""A list of ten thousand jobs in a browser, on a service without workers."""
+"""Tests of a list of ten thousand jobs in a browser, on a service without workers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_all_of_them_are_found_sought_and_ordered_and_the_address_says_how(many:
     expect(page.get_by_role("button", name="All 10,000")).to_be_visible()
     expect(page.get_by_role("button", name="Active 20")).to_be_visible()
     expect(rows(page).first).to_contain_text("take 9999")
-    assert rows(page).count() < 60  # those near the screen alone
+    assert rows(page).count() < 60  # only those near the screen exist
 
     page.keyboard.press("End")
     page.evaluate("scrollTo(0, document.documentElement.scrollHeight)")
@@ -42,7 +42,7 @@ def test_all_of_them_are_found_sought_and_ordered_and_the_address_says_how(many:
     expect(page).to_have_url(re.compile(r"#/jobs\?(?=.*search=truck\+43)(?=.*show=failed)(?=.*sort=oldest)"))
     expect(rows(page).first).to_contain_text("Milk truck take 437")
 
-    # What the address says acts at once, and back again.
+    # Changes of the URL apply at once, also by going back.
     page.evaluate("location.hash = '#/jobs?show=active&sort=oldest'")
     expect(rows(page).first).to_contain_text("Milk truck take 1")
     expect(page.get_by_label("Search jobs")).to_have_value("")
@@ -72,7 +72,7 @@ def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watche
     expect(page.get_by_role("button", name="Active 20")).to_be_visible()
     until(lambda: states(many, paused) == {"paused"}, "they are as they were")
 
-    # All that is listed, seen or not; deleted only when nobody takes it back any more.
+    # Deletion applies to everything listed, visible or not, once the undo period has passed.
     page.evaluate("location.hash = '#/jobs?show=failed&search=kitchen'")
     expect(page.get_by_role("button", name="Failed 500")).to_be_visible()
     page.keyboard.press("Control+a")
@@ -81,7 +81,7 @@ def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watche
     expect(rows(page)).to_have_count(0)
     page.keyboard.press("z")
     expect(rows(page).first).to_be_visible()
-    # A row that goes leaves the focus to the next one.
+    # When a row is removed, the next row gets the focus.
     page.keyboard.press("ArrowDown")
     second = rows(page).nth(1).locator("a.name").get_attribute("href")
     rows(page).first.get_by_role("button", name="Delete").press("Enter")
@@ -91,7 +91,7 @@ def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watche
     page.keyboard.press("x")
     expect(bar).to_contain_text("1 selected")
     bar.get_by_role("button", name="Delete").click()
-    page.mouse.move(700, 5)  # what can be undone stays while the pointer is on it
+    page.mouse.move(700, 5)  # an undo message stays while the pointer is on it
     expect(page.get_by_role("button", name="Failed 499")).to_be_visible(timeout=12_000)
     assert watched.errors == []
 
@@ -129,7 +129,7 @@ def test_a_job_that_is_deleted_elsewhere_leaves_quietly(many: Service, watched: 
 @pytest.mark.long
 def test_the_same_error_again_is_counted_and_few_are_kept(page: Page, site: Site) -> None:
     page.goto(f"{site.url}/index.html")
-    expect(page.locator("main h1").first).to_be_visible()  # a page that begins forgets the errors of the one before
+    expect(page.locator("main h1").first).to_be_visible()  # a reloaded page has no errors of the previous one
     body = "for (const text of a) m.showError(text[0], text[1], {ofPage: text[2]});"
     call(page, "shell/tray", body, [["Lost", "No room.", False]] * 3 + [[f"Fault {i}", "Alas.", True] for i in range(4)])
     titles = page.locator("#tray .title")
@@ -152,7 +152,7 @@ STUB = """
 def test_the_end_of_a_job_is_told_where_one_wants_it(many: Service, watched: Watched) -> None:
     page = watched.page
     page.add_init_script(STUB)
-    ids = [f"{i:020x}" for i in (9994, 9999)]  # cancelled: the engine does not look at them
+    ids = [f"{i:020x}" for i in (9994, 9999)]  # cancelled, so the engine ignores them
 
     def turn(state: str) -> None:
         with many.farm.sessions.begin() as session:

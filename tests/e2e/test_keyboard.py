@@ -1,4 +1,4 @@
-"""Upload, download, and an undone deletion, by keyboard alone."""
+"""Tests of upload, download, and an undone deletion, by keyboard alone."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.helpers import Farm
 pytestmark = pytest.mark.long
 
 MOST_STOPS = 80
-# What has the focus is on the screen, nothing lies over it, and something is drawn about it or a part of it.
+# Whether the focused element is on screen, is covered by nothing, and has a visible focus mark on or around it.
 VISIBLE = """(element) => {
     const {left, right, top, bottom} = element.getBoundingClientRect();
     const over = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
@@ -34,14 +34,14 @@ VISIBLE = """(element) => {
 
 
 def tab_to(page: Page, wanted: Locator) -> None:
-    """Presses Tab until the element has focus, and checks that every focused element on the way shows it."""
+    """Presses Tab until the element has focus, and checks that every focused element on the way shows its focus."""
     wanted.wait_for()
     for _ in range(MOST_STOPS):
         page.keyboard.press("Tab")
         focused = page.evaluate_handle("document.activeElement").as_element()
         assert focused
         if focused.evaluate("(element) => element === document.body"):
-            continue  # once a lap the browser's own bar has it
+            continue  # once per round the browser's own bar has the focus
         assert focused.evaluate(VISIBLE), focused.evaluate("(element) => element.outerHTML.slice(0, 200)")
         if wanted.evaluate("(element) => element === document.activeElement"):
             return
@@ -63,7 +63,7 @@ def test_a_picture_by_the_keyboard_alone(farm: Farm, watched: Watched) -> None:
 
     camera = page.get_by_label("Camera", exact=True)
     tab_to(page, camera)
-    for key in ("ArrowDown", "ArrowDown", "Enter"):  # opens the list, goes to the next entry, takes it
+    for key in ("ArrowDown", "ArrowDown", "Enter"):  # opens the list, moves to the next entry, selects it
         keys.press(key)
     expect(camera).to_have_value("1")
     for group, field, number in (("Size", "Width", 96), ("Quality", "Samples per pixel", 2000)):

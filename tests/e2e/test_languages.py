@@ -1,4 +1,4 @@
-"""The page in all languages, on a phone: headings are translated, no view contains untranslated English, and each fits."""
+"""Tests of the page in all languages on a phone: headings are translated, no text is untranslated, and each view fits."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HEADINGS = {
     "de-AT": ("Szene irgendwo auf diese Seite ziehen", "Rendern", "Speichern", "Jobs", "de"),
     "zh-CN": ("将场景拖到页面任意位置", "渲染", "保存", "作业", "zh-Hans"),
 }
-# What the example scene is called, by its file and so in every language.
+# The example scene's name, which is the same in every language.
 NAME = "Spheres"
 CODE = "mesh-vertices-not-finite"
 PHONE: ViewportSize = {"width": 375, "height": 667}
@@ -28,14 +28,14 @@ TEXTS = "h1, h2, button, label, legend, summary, th, dt, nav a, option, .tabs *"
 
 @pytest.fixture(scope="module")
 def job(farm: Farm) -> str:
-    """A small finished picture."""
+    """Returns the id of a small finished picture."""
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     return rendered(farm, scene, width=32, height=24, spp=2)
 
 
 @pytest.fixture(params=["de-AT", pytest.param("zh-CN", marks=pytest.mark.long)])
 def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[Page, str]]:
-    """A page in a browser with another language than English."""
+    """Yields a page in a browser with a language other than English, and its locale."""
     context = browser.new_context(viewport=PHONE, reduced_motion="reduce", locale=request.param)
     context.set_default_timeout(20_000)
     context.add_init_script(SOON_CLEAR)
@@ -44,7 +44,7 @@ def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[
 
 
 def assert_nothing_is_english(page: Page, locale: str) -> None:
-    """Checks that no text of a view is a catalogue key with a translation."""
+    """Asserts that no text of a view is a catalogue key that has a translation."""
     catalogue: dict[str, str] = json.loads((ROOT / "web" / "words" / f"{locale[:2]}.json").read_text(encoding="utf-8"))
     english = {key for key, text in catalogue.items() if key != text} - set(catalogue.values())
     shown = page.evaluate(
@@ -59,7 +59,7 @@ def assert_nothing_is_english(page: Page, locale: str) -> None:
 
 
 def assert_fits_and_is_named(page: Page) -> None:
-    """Checks that a view is no wider than the screen, and that every visible control and picture has a name."""
+    """Asserts that a view is no wider than the screen, and that every visible control and picture has a name."""
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     unnamed = page.evaluate(
         """() => [...document.querySelectorAll("button, a[href], input, select, textarea, img, [role=slider]")]
@@ -77,7 +77,7 @@ def assert_is_fit(page: Page, locale: str) -> None:
 
 
 def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, foreign: tuple[Page, str]) -> None:
-    """On a phone's screen, where each view fits and its controls have names."""
+    """On a phone, every view is in the browser's language, fits the screen, and has names for its controls."""
     page, locale = foreign
     drop, render, save, jobs, tag = HEADINGS[locale]
     page.goto(farm.url)
@@ -103,7 +103,7 @@ def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, fore
 
 @pytest.fixture(scope="module")
 def warned(farm: Farm) -> dict[str, Any]:
-    """The record of a scene with a warning that has a count, from a worker's confined reader."""
+    """Returns the record of a scene with a warning that has a count, from a worker's confined reader."""
     vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\n"
     scene = httpx.post(f"{farm.url}/api/scenes", files={"files": ("odd.obj", vertices)}).raise_for_status().json()["id"]
     with farm.client() as client:
@@ -124,7 +124,10 @@ def translated_warning(record: dict[str, Any], language: str) -> str:
 
 
 def test_a_warning_of_a_reader_is_translated_by_its_code(farm: Farm, warned: dict[str, Any], program: str) -> None:
-    """With its count, through the service to the page's modules, in Node.js; and a problem has its code."""
+    """A reader's warning is translated by its code, with its count, through service and page modules in Node.js.
+
+    A problem response has its code, too.
+    """
     with Node(program, "de-DE") as node:
         shown = node.call("base/said", "return m.allSaidOf(a, 'warnings');", warned)
     assert translated_warning(warned, "de") in shown

@@ -1,4 +1,4 @@
-"""The live view of a scene: navigation arithmetic, and a farm that follows the navigation."""
+"""Tests of the live view of a scene: navigation arithmetic, and a farm that follows the navigation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def slots_of(farm: Farm) -> list[psutil.Process]:
     def is_worker(process: psutil.Process) -> bool:
         try:
             return process.cmdline()[1:3] == ["-m", "worker.standby"]
-        except psutil.NoSuchProcess:  # one that has just ended
+        except psutil.NoSuchProcess:  # has just ended
             return False
 
     (worker,) = filter(is_worker, psutil.Process(farm.process.pid).children())
@@ -27,14 +27,14 @@ def slots_of(farm: Farm) -> list[psutil.Process]:
 
 
 def kept(farm: Farm) -> tuple[set[str], set[str], set[str]]:
-    """Returns the jobs, films and blobs of the farm."""
+    """Returns the farm's (jobs, films, blobs)."""
     jobs = {job["id"] for job in httpx.get(f"{farm.url}/api/jobs", params={"limit": 1000}).json()}
     films = {path.name for path in (farm.data / "films").iterdir()}
     return jobs, films, {path.name for path in (farm.data / "blobs").rglob("*") if path.is_file()}
 
 
 class LiveView:
-    """The live view of the spheres, opened in a page."""
+    """The live view of the scene "spheres", opened in a page."""
 
     def __init__(self, farm: Farm, watched: Watched) -> None:
         scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
@@ -45,7 +45,9 @@ class LiveView:
         self.kept = kept(farm)
         self.sockets: list[WebSocketRoute] = []
         self.page = watched.page
-        self.page.set_viewport_size({"width": 800, "height": 480})  # rendering and drawing it take most of these tests
+        self.page.set_viewport_size(
+            {"width": 800, "height": 480}
+        )  # a smaller view: rendering and drawing take most of these tests' time
         self.page.route_web_socket("**/viewport", self.through)
         self.page.goto(f"{farm.url}/#/scenes/{scene}")
         self.surface = self.page.locator(".live-view")
@@ -56,7 +58,7 @@ class LiveView:
         socket.connect_to_server()
 
     def address(self) -> str:
-        return str(self.page.evaluate("location.href"))  # which lets the browser's news in
+        return str(self.page.evaluate("location.href"))  # a call to the browser, which processes its events
 
     def samples(self) -> int:
         return int(self.surface.get_attribute("data-samples") or 0)
@@ -82,7 +84,7 @@ class LiveView:
 def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched) -> None:
     view = LiveView(farm, watched)
     page = view.page
-    expect(page.locator(".view-state")).to_contain_text(re.compile(r"\d spp.*(2 slots|done)"))  # it may be clear by now
+    expect(page.locator(".view-state")).to_contain_text(re.compile(r"\d spp.*(2 slots|done)"))  # may be finished already
 
     view.turn()
     eye = page.get_by_label("Eye x")
@@ -93,7 +95,7 @@ def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched
 
     wait_until(is_told, 20, "the form and the address agree")
 
-    page.close()  # as one who leaves without a word
+    page.close()  # closed without leaving the view
     wait_until(lambda: "views" not in farm_views(farm), 60, "the slots are let go")
     assert kept(farm) == view.kept, "no job, no film, no blob"
     assert [error for error in watched.errors if "WebSocket" not in error] == []
@@ -166,7 +168,7 @@ def test_on_a_phone_the_page_scrolls_under_one_finger(farm: Farm, browser: Brows
     wait_until(lambda: page.evaluate("scrollY") > 20, 20, "the page scrolls")
     assert "view=" not in page.evaluate("location.href")
 
-    def rests_at_the_top() -> bool:  # what was flung goes on for a while
+    def rests_at_the_top() -> bool:  # momentum moves the view for a while
         page.evaluate("scrollTo(0, 0)")
         page.wait_for_timeout(150)
         return page.evaluate("scrollY") == 0

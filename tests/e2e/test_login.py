@@ -1,4 +1,4 @@
-"""A farm reachable by other machines, in the browser: login by a link, logout, and login by password."""
+"""Tests of login in the browser, on a farm reachable by other machines: by a link, logout, and by password."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_in_by_a_link_out_and_in_by_a_password(service: Service, watched: Watche
         expect(page.get_by_role("navigation")).to_be_hidden()
         assert watched.errors == []
 
-        page.goto(f"{service.url}/#/login?code={code}")  # in the same tab: nothing but the address changes
+        page.goto(f"{service.url}/#/login?code={code}")  # in the same tab, only the URL changes
         expect(page.get_by_role("heading", name="anna")).to_be_visible()
         assert code not in page.url
         assert page.evaluate("[document.cookie, document.referrer]") == ["", ""]

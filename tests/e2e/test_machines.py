@@ -1,4 +1,4 @@
-"""The page of machines in a browser, with workers that only send reports."""
+"""Tests of the machines page in a browser, with workers that only send reports."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.e2e.conftest import Watched
 from tests.e2e.site import call
 from tests.service.conftest import Service, until
 
-OLD = f"{2001:020x}"  # a job that is not among those that the page knows
+OLD = f"{2001:020x}"  # a job unknown to the page
 
 
 def say(store: redis.Redis, name: str, current: list[dict[str, Any]], **more: Any) -> None:

@@ -1,4 +1,4 @@
-"""A job in a notebook: the widget's Python part with a real farm, and its JavaScript part in a real browser."""
+"""Tests of a job in a notebook: the widget's Python part with a real farm, and its JavaScript part in a real browser."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The complete path in a browser: a dropped file becomes a picture whose displayed pixels equal the film's."""
+"""Tests of the complete path in a browser: a dropped file becomes a picture whose displayed pixels equal the film's."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from tests.e2e.small_glb import small_glb
 from tests.helpers import Farm
 
 WIDTH, HEIGHT = 96, 64
-ENDLESS_SPP = 60_000  # more than are rendered before the job is cancelled
+ENDLESS_SPP = 60_000  # more samples than are rendered before the job is cancelled
 
 
 def drop(page: Page, name: str, content: bytes) -> None:
-    """Drops a file on the page, as with a mouse."""
+    """Drops a file on the page, as by mouse."""
     page.evaluate(
         """([name, base64]) => {
             const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
@@ -43,10 +43,10 @@ def samples_shown(page: Page) -> int:
 
 
 def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm, watched: Watched, tmp_path: Path) -> None:
-    """From an upload over the preview of its mesh to a job that is cancelled, whose picture stays."""
+    """An upload shows the preview of its mesh, then a job's picture with the film's pixels, which stays after cancellation."""
     page = watched.page
-    page.set_viewport_size({"width": 800, "height": 480})  # drawing it takes most of this test
-    page.route_web_socket("**/viewport", lambda socket: None)  # no samples in the place of the mesh
+    page.set_viewport_size({"width": 800, "height": 480})  # smaller, since drawing takes most of the test's time
+    page.route_web_socket("**/viewport", lambda socket: None)  # keeps path-traced samples from replacing the mesh
     page.goto(farm.url)
     expect(page.get_by_role("heading", name="Drop a scene anywhere")).to_be_visible()
 
@@ -54,7 +54,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
     render = page.get_by_role("button", name="Render")
     expect(render).to_be_visible()
     mesh = page.locator(".live-view canvas.mesh")
-    expect(mesh).to_have_attribute("data-drawn", "16")  # a cube, a floor and a lamp
+    expect(mesh).to_have_attribute("data-drawn", "16")  # triangles of a cube, a floor and a lamp
     preview = np.asarray(Image.open(io.BytesIO(page.locator(".live-view").screenshot())).convert("RGB")).astype(int)
     red = (preview[..., 0] > 2 * preview[..., 1]) & (preview[..., 0] > 60)
     assert 0.01 < red.mean() < 0.6, "the red cube"
@@ -67,7 +67,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
     page.get_by_label("Samples per pixel").fill(str(ENDLESS_SPP))
     render.click()
 
-    # Samples arrive while it renders. What is cancelled keeps its picture.
+    # Samples arrive while the job renders. A cancelled job keeps its picture.
     expect(page.locator(".big")).to_have_text(re.compile("[1-9]"), timeout=60_000)
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator(".job-head")).to_contain_text("Cancelled")
@@ -82,14 +82,14 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
     page.mouse.move(5, 5)
     before = assert_shows(page, film, 0, "neutral")
 
-    # The exposure key acts on the picture at once.
+    # The exposure key changes the picture at once.
     page.keyboard.press("Shift+E")
     darker = assert_shows(page, film, -0.5, "neutral")
     assert darker.mean() < before.mean() - 2
-    page.get_by_label("Tone curve").select_option("hue")  # all of them in test_modules.py
+    page.get_by_label("Tone curve").select_option("hue")  # test_modules.py tests all curves
     assert_shows(page, film, -0.5, "hue")
 
-    # The value under the cursor is the film's.
+    # The value under the cursor equals the film's.
     stage = page.locator(".stage")
     _, left, top = (float(v) for v in (stage.get_attribute("data-view") or "").split())
     stage.hover(position={"x": left + WIDTH / 2 + 0.5, "y": top + HEIGHT / 2 + 0.5})
@@ -101,7 +101,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
     pixel = httpx.get(f"{image.removesuffix('image')}pixel?x={WIDTH // 2}&y={HEIGHT // 2}").raise_for_status().json()
     expect(readout).to_contain_text(f"{pixel['samples']:,} spp")
 
-    # So are the planes'. Each shows another picture than the light.
+    # So do the values of planes, each of which shows another picture than the light.
     light = stage.screenshot()
     channels = page.get_by_label("Channel")
     for plane in ("albedo", "error"):
@@ -114,7 +114,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
         assert stage.screenshot() != light, plane
     channels.select_option("")
 
-    # The PNG looks as the page does.
+    # The PNG looks like the page.
     page.get_by_label("Tone curve").select_option("neutral")
     page.get_by_role("tab", name="Save").click()
     with page.expect_download() as download:
@@ -144,7 +144,7 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
     expect(alert).to_contain_text("File > Export > glTF")
     alert.get_by_role("button", name="Dismiss").click()
 
-    # While the service does not answer, and when an upload breaks off, the same files are tried again.
+    # If the service does not respond, or an upload is interrupted, the same files are sent again.
     page.route("**/api/info", lambda route: route.abort("connectionrefused"))
     drop(page, "broken.glb", b"glTF, but not really")
     expect(alert).to_contain_text("broken.glb was not taken")
@@ -160,7 +160,7 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
     problem = page.get_by_role("alert")
     expect(problem).to_contain_text("broken.glb")
     expect(problem).to_contain_text("This cannot be rendered")
-    # The browser itself reports the refused request; nothing else may be on the console.
+    # The browser reports the refused request itself; nothing else may be on the console.
     assert [error for error in watched.errors if "422" not in error and "ERR_CONNECTION_RE" not in error] == []
 
 

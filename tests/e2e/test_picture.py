@@ -1,4 +1,4 @@
-"""The page of one picture: loading it, and its tools."""
+"""Tests of the page of one picture: loading it, and its tools."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def spheres(farm: Farm) -> str:
 
 @pytest.fixture(scope="module")
 def finished(farm: Farm) -> str:
-    """A finished job with several tiles."""
+    """Returns the id of a finished job with several tiles."""
     return rendered(farm, spheres(farm), **SIZE, spp=8)
 
 
@@ -39,7 +39,7 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
 
 @pytest.mark.long
 def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
-    """Shows the list's JPEG until the film arrives, in one response and without further tiles."""
+    """A finished picture shows the list's JPEG until the film arrives, in one response and without further tiles."""
     page = watched.page
     tiles: list[bytes] = []
     said: list[str] = []
@@ -61,7 +61,7 @@ def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched:
             if (String(url).endsWith("/film")) await asked;
             return before(url, ...more);
         };
-    }""")  # a route would keep the browser from using what it has
+    }""")  # a Playwright route would disable the browser's cache
     link.click()
     poster = page.locator(".stage .poster img")
     expect(poster).to_have_js_property("naturalWidth", SIZE["width"])
@@ -85,7 +85,7 @@ def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched:
 
 
 def at(page: Page, x: float, y: float) -> tuple[float, float]:
-    """Returns the page position of a point of the picture."""
+    """Returns the page position of a point in the picture."""
     stage = page.locator(".stage")
     scale, left, top = (float(v) for v in (stage.get_attribute("data-view") or "").split())
     box = page.locator("canvas.film").bounding_box()
@@ -122,7 +122,7 @@ def test_a_rectangle_on_the_picture_is_rendered_first(farm: Farm, watched: Watch
         expect(chip).to_be_hidden()
         wait_until(lambda: httpx.get(url).json()["focus"] is None, 20, "it is taken back")
 
-        # By the button, and a click: the tile under it.
+        # Button and click: renders the tile below the pointer first.
         page.get_by_role("button", name="Render a part first").click()
         expect(chip).to_contain_text("Click or drag")
         page.mouse.click(*at(page, 10, 10))
@@ -143,7 +143,7 @@ def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched
     light = rgbe9995.unpack(rgbe9995.pack(film))
     luminance = light @ np.array([0.2126, 0.7152, 0.0722], np.float32)
 
-    # What the cursor stands on is told without moving the picture under it.
+    # The value under the cursor is shown without moving the picture below it.
     stage = page.locator("canvas.film")
     box = stage.bounding_box()
     page.mouse.move(*at(page, 100.5, 64.5))
@@ -151,7 +151,7 @@ def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched
     assert stage.bounding_box() == box
     page.mouse.move(5, 5)
 
-    # Pinned: exact, on the page and in its address; a second click lets it go. They would be in the screen's pixels.
+    # A pinned pixel has its exact value on the page and its position in the URL, in film pixels; a second click removes it.
     pins = page.get_by_label("Pinned pixels")
     for x, y in ((3, 4), (100, 64)):
         if (x, y) != (3, 4):
@@ -162,7 +162,7 @@ def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched
         shown_values = [float(text) for text in row.locator("dd").all_inner_texts()]
         np.testing.assert_allclose(shown_values, [*film[y, x], film[y, x] @ [0.2126, 0.7152, 0.0722]], rtol=2e-3, atol=1e-4)
     expect(page).to_have_url(re.compile("pins=3(,|%2C)4(;|%3B)100(,|%2C)64"))
-    # A drag pins an area, which is told by its mean, and by how far that is from the first pin.
+    # A drag pins an area, for which the mean and its difference from the first pin are shown.
     page.mouse.move(*at(page, 20.5, 30.5))
     page.mouse.down()
     page.mouse.move(*at(page, 43.5, 41.5), steps=3)
@@ -192,7 +192,7 @@ def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched
     assert np.abs(screen.reshape(-1, 3)[::97] - np.array(colours) * 255).max() <= 2, "false colour"
     expect(page.get_by_role("img", name="Luminance, in stops")).to_be_visible()
 
-    # A plane by its key, with the bar that reads its heat.
+    # A key selects a plane, with a colour bar for its values.
     page.keyboard.press("Shift+9")
     expect(page.get_by_label("Channel")).to_have_value("error")
     answer = httpx.get(f"{farm.url}/api/jobs/{finished}/frames/0/image.png?aov=error")

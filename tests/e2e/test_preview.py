@@ -1,4 +1,4 @@
-"""An uploaded scene is drawn as a mesh until the path tracer has samples, and turns as the live view does."""
+"""Tests that an uploaded scene is drawn as a mesh until path-traced samples arrive, and rotates as the live view does."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def seen(page: Page) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(page.locator(".live-view").screenshot())).convert("RGB")).astype(int)
 
 
-@pytest.mark.long  # test_page.py has what is seen first
+@pytest.mark.long  # test_page.py tests the first picture
 def test_the_mesh_stands_in_until_there_are_samples(farm: Farm, watched: Watched) -> None:
     page = watched.page
     page.set_viewport_size({"width": 800, "height": 480})
-    page.route_web_socket("**/viewport", lambda socket: None)  # no samples
+    page.route_web_socket("**/viewport", lambda socket: None)  # keeps samples from arriving
     page.goto(farm.url)
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Choose files").click()
@@ -30,7 +30,7 @@ def test_the_mesh_stands_in_until_there_are_samples(farm: Farm, watched: Watched
     expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible(timeout=90_000)
     mesh = page.locator(".live-view canvas.mesh")
     expect(mesh).to_be_visible()
-    expect(mesh).to_have_attribute("data-drawn", "16")  # a cube, a floor and a lamp
+    expect(mesh).to_have_attribute("data-drawn", "16")  # triangles of a cube, a floor and a lamp
     first = seen(page)
     red = (first[..., 0] > 2 * first[..., 1]) & (first[..., 0] > 60)
     assert 0.01 < red.mean() < 0.6, "the red cube"

@@ -1,4 +1,4 @@
-"""The project menu: uploads go into the selected project, and lists show only its items."""
+"""Tests of the project menu: uploads go into the selected project, and lists show only its items."""
 
 from __future__ import annotations
 

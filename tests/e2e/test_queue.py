@@ -1,4 +1,4 @@
-"""The queue of jobs in a browser: dependencies, deadlines, and fair shares."""
+"""Tests of the job queue in a browser: dependencies, deadlines, and fair shares."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_a_machine_is_told_when_it_works(many: Service, watched: Watched) -> Non
     page = watched.page
     peers = (many.worker(name="attic", tags=("gpu", "kind:test-kind"), slots=4), many.worker(name="cellar"))
     for peer in peers:
-        peer._threads.pop(0)  # it is there, and takes nothing: the scenes have no files
+        peer._threads.pop(0)  # reports but takes no work, since the scenes have no files
     with peers[0] as attic, peers[1]:
         page.goto(f"{many.url}/#/workers")
         new, old = (page.locator(".machine").filter(has_text=name) for name in ("attic", "cellar"))

@@ -1,4 +1,4 @@
-"""The queue options in the form of a new job."""
+"""Tests of the queue options in the form of a new job."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scenes of the front page: the latest first, all on request, and search results."""
+"""Tests of the front page's scenes: the latest first, all on request, and search results."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_few_are_shown_at_first_and_all_are_found(page: Page) -> None:
     older = scene(200, "Bridge at dawn")
     page.route("**/api/scenes?*", lambda route: answer(route, [older] if "bridge" in route.request.url else [older, *latest]))
     latest = [scene(i, f"Take {i}") for i in range(30)]
-    page.evaluate("document.body.innerHTML = '<div id=announcer></div>'")  # that the page has from its start
+    page.evaluate("document.body.innerHTML = '<div id=announcer></div>'")  # exists in the page from its start
     call(page, "views/scene-grid", SHOW, latest)
     cards, search = page.locator(".card"), page.get_by_label("Search scenes")
     expect(cards).to_have_count(24)

@@ -1,4 +1,4 @@
-"""The settings form alone: it covers all of renderer/settings.py, and requests only what differs from the scene's settings."""
+"""Tests of the settings form: it covers all of renderer/settings.py, and requests only values that differ from the scene's."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SCENE = {
 }
 
 
-# What a form is made of, before it is opened.
+# Loads the settings table, from which a form is built.
 TOLD = "(await import('/js/news/settings-table.js')).table.set(a.table);"
 
 
@@ -51,7 +51,7 @@ def submitted(page: Page) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Sparkling(settings.RenderSettings):
-    """The settings of a renderer with one additional setting."""
+    """Render settings with one additional field."""
 
     sparkle: Annotated[
         float,
@@ -85,7 +85,9 @@ def test_a_setting_that_the_renderer_declares_has_a_field(page: Page) -> None:
 
 @pytest.mark.long
 def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Page) -> None:
-    """Estimates follow from the scene's latest picture: one slot-microsecond per sample of a pixel, and a noise of 0.4 at one
+    """Each quality preset shows its estimated time and noise.
+
+    Estimates follow from the scene's latest picture: one slot-microsecond per sample of a pixel, and a noise of 0.4 at one
     sample.
     """
     call(page, "news/farm", "m.workers.set([{ slots: 2, samples_per_s: 1 }]);")
@@ -109,7 +111,7 @@ def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
     depth = page.get_by_label("Max depth", exact=True)
     back = page.get_by_role("button", name="Reset to 5")
     expect(back).to_be_hidden()
-    depth.locator("xpath=..").locator("input[type=range]").fill("400")  # its end
+    depth.locator("xpath=..").locator("input[type=range]").fill("400")  # end of the slider
     expect(depth).to_have_value("64")
     assert submitted(page)["max_depth"] == 64
     back.click()
@@ -123,7 +125,7 @@ def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
 
 @pytest.mark.long
 def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
-    """Differences include a disabled setting, a choice, a noise level and a camera; the sides are named by phrases."""
+    """Differences of two jobs include a disabled setting, a choice, a noise level and a camera; phrases name the sides."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
     a = {"name": "Snow", "width": 8, "height": 8, "spp": 64, "noise": None}
     common = {"clamp_indirect": 0.0, "view": view, "environment": None}
@@ -219,7 +221,7 @@ def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
 
 @pytest.mark.long
 def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
-    """Repeats all settings of a finished job, except those that equal the scene's own."""
+    """All settings of a finished job are requested again, except those that equal the scene's own."""
     view = settings.View((0.1, 2, 3), (0, 0.5, 0), fov=33, aperture=0.02, focus=2.5)
     chosen = {"seed": 7, "integrator": "direct", "sampling": "bsdf", "light_samples": 3, "filter": "tent"}
     light = {"environment": (0.123456, 2.0, 0.5), "environment_strength": 0.7}
@@ -246,7 +248,7 @@ def test_what_is_changed_is_asked_for(page: Page) -> None:
     dial.press("ArrowUp")
     dial.press("Shift+ArrowLeft")
     asked = submitted(page)
-    # The exact numbers of the scene's camera stay, though the fields show six digits of them.
+    # The scene camera's exact numbers are sent, though the fields show six digits.
     assert asked["view"]["eye"] == SCENE["cameras"][0]["view"]["eye"]  # type: ignore[index]
     assert asked["view"]["aperture"] == 0.1
     assert asked["view"]["focus"] is None
@@ -292,7 +294,7 @@ def test_whitteds_constant_is_a_grey(page: Page) -> None:
     open_form(page)
     expect(page.get_by_label("Ambient light")).to_be_hidden()
     page.get_by_label("Integrator").select_option("whitted")
-    expect(page.get_by_label("Finding lights")).to_have_count(0)  # for the API and files
+    expect(page.get_by_label("Finding lights")).to_have_count(0)  # only in the API and in files
     page.get_by_label("Ambient light").fill("0.1")
     page.get_by_label("Near plane").fill("1.5")
     page.get_by_label("Shift up").fill("0.25")

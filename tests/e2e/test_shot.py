@@ -1,4 +1,4 @@
-"""The page of a shot: filmstrip, frame navigation by clicks and keys, playback, downloads, and changes."""
+"""Tests of the page of a shot: filmstrip, frame navigation by clicks and keys, playback, downloads, and changes."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from tests.helpers import Farm, wait_until
 from tests.rayfarm.test_sequence import turning
 
 WIDTH, HEIGHT = 96, 64
-# Frames of 0 to 1999; what of a shot's job the page's modules read.
+# A shot of frames 0 to 1999, with the fields of its job that the page's modules read.
 MANY = {"shot": {"frames": "0-1999", "count": 2000, "fps": 24}, "frames": []}
 
 
 def uploaded(farm: Farm, *files: tuple[str, bytes]) -> str:
-    """The id of a ready scene."""
+    """Uploads a scene, and returns its id once it is ready."""
     parts = [("files", (name, content)) for name, content in files]
     scene: str = httpx.post(f"{farm.url}/api/scenes", files=parts).raise_for_status().json()["id"]
     with farm.client() as client:
@@ -36,7 +36,7 @@ def uploaded(farm: Farm, *files: tuple[str, bytes]) -> str:
 
 
 def asked(farm: Farm, scene: str, **request: Any) -> str:
-    """The id of a shot's job."""
+    """Submits a shot, and returns its job's id."""
     size = {"width": WIDTH, "height": HEIGHT, "environment": {"color": [1, 1, 1]}}
     job: str = httpx.post(f"{farm.url}/api/jobs", json={"scene": scene, **size, **request}).raise_for_status().json()["id"]
     return job
@@ -86,7 +86,7 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
     page.keyboard.press("ArrowRight")
     expect(page).to_have_url(re.compile("frame=1"))
 
-    # In and out: only what lies between is played, and fetched.
+    # With in and out points, only frames between them are played and fetched.
     for _ in range(2):
         page.keyboard.press("Shift+ArrowRight")
     expect(page.locator(".part")).to_contain_text("1–3")
@@ -178,7 +178,7 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
     expect(page.get_by_role("button", name="Is rendered first")).to_be_disabled()
     assert told(farm, other)["shot"]["first"] == 3
     httpx.delete(f"{farm.url}/api/jobs/{other}").raise_for_status()
-    # The browser reports the refused film of the frame that failed, of which the page says why.
+    # The browser reports the refused film of the failed frame; the page shows the reason.
     assert [error for error in watched.errors if "409" not in error] == []
 
 
@@ -227,7 +227,7 @@ def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> Non
 
 @pytest.mark.long
 def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> None:
-    """Uses a simulated clock, since a busy machine draws frames late."""
+    """Playback keeps time and skips frames that arrive too late. Uses a simulated clock, since a busy machine draws late."""
     body = """
         const { ShotFrames } = await import("/js/shot/shot-frames.js");
         let now = 1000;

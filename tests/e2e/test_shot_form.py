@@ -1,4 +1,4 @@
-"""The form of a shot: its frames, and the resulting request."""
+"""Tests of the form of a shot: its frames, and the resulting request."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOVES = {
     "clips": [
         {"name": "walk", "start": 0.0, "end": 2.0},
         {"name": "jump", "start": 0.5, "end": 1.5},
-        {"name": "walk", "start": 0, "end": 8.99999},  # frame 225, in five digits
+        {"name": "walk", "start": 0, "end": 8.99999},  # ends at frame 225, rounded to five decimals
     ],
 }
 STILL = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50}
@@ -64,7 +64,7 @@ def test_an_example_that_is_a_shot_says_how_long_and_is_opened_as_one(page: Page
     told = {"name": "toy", "title": "A toy", "description": "It moves."}
     page.route("**/api/examples", lambda route: route.fulfill(json=[{**told, "frames": "0-95", "fps": 24}]))
     page.route("**/api/examples/toy", lambda route: route.fulfill(json={**MOVES, "id": "abc"}))
-    call(page, "news/farm", "m.scenes.set([]);")  # examples come behind what is there already
+    call(page, "news/farm", "m.scenes.set([]);")  # examples are listed after scenes
     call(page, "views/home", "document.body.replaceChildren(m.homeView().element);")
     expect(page.locator(".badge")).to_have_text("4 s")
     page.get_by_role("button", name="A toy").click()

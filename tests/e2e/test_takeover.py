@@ -1,4 +1,4 @@
-"""A browser that watches a job while the owner of the farm is killed, and another service takes over."""
+"""Tests of a browser that watches a job while the farm's owner is killed, and another service takes over."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.service.peer_worker import PeerWorker
 @pytest.mark.long
 def test_the_picture_goes_on_by_itself(tmp_path: Path, watched: Watched) -> None:
     page = watched.page
-    tiles: list[WebSocket] = []  # by which connection each came
+    tiles: list[WebSocket] = []  # the connection of each tile packet
     page.on("websocket", lambda socket: socket.on("framereceived", lambda said: isinstance(said, bytes) and tiles.append(socket)))
     redis = running_redis(tmp_path)
     redis.start()
@@ -27,7 +27,7 @@ def test_the_picture_goes_on_by_itself(tmp_path: Path, watched: Watched) -> None
         owner, other = sorted(both, key=Started.says)
         with PeerWorker(redis.url, other.url, TOKEN) as worker:
             job = begun(other, worker)
-            page.goto(f"{other.url}/#/jobs/{job}")  # which passes it all on
+            page.goto(f"{other.url}/#/jobs/{job}")  # the standby forwards requests
             page.evaluate("window.isStillHere = true")
             until(lambda: samples(page) > 0 and tiles, "there is something to see", 60, lambda: told(both))
             first = tiles[0]

@@ -1,4 +1,4 @@
-"""The restart button of a job whose kind of workers no longer exists, with real workers of two releases."""
+"""Tests of the restart button of a job whose kind of workers no longer exists, with real workers of two releases."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from tests.e2e.conftest import Watched
 from tests.helpers import ROOT, running_redis
 from tests.service.conftest import TOKEN, Service, until
 
-# A worker whose release is the first argument; its kind begins with that.
+# A worker whose release, and the beginning of whose kind, is the first argument.
 WORKER = "import renderer, runpy, sys; renderer.__version__ = sys.argv.pop(1); runpy.run_module('worker', run_name='__main__')"
 SPP = 16384
 
 
 @contextmanager
 def worker_of(release: str, service: Service, folder: Path) -> Iterator[None]:
-    """Context of a ready worker process of that release, ended as by a shutdown of its machine."""
+    """Runs a worker process of that release in the `with` block, and ends it as by a machine's shutdown."""
     command = [sys.executable, "-c", WORKER, release, f"--service={service.url}", "--slots=1", f"--name={release}"]
     log = folder / f"{release}.log"
     with log.open("wb") as out:
@@ -88,6 +88,6 @@ def test_a_job_that_an_upgrade_left_half_done_begins_anew_with_a_button(tmp_path
                 expect(page.locator(".job-head .chip")).to_have_text("Rendering")
                 service.patch(made, state="cancelled")
         finally:
-            page.goto("about:blank")  # ends what the page listens to, for which the service would wait
+            page.goto("about:blank")  # closes the page's event stream, for which the service would wait
             service.stop()
     assert watched.errors == []

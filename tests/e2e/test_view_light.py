@@ -1,4 +1,4 @@
-"""The light tools in a scene's view: dragging rotates and strengthens the light, a click places the sun."""
+"""Tests of the light tools in a scene's view: dragging rotates and strengthens the light, a click places the sun."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.e2e.conftest import Watched
 from tests.helpers import Farm, wait_until
 
 FOV = 40
-# Sky above, floor below, and a wall in the middle that looks at the camera.
+# Sky above, floor below, and a wall in the middle that faces the camera.
 SCENE = f"""
 shapes:
   - {{type: quad, transform: [{{scale: 50}}, {{rotate: {{axis: x, degrees: -90}}}}]}}

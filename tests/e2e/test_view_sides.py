@@ -1,4 +1,4 @@
-"""Pictures of a scene instead of its live view: A alone, or A and B at a wipe, of which one may be the live view."""
+"""Tests of pictures in place of a scene's live view: A alone, or A and B at a wipe, one of which may be the live view."""
 
 from __future__ import annotations
 
@@ -59,14 +59,14 @@ def test_pictures_are_seen_in_the_views_place(farm: Farm, watched: Watched, tmp_
     expect(tiles[0]).to_have_attribute("aria-pressed", "true")
     wait_until(lambda: params().get("a") == [a] and '{"paused":true}' in said, 20, "what is not seen is not rendered")
     page.keyboard.press("1")
-    page.evaluate("scrollTo(0, 0)")  # the strip is below
+    page.evaluate("scrollTo(0, 0)")  # the filmstrip is further down
     assert_shows(page, films[0], 0, "neutral")
 
     tiles[1].click(modifiers=["Shift"])
     expect(page.locator(".channel-tag.left")).to_have_text("A: Studio, 2 spp")
     expect(page.locator(".channel-tag.right")).to_have_text(re.compile("^B: .*4 spp"))
     page.keyboard.press("1")
-    page.evaluate("scrollTo(0, 0)")  # the strip is below
+    page.evaluate("scrollTo(0, 0)")  # the filmstrip is further down
     assert_screen(page, split(shown(films[0], 0, "neutral"), shown(films[1], 0, "neutral"), page), "A beside B")
     expect(page.get_by_role("link", name="Compare", exact=True)).to_have_attribute("href", f"#/compare/{a}/{b}")
     assert (params()["a"], params()["b"]) == ([a], [b])

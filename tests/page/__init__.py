@@ -1,1 +1,1 @@
-"""The page's logic in Node.js: its modules without a browser, compared with Python."""
+"""Tests of the page's logic in Node.js: its modules without a browser, against Python."""

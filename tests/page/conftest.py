@@ -11,13 +11,13 @@ from tests.page.node import Node
 
 @pytest.fixture(scope="module")
 def node(program: str) -> Iterator[Node]:
-    """The modules as in a browser in English."""
+    """Yields the modules in Node.js, as in an English browser."""
     with Node(program, "en-GB") as node:
         yield node
 
 
 @pytest.fixture(scope="module")
 def german(program: str) -> Iterator[Node]:
-    """The modules as in a browser in German."""
+    """Yields the modules in Node.js, as in a German browser."""
     with Node(program, "de-DE") as node:
         yield node

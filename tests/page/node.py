@@ -13,7 +13,7 @@ __all__ = ["Node"]
 
 
 class Node:
-    """The process, for the duration of a `with` block."""
+    """A Node.js process that exists for the duration of a `with` block."""
 
     def __init__(self, program: str, locale: str) -> None:
         script = Path(__file__).with_name("modules.mjs")
@@ -28,7 +28,7 @@ class Node:
             self._process.kill()
 
     def call(self, module: str, body: str, argument: Any = None) -> Any:
-        """Runs a function body with a module `m` of the page and an argument `a`; `read(path)` imports a further one."""
+        """Runs a function body with a module `m` of the page and an argument `a`; `read(path)` imports a further module."""
         assert self._process.stdin and self._process.stdout
         self._process.stdin.write(json.dumps({"module": module, "body": body, "argument": argument}).encode() + b"\n")
         self._process.stdin.flush()

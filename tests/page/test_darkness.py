@@ -1,4 +1,4 @@
-"""The page tells dark pictures as renderer/image/darkness.py does."""
+"""Tests that the page detects dark pictures as renderer/image/darkness.py does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page's computations on a film: words, areas, pins, histogram, and lines of paths."""
+"""Tests of the page's computations on a film: words, areas, pins, histogram, and lines of paths."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_the_histogram_counts_the_films_pixels(node: Node) -> None:
     for c, counts in enumerate(found["channels"]):
         bins = np.clip(np.floor((np.log2(values[..., c]) - found["lowest"]) * 4), -1, len(counts) - 1).astype(int)
         wanted = np.bincount(bins[bins >= 0].ravel(), minlength=len(counts)) / bins.size
-        np.testing.assert_allclose(counts, wanted, atol=1.01 / bins.size)  # a value on an edge may round either way
+        np.testing.assert_allclose(counts, wanted, atol=1.01 / bins.size)  # values on a bin's edge may be rounded either way
     assert found["above"] == pytest.approx((light.max(axis=2) > 1).mean()) and found["pixels"] == 2000
 
 
@@ -124,7 +124,7 @@ def test_lines_end_at_the_edge_and_behind_the_eye(node: Node) -> None:
     assert line([10, 10, 1], [180, 100, 2]) == {"from": {"x": 10, "y": 10}, "to": {"x": 90, "y": 50}, "isCut": False}
     out = line([10, 50, 1], [400, 50, 1])
     assert out and out["to"] == {"x": 100, "y": 50} and out["isCut"]
-    behind = line([50, 50, 1], [0, -50, -1])  # it passes beside the eye on the right, though what it goes to is seen nowhere
+    behind = line([50, 50, 1], [0, -50, -1])  # passes the eye on the right, though its end point is not visible
     assert behind and behind["isCut"]
     assert behind["to"]["x"] == pytest.approx(100)
     assert behind["to"]["y"] == pytest.approx(50)

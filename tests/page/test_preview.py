@@ -1,4 +1,4 @@
-"""The preview mesh on the page: its packet, its camera, and the steps of a preparation."""
+"""Tests of the preview mesh on the page: its packet, its camera, and the steps of a preparation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_mesh_is_decoded_as_python_encodes_it(node: Node) -> None:
 
 
 def projected(node: Node, view: dict[str, Any], point: list[float], aspect: float = 1.5) -> np.ndarray:
-    """Normalised device coordinates of a point."""
+    """Returns the normalised device coordinates of a point."""
     call = "return [...m.clipMatrix(a.view, a.aspect, a.low, a.high)];"
     columns = node.call("scene/mesh-camera", call, {"view": view, "aspect": aspect, "low": LOW, "high": HIGH})
     clip = np.array(columns).reshape(4, 4).T @ [*(np.array(point) - (np.array(LOW) + HIGH) / 2), 1]
@@ -39,7 +39,7 @@ def projected(node: Node, view: dict[str, Any], point: list[float], aspect: floa
 
 
 def test_the_mesh_is_seen_as_the_path_tracer_sees_it(node: Node) -> None:
-    """The target is in the middle; a point a picture's half height above it, at its distance, is at the upper edge."""
+    """The target projects to the centre; a point half the view's height above it, at the same distance, to the upper edge."""
     np.testing.assert_allclose(projected(node, VIEW, VIEW["target"])[:2], 0, atol=1e-6)
     eye, target = np.array(VIEW["eye"], float), np.array(VIEW["target"], float)
     forward = target - eye
@@ -50,7 +50,7 @@ def test_the_mesh_is_seen_as_the_path_tracer_sees_it(node: Node) -> None:
     half = distance * math.tan(math.radians(20))
     np.testing.assert_allclose(projected(node, VIEW, list(target + half * above))[:2], [0, 1], atol=1e-5)
     np.testing.assert_allclose(projected(node, VIEW, list(target + 1.5 * half * right))[:2], [1, 0], atol=1e-5)
-    shifted = {**VIEW, "shift_x": 0.25, "shift_y": -0.1}  # in picture heights
+    shifted = {**VIEW, "shift_x": 0.25, "shift_y": -0.1}  # shifts are in picture heights
     np.testing.assert_allclose(projected(node, shifted, VIEW["target"])[:2], [-0.5 / 1.5, 0.2], atol=1e-5)
     flat = {**VIEW, "projection": "orthographic", "height": 4.0}
     np.testing.assert_allclose(projected(node, flat, list(target + 2 * above))[:2], [0, 1], atol=1e-5)

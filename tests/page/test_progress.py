@@ -1,4 +1,4 @@
-"""Progress as the page shows it: the order of descriptions of a job, the remaining time, and what a stopped job has."""
+"""Tests of progress on the page: the order of job descriptions, the remaining time, and the state of a stopped job."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ JOB = {"id": "j", "created": 1, "state": "running", "name": "n", "priority": 0, 
 
 
 def test_an_older_description_of_a_job_is_dropped(node: Node) -> None:
-    """Events and the job's own socket deliver in no common order."""
+    """An older description of a job is dropped, since events and the job's socket deliver in no common order."""
     body = """
         m.jobs.set([]);
         for (const [samples, as_of] of a.steps) m.putJob({ ...a.job, samples, as_of });
@@ -21,7 +21,7 @@ def test_an_older_description_of_a_job_is_dropped(node: Node) -> None:
 
 
 def test_the_remaining_time_is_smoothed(node: Node) -> None:
-    """A forecast that swings by a factor of three for some seconds moves the shown time by a fraction of that."""
+    """A forecast that changes by a factor of three for some seconds changes the shown time by a fraction of that."""
     body = """
         const end = new m.SmoothedEnd();
         const shown = [];

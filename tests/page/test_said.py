@@ -1,4 +1,4 @@
-"""Sentences of the service on the page: translated by code, in English without one."""
+"""Tests of the service's sentences on the page: translated by code, or in English without a code."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_a_code_is_translated_with_its_values(program: str) -> None:
 
 
 def test_a_text_without_a_code_is_shown_as_it_is(program: str) -> None:
-    """As an older worker sends it, or a newer release whose code the page does not know."""
+    """A text without a known code, from an older worker or a newer release, is shown unchanged."""
     unknown = {"code": "not-known-here", "params": {}}
     assert said(program, (NO_JOB, None), ("New.", unknown), (None, None)) == [NO_JOB, "New.", ""]
 

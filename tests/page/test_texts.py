@@ -1,4 +1,4 @@
-"""Texts that the page formats and parses: numbers, times, frame ranges, shortcuts, messages of the service."""
+"""Tests of texts that the page formats and parses: numbers, times, frame ranges, shortcuts, messages of the service."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def test_files_that_are_refused_are_spoken_of_in_the_plural(node: Node) -> None:
 
 
 def test_how_long_an_upload_still_takes(node: Node) -> None:
-    """The estimate uses only the last seconds, although the upload was faster at first."""
+    """The estimated time of an upload uses only the last seconds, although it was faster at first."""
     body = """
         const pace = new m.Pace(1_000_000);
         return a.map(([sent, at]) => { pace.put(sent, at); return pace.now; });"""

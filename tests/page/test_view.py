@@ -1,4 +1,4 @@
-"""Arithmetic of the live view: navigation, URL, packets, light tools."""
+"""Tests of the live view's arithmetic: navigation, URL, packets, light tools."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_turning_keeps_the_target_and_its_distance(node: Node) -> None:
 
 
 def test_orbiting_from_a_files_camera_keeps_the_horizon_level(node: Node) -> None:
-    """Files store a camera's own Y axis, which tilts with its pitch; a camera with a roll keeps its axis."""
+    """Orbiting keeps the horizon level: files store the camera's tilted Y axis, which is kept only if it has a roll."""
     forward = vector(VIEW, "target") - vector(VIEW, "eye")
     right = np.cross(forward, [0, 1, 0])
     above = np.cross(right, forward)
@@ -65,7 +65,7 @@ def test_a_pixels_depth_along_the_line_of_sight(node: Node) -> None:
     half = math.tan(math.radians(20))
     direction = np.array([299 / 200 * half, 199 / 200 * half, 1])
     assert node.call("scene/orbit", body, VIEW) == pytest.approx(7 / np.linalg.norm(direction))
-    direction += np.array([2 * 0.5, 2 * 0.25, 0]) * half  # of a lens that is shifted right, and up
+    direction += np.array([2 * 0.5, 2 * 0.25, 0]) * half  # of a lens shifted to the right and up
     shifted = {**VIEW, "shift_x": 0.5, "shift_y": 0.25}
     assert node.call("scene/orbit", body, shifted) == pytest.approx(7 / np.linalg.norm(direction))
 
@@ -149,7 +149,7 @@ def test_the_sun_is_where_its_highlight_meets_the_eye(node: Node) -> None:
         elevation, azimuth = math.radians(sun["elevation"]), math.radians(sun["azimuth"])
         level = math.cos(elevation)
         found = np.array([level * math.sin(azimuth), math.sin(elevation), -level * math.cos(azimuth)])
-        half = found - sight  # between the sun and the eye
+        half = found - sight  # half vector between the sun and the eye
         mirrored = sight - 2 * (sight @ normal) * normal
         assert sun["isRaised"] == (mirrored[1] < math.sin(math.radians(2)))
         if not sun["isRaised"]:
@@ -162,7 +162,10 @@ def test_the_sun_is_where_its_highlight_meets_the_eye(node: Node) -> None:
 
 
 def test_a_view_follows_the_scenes_centre_when_another_axis_is_up(node: Node) -> None:
-    """By the rotations of the reader: the same direction and distance, about the centre of the turned scene."""
+    """When another axis becomes up, the view keeps its direction and distance about the centre of the rotated scene.
+
+    The rotations are those of the reader.
+    """
     bounds = np.array([[-1.0, 0.0, 2.0], [3.0, 5.0, 4.0]])
     centre = bounds.mean(axis=0)
     for before, a in ROTATIONS.items():

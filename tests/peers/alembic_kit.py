@@ -79,7 +79,7 @@ def told() -> dict[int, Any]:
 
 
 def main(folder: Path) -> None:
-    """Runs the command."""
+    """Writes the files."""
     build()
     bpy.context.scene.frame_set(FRAMES[0])
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"))

@@ -1,4 +1,4 @@
-"""Writes small .blend scenes of one feature each, once rendered differently from Cycles, with Cycles' pictures.
+"""Writes small .blend scenes of one feature each, of which each was once rendered differently from Cycles, with Cycles' pictures.
 
 python blend_features.py FOLDER [NAME...]        run by a Python that has bpy
 """
@@ -22,7 +22,7 @@ SHADER = "Principled BSDF"
 
 
 def stage(scene: Any, power: float = 300.0, **values: Any) -> tuple[Any, Any]:
-    """Returns a ball on a floor, and the nodes of its material."""
+    """Adds a ball on a floor, and a lamp; returns the ball and its material's node tree."""
     add("plane", principled("floor", Base_Color=(0.5, 0.45, 0.4, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
     if power:
         lamp("AREA", power, (2.5, -3.0, 4), size=3.0)
@@ -114,7 +114,7 @@ def plain(scene: Any) -> None:
 
 
 def of_each(scene: Any) -> None:
-    """Colours objects that share a mesh by object."""
+    """Adds objects that share a mesh and are coloured by object."""
     ball, tree = stage(scene, Roughness=0.8)
     node = tree.nodes.new("ShaderNodeObjectInfo")
     tree.links.new(node.outputs["Color"], tree.nodes[SHADER].inputs["Base Color"])
@@ -126,7 +126,7 @@ def of_each(scene: Any) -> None:
 
 
 def lamps(scene: Any) -> None:
-    """Adds lamps: not rendered, twice by a collection, a portal, of a square metre, with nodes."""
+    """Adds lamps: not rendered, instanced twice by a collection, a portal, power per square metre, with nodes."""
     stage(scene, power=0.0)
     lamp("POINT", 500.0, (0, -2, 3)).hide_render = True
     lamp("AREA", 500.0, (0, -2, 3)).data.cycles.is_portal = True
@@ -277,7 +277,7 @@ SCENES: dict[str, Callable[[Any], None]] = {
 
 
 def main(folder: Path, names: list[str]) -> None:
-    """Runs the command."""
+    """Writes the scenes with these names."""
     for name, build in SCENES.items():
         if names and name not in names:
             continue

@@ -2,7 +2,7 @@
 
     python blend_habits.py FOLDER [NAME ...]
 
-told.json: by file and frame, from Blender's dependency graph: the world bounding box and triangle count of each mesh.
+told.json has, by file and frame, the world bounding box and triangle count of each mesh in Blender's dependency graph.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from blend_told import told
 
 FOLDER = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else Path()
 FRAMES = (1, 4)
-LONG = "长" * 20 + "abc"  # 63 bytes, the most that a name has
+LONG = "长" * 20 + "abc"  # 63 bytes, the maximum length of a name
 
 
 def thing(name: str, at=(0, 0, 0), size: float = 1.0, collection: Any = None) -> Any:
@@ -59,7 +59,7 @@ def move(each: Any, path: str, *keys: tuple[float, Any]) -> None:
 
 
 def libraries() -> None:
-    """Links a collection of another file, which instances one of a third file; also an object and a material."""
+    """Links a collection of another file, which instances a collection of a third file; also an object and a material."""
     for name, below in (("leaf", None), ("tree", "leaf")):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         made = collection(name)

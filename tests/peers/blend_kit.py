@@ -1,11 +1,11 @@
-"""Writes .blend files with Blender. Run by a Python that has bpy:
+"""Writes .blend files for tests. Run by a Python that has bpy:
 
     python blend_kit.py FOLDER
 
-hostile.blend: a driver and a registered script that write FOLDER/ran-* where scripts are on; a library and a picture from
+hostile.blend: a driver and a registered script that write FOLDER/ran-* if scripts are enabled; a library and a picture from
 FOLDER/outside.
-moving.blend: an arm that bends a tube, a camera with depth of field that follows, lights of every kind, modifiers, instances.
-told.json: where its vertices, cameras and lights are at some frames, in Blender's axes.
+moving.blend: an arm that bends a tube, a following camera with depth of field, lights of every kind, modifiers, instances.
+told.json: positions of its vertices, cameras and lights at some frames, in Blender's axes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FRAMES = (1, 6, 12)
 
 
 def hostile(folder: Path) -> None:
-    """Writes a file in which everything that can run does, and which names files outside the folder."""
+    """Writes a file in which everything that can execute does, and which refers to files outside the folder."""
     outside = folder / "outside"
     outside.mkdir()
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -114,7 +114,7 @@ def moving(folder: Path) -> dict[str, object]:
         moved.data.keyframe_insert("energy", frame=frame)
     world = bpy.data.worlds.new("sky")
     world.use_nodes = True
-    node = world.node_tree.nodes.new("ShaderNodeTexCoord")  # each direction in the colour of its coordinates
+    node = world.node_tree.nodes.new("ShaderNodeTexCoord")  # the colour in each direction is that direction's coordinates
     world.node_tree.links.new(node.outputs["Generated"], world.node_tree.nodes["Background"].inputs["Color"])
     scene.world = world
     odd = bpy.data.materials.new("odd")

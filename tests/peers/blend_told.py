@@ -1,4 +1,4 @@
-"""Lists what Blender's dependency graph renders. Run by a Python that has bpy."""
+"""Lists the objects that Blender's dependency graph renders. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ SHOWN = ("MESH", "CURVE", "SURFACE", "META", "FONT")
 
 
 def told(frame: int) -> list[list[Any]]:
-    """Returns what is rendered at a frame."""
+    """Returns name, bounds and triangle count of each mesh rendered at a frame."""
     scene = bpy.context.scene
     for each in bpy.data.collections:
-        each.hide_viewport = False  # what is asked of the viewport's graph is what is rendered
+        each.hide_viewport = False  # makes the viewport's graph contain what is rendered
     scene.frame_set(frame)
     bpy.context.view_layer.update()
     found = []
@@ -28,7 +28,7 @@ def told(frame: int) -> list[list[Any]]:
         if not instance.is_instance and each.is_instancer and not each.show_instancer_for_render:
             continue
         if not instance.is_instance and each.parent is not None and each.parent.instance_type in ("VERTS", "FACES"):
-            continue  # in pictures, though not in a viewport, it is only where it is instanced
+            continue  # in renders, unlike the viewport, such objects are visible only as instances
         mesh = each.to_mesh()
         if mesh is None:
             continue

@@ -1,4 +1,4 @@
-"""Locates Blender, and files written by it."""
+"""Locates Blender, and runs scripts that write files with it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
 def python_with_bpy() -> Path | None:
-    """Returns a Python that has bpy, which needs another numpy than ours; None if there is none."""
+    """Returns a Python that has bpy, which needs a different NumPy than ours; None if there is none."""
     named = os.environ.get("RAYFARM_BPY_PYTHON")
     python = Path(named) if named else ROOT / ".venv-cycles" / "bin" / "python"
     return python if python.exists() else None
@@ -28,9 +28,9 @@ def python_with_bpy() -> Path | None:
 
 @contextmanager
 def written_by(script: str, folder: Path) -> Iterator[Path]:
-    """Yields the folder, filled by a script of this package in Blender; until exit our .blend reader uses the same Blender.
+    """Runs a script of this package in Blender, and yields the folder that it filled.
 
-    Skips the test if there is no Blender.
+    Until exit our .blend reader uses the same Blender. Skips the test if there is no Blender.
     """
     python = python_with_bpy()
     if python is None:

@@ -1,9 +1,9 @@
-"""Makes a shot in Blender, exports it as a GLB, and writes down where everything is. Run by a Python that has bpy.
+"""Makes a shot in Blender, exports it as a GLB, and writes all positions to a file. Run by a Python that has bpy.
 
     python blender_shot.py shot.glb shot.json
 
-Beside it goes shot-plain.glb, without KHR_animation_pointer, of which Blender's importer reads a part, and shot-bent.glb, in
-which nothing moves but the vertices of the tube.
+It also writes shot-plain.glb, without KHR_animation_pointer, which Blender's importer supports in part only, and shot-bent.glb,
+in which only the tube's vertices move.
 
 shot.json: {frame: {"matrices": {name: 4x4}, "vertices": {name: [[x, y, z], ...]}, "numbers": {...}}}, in Blender's axes: Z is up.
 """
@@ -122,7 +122,7 @@ def bent():
             weight = max(1 - abs(vertex.co.z * 3 / 4 - k - 0.5), 0)
             if weight > 0:
                 group.add([vertex.index], weight, "REPLACE")
-    for vertex in tube.data.vertices:  # weights add up to 1
+    for vertex in tube.data.vertices:  # normalises the weights
         total = sum(g.weight for g in vertex.groups)
         for g in vertex.groups:
             g.weight /= total
@@ -158,12 +158,12 @@ def bent_alone():
     for owner in (bpy.data.objects["camera"], bpy.data.objects["lamp"], bpy.data.cameras["camera"], bpy.data.lights["lamp"]):
         owner.animation_data_clear()
     bpy.data.objects["camera"].location, bpy.data.objects["camera"].rotation_euler = (5, -6, 2.5), (1.5, 0, 0)
-    bpy.data.lights["lamp"].type = "POINT"  # a spot's cone is soft in another way in each of the two
+    bpy.data.lights["lamp"].type = "POINT"  # the two renderers have different penumbras for spots
     bpy.data.lights["lamp"].energy = 1000.0
 
 
 def seen():
-    """Returns all transforms and vertices at the current frame."""
+    """Returns all transforms, vertices and numbers at the current frame."""
     graph = bpy.context.evaluated_depsgraph_get()
     matrices, vertices = {}, {}
     for thing in bpy.context.scene.objects:

@@ -1,9 +1,9 @@
-"""A shot in which all moves, as .blend and as Blender's exporters write it, and Cycles' pictures of it with an open shutter.
+"""Writes a shot in which everything moves, as .blend and by Blender's exporters, and Cycles' pictures of it with an open shutter.
 
     python blur_kit.py FOLDER SIZE SAMPLES MAX_DEPTH
 
-Run by a Python that has bpy. Writes shot.blend, shot.glb, shot.usdc and shot.fbx; SHUTTER-POSITION-SEED.exr, the pictures of the
-scene itself, by two seeds, whose difference is Cycles' noise; and KIND-SHUTTER.exr, of what Blender reads back from each file.
+Run by a Python that has bpy. Writes shot.blend, shot.glb, shot.usdc and shot.fbx; SHUTTER-POSITION-SEED.exr, pictures of the
+original scene with two seeds, whose difference is Cycles' noise; and KIND-SHUTTER.exr, of what Blender reads back from each file.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def picture(path: Path, size: int, samples: int, max_depth: int, shutter: float,
 
 
 def main(folder: Path, size: int, samples: int, max_depth: int) -> None:
-    """Runs the command."""
+    """Writes the files and pictures."""
     build()
     scene = bpy.context.scene
     scene.render.resolution_x = scene.render.resolution_y = size

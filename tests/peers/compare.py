@@ -9,8 +9,8 @@ from tests.renderer.judge import ALPHA, sidak
 
 __all__ = ["assert_same_picture"]
 
-_MOST_UNLIKE = 0.0025  # of the pixels: Mitsuba's test_renders.py
-_ROUNDING = 2e-4  # relative: what float32 may do to pixels without noise, which have no variance to be judged by
+_MOST_UNLIKE = 0.0025  # share of pixels that may differ, as in Mitsuba's test_renders.py
+_ROUNDING = 2e-4  # relative float32 error allowed in pixels without noise, whose variance is 0
 _BLOCK = 8
 
 

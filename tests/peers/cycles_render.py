@@ -1,10 +1,10 @@
-"""Renders GLB files in Blender's Cycles, as raw linear EXR. Run by a Python that has bpy: nothing of ours is imported here.
+"""Renders GLB files in Blender's Cycles as raw linear EXR. Run by a Python that has bpy; imports none of our code.
 
     python cycles_render.py jobs.json
 
 jobs.json: a list of {glb, exr, size, samples, max_depth, sky, frame, shutter, vectors}; max_depth counts path segments as
-Rayfarm does, sky is a radiance that comes from everywhere. Where Blender's importer takes a number in another sense than
-glTF's specification says, `as_gltf_says` corrects what it imported; docs/correctness.md has how much each makes.
+Rayfarm does, sky is the radiance of a uniform sky. Where Blender's importer interprets a number differently from glTF's
+specification, `as_gltf_says` corrects the result; docs/correctness.md lists the size of each effect.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ import bpy
 
 
 def as_gltf_says(material: bpy.types.Material) -> None:
-    """Corrects the importer's liberties."""
+    """Corrects values that Blender's importer interprets differently from glTF's specification."""
     nodes = material.node_tree.nodes if material.use_nodes else []
     for node in nodes:
         if node.type == "VOLUME_ABSORPTION":
-            # Theirs absorbs (1 - colour) * density per unit; glTF's colour is what is left after a distance, 1 / density.
+            # Blender absorbs (1 - colour) * density per unit; glTF's colour is what remains after a distance of 1 / density.
             density = node.inputs["Density"].default_value
             depth = [-math.log(max(c, 1e-6)) for c in node.inputs["Color"].default_value[:3]]
             node.inputs["Density"].default_value = density * max(depth)
             node.inputs["Color"].default_value = (*(1 - d / max(*depth, 1e-6) for d in depth), 1)
         if node.type == "LIGHT_PATH":
-            # Unlit: they let only the camera see it, and all other rays pass through.
+            # Unlit materials: Blender's importer makes them visible to the camera only, while other rays pass through.
             links = material.node_tree.links
             emission = next(n for n in nodes if n.type == "EMISSION")
             output = next(n for n in nodes if n.type == "OUTPUT_MATERIAL")
@@ -36,7 +36,8 @@ def as_gltf_says(material: bpy.types.Material) -> None:
         if node.type == "BSDF_PRINCIPLED":
             roughness, strength = node.inputs["Roughness"].default_value, node.inputs["Anisotropic"].default_value
             if strength > 0:
-                # alpha along and across are roughness**2 over and times sqrt(1 - 0.9 strength); glTF stretches the one alone.
+                # Blender's alphas are roughness**2 divided and multiplied by sqrt(1 - 0.9 strength); glTF changes only one of
+                # them.
                 across = roughness**2
                 along = across + (1 - across) * strength**2
                 node.inputs["Roughness"].default_value = (along * across) ** 0.25
@@ -54,7 +55,10 @@ def render(
     shutter: float | None = None,
     vectors: bool = False,
 ) -> None:
-    """One picture. frame: of a file that moves, by 24 a second. shutter: of a frame's time, centred. vectors: beside it."""
+    """Renders one picture to an EXR file.
+
+    frame: of a file with motion, at 24 per second. shutter: fraction of a frame's time, centred. vectors: writes these as well.
+    """
     prepare(glb, size, max_depth, sky)
     if shutter is not None:
         open_shutter(shutter)
@@ -69,7 +73,7 @@ def render(
 
 
 def open_shutter(length: float) -> None:
-    """Blurs what moves, by nine keys of each thing."""
+    """Enables motion blur, with nine motion keys for each object."""
     scene = bpy.context.scene
     scene.render.use_motion_blur = True
     scene.render.motion_blur_shutter = length
@@ -80,7 +84,7 @@ def open_shutter(length: float) -> None:
 
 
 def prepare(glb: str, size: int, max_depth: int, sky: list[float]) -> None:
-    """The file is Blender's scene, seen by its camera, with Cycles' settings those that we have too."""
+    """Loads the file as Blender's scene, viewed by its camera, with the Cycles settings that we support."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=glb)
     for material in bpy.data.materials:
@@ -95,7 +99,7 @@ def prepare(glb: str, size: int, max_depth: int, sky: list[float]) -> None:
 
 
 def as_we_have_it(scene: bpy.types.Scene, size: int, max_depth: int) -> None:
-    """Cycles' settings, those that we have too: square pictures, every sample counted as it is."""
+    """Sets Cycles' options to those that we support: a square picture, and unclamped samples."""
     scene.render.engine = "CYCLES"
     scene.render.resolution_x = scene.render.resolution_y = size
     scene.render.resolution_percentage = 100
@@ -108,7 +112,7 @@ def as_we_have_it(scene: bpy.types.Scene, size: int, max_depth: int) -> None:
     cycles.use_denoising = False
     cycles.pixel_filter_type = "BOX"
     cycles.filter_width = 1.0
-    # Their bounce 0 is what light adds at the camera's first hit: the second segment of a path.
+    # Cycles' bounce 0 is direct light at the first hit, which is the second segment of a path.
     bounces = max_depth - 2
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = bounces
     cycles.volume_bounces = bounces

@@ -1,10 +1,10 @@
-"""Balls of one principled material each, as .blend, and as Blender's own exporters write them, with Cycles' pictures of all.
+"""Writes balls of one principled material each, as .blend and by Blender's own exporters, with Cycles' pictures of all.
 
     python exported_kit.py FOLDER SIZE SAMPLES MAX_DEPTH [NAME ...]
 
-Run by a Python that has bpy. By the name of each of MATERIALS: NAME.blend and NAME.blend.exr, the picture of the scene itself;
-NAME.glb, .usdc and .fbx, and beside each the picture of what Blender reads back from it (NAME.glb.exr ...). So what an exporter
-or an importer loses is told from what our readers lose.
+Run by a Python that has bpy. For each name in MATERIALS: NAME.blend and NAME.blend.exr, the picture of the original scene;
+NAME.glb, .usdc and .fbx, and for each the picture of what Blender reads back from it (NAME.glb.exr ...). So losses of an exporter
+or importer can be distinguished from those of our readers.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def picture(path: Path, size: int, samples: int, max_depth: int) -> None:
 
 
 def main(folder: Path, size: int, samples: int, max_depth: int, names: list[str]) -> None:
-    """The command."""
+    """Writes the files and pictures."""
     for name in names or MATERIALS:
         ball = stage()
         MATERIALS[name](ball)

@@ -1,4 +1,4 @@
-"""What exported_kit.py makes: a ball of one principled material each. Run by a Python that has bpy."""
+"""The materials that exported_kit.py exports: each function modifies a ball's material. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ MATERIALS: dict[str, Callable[[Any], None]] = {}
 
 
 def material(build: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Adds one to the list: a function that changes the ball, whose material is a plain principled one."""
+    """Registers a material: a function that modifies a ball, whose material is a plain principled one."""
     MATERIALS[build.__name__] = build
     return build
 
 
 def stage() -> Any:
-    """A ball with one set of UVs on a floor, below two shining panels and an even sky."""
+    """Returns a ball with one UV set on a floor, below two emissive panels and a uniform sky."""
     scene = empty()
     background(scene).inputs["Color"].default_value = (*SKY, 1)
     add("plane", principled("floor", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=1.0), size=14)
@@ -52,7 +52,7 @@ def stage() -> Any:
 
 
 def set_to(ball: Any, **values: Any) -> Any:
-    """Values of the ball's principled BSDF by the names of its sockets, with _ for blanks; returns its nodes."""
+    """Sets values of the ball's principled BSDF by socket name, with _ for spaces; returns its node tree."""
     tree = ball.data.materials[0].node_tree
     for key, value in values.items():
         tree.nodes[SHADER].inputs[key.replace("_", " ")].default_value = value
@@ -60,7 +60,7 @@ def set_to(ball: Any, **values: Any) -> Any:
 
 
 def squares(name: str, seed: int, space: str, columns: int = 8, rows: int = 4, alpha: bool = False) -> Any:
-    """A picture of large squares of random colours."""
+    """Returns an image of large squares of random colours."""
     codes = np.random.default_rng(seed).integers(20, 250, (rows, columns, 4)) / 255
     image = bpy.data.images.new(name, columns * 16, rows * 16, alpha=alpha)
     image.colorspace_settings.name = space
@@ -74,7 +74,7 @@ def squares(name: str, seed: int, space: str, columns: int = 8, rows: int = 4, a
 
 
 def shown(tree: Any, image: Any, **values: Any) -> Any:
-    """A node that looks a picture up."""
+    """Returns a node that looks up an image."""
     node = tree.nodes.new("ShaderNodeTexImage")
     node.image = image
     for key, value in values.items():
@@ -108,7 +108,7 @@ def metal(ball: Any) -> None:
 
 @material
 def packed_metal(ball: Any) -> None:
-    """Roughness and metal of one picture's channels."""
+    """Takes roughness and metallic from channels of one image."""
     tree = set_to(ball, Base_Color=GOLD)
     parts = tree.nodes.new("ShaderNodeSeparateColor")
     image = squares("packed", 1, "Non-Color")
@@ -155,7 +155,7 @@ def rough_glass(ball: Any) -> None:
 
 @material
 def absorbing_glass(ball: Any) -> None:
-    """In the exporter's terms: a colour that is left after a distance."""
+    """Absorbs in the exporter's parameters: a colour that remains after a distance."""
     tree = set_to(ball, Base_Color=WHITE, Roughness=0.0, Transmission_Weight=1.0, IOR=1.5)
     thick(ball, 1.0)
     volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
@@ -164,7 +164,7 @@ def absorbing_glass(ball: Any) -> None:
 
 
 def thick(ball: Any, depth: float) -> None:
-    """The group by which Blender's exporter knows that a mesh is filled."""
+    """Adds the node group by which Blender's exporter recognises a solid mesh of this thickness."""
     group = bpy.data.node_groups.new("glTF Material Output", "ShaderNodeTree")
     for name in ("Occlusion", "Thickness"):
         group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
@@ -185,7 +185,7 @@ def transmission_textured(ball: Any) -> None:
 
 @material
 def emission(ball: Any) -> None:
-    """Stronger than 1, by a picture."""
+    """Emits more than 1, coloured by an image."""
     tree = set_to(ball, Base_Color=(0.1, 0.1, 0.1, 1), Emission_Strength=4.0)
     link(tree, shown(tree, squares("shine", 4, "sRGB", 6, 3)).outputs["Color"], "Emission Color")
 
@@ -234,7 +234,7 @@ def alpha_mask(ball: Any) -> None:
 
 @material
 def texture(ball: Any) -> None:
-    """Times a colour."""
+    """Multiplies an image by a colour."""
     tree = set_to(ball, Roughness=0.7)
     mix = tree.nodes.new("ShaderNodeMix")
     mix.data_type, mix.blend_type, mix.inputs[0].default_value = "RGBA", "MULTIPLY", 1.0
@@ -258,7 +258,7 @@ def texture_transform(ball: Any) -> None:
 
 @material
 def texture_mirrored(ball: Any) -> None:
-    """Mirrored where it repeats, and each texel a square."""
+    """Mirrors the image at each repetition, with nearest texel lookup."""
     tree = set_to(ball, Roughness=0.7)
     node = shown(tree, squares("mirrored", 10, "sRGB", 3, 3), extension="MIRROR", interpolation="Closest")
     mapping, at = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
@@ -284,7 +284,7 @@ def normal_map(ball: Any) -> None:
 
 @material
 def two_sets(ball: Any) -> None:
-    """Colour by the second set of UVs, roughness by the first."""
+    """Looks up colour by the second UV set, roughness by the first."""
     first, second = ball.data.uv_layers[0], ball.data.uv_layers.new(name="second")
     for one, other in zip(first.data, second.data, strict=True):
         other.uv = (one.uv[1] * 2, one.uv[0])
@@ -326,7 +326,7 @@ def unlit(ball: Any) -> None:
 
 @material
 def nodes(ball: Any) -> None:
-    """Colours and numbers of nodes of their own."""
+    """Takes base colour and roughness from Colour and Value nodes."""
     tree = set_to(ball)
     color, value = tree.nodes.new("ShaderNodeRGB"), tree.nodes.new("ShaderNodeValue")
     color.outputs[0].default_value, value.outputs[0].default_value = RED, 0.3
@@ -336,7 +336,7 @@ def nodes(ball: Any) -> None:
 
 @material
 def open_shell(ball: Any) -> None:
-    """Half a ball, whose inside is seen."""
+    """Shows half a ball, whose inside is visible."""
     set_to(ball, Base_Color=(0.2, 0.5, 0.7, 1), Roughness=0.5)
     mesh = ball.data
     keep = [p for p in mesh.polygons if p.center.y > -0.35]
@@ -352,7 +352,7 @@ def open_shell(ball: Any) -> None:
 
 @material
 def bent_colors(ball: Any) -> None:
-    """What only nodes compute: of it glTF, FBX and USD have nothing."""
+    """Uses node arithmetic, which glTF, FBX and USD cannot represent."""
     tree = set_to(ball)
     noise = tree.nodes.new("ShaderNodeTexNoise")
     noise.inputs["Scale"].default_value = 2.0

@@ -1,7 +1,7 @@
-"""Light between the facets of a rough dielectric: a random walk.
+"""A random walk of light between the facets of a rough dielectric.
 
-Source: Heitz, Hanika, d'Eon and Dachsbacher 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model". The slopes are
-those of GGX, and heights are spread evenly.
+Source: Heitz, Hanika, d'Eon and Dachsbacher 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model". Slopes are
+distributed as GGX, heights uniformly.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ import numpy.typing as npt
 __all__ = ["walked"]
 
 F64 = npt.NDArray[np.float64]
-_MOST = 30  # facets that are met
+_MOST = 30  # maximum number of facet hits
 
 
 def walked(alpha: float, degrees: float, ior: float, paths: int = 400_000) -> tuple[F64, F64]:
     """Returns the fractions of light incident at an angle that are reflected and transmitted, by number of facets hit."""
     random = np.random.default_rng(1)
     w = np.tile((-np.sin(np.radians(degrees)), 0.0, -np.cos(np.radians(degrees))), (paths, 1))
-    height, side = np.ones(paths), np.ones(paths)  # side: 1 outside, -1 inside
+    height, side = np.ones(paths), np.ones(paths)  # 1 outside, -1 inside
     reflected, through = np.zeros(_MOST), np.zeros(_MOST)
     for met in range(_MOST):
         reached = side * _next_height(random, side * w[:, 2], side * height, alpha)
@@ -42,7 +42,7 @@ def walked(alpha: float, degrees: float, ior: float, paths: int = 400_000) -> tu
 
 
 def _next_height(random: np.random.Generator, up: F64, height: F64, alpha: float) -> F64:
-    """Returns the height at which a ray hits the next facet; infinity if it leaves."""
+    """Returns the height at which each ray hits the next facet; infinity if it leaves."""
     u = random.random(len(up))
     z = np.clip(up, -0.99999, 0.99999)
     z = np.where(np.abs(z) < 1e-5, 1e-5, z)
@@ -56,7 +56,7 @@ def _next_height(random: np.random.Generator, up: F64, height: F64, alpha: float
 
 
 def _visible(random: np.random.Generator, w: F64, alpha: float) -> F64:
-    """Returns a facet sampled by visibility from a direction above or below the horizon (Dupuy and Benyoub 2023)."""
+    """Returns a facet normal sampled by visibility from a direction on either side (Dupuy and Benyoub 2023)."""
     stretch = np.array([alpha, alpha, 1.0])
     seen = w * stretch
     seen /= np.linalg.norm(seen, axis=1)[:, None]
@@ -68,7 +68,7 @@ def _visible(random: np.random.Generator, w: F64, alpha: float) -> F64:
 
 
 def _fresnel(cosine: F64, eta: F64) -> tuple[F64, F64]:
-    """Returns the Fresnel reflectance and the cosine of refraction. eta: index on this side over that on the other."""
+    """Returns (Fresnel reflectance, cosine of refraction). eta: index on the incident side divided by the other."""
     below = np.sqrt(np.clip(1 - eta**2 * (1 - cosine**2), 0, 1))
     s, p = (eta * cosine - below) / (eta * cosine + below), (cosine - eta * below) / (cosine + eta * below)
     return np.where(below > 0, (s * s + p * p) / 2, 1.0), below

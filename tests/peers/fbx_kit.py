@@ -1,4 +1,4 @@
-"""Writes tests/data/fbx by Blender's own exporter, with what Blender says of the scene; run by a Python that has bpy.
+"""Writes tests/data/fbx by Blender's own exporter, with Blender's values of the scene. Run by a Python that has bpy.
 
 python tests/peers/fbx_kit.py FOLDER
 """
@@ -92,7 +92,7 @@ def build(folder):
     placed("twin", ball.data, location=(-3, 0, 1))
     added("plane", "floor", textured("checked", picture("checks.png", folder)), size=12)
     sheet = bpy.data.meshes.new("sheet")
-    sheet.from_pydata([(-1, 0, 0), (1, 0, 0), (1, 0, 2), (-1, 0, 2), (0, 0, 0.5)], [], [(0, 4, 1, 2, 3)])  # not convex
+    sheet.from_pydata([(-1, 0, 0), (1, 0, 0), (1, 0, 2), (-1, 0, 2), (0, 0, 0.5)], [], [(0, 4, 1, 2, 3)])  # concave
     sheet.materials.append(pane)
     placed("pane", sheet, location=(-2, -3, 0))
 
@@ -151,7 +151,7 @@ def build(folder):
 
 
 def said():
-    """What Blender says of each object at each frame: vertices in the world, a camera's place, a light's."""
+    """Returns Blender's values of each object at each frame: world vertices, camera position, light."""
     found = {}
     for frame in FRAMES:
         bpy.context.scene.frame_set(frame)

@@ -1,8 +1,9 @@
-"""One scene, made of formulas, written in every format that Blender writes, and rendered by Cycles as Blender reads each back.
+"""Writes one generated scene in every format that Blender writes; Cycles renders what Blender reads back from each.
 
     python formats_kit.py FOLDER SIZE SAMPLES MAX_DEPTH
 
-Run by a Python that has bpy. Writes scene.NAME and NAME.exr for each of FORMATS; of `blend` the picture is of the scene itself.
+Run by a Python that has bpy. Writes scene.NAME and NAME.exr for each of FORMATS; the picture for `blend` is of the original
+scene.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from cycles_render import as_we_have_it
 from mathutils import Vector
 
 WORLD = (0.35, 0.4, 0.5)
-WITH_PANELS = ("blend", "usdc")  # glTF and Collada have no area lights; Blender reads FBX's as points
-SAYS_ALL = True  # a shifted lens, and Blender's own soft edge of a spot; glTF's falls off in its own way
-PLAIN = False  # matt surfaces alone: of others Blender's Collada says neither how rough nor how bright they are
+WITH_PANELS = ("blend", "usdc")  # glTF and Collada have no area lights; Blender reads those of FBX as points
+SAYS_ALL = True  # with a lens shift, and Blender's own penumbra of a spot, which differs from glTF's
+PLAIN = False  # only diffuse surfaces: Blender's Collada lacks roughness and specular level
 
 
 def build(folder: Path, name: str) -> None:
-    """What a format can say. A wavy floor with a chequered texture, four bodies of materials of their own, four lights."""
+    """Builds what the format can store: a wavy floor with a checker texture, four bodies with materials, four lights."""
     global PLAIN, SAYS_ALL
     PLAIN, SAYS_ALL = name == "dae", name in ("blend", "fbx", "usdc")
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -58,7 +59,7 @@ def build(folder: Path, name: str) -> None:
         spot_size=0.9,
         spot_blend=0.5 if SAYS_ALL else 0.0,
     )
-    if name in WITH_PANELS:  # in the picture, where Cycles' camera does not see it, and between the sun and the floor
+    if name in WITH_PANELS:  # visible in the picture, hidden from Cycles' camera, and between sun and floor
         lamp("panel", "AREA", 90, (0.3, 1.2, 2.3), (-0.4, -1.4, -1.2), shape="RECTANGLE", size=1.6, size_y=0.8)
     data = bpy.data.cameras.new("camera")
     data.angle = 0.7
@@ -74,7 +75,7 @@ def build(folder: Path, name: str) -> None:
 
 
 def light_up(scene: bpy.types.Scene) -> None:
-    """An even sky."""
+    """Adds a uniform sky."""
     world = bpy.data.worlds.new("sky")
     world.use_nodes = True
     world.node_tree.nodes["Background"].inputs["Color"].default_value = (*WORLD, 1)
@@ -82,7 +83,7 @@ def light_up(scene: bpy.types.Scene) -> None:
 
 
 def surface(name, point, across, along):
-    """A mesh of a formula over 0..1 x 0..1, smooth, with UVs."""
+    """Returns a smooth mesh with UVs of a formula over 0..1 x 0..1."""
     vertices = [point(i / across, j / along) for j in range(along + 1) for i in range(across + 1)]
     row = across + 1
     faces = [
@@ -111,7 +112,7 @@ def torus(large, small):
 
 
 def sphere(radius, power=2):
-    """A ball; by another power something between it and a block."""
+    """Returns a superquadric: a ball for power 2, more like a block for larger powers."""
 
     def point(u, v):
         x, y = math.cos(2 * math.pi * u), math.sin(2 * math.pi * u)
@@ -148,7 +149,7 @@ def chequered(folder: Path) -> bpy.types.Image:
     row, column = np.mgrid[:64, :64] // 8
     pixels = np.ones((64, 64, 4), np.float32)
     pixels[..., :3] = np.where(((row + column) % 2)[..., None], (0.85, 0.8, 0.7), (0.25, 0.45, 0.35))
-    pixels[:16, :16, :3] = (0.8, 0.3, 0.2)  # so that up and down, left and right are told apart
+    pixels[:16, :16, :3] = (0.8, 0.3, 0.2)  # marks one corner, so that orientation is visible
     image.pixels = pixels.ravel()
     image.filepath_raw, image.file_format = str(folder / "tiles.png"), "PNG"
     image.save()
@@ -199,7 +200,7 @@ def picture(path: Path, size: int, samples: int, max_depth: int) -> None:
 
 
 def told() -> dict[str, object]:
-    """What Blender has of the lights and materials: what an exporter or importer loses is seen here."""
+    """Returns Blender's lights and materials, which show what an exporter or importer loses."""
     lights = {
         thing.name: [thing.data.type, thing.data.energy, list(thing.data.color), getattr(thing.data, "shadow_soft_size", 0)]
         for thing in bpy.context.scene.objects

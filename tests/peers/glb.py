@@ -1,4 +1,4 @@
-"""Writer for small GLB files from numpy arrays: glTF 2.0's JSON and one binary chunk."""
+"""Writer for small GLB files from NumPy arrays: glTF 2.0's JSON and one binary chunk."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Glb:
         self.add_node(extensions={"KHR_lights_punctual": {"light": len(lights) - 1}}, **node)
 
     def save(self, path: Path) -> Path:
-        """Writes the file."""
+        """Writes the file, and returns its path."""
         self.root["buffers"] = [{"byteLength": len(self._bytes)}]
         chunks = [(0x4E4F534A, json.dumps(self.root).encode(), b" "), (0x004E4942, bytes(self._bytes), b"\0")]
         body = b""

@@ -1,6 +1,6 @@
-"""The material sheet: one GLB a material, extension or light, of which Blender and we are to make the same picture.
+"""The material sheet: one GLB per material, extension or light, of which Blender and our renderer must make the same picture.
 
-A ball stands on a floor, under a square light and an even sky.
+A ball is on a floor, under a square light and a uniform sky.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _RINGS, _SEGMENTS = 96, 192
 
 
 def _ball() -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Returns a sphere of radius 1, fine enough that the renderers' handling of smooth normals does not matter."""
+    """Returns a sphere of radius 1, fine enough that renderers' handling of smooth normals does not matter."""
     theta = np.arange(_RINGS + 1) * (math.pi / _RINGS)
     phi = np.arange(_SEGMENTS + 1) * (2 * math.pi / _SEGMENTS)
     t, p = np.meshgrid(theta, phi, indexing="ij")
@@ -32,7 +32,9 @@ def _ball() -> tuple[dict[str, np.ndarray], np.ndarray]:
     corner = (np.arange(_RINGS)[:, None] * (_SEGMENTS + 1) + np.arange(_SEGMENTS)).reshape(-1)
     below = corner + _SEGMENTS + 1
     quads = [np.stack([corner, below, below + 1], 1)[_SEGMENTS * 0 :], np.stack([corner, below + 1, corner + 1], 1)]
-    triangles = np.concatenate([quads[0][: -_SEGMENTS or None], quads[1][_SEGMENTS:]])  # at the poles one has no area
+    triangles = np.concatenate(
+        [quads[0][: -_SEGMENTS or None], quads[1][_SEGMENTS:]]
+    )  # one of each two triangles at the poles has no area
     return {"POSITION": normals, "NORMAL": normals, "TEXCOORD_0": uvs}, triangles
 
 
@@ -56,7 +58,7 @@ def _stage(lamp: float = 8.0, camera: Json | None = None) -> Glb:
     """Returns floor, light and camera, without the ball."""
     glb = Glb()
     gray = {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0, "roughnessFactor": 1}}
-    # No specular reflection: the floor is to be the same on both sides, whatever the ball is.
+    # Without specular reflection the floor looks the same on both sides, whatever the ball is.
     gray["extensions"] = {"KHR_materials_specular": {"specularFactor": 0}}
     glb.use("KHR_materials_specular")
     floor = glb.add("materials", {"name": "floor", **gray})
@@ -134,7 +136,8 @@ _sheet_of(
     transmission={"transmissionFactor": 1},
     volume={"thicknessFactor": 1.0, "attenuationDistance": 1.5, "attenuationColor": [0.2, 0.7, 0.9]},
 )
-# No stronger: Cycles gives back what an isotropic surface would lose, and a brushed one loses more (docs/correctness.md).
+# Not stronger, since Cycles compensates the energy loss of isotropic surfaces only, and brushed ones lose more
+# (docs/correctness.md).
 _sheet_of("anisotropy", _GOLD, 1.0, 0.4, anisotropy={"anisotropyStrength": 0.4, "anisotropyRotation": 0.4})
 _sheet_of("unlit", (0.3, 0.5, 0.2), unlit={})
 
@@ -151,7 +154,7 @@ def _textured(glb: Glb, material: Json, **factors: Any) -> Glb:
 
 
 def _squares(columns: int, rows: int, seed: int, channels: int = 3, size: int = 16) -> np.ndarray:
-    """Returns squares of random colours, many texels each, so that filtering differs only at their edges."""
+    """Returns squares of random colours, of many texels each, so that filtering differs only at their edges."""
     codes = np.random.default_rng(seed).integers(20, 250, (rows, columns, channels)).astype(np.uint8)
     return codes.repeat(size, 0).repeat(size, 1)
 
@@ -265,5 +268,5 @@ def orthographic_camera_and_instances() -> Glb:
 
 
 def write_sheet(folder: Path) -> dict[str, Path]:
-    """Writes the sheet; returns every GLB by name."""
+    """Writes all GLBs of the sheet; returns their paths by name."""
     return {name: build().save(folder / f"{name}.glb") for name, build in SHEET.items()}

@@ -24,7 +24,7 @@ def _case(materials: list[Material], meshes: list[Mesh], **more: object) -> Case
 
 
 def fog_in_a_box() -> Case:
-    """A ball in it, a lamp above."""
+    """Returns a box of fog with a ball inside, below a lamp."""
     fog = Material(kind="interface", sigma_a=(0.05, 0.1, 0.1), sigma_s=(0.5, 0.7, 1.2), g=0.3)
     lamp = square((0, 3.5, 0.5), (0.8, 0, 0), (0, 0, 0.8), 1)
     meshes = [FLOOR, lamp, box(2, 1.0, (0.0, 1.01, 0.0))]
@@ -32,7 +32,7 @@ def fog_in_a_box() -> Case:
 
 
 def milk_in_glass() -> Case:
-    """Which is found through its glass by chance alone: under a bright sky."""
+    """Returns a glass ball of milk under a bright sky, since paths enter through the glass only by chance."""
     milk = Material(kind="glass", base_color=gray(1.0), ior=1.33, sigma_s=(2.0, 2.5, 3.5), sigma_a=(0.01, 0.05, 0.2), g=0.5)
     return _case(
         [WALL, milk], [FLOOR], spheres=[Sphere((0.0, 0.9, 0.0), 0.85, 1)], environment=Environment(color=(1.0, 0.9, 0.8))
@@ -46,7 +46,7 @@ def smoke_that_scatters_onwards() -> Case:
 
 
 def haze_with_a_spot() -> Case:
-    """All around, the camera in it."""
+    """Returns a scene in haze with a spot light; the camera is inside the haze."""
     spot = Light("spot", gray(40.0), (-1.5, 3.0, 1.0), (0.5, -1.0, -0.3), inner_cone=25.0, outer_cone=25.0)
     world = Medium(sigma_a=gray(0.01), sigma_s=(0.08, 0.1, 0.14), g=0.4)
     return _case([WALL, RED], [FLOOR], spheres=[Sphere((0.3, 0.6, 0.0), 0.6, 1)], lights=[spot], medium=world)

@@ -1,7 +1,7 @@
-"""A scene of ours as the dictionary from which Mitsuba 3 makes the same scene.
+"""Converts our scenes to the dictionaries from which Mitsuba 3 makes the same scenes.
 
-Where the two differ by convention, the difference is bridged here, or the material is refused: a comparison of two different
-models would prove nothing. docs/correctness.md lists what was found.
+Differences of convention are converted here; a material without an equal is refused, since comparing two models would prove
+nothing. docs/correctness.md lists the differences.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from renderer.settings import RenderSettings
 
 __all__ = ["mitsuba_dict"]
 
-_ROUGH_ALPHA = 1e-3  # below it our microfacets are at their least roughness, and theirs are a mirror
+_ROUGH_ALPHA = 1e-3  # below this, our microfacets have minimum roughness, while Mitsuba's are a mirror
 _WRAP = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
 
 
 def mitsuba_dict(mi: Any, description: SceneDescription, settings: RenderSettings, folder: Path) -> dict[str, Any]:
-    """The scene, its camera, film and integrator. Meshes are written to `folder`, for Mitsuba reads them from files.
+    """Returns the scene with camera, film and integrator. Meshes are written to `folder`, since Mitsuba reads them from files.
 
-    mi: the mitsuba module with its variant set. Raises ValueError for what Mitsuba has no twin of.
+    mi: the mitsuba module with its variant set. Raises ValueError for materials without an equal in Mitsuba.
     """
     scatters = description.medium is not None or any(_is_filled(material) for material in description.materials)
     made: dict[str, Any] = {
@@ -79,7 +79,7 @@ def _is_filled(material: Material) -> bool:
 
 
 def _medium(medium: Material | Medium) -> dict[str, Any]:
-    """Theirs takes colours up to 1 and a factor."""
+    """Returns the medium as Mitsuba's dictionary, which has colours up to 1 and a scale."""
     scattered = np.array(medium.sigma_s, float)
     total = scattered + np.array(medium.sigma_a, float)
     return {
@@ -112,7 +112,7 @@ def _sensor(mi: Any, settings: RenderSettings) -> dict[str, Any]:
         },
     }
     if view.projection == "orthographic":
-        # Theirs shows -1 ... 1 across its width.
+        # Mitsuba's view spans -1 ... 1 across its width.
         across = view.height / 2 * settings.width / settings.height
         return sensor | {"type": "orthographic", "to_world": frame @ mi.ScalarTransform4f().scale([across, across, 1.0])}
     if view.projection != "perspective":
@@ -125,7 +125,7 @@ def _sensor(mi: Any, settings: RenderSettings) -> dict[str, Any]:
 
 
 def _write_ply(mesh: Mesh, path: Path) -> Path:
-    """The mesh in PLY's binary form."""
+    """Writes the mesh as binary PLY, and returns the path."""
     columns = {name: mesh.positions[:, i] for i, name in enumerate("xyz")}
     if mesh.normals is not None:
         columns |= {name: mesh.normals[:, i] for i, name in enumerate(("nx", "ny", "nz"))}
@@ -148,7 +148,7 @@ def _shape(mi: Any, description: SceneDescription, bsdfs: list[Any], path: Path,
 
 
 def _emitter(mi: Any, description: SceneDescription, material: Material) -> dict[str, Any]:
-    """What a shape is besides its surface: a light, or the boundary of a medium."""
+    """Returns a shape's entries besides its surface: an emitter, or a medium's boundary."""
     if _is_filled(material):
         return {"interior": _medium(material)}
     if max(material.emission) <= 0:
@@ -162,7 +162,7 @@ def _emitter(mi: Any, description: SceneDescription, material: Material) -> dict
 
 
 def _linear(image: Image) -> np.ndarray:
-    """The colours (h, w, 3) as the numbers that are computed with."""
+    """Returns the image's linear values (h, w, 3)."""
     if image.pixels.dtype != np.uint8:
         return np.asarray(image.pixels[..., :3], np.float32)
     level = image.pixels[..., :3] / 255.0
@@ -280,7 +280,8 @@ def _environment(mi: Any, description: SceneDescription, environment: Environmen
     if environment.image is None:
         return {"type": "constant", "radiance": _rgb(tuple(color))}
     pixels = _linear(description.images[environment.image]) * color.astype(np.float32)
-    # Our rows' centres lie half a row from the poles; their first and last row lie on them. At 2h + 1 rows, theirs include ours.
+    # Our first and last rows are centred half a row from the poles, Mitsuba's on the poles. With 2h + 1 rows, Mitsuba's include
+    # ours.
     height = len(pixels)
     place = np.clip(np.arange(2 * height + 1) / 2 - 0.5, 0, height - 1)
     low = np.minimum(place.astype(int), max(height - 2, 0))

@@ -171,7 +171,7 @@ def point_spot_and_directional_light() -> Case:
 
 @_case
 def metals_of_measured_index() -> Case:
-    """Gold and copper; the second as rough as both agree: Mitsuba loses what rough metal scatters twice, we do not."""
+    """Gold and copper, the latter only as rough as both agree: Mitsuba loses multiple scattering of rough metals, we do not."""
     gold = Material(kind="conductor", eta=(0.143, 0.375, 1.442), k=(3.983, 2.386, 1.603), roughness=0.0)
     copper = Material(kind="conductor", eta=(0.200, 0.924, 1.102), k=(3.912, 2.452, 2.142), roughness=0.1)
     return _on_the_floor(gold, copper), _settings(_view())
@@ -192,7 +192,7 @@ def white_rough_metal() -> Case:
 
 @_case
 def normal_map() -> Case:
-    """Bumps on a turned wall and, their axes exchanged, on a slope: what swaps or flips an axis shows."""
+    """Normal maps on a rotated wall and, with exchanged axes, on a slope, to reveal any swapped or flipped axis."""
     y, x = np.meshgrid(np.arange(32) / 32 * 2 * math.pi, np.arange(32) / 32 * 2 * math.pi, indexing="ij")
     n = np.stack([0.08 * np.cos(x), 0.06 * np.cos(2 * y), np.ones_like(x)], -1)
     n /= np.linalg.norm(n, axis=-1, keepdims=True)
@@ -211,7 +211,7 @@ def normal_map() -> Case:
         textures=[Texture(0)],
         images=[Image("bumps", codes, srgb=False)],
     )
-    # Flat bumps and one bounce: what a bent normal sends into the facet is lost in Mitsuba, and here is scattered again.
+    # Weak bumps and one bounce: light that a bent normal reflects below the facet is lost in Mitsuba, and scattered again here.
     return description, _settings(_view(), 2)
 
 
@@ -233,7 +233,7 @@ def alpha_blend() -> Case:
         images=[Image("holes", codes)],
         environment=Environment(color=gray(0.2)),
     )
-    # Mitsuba counts the passage through a pane as a bounce: deep enough that neither's end is seen.
+    # Mitsuba counts passing a pane as a bounce, so the depth is large enough that the limit does not matter.
     return description, _settings(_view(), 24)
 
 

@@ -1,6 +1,6 @@
-"""Alembic files and deformed meshes of .blend files have every vertex where Blender has it.
+"""Tests that Alembic files and deformed meshes of .blend files have every vertex where Blender has it.
 
-Needs a Python with bpy: `python3 farm.py peers` makes one.
+Needs a Python with bpy, which `python3 farm.py peers` installs.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The folder of alembic_kit.py, with the Blender that wrote it."""
+    """Yields the folder written by alembic_kit.py; the same Blender reads .blend files."""
     with written_by("alembic_kit.py", tmp_path_factory.mktemp("alembic")) as folder:
         yield folder
 

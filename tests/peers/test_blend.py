@@ -1,6 +1,6 @@
-""".blend files converted by Blender run nothing and read nothing outside, and their content is where Blender has it.
+"""Tests that .blend files converted by Blender run nothing, read nothing outside, and have their content where Blender has it.
 
-Needs a Python with bpy: `python3 farm.py peers` makes one.
+Needs a Python with bpy, which `python3 farm.py peers` installs.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ NEAR = 1e-4
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The folder of blend_kit.py, with the Blender that wrote it."""
+    """Yields the folder written by blend_kit.py; the same Blender reads .blend files."""
     with written_by("blend_kit.py", tmp_path_factory.mktemp("blend")) as folder:
         yield folder
 
 
 def upload(made: Path, tmp_path: Path, *names: str) -> Path:
-    """A folder with these of the files alone."""
+    """Returns a folder with only the named files."""
     folder = tmp_path / "upload"
     folder.mkdir()
     for name in names:
@@ -49,10 +49,13 @@ def pictures(found: SceneDescription) -> int:
 
 
 def test_nothing_in_a_hostile_file_runs_and_nothing_outside_is_read(made: Path, tmp_path: Path) -> None:
-    """blend_kit.py has seen that all of it runs where scripts are on."""
+    """Nothing in a hostile file is executed, and nothing outside is read.
+
+    blend_kit.py has verified that everything in it is executed if scripts are enabled.
+    """
     found = read(upload(made, tmp_path, "hostile.blend"), "hostile.blend")
     assert list(made.glob("ran-*")) == []
-    assert [instance.name for instance in found.instances] == ["Scene/thing"]  # and no secret
+    assert [instance.name for instance in found.instances] == ["Scene/thing"]  # not the file from outside
     assert pictures(found) == 0
     said = " ".join(found.warnings)
     assert "Missing pictures: secret.png." in said
@@ -70,7 +73,7 @@ def test_what_came_along_is_found_wherever_it_lay(made: Path, tmp_path: Path) ->
 
 
 def test_a_process_that_is_confined_can_neither_read_write_nor_connect(made: Path, tmp_path: Path, monkeypatch: Any) -> None:
-    """Beside paths and scripts: what a file would do that found a hole in Blender."""
+    """The confined process cannot read, write or connect, even if a file exploits a bug in Blender."""
     script = tmp_path / "inside" / "export.py"
     script.parent.mkdir()
     script.write_text(
@@ -111,7 +114,7 @@ def test_vertices_cameras_and_lights_are_where_blender_has_them(made: Path, shot
     apart = np.linalg.norm(vertices[:, None] - (np.array(told["tube"]) @ TO_Y_UP.T)[None], axis=2)
     assert apart.min(axis=0).max() < NEAR
     assert apart.min(axis=1).max() < NEAR
-    assert len(world(found, names.index("Scene/round")).reshape(-1, 3, 3)) == 6 * 4**2 * 2  # as it is rendered
+    assert len(world(found, names.index("Scene/round")).reshape(-1, 3, 3)) == 6 * 4**2 * 2  # rendered subdivision level
     (camera,) = found.cameras
     matrix = np.array(told["eye"])
     np.testing.assert_allclose(camera.view.eye, TO_Y_UP @ matrix[:3, 3], atol=NEAR)
@@ -139,28 +142,28 @@ def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
 
 
 def test_what_nodes_make_is_baked(shot: Shot) -> None:
-    """A noise has no picture: Cycles makes one, on UVs of its own."""
+    """Procedural nodes are baked by Cycles to an image, on UVs made for it."""
     found = shot.at(Moment(1))
     odd = next(material for material in found.materials if material.name == "odd")
     assert odd.base_color_texture is not None
     pixels = found.images[found.textures[odd.base_color_texture].image].pixels[..., :3] / 255
     colors = pixels[pixels.any(axis=2)]
     assert len(colors) > 0.3 * pixels.shape[0] * pixels.shape[1]
-    np.testing.assert_allclose(colors.mean(), 0.72, atol=0.08)  # a half, as sRGB has it
+    np.testing.assert_allclose(colors.mean(), 0.72, atol=0.08)  # a half, encoded as sRGB
     assert colors.std() > 0.03
     tube = next(mesh for mesh in found.meshes if found.materials[mesh.material].name == "odd")
     assert tube.uvs is not None
 
 
 def test_the_world_is_a_picture_of_what_cycles_sees(shot: Shot) -> None:
-    """blend_kit.py's is in each direction of the colour of that direction, in Blender's axes."""
+    """The world becomes an image of what Cycles sees; in blend_kit.py's world, each direction's colour is its coordinates."""
     environment = shot.at(Moment(1)).environment
     assert environment is not None
     assert environment.image is not None
     pixels = shot.at(Moment(1)).images[environment.image].pixels
     height, width = pixels.shape[:2]
     for row, column, expected in (
-        (height // 2, width // 2, (0, 1, 0)),  # ahead, our -Z
+        (height // 2, width // 2, (0, 1, 0)),  # ahead: our -Z
         (height // 2, 3 * width // 4, (1, 0, 0)),  # to the right
         (0, 0, (0, 0, 1)),  # up
         (height // 4, 5 * width // 8, (0.5, 0.5, 0.7071)),

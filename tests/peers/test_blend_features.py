@@ -1,6 +1,6 @@
-""".blend files of one feature each match Cycles' pictures within 3 % by blocks, without messages about missing features.
+"""Tests that .blend files of one feature each match Cycles' pictures within 3 % by blocks, without messages of missing features.
 
-Needs a Python with bpy: `python3 farm.py peers` makes one.
+Needs a Python with bpy, which `python3 farm.py peers` installs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ BLOCK, MOST, BRIGHTEST, SAMPLES = 8, 0.03, 4.0, 128
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The folder of blend_features.py, with the Blender that wrote it."""
+    """Yields the folder written by blend_features.py; the same Blender reads .blend files."""
     with written_by("blend_features.py", tmp_path_factory.mktemp("features")) as folder:
         yield folder
 

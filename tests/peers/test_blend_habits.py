@@ -1,6 +1,6 @@
-""".blend files with artists' habits have the meshes, sizes and positions of Blender's own dependency graph.
+"""Tests that .blend files with artists' habits have the meshes, sizes and positions of Blender's own dependency graph.
 
-Needs a Python with bpy: `python3 farm.py peers` makes one.
+Needs a Python with bpy, which `python3 farm.py peers` installs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NAMES = (
     "names",
     "large",
 )
-# What is not as in Blender must be named.
+# Words of the warnings about what differs from Blender.
 SAID = {
     "layers": ("Markers of the timeline", "view layers", "scenes"),
     "textures": ("Missing pictures: gone.png",),
@@ -36,7 +36,7 @@ SAID = {
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The folder of blend_habits.py, with the Blender that wrote it."""
+    """Yields the folder written by blend_habits.py; the same Blender reads .blend files."""
     with written_by("blend_habits.py", tmp_path_factory.mktemp("habits")) as folder:
         yield folder
 
@@ -61,7 +61,7 @@ def test_what_is_shown_is_where_blender_has_it(name: str, made: Path) -> None:
 
 
 def bodies(found: SceneDescription) -> list[tuple[str, Any, int]]:
-    """Of each object its name, the ends of its bounds (2, 3) and how many triangles it has."""
+    """Returns name, bounds (2, 3) and triangle count of each object."""
     parts: dict[Any, list[Any]] = {}
     for number, instance in enumerate(found.instances):
         mesh = found.meshes[instance.mesh]
@@ -72,7 +72,7 @@ def bodies(found: SceneDescription) -> list[tuple[str, Any, int]]:
 
 
 def test_colours_of_points_and_corners_are_those_of_blender(made: Path) -> None:
-    """blend_habits.py's go up in red, and are 0.25 and 0.5 in green and blue, whether in bytes or not."""
+    """Colours of points and corners equal Blender's in bytes and floats: red rises, green is 0.25 and blue 0.5."""
     found = Shot(made, "colors.blend").at(Moment(1))
     colors = [mesh.colors for mesh in found.meshes if mesh.colors is not None]
     assert len(colors) == 4
@@ -93,7 +93,9 @@ def test_pictures_that_came_along_are_there_whatever_their_kind(made: Path) -> N
 
 
 def test_what_goes_past_the_exporter_has_its_materials_and_uvs(made: Path) -> None:
-    """blend_habits.py's second set of UVs is of one point, its first goes over all of the unit square."""
+    """A mesh too large for the exporter has its materials and UVs: the first set covers the unit square, the second is one
+    point.
+    """
     found = Shot(made, "large.blend").at(Moment(1))
     parts = [mesh for mesh in found.meshes if len(mesh.triangles) > 1000]
     assert sorted(found.materials[mesh.material].name for mesh in parts) == ["left", "right"]

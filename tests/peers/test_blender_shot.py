@@ -1,6 +1,6 @@
-"""A shot exported by Blender has the positions of Blender at each frame.
+"""Tests that a shot exported by Blender has Blender's positions at each frame.
 
-Needs a Python with bpy: `python3 farm.py peers` makes one.
+Needs a Python with bpy, which `python3 farm.py peers` installs.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MOST = 0.03
 
 
 def run(script: str, *arguments: Path) -> None:
-    """One of the scripts beside this one, by a Python that has bpy."""
+    """Runs a script of this folder by a Python that has bpy."""
     python = python_with_bpy()
     if python is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
@@ -48,7 +48,7 @@ def run(script: str, *arguments: Path) -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the shot is."""
+    """Returns the folder with the shot's files."""
     folder = tmp_path_factory.mktemp("shot")
     run("blender_shot.py", folder / "shot.glb", folder / "shot.json")
     return folder
@@ -56,7 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def shot(folder: Path) -> tuple[Shot, dict[str, Any]]:
-    """The shot as we open it, and what Blender says of each of its frames."""
+    """Returns the shot as we open it, and Blender's values of each of its frames."""
     return Shot(folder, "shot.glb"), json.loads((folder / "shot.json").read_text())
 
 
@@ -90,7 +90,7 @@ def test_what_blender_writes_as_pointers_is_what_it_shows(shot: tuple[Shot, dict
     np.testing.assert_allclose(paint.base_color, theirs["color"], rtol=1e-5)
     assert paint.roughness == pytest.approx(theirs["roughness"], rel=1e-5)
     np.testing.assert_allclose(paint.emission, theirs["emission"] * np.array([1, 0.5, 0.25]), rtol=1e-5)
-    # Relative to the first frame: Blender 4.5 writes an animated spot 4 pi times as strong as one that stands still.
+    # Relative to the first frame, since Blender 4.5 writes an animated spot 4 pi times as strong as a static one.
     begin, energy = shot[0].at(Moment(0)).lights[0].intensity, shot[1]["0"]["numbers"]["energy"]
     np.testing.assert_allclose(
         np.divide(ours.lights[0].intensity, begin), theirs["energy"] / energy * np.array(theirs["light"]), rtol=1e-5
@@ -100,7 +100,7 @@ def test_what_blender_writes_as_pointers_is_what_it_shows(shot: tuple[Shot, dict
 
 @pytest.mark.parametrize("frame", [7, 24, 40])
 def test_the_picture_of_cycles(shot: tuple[Shot, dict[str, Any]], folder: Path, frame: int) -> None:
-    """The mean difference of blocks of 4 x 4 pixels over the mean of the picture."""
+    """The mean difference from Cycles' picture, over blocks of 4 x 4 pixels and relative to the picture's mean, is small."""
     job = {"glb": str(folder / "shot-plain.glb"), "exr": str(folder / f"{frame}.exr"), "frame": frame}
     job |= {"size": SIZE, "samples": SPP, "max_depth": DEPTH, "sky": SKY}
     (folder / "jobs.json").write_text(json.dumps([job]))
@@ -122,8 +122,9 @@ BLURRED = [("plain", 13, 0.5), ("plain", 8, 6.0), ("plain", 20, 8.0), ("bent", 1
 def test_the_motion_blur_of_cycles(
     shot: tuple[Shot, dict[str, Any]], folder: Path, kind: str, frame: int, shutter: float
 ) -> None:
-    """As above, while the shutter is open: of what turns, flies and is bent, and of the camera; and of what bones and shape keys
-    bend, alone. Cycles' lamps stand still.
+    """Motion blur equals Cycles': of rotating, moving and deforming bodies and of the camera, and of bones and shape keys alone.
+
+    Lamps are static in Cycles.
     """
     file, name = f"shot-{kind}.glb", f"blur-{kind}-{frame}.exr"
     job = {"glb": str(folder / file), "exr": str(folder / name), "frame": frame, "shutter": shutter}
@@ -147,12 +148,12 @@ def test_the_motion_blur_of_cycles(
 
 
 def blocks(picture: np.ndarray) -> np.ndarray:
-    """Means of 4 x 4 pixels."""
+    """Returns the means of 4 x 4 pixels."""
     return picture.astype(float).reshape(SIZE // 4, 4, SIZE // 4, 4, 3).mean((1, 3))
 
 
 def test_it_moves(shot: tuple[Shot, dict[str, Any]]) -> None:
-    """So that what is compared is no shot that stands still."""
+    """The shot moves, so that no static pictures are compared."""
     places = [shot[1][str(frame)]["vertices"] for frame in (0, 13, 40)]
     for name in ("mast", "yard", "flag", "tube"):
         for a, b in ((0, 1), (1, 2)):
@@ -161,7 +162,7 @@ def test_it_moves(shot: tuple[Shot, dict[str, Any]]) -> None:
 
 @pytest.mark.parametrize("frame", [7, 13, 24])
 def test_the_motion_vectors_of_cycles(shot: tuple[Shot, dict[str, Any]], folder: Path, frame: int) -> None:
-    """In pixels. Cycles takes the mean of a pixel's samples, which at edges is of two things: hence the share of the pixels."""
+    """Motion vectors in pixels equal Cycles', except at edges, where Cycles averages a pixel's samples over two objects."""
     name = f"vectors-{frame}.exr"
     job = {"glb": str(folder / "shot-plain.glb"), "exr": str(folder / name), "frame": frame, "vectors": True}
     job |= {"size": SIZE, "samples": 64, "max_depth": 2, "sky": SKY}
@@ -174,7 +175,7 @@ def test_the_motion_vectors_of_cycles(shot: tuple[Shot, dict[str, Any]], folder:
     (camera,) = description.cameras
     settings = RenderSettings(SIZE, SIZE, camera.view, views=camera.keys)
     ours = motion_vectors(compile_scene(description), settings)
-    seen = (np.abs(theirs) > 0).any(-1)  # of the sky Cycles tells nothing
+    seen = (np.abs(theirs) > 0).any(-1)  # Cycles has no vectors for the sky
     apart = np.abs(ours - theirs)[seen].max(-1)
     figures = f"frame {frame}: up to {np.abs(theirs).max():.1f} pixels; apart {np.percentile(apart, [50, 90, 95])}"
     print(figures)

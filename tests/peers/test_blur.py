@@ -1,5 +1,7 @@
-"""Motion blur of one shot in every format that moves, beside Cycles' own: blur_kit.py's, whose bodies turn, fly, follow and bend
-before a camera that moves, too. Needs a Python with bpy: `python3 farm.py peers` makes one.
+"""Tests of motion blur of one shot in every format with motion, against Cycles.
+
+The shot of blur_kit.py has rotating, moving, constrained and deforming bodies, and a moving camera. Needs a Python with bpy,
+which `python3 farm.py peers` installs.
 """
 
 from __future__ import annotations
@@ -23,14 +25,14 @@ from tests.peers.blender import python_with_bpy
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 SIZE, BLOCK, SPP, DEPTH = 96, 4, 128, 8
-SKY, FRAME = (0.5, 0.55, 0.6), 6  # blur_kit.py's
+SKY, FRAME = (0.5, 0.55, 0.6), 6  # as in blur_kit.py
 MOST = 0.01
 OPENED = {"CENTER": "centred", "START": "leading", "END": "trailing"}
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The files, and Cycles' pictures beside them."""
+    """Returns the folder with the files and Cycles' pictures of them."""
     python = python_with_bpy()
     if python is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")

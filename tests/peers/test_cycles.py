@@ -1,6 +1,6 @@
-"""Side by side with Blender's Cycles: both read the same GLB files and render the same view.
+"""Tests against Blender's Cycles: both renderers read the same GLB files and render the same view.
 
-Needs a Python with bpy, which wants another numpy than ours: `python3 farm.py peers` makes one in .venv-cycles.
+Needs a Python with bpy, which requires a different NumPy than ours: `python3 farm.py peers` installs one in .venv-cycles.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MOST = 0.03
 
 @pytest.fixture(scope="module")
 def sheet(tmp_path_factory) -> Path:
-    """A folder with every GLB of the sheet, and Cycles' picture of it beside it."""
+    """Returns a folder with every GLB of the sheet and Cycles' picture of each."""
     python = python_with_bpy()
     if python is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
@@ -53,7 +53,7 @@ def _blocks(picture: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SHEET)
 def test_the_picture_of_cycles(name, sheet):
-    """The mean difference of 4 x 4 pixel blocks, which averages most of the noise, is small relative to the picture's mean."""
+    """The mean difference from Cycles' picture, over blocks of 4 x 4 pixels and relative to the picture's mean, is small."""
     description = read(sheet, f"{name}.glb")
     settings = RenderSettings(SIZE, SIZE, description.cameras[0].view, max_depth=DEPTH, environment=SKY, filter="box")
     ours = _blocks(mean(render_frame(compile_scene(description), settings, SPP), settings.film_exponent))

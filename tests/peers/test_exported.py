@@ -1,7 +1,7 @@
-"""Some thirty materials as Blender's exporters write them: our pictures of the files, and Cycles' of the scenes themselves.
+"""Tests of thirty materials written by Blender's exporters: our pictures of the files against Cycles' of the original scenes.
 
-Where an exporter or the format loses something, Cycles' picture of what Blender reads back from the file is the judge: LOST says
-what. Needs a Python with bpy: `python3 farm.py peers` makes one.
+If an exporter or format loses something, listed in LOST, Cycles' picture of what Blender reads back is the reference instead.
+Needs a Python with bpy, which `python3 farm.py peers` installs.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tests.peers.blender import python_with_bpy
 pytestmark = [pytest.mark.long, pytest.mark.timeout(3600)]
 
 SIZE, BLOCK, SPP, DEPTH = 64, 8, 192, 14
-SKY = (0.5, 0.55, 0.6)  # exported_kit.py's
+SKY = (0.5, 0.55, 0.6)  # as in exported_kit.py
 MOST = 0.03
 KINDS = ("blend", "glb", "usdc", "fbx")
 NAMES = (
@@ -34,7 +34,7 @@ NAMES = (
     *("vertex_colors", "thin_film", "unlit", "nodes", "open_shell", "bent_colors"),
 )
 
-# By name and kind, what is not in the file; Blender reads back the same.
+# (name, kind) -> what the file lacks; Blender reads back the same.
 LOST = {
     **dict.fromkeys((("high_ior", "glb"), ("high_ior", "fbx")), "the index of refraction of what does not transmit"),
     ("sheen", "glb"): "the weight of a sheen",
@@ -54,7 +54,7 @@ LOST = {
     **{("bent_colors", kind): "what nodes compute" for kind in ("glb", "usdc", "fbx")},
     **{("thin_film", kind): "thin films" for kind in ("glb", "usdc", "fbx")},
 }
-# Nobody can judge: the exporter loses something, and the importer reads back something else again.
+# Without a reference: the exporter loses something, and the importer reads back yet another value.
 NOBODY = {
     ("alpha_mask", "fbx"): "the mask is lost, and the picture's alpha taken for opacity",
     ("texture_mirrored", "fbx"): "mirrored is written as clamped, and the scale read back as its inverse",
@@ -64,7 +64,7 @@ NOBODY = {
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The files of exported_kit.py, and Cycles' pictures beside them."""
+    """Returns the folder with exported_kit.py's files and Cycles' pictures of them."""
     python = python_with_bpy()
     if python is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
@@ -84,7 +84,7 @@ def _blocks(picture: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", NAMES)
 def test_the_picture_of_cycles(name: str, kind: str, made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The mean difference of blocks of 8 x 8 pixels over the picture's mean, and the means."""
+    """The mean difference over blocks of 8 x 8 pixels, relative to the picture's mean, and the difference of means are small."""
     if (name, kind) in NOBODY:
         pytest.skip(NOBODY[name, kind])
     monkeypatch.setenv(NAMED, str(python_with_bpy()))

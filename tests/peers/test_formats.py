@@ -1,7 +1,7 @@
-"""One scene in every format that Blender writes, as we render the file and as Cycles renders what Blender reads back from it.
+"""Tests of one scene in every format that Blender writes: our picture of the file against Cycles' of what Blender reads back.
 
-Needs a Python with bpy: `python3 farm.py peers` makes one. What a format, its exporter or its importer loses, both sides lack:
-formats_kit.py says what. The floor's texture, the metals and the lights' edges are what is hard here.
+Needs a Python with bpy, which `python3 farm.py peers` installs. Both pictures lack what a format, its exporter or its importer
+loses; formats_kit.py has the list. The difficult parts are the floor's texture, the metals and the lights' edges.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tests.peers.blender import python_with_bpy
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 SIZE, BLOCK, SPP, DEPTH = 96, 8, 512, 8
-SKY = (0.35, 0.4, 0.5)  # formats_kit.py's
+SKY = (0.35, 0.4, 0.5)  # as in formats_kit.py
 OWN_SKY = ("blend", "usdc")
 MOST = 0.03
 BATCHES = 4
@@ -32,7 +32,7 @@ BATCHES = 4
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The files, and Cycles' pictures beside them."""
+    """Returns the folder with the files and Cycles' pictures of them."""
     python = python_with_bpy()
     if python is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
@@ -51,7 +51,7 @@ def _blocks(pictures: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["blend", "glb", "fbx", "usdc", "dae"])
 def test_the_picture_of_cycles(name: str, made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The mean difference of 8 x 8 pixel blocks, over the picture's mean, is below a limit far above its error."""
+    """The mean difference over blocks of 8 x 8 pixels, relative to the picture's mean, is below a limit far above its error."""
     monkeypatch.setenv(NAMED, str(python_with_bpy()))
     if not (made / f"scene.{name}").exists():
         pytest.skip(f"this Blender does not write .{name} any more")

@@ -1,4 +1,4 @@
-"""Side by side with Mitsuba 3: the same small scenes, rendered by both from one description."""
+"""Tests against Mitsuba 3: the same small scenes, rendered by both from one description."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SPP = 16
 
 @pytest.fixture(scope="module")
 def mi():
-    """Mitsuba; its scalar variant needs no LLVM."""
+    """Returns the mitsuba module with its scalar variant, which needs no LLVM."""
     mitsuba = pytest.importorskip("mitsuba")
     mitsuba.set_variant("scalar_rgb")
     return mitsuba
@@ -33,7 +33,7 @@ def test_the_same_picture(name, mi, tmp_path):
     judge(mi, SCENES[name](), SPP, tmp_path)
 
 
-@pytest.mark.long  # closed forms in tests/renderer/test_media.py are ordinary
+@pytest.mark.long  # closed forms in tests/renderer/test_media.py are part of the default run
 @pytest.mark.parametrize("name", MEDIA)
 def test_the_same_picture_of_what_light_scatters_in(name, mi, tmp_path):
     judge(mi, MEDIA[name](), 96 if name == "haze_with_a_spot" else 32, tmp_path)

@@ -1,6 +1,6 @@
-"""Rough surfaces of Beckmann's facets in Mitsuba's format, alone and wrapped in other BSDFs, against Mitsuba's own pictures.
+"""Tests of rough surfaces with Beckmann facets in Mitsuba's format, alone and wrapped in other BSDFs, against Mitsuba's pictures.
 
-Mitsuba loses light that meets a second facet, and ours returns it, so rough metals and glass are held to a few per cent.
+Mitsuba loses light that hits a second facet, ours returns it, so tolerances for rough metals and glass are a few per cent.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ def _bent(inner: str) -> str:
 BRUSHED = '<float name="alpha_u" value="0.08"/><float name="alpha_v" value="0.3"/>'
 BLEND = '<bsdf type="blendbsdf"><float name="weight" value="0.4"/>{}{}</bsdf>'
 SAMPLE_ALL = '<boolean name="sample_visible" value="false"/>'
-BOTH_SIDES = f'<bsdf type="twosided">{_rough("roughplastic", 0.3)}</bsdf>'  # of one side, the inside is black in Mitsuba
-# What is seen, and by how much the mean, and blocks of the picture, may differ.
+BOTH_SIDES = f'<bsdf type="twosided">{_rough("roughplastic", 0.3)}</bsdf>'  # one-sided materials are black inside in Mitsuba
+# Scene, and the allowed difference of the mean and of blocks of the picture.
 CASES = {
     "glass under a spot": (ABOVE + BEHIND + WALL.format(_rough("roughdielectric", 0.3)), 0.03, 0.04),
     "a ball of glass under a spot": (ABOVE + BEHIND + BALL.format(_rough("roughdielectric", 0.3)), 0.04, 0.06),
@@ -86,7 +86,7 @@ CASES = {
 
 
 def _write_pictures(folder: Path) -> None:
-    """Normals of waves, and a ramp of roughness."""
+    """Writes a normal map of waves, and a ramp of roughness."""
     y, x = np.mgrid[0:64, 0:64] / 64
     slope = np.stack([0.3 * np.sin(4 * np.pi * x), 0.3 * np.sin(4 * np.pi * y), np.ones_like(x)], -1)
     normals = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
@@ -95,11 +95,11 @@ def _write_pictures(folder: Path) -> None:
 
 
 def pictures(name: str, folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Ours, and Mitsuba's."""
+    """Returns our picture and Mitsuba's."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
     _write_pictures(folder)
-    head = HEAD.replace('"path"', '"volpath"') if "mask" in name else HEAD  # whose shadow rays pass masks
+    head = HEAD.replace('"path"', '"volpath"') if "mask" in name else HEAD  # volpath's shadow rays pass masks
     (folder / "scene.xml").write_text(head + CASES[name][0] + "</scene>")
     described = read(folder, "scene.xml")
     assert described.warnings == []

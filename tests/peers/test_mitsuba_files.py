@@ -1,7 +1,7 @@
-"""Mitsuba's own files: what we read of one is the scene that Mitsuba renders of it.
+"""Tests of Mitsuba's own files: what we read from one is the scene that Mitsuba renders from it.
 
-Mitsuba judges: it renders the file, and what our reader made of the file. Where the two renderers differ by their models (rough
-metals give back here what a single bounce loses, smooth normals do not darken at the edge of shadow), ours is held to 3 %.
+Mitsuba renders both the file and the scene that our reader made from it. Where the renderers' models differ (multiple scattering
+of rough metals, smooth normals at the edge of shadow), our picture may differ by 3 %.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ PAINTED = """<scene version="3.0.0"><bsdf type="twosided"><bsdf type="diffuse"><
 
 
 def write_files(folder: Path) -> None:
-    """A bent sheet as .obj and .ply, neither with normals, and the picture on it."""
+    """Writes a bent sheet as .obj and .ply, without normals, and its texture."""
     places = [(-0.6, -0.4, 0), (0.6, -0.4, 0.1), (0.6, 0.8, 0.2), (-0.6, 0.8, -0.2), (0, 0.2, 0.6)]
     uvs = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0.5)]
     faces = [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
@@ -128,7 +128,7 @@ def _bsdf(kind: str, **numbers: float | str) -> str:
     return f'<bsdf type="{kind}">{inside}</bsdf>'
 
 
-# What differs, and by how much blocks of the picture may: rough metals by what a single bounce loses (docs/correctness.md).
+# Scenes, and the allowed difference of blocks: rough metals differ by multiple scattering (docs/correctness.md).
 PLUGINS = {
     "a bubble in water": (_ball(_bsdf("dielectric", int_ior="air", ext_ior="water")), 0.02),
     "a pane": (_ball(_bsdf("thindielectric")), 0.02),

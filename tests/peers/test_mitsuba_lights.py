@@ -1,4 +1,4 @@
-"""Images projected by Mitsuba's lights are the same on our walls as in Mitsuba."""
+"""Tests that images projected by Mitsuba's lights are the same on our walls as in Mitsuba."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ROOM = """<scene version="3.0.0">
   <shape type="sphere"><float name="radius" value="0.4"/><point name="center" x="0.5" y="0.4" z="0.3"/><ref id="white"/></shape>
   LIGHT</scene>"""
 PLACE = '<transform name="to_world"><lookat origin="-1.2, 1.7, 2.5" target="0, 0.5, -0.5" up="0.2, 1, 0"/></transform>'
-# Unless told otherwise, Mitsuba mixes half a texel at each edge with the opposite one.
+# By default Mitsuba interpolates half a texel at each edge with the opposite edge.
 PICTURE = (
     '<texture type="bitmap" name="{}"><string name="filename" value="t.png"/><string name="wrap_mode" value="clamp"/></texture>'
 )
@@ -52,7 +52,7 @@ LIGHTS = {
 
 @grid("name", LIGHTS, ordinary=("spot",))
 def test_the_same_light_is_thrown(name: str, tmp_path: Path) -> None:
-    """A picture without symmetry, wider than high."""
+    """An image without symmetry, wider than high, is projected equally by both renderers."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
     y, x = np.mgrid[0:24, 0:40]

@@ -1,7 +1,6 @@
-"""Mitsuba's media and bump maps: what we render of a file, beside `volpath`'s own picture of it.
+"""Tests of Mitsuba's media and bump maps: our picture of a file against that of Mitsuba's `volpath`.
 
-Both pictures are noisy: of each block of pixels both means come with the standard errors of their batches, and the differences
-in these are as large as such differences are.
+Both pictures are noisy: block means come with the standard errors of their batches, and the differences must be within these.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from tests.grids import grid
 
 BATCHES, SPP = 8, 32
 WIDTH, HEIGHT, BLOCK = 48, 32, 8
-BIAS = 0.01  # by which blocks may differ beside their noise
+BIAS = 0.01  # allowed difference of blocks besides noise
 HEAD = """<scene version="3.0.0"><integrator type="volpath"><integer name="max_depth" value="32"/></integrator>
 <medium type="homogeneous" id="fog"><rgb name="albedo" value="0.95 0.9 0.8"/><float name="sigma_t" value="0.6"/></medium>
 <medium type="homogeneous" id="smoke"><rgb name="albedo" value="0.9 0.7 0.4"/><rgb name="sigma_t" value="0.5 0.75 1"/>
@@ -77,7 +76,7 @@ SCENES = {
 
 
 def blocks(batches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(B, h, w, 3) pictures as the means of their blocks, and the standard errors of these."""
+    """Returns the block means of pictures (B, h, w, 3), and their standard errors."""
     count, h, w, _ = batches.shape
     each = batches.reshape(count, h // BLOCK, BLOCK, w // BLOCK, BLOCK, 3).mean((2, 4))
     return each.mean(axis=0), each.std(axis=0, ddof=1) / np.sqrt(count)

@@ -1,4 +1,4 @@
-"""Walls of one Mitsuba material match closed forms and Mitsuba's own picture."""
+"""Tests that walls of one Mitsuba material match closed forms and Mitsuba's own picture."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ BLUE = '<bsdf type="diffuse"><rgb name="reflectance" value="0.1 0.2 0.7"/></bsdf
 
 
 def both(folder: Path, inside: str, degrees: float = 0.0, depth: int = 2, size: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
-    """(3,) means of ours and of Mitsuba's picture."""
+    """Returns the means (3,) of our picture and of Mitsuba's."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
     x, z = 5 * np.sin(np.radians(degrees)), 5 * np.cos(np.radians(degrees))
@@ -44,7 +44,7 @@ def both(folder: Path, inside: str, degrees: float = 0.0, depth: int = 2, size: 
 
 
 def scattered_once(degrees: float, alpha: float) -> float:
-    """What a white metal reflects of light from everywhere, if light that meets a second facet is lost; Smith's terms apart."""
+    """Returns what a white metal reflects of uniform light if light that hits a second facet is lost, with Smith's masking."""
     random = np.random.default_rng(2)
     view = np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
     stretched = view * (alpha, alpha, 1)
@@ -74,7 +74,10 @@ def test_white_metal_is_white_here_and_has_in_mitsuba_what_one_bounce_leaves(
 def test_rough_glass_is_what_a_random_walk_between_facets_gives_and_in_mitsuba_the_first_of_them(
     alpha: float, degrees: float, tmp_path: Path
 ) -> None:
-    """Light from everywhere, 1 on both sides: what is reflected, and 1/2.25 of what goes through."""
+    """Rough glass in uniform light of radiance 1 shows what is reflected plus 1/2.25 of what is transmitted.
+
+    Ours equals a random walk between facets, Mitsuba's only its first facet.
+    """
     reflected, through = walked(alpha, degrees, 1.5)
     assert reflected.sum() + through.sum() == pytest.approx(1, abs=1e-4)
     ours, theirs = both(tmp_path, WHITE + f'<shape type="rectangle">{GLASS.format(alpha)}</shape>', degrees)
@@ -84,7 +87,7 @@ def test_rough_glass_is_what_a_random_walk_between_facets_gives_and_in_mitsuba_t
 
 @grid("weight", [0.3, 0.7], ordinary=[0.3])
 def test_a_blend_of_paint_and_metal(weight: float, tmp_path: Path) -> None:
-    """Lit from everywhere, and by a lamp above."""
+    """A blend of paint and metal in uniform light and below a lamp matches Mitsuba's picture."""
     blend = f'<bsdf type="blendbsdf"><float name="weight" value="{weight}"/>{BLUE}{METAL.format(0.05)}</bsdf>'
     lamp = """<shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="2" z="1"/></transform>
     <emitter type="area"><rgb name="radiance" value="4"/></emitter></shape>"""
@@ -99,9 +102,9 @@ LAMP = """<emitter type="directional"><vector name="direction" value="0 -1 -1"/>
 
 
 def walked_on_a_ramp(slope: float, paths: int = 400_000) -> tuple[float, float]:
-    """The radiance of a matt ramp that leans away from a lamp, seen from above: of its first vertex, and of all on its facet.
+    """Returns the radiance of a diffuse ramp facing away from a lamp, seen from above: at the first vertex, and in total.
 
-    Directions below the facet hit it, and there the normal is bent until the mirror direction leaves (consistent_normals.py).
+    Directions below the facet hit it again; the normal is bent until the mirror direction leaves (consistent_normals.py).
     """
     random = np.random.default_rng(3)
     lamp, up = np.array([0, 1, 1]) / np.sqrt(2), np.array([0.0, 0.0, 1.0])
@@ -143,7 +146,7 @@ def test_a_ramp_of_heights_has_what_its_facet_scatters_again_and_in_mitsuba_the_
 
 
 def test_what_shines_is_black_where_it_names_no_material(tmp_path: Path) -> None:
-    """Of light from everywhere it reflects nothing: its radiance alone is seen."""
+    """An emitter without a material is black: in uniform light only its own radiance is seen."""
     wall = '<shape type="rectangle"><emitter type="area"><rgb name="radiance" value="0.5 0.25 0.125"/></emitter></shape>'
     ours, theirs = both(tmp_path, WHITE + wall)
     np.testing.assert_allclose(ours, (0.5, 0.25, 0.125), rtol=1e-4)

@@ -1,7 +1,7 @@
-"""pbrt's files: what we read of one is the scene that Mitsuba renders of the same, written down in its own format.
+"""Tests of pbrt's files: what we read from one is the scene that Mitsuba renders from an equal file of its own format.
 
-There is no pbrt to be the judge here. What both say alike is held against Mitsuba's picture: the left-handed world and its
-camera, transformations, shapes, textures, lights and their scales, metals, glass and paint under varnish.
+There is no pbrt to compare with. What both formats can express is compared with Mitsuba's picture: the left-handed world and its
+camera, transforms, shapes, textures, lights and their scales, metals, glass and paint under varnish.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ XML = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth
 <transform name="to_world"><scale x="-1"/><lookat origin="0.6, 1.2, 3.6" target="0, 0, 0" up="0, 1, 0"/></transform>
 <film type="hdrfilm"><integer name="width" value="48"/><integer name="height" value="32"/><rfilter type="box"/></film></sensor>
 <bsdf type="diffuse" id="white"><rgb name="reflectance" value="0.7 0.6 0.5"/></bsdf>"""
-# The camera mirrors, as pbrt's does; it stands where pbrt's stands.
+# The camera mirrors, as pbrt's does, from the same position.
 BOX = (
     XML.replace("SENSOR", "perspective").replace("LENS", "")
     + """<shape type="rectangle">

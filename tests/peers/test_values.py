@@ -1,7 +1,7 @@
-"""Values to 1e-4: what our readers give of files that Blender's exporters wrote with all that they can, and what Blender says.
+"""Tests that values of our readers equal Blender's to 1e-4, for files by Blender's exporters with all their features.
 
-Needs a Python with bpy: `python3 farm.py peers` makes one. Files are those of values_kit.py. Joints are judged by what hangs on
-each of them alone.
+Needs a Python with bpy, which `python3 farm.py peers` installs. The files are those of values_kit.py. Each joint is checked by
+the vertices that it alone moves.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ AS_SOUP = {
     "obj.obj": TO_Y_UP,
     "obj-axes.obj": np.eye(3),
     "ply.ply": TO_Y_UP,
-    "stl.stl": TO_Y_UP @ TO_Y_UP,  # STL says nothing, and is read with Z up
+    "stl.stl": TO_Y_UP @ TO_Y_UP,  # STL has no axis; it is read with Z up
     "stl-text.stl": TO_Y_UP,
 }
-FIRST = {"gltf": 0, "fbx": 0, "usd": -1, "dae": 0}  # where our frame 0 is in Blender's
+FIRST = {"gltf": 0, "fbx": 0, "usd": -1, "dae": 0}  # Blender's frame that corresponds to our frame 0
 
-# What the exporter does not write, or otherwise: Blender's own importer has the same, or the format has no word for it.
+# What the exporter omits or changes: Blender's own importer reads the same, or the format cannot store it.
 FLAT = "one matrix for what hangs in others, which cannot be sheared"
 HALF = "scales of joints in half precision, as UsdSkel has them"
 LOST = {
@@ -86,7 +86,7 @@ KNOWN = {
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """The folder of values_kit.py, and what Blender says."""
+    """Yields the folder written by values_kit.py, and Blender's values."""
     with written_by("values_kit.py", tmp_path_factory.mktemp("values")) as folder:
         yield folder, json.loads((folder / "told.json").read_text())
 
@@ -111,7 +111,7 @@ def test_places_lenses_and_lights_are_blenders(scene: str, kind: str, made: tupl
         assert apart == [], f"frame {frame}"
 
 
-@pytest.mark.parametrize("scene", ["hierarchy", "seen", "paints"])  # of bones Blender's own reader makes other poses, too
+@pytest.mark.parametrize("scene", ["hierarchy", "seen", "paints"])  # for bones, even Blender's own importer yields other poses
 def test_collada_has_the_places_and_lenses(scene: str, made: tuple[Path, dict[str, Any]]) -> None:
     folder, told = made
     shot = Shot(folder, f"{scene}-dae.dae")
@@ -131,7 +131,9 @@ def test_corners_are_blenders(scene: str, kind: str, made: tuple[Path, dict[str,
 
 @pytest.mark.parametrize("kind", KNOWN)
 def test_materials_are_blenders(kind: str, made: tuple[Path, dict[str, Any]]) -> None:
-    """Blender's exporter for glTF writes the weight of a sheen nowhere, and the index of refraction of what transmits alone."""
+    """Materials have Blender's values, except a sheen's weight and the index of transmission alone, which its glTF exporter
+    omits.
+    """
     folder, told = made
     found = Shot(folder, f"paints-{kind}").at()
     lost = {"velvet: ": "its physical extension has one number"} if kind == "obj-physical.obj" else {}

@@ -1,6 +1,6 @@
-"""How far what our readers give is from what Blender says of the same scene: places, lenses, lights and materials.
+"""Compares what our readers return with Blender's values of the same scene: positions, lenses, lights and materials.
 
-Of Blender's words see values_kit.py. A function gives a sentence for each value that is apart by more than NEAR.
+values_kit.py defines Blender's values. Each function yields a sentence for each value that differs by more than NEAR.
 """
 
 from __future__ import annotations
@@ -17,11 +17,14 @@ from tests.peers.blender import TO_Y_UP
 
 __all__ = ["NEAR", "cameras_apart", "lights_apart", "materials_apart", "meshes_apart", "soup_apart"]
 
-NEAR = 1e-4  # of a value, or of the farthest coordinate
+NEAR = 1e-4  # relative to the value or to the farthest coordinate
 
 
 def meshes_apart(found: SceneDescription, told: dict[str, Any], turn: Any = TO_Y_UP) -> Iterator[str]:
-    """Bodies of triangles, by their corners in the world, each of Blender's with one of ours. turn: from Blender's axes."""
+    """Compares meshes by their world-space corners, pairing each of Blender's with one of ours.
+
+    turn: rotation from Blender's axes.
+    """
     left = [_corners(found, i) for i in range(len(found.instances)) if not _is_lamp(found, i)]
     for name, count, vertices in told["meshes"]:
         wanted = np.array(vertices) @ turn.T
@@ -38,7 +41,7 @@ def meshes_apart(found: SceneDescription, told: dict[str, Any], turn: Any = TO_Y
 
 
 def soup_apart(found: SceneDescription, told: dict[str, Any], turn: Any) -> Iterator[str]:
-    """All triangles as one body, of formats that know no objects."""
+    """Compares all triangles as one mesh, for formats without objects."""
     ours = [_corners(found, i) for i in range(len(found.instances))]
     points, count = np.concatenate([each for each, _ in ours]), sum(triangles for _, triangles in ours)
     wanted = np.concatenate([np.array(vertices) for _, _, vertices in told["meshes"]]) @ turn.T
@@ -61,13 +64,13 @@ def _is_lamp(found: SceneDescription, number: int) -> bool:
 
 
 def _far(a: Any, b: Any) -> float:
-    """The farthest that a point of one cloud is from the other, over the farthest coordinate."""
+    """Returns the largest distance of a point of either cloud from the other, relative to the farthest coordinate."""
     apart = max(cKDTree(a).query(b)[0].max(), cKDTree(b).query(a)[0].max())
     return float(apart / max(1.0, np.abs(b).max()))
 
 
 def cameras_apart(found: SceneDescription, told: dict[str, Any]) -> Iterator[str]:
-    """Where each camera is, what it looks at, and the four corners of its picture."""
+    """Compares each camera's position, direction, and the four corners of its picture."""
     ours = {each.name: each.view for each in found.cameras}
     for name, said in told["cameras"].items():
         view = ours.get(name)
@@ -97,7 +100,7 @@ def cameras_apart(found: SceneDescription, told: dict[str, Any]) -> Iterator[str
 
 
 def lights_apart(found: SceneDescription, told: dict[str, Any]) -> Iterator[str]:
-    """Where each light is and shines, its watts by colour, its size and its cone."""
+    """Compares each light's position and direction, watts by colour, size and cone."""
     for name, said in told["lights"].items():
         shining = _shining(found, name)
         if shining is None:
@@ -126,7 +129,7 @@ def lights_apart(found: SceneDescription, told: dict[str, Any]) -> Iterator[str]
 
 
 def _shining(found: SceneDescription, name: str) -> tuple[Any, Light | Sphere | None] | None:
-    """The watts of what is called so, a sun's for each square metre, and the light; None of a surface."""
+    """Returns a named light's watts, per square metre for a sun, and the light; the light is None for a surface."""
     names = {name, name.replace(" ", "_")}
     for light in found.lights:
         if light.name in names:
@@ -145,7 +148,7 @@ def _shining(found: SceneDescription, name: str) -> tuple[Any, Light | Sphere | 
 
 
 def materials_apart(found: SceneDescription, told: dict[str, Any], known: tuple[str, ...]) -> Iterator[str]:
-    """The values of principled surfaces. known: those that the format has words for, by their names here."""
+    """Compares the values of principled surfaces. known: parameters that the format can store, by their names here."""
     ours = {each.name.split("/")[-1].removesuffix("-material"): each for each in found.materials}
     for name, said in told.items():
         if name not in ours:

@@ -1,4 +1,4 @@
-"""By what values_kit.py's files are called: their suffixes, and how Blender writes them. Run by a Python that has bpy."""
+"""File suffixes of values_kit.py, and how Blender writes them. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -65,4 +65,4 @@ FILES: dict[str, tuple[str, Callable[..., None], dict[str, Any]]] = {
     "stl-text": (".stl", _stl, {"ascii_format": True}),
     "dae": (".dae", _dae, {}),
 }
-CRASHES = {("rig", "ply")}  # Blender 4.5 itself, with a spoiled heap
+CRASHES = {("rig", "ply")}  # heap corruption in Blender 4.5 itself

@@ -1,9 +1,9 @@
-"""Scenes of everything that Blender's exporters know of places, bones, lights and cameras, with Blender's own values of them.
+"""Writes scenes of everything that Blender's exporters support of objects, bones, lights and cameras, with Blender's values.
 
     python values_kit.py FOLDER [NAME ...]
 
-Run by a Python that has bpy. Writes NAME-KIND.SUFFIX for each of FILES, and told.json: by name of a scene and frame, what the
-dependency graph has. Z is up, and a unit is a metre.
+Run by a Python that has bpy. Writes NAME-KIND.SUFFIX for each of FILES, and told.json: the dependency graph's values by scene and
+frame. Z is up, and a unit is a metre.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ SCENES: dict[str, Callable[[], None]] = {}
 
 
 def scene(build: Callable[[], None]) -> Callable[[], None]:
-    """Adds one to the list."""
+    """Registers a function that builds a scene."""
     SCENES[build.__name__] = build
     return build
 
 
 def placed(name: str, data: Any, parent: Any = None, **place: Any) -> Any:
-    """An object in the scene."""
+    """Adds an object to the scene, and returns it."""
     made = bpy.data.objects.new(name, data)
     bpy.context.scene.collection.objects.link(made)
     made.parent = parent
@@ -41,7 +41,7 @@ def placed(name: str, data: Any, parent: Any = None, **place: Any) -> Any:
 
 
 def wedge(name: str) -> Any:
-    """A mesh whose every turn and mirror is another."""
+    """Returns a mesh without any rotational or mirror symmetry."""
     mesh = bpy.data.meshes.new(name)
     corners = [(0, 0, 0), (1, 0, 0), (0, 0.6, 0), (0, 0, 0.3), (0.8, 0.5, 0.1)]
     mesh.from_pydata(corners, [], [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 4), (2, 3, 4), (3, 1, 4)])
@@ -50,7 +50,7 @@ def wedge(name: str) -> Any:
 
 
 def moved(owner: Any, path: str, *values: Any) -> None:
-    """A value at each of FRAMES."""
+    """Animates a property with a value at each of FRAMES."""
     for frame, value in zip(FRAMES, values, strict=True):
         setattr(owner, path, value)
         owner.keyframe_insert(path, frame=frame)
@@ -58,7 +58,7 @@ def moved(owner: Any, path: str, *values: Any) -> None:
 
 @scene
 def hierarchy() -> None:
-    """Parents that are scaled unevenly, mirrored, turned in every way there is, and moved; parents' inverses, deltas."""
+    """Adds parents scaled non-uniformly, mirrored, rotated in every mode, and moved; parent inverses and delta transforms."""
     root = placed("root", None, location=(1, 2, 0.5), rotation_euler=(0.3, -0.2, 0.9), scale=(1, 2, 0.5))
     moved(root, "location", (1, 2, 0.5), (2, 2, 1), (3, 1, 1))
     below = placed("below", wedge("below"), root, location=(0.5, 0.3, 1), rotation_euler=(0.7, 0.1, -0.4))
@@ -88,8 +88,10 @@ def hierarchy() -> None:
 
 @scene
 def rig() -> None:
-    """An armature below a turned and scaled empty: bones of all kinds of heritage, moved by keys and by constraints. At each is
-    a wedge that it alone moves, so that a vertex tells where its joint is; one mesh is between bones, and has shape keys."""
+    """Adds an armature below a rotated and scaled empty, with bones of all inheritance modes, moved by keys and constraints.
+
+    Each bone alone moves a wedge, whose vertices show the joint's position; one mesh is between bones, and has shape keys.
+    """
     carrier = placed("carrier", None, location=(0.5, -1, 0.2), rotation_euler=(0.1, 0.2, 0.5), scale=(1.5, 1.5, 1.5))
     arm = placed("arm", bpy.data.armatures.new("arm"), carrier, location=(0, 0, 1), rotation_euler=(0, 0.3, 0))
     bpy.context.view_layer.objects.active = arm
@@ -158,7 +160,7 @@ def tube_along_z() -> Any:
 
 
 def bound(thing: Any, arm: Any, weights: dict[str, Callable[[Any], float]]) -> None:
-    """Weights that add up to 1."""
+    """Binds a mesh to the armature with weights that add up to 1."""
     groups = {name: thing.vertex_groups.new(name=name) for name in weights}
     for vertex in thing.data.vertices:
         each = {name: weight(vertex.co) for name, weight in weights.items()}
@@ -171,7 +173,7 @@ def bound(thing: Any, arm: Any, weights: dict[str, Callable[[Any], float]]) -> N
 
 @scene
 def instances() -> None:
-    """Collections within collections, placed, mirrored and moved; objects of one mesh."""
+    """Adds nested collection instances, placed, mirrored and moved; and objects that share a mesh."""
     inner = bpy.data.collections.new("inner")
     for i in range(2):
         each = placed(f"leaf {i}", wedge(f"leaf {i}"), location=(i, 0.5 * i, 1), rotation_euler=(0.3 * i, 0.2, 0))
@@ -196,7 +198,7 @@ def instances() -> None:
 
 @scene
 def seen() -> None:
-    """Cameras of every fit and lens, below parents; lights of every kind."""
+    """Adds cameras of every sensor fit and lens, below parents; and lights of every kind."""
     placed("wedge", wedge("wedge"))
     carrier = placed("crane", None, location=(0, -3, 1), rotation_euler=(0.2, 0.1, 0.6), scale=(2, 2, 2))
     moved(carrier, "location", (0, -3, 1), (1, -3, 1), (1, -4, 2))
@@ -257,7 +259,7 @@ PAINTS: dict[str, dict[str, Any]] = {
 
 @scene
 def paints() -> None:
-    """A mesh for each of PAINTS."""
+    """Adds a mesh for each of PAINTS."""
     for i, (name, values) in enumerate(PAINTS.items()):
         made = bpy.data.materials.new(name)
         made.use_nodes = True
@@ -273,7 +275,7 @@ def paints() -> None:
 
 
 def told_of_materials() -> dict[str, Any]:
-    """Every input of the principled BSDFs that is a number or a colour."""
+    """Returns every number and colour input of the principled BSDFs."""
     found = {}
     for name in PAINTS:
         inputs = bpy.data.materials[name].node_tree.nodes["Principled BSDF"].inputs
@@ -283,7 +285,7 @@ def told_of_materials() -> dict[str, Any]:
 
 
 def told(frame: int) -> dict[str, Any]:
-    """Meshes (one after the other, with how many triangles each has), bones, cameras and lights as Blender shows them."""
+    """Returns meshes (concatenated, with triangle counts), bones, cameras and lights as Blender evaluates them at a frame."""
     here = bpy.context.scene
     here.frame_set(frame)
     graph = bpy.context.evaluated_depsgraph_get()
@@ -328,7 +330,7 @@ def told(frame: int) -> dict[str, Any]:
 
 
 def main(folder: Path, names: list[str]) -> None:
-    """The command."""
+    """Writes the scenes with these names."""
     found: dict[str, Any] = {}
     for name in names or SCENES:
         bpy.ops.wm.read_factory_settings(use_empty=True)
