@@ -1,8 +1,7 @@
 """Runs work in a forked child with limits on memory and time, so that no input can end the worker.
 
-The child is forked rather than started afresh: it has the parent's compiled kernels and readers, and starts within
-milliseconds. The parent must be single-threaded, as the children of Celery's prefork pool are. The child may start as many
-threads as it likes.
+The child is forked rather than started anew: it has the parent's compiled kernels and readers, and starts within milliseconds.
+The parent must be single-threaded, as the children of Celery's prefork pool are. The child may start any number of threads.
 """
 
 from __future__ import annotations
@@ -36,8 +35,8 @@ Send = Callable[[dict[str, Any]], None]
 class Bounds:
     """Limits of a child process, and the subject of error sentences.
 
-    memory_bytes: in addition to this process's current use. seconds: of work. faults: exceptions whose message is the sentence.
-    subject: how all other sentences begin.
+    memory_bytes: in addition to this process's current use. seconds: limit of working time. faults: exceptions whose message
+    becomes the error sentence. subject: the beginning of all other sentences.
     """
 
     memory_bytes: int
@@ -54,11 +53,12 @@ def run_bounded(
     faults: tuple[type[Exception], ...] = (),
     subject: str = "The file",
 ) -> dict[str, Any]:
-    """Returns the JSON-ready dict that `work` returns in a child with `memory_bytes` more than now and a limit of `seconds`.
+    """Runs `work` in a bounded child and returns its result, a JSON-ready dict.
 
-    work: is passed a function that sends a JSON-ready dict to the parent's `on_message` at any time.
-    faults: exceptions whose message is the sentence. Raises WorkError with a sentence that begins with `subject` for every other
-    failure: an exception, memory, time, a crash. Raises MachineError if this machine is the cause.
+    work: is passed a function that sends a JSON-ready dict to the parent's `on_message` at any time. memory_bytes: in addition to
+    this process's current use. seconds: limit of working time. faults: exceptions whose message becomes the error sentence.
+    Raises WorkError with a sentence that begins with `subject` for every other failure: an exception, memory, time, a crash.
+    Raises MachineError if this machine is the cause.
     """
     bounds = Bounds(memory_bytes, seconds, faults, subject)
     child, reading = begin(work, bounds)
@@ -79,7 +79,7 @@ def run_bounded(
 def begin(work: Callable[[Send], dict[str, Any]], bounds: Bounds) -> tuple[int, int]:
     """Forks a child that runs `work` as in `run_bounded`; returns its pid and the descriptor for its messages.
 
-    The last message has the result as `answer`, or an `error`. Raises MachineError.
+    The last message has the result as `answer`, or an `error`. Raises MachineError if the fork fails.
     """
     parent = os.getpid()
     try:
@@ -106,12 +106,12 @@ def end(child: int, reading: int, is_done: bool) -> int:
         with contextlib.suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL)
         return os.waitpid(child, 0)[1]
-    # Either it hangs, or it has closed its pipe and is ending by itself: a crash must keep its own signal.
+    # The child either hangs, or has closed its pipe and is ending: a crash must keep its own signal.
     return _wait(child, 1.0)[1]
 
 
 def answer_of(message: dict[str, Any], bounds: Bounds) -> dict[str, Any]:
-    """Returns the result in the last message. Raises WorkError or MachineError if it is an error."""
+    """Returns the result in the last message; raises its error as WorkError or MachineError."""
     if "error" in message:
         sentence = message["error"]
         if message.get("machine"):
@@ -223,7 +223,7 @@ def _wait(child: int, seconds: float) -> tuple[int, int]:
 
 
 def how_it_ended(status: int, bounds: Bounds) -> str:
-    """Returns a sentence about a child that ended without a result."""
+    """Returns an error sentence for a child that ended without a result."""
     subject, memory_bytes = bounds.subject, bounds.memory_bytes
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)

@@ -18,13 +18,13 @@ from tests.grids import leave_out_long
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import get_ready, ready_first
 
-# A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
+# A shell that starts the tests in the background makes them ignore Ctrl-C, which their child processes would inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Plain HTTP needs no certificates, and every client reads all that it finds: here there are none.
+# Plain HTTP needs no certificates, which every client would read; this folder has none.
 os.environ.setdefault("SSL_CERT_DIR", str(Path(__file__).parent))
 
-# Handed out in this order: first what needs no kernel, while these are compiled.
+# Test files in the order in which they start: first those without kernels, while kernels are compiled.
 FIRST = (
     "test_",
     "protocol/",
@@ -34,12 +34,11 @@ FIRST = (
     "renderer/test_target",
 )
 
-# These start processes and mostly wait for them. They are spread evenly, in this order, among the others, which keep the
-# processors busy meanwhile.
+# These start processes and mostly wait for them, so they are spread evenly, in this order, among tests that use the processors.
 WAITING = ("worker/", "rayfarm/", "chaos/")
 
-# The files that use `farm` or `browser`. One process runs them all, so that there is one farm and one browser. They are handed
-# out first, in this order, since together they take longest. The last one kills processes of the farm.
+# Files that use `farm` or `browser`. One process runs them all, so that there is one farm and one browser. They start first, in
+# this order, since together they take longest. The last one kills processes of the farm.
 SHARE_A_FARM = (
     "tests/e2e/",
     "tests/rayfarm/test_with_farm.py",
@@ -48,19 +47,19 @@ SHARE_A_FARM = (
     "tests/chaos/test_digest",
 )
 
-# How long an example takes says more about the machine than about the code. Most properties that do not hold fail early.
+# An example's duration depends more on the machine than on the code. Most false properties fail early.
 hypothesis.settings.register_profile("long", deadline=None)
 hypothesis.settings.register_profile("ordinary", deadline=None, max_examples=20)
 hypothesis.settings.load_profile("long")
 
 
 def is_ordinary(config: pytest.Config) -> bool:
-    """Returns True if tests marked `long` are excluded."""
+    """Returns whether tests marked `long` are excluded."""
     return bool(config.option.markexpr == "not long")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Loads hypothesis' profile before collection, and lets each process of xdist import other files first.
+    """Loads hypothesis' profile before collection, and makes each process of xdist import other files first.
 
     Every process imports every file. In a fresh clone the first import of a file rewrites its assertions and caches the result,
     which takes longer than all other imports; so each process starts with a different share.
@@ -75,9 +74,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def rotated(process: int, count: int) -> list[str]:
-    """Returns the folders and files that process number `process` of `count` collects: all, beginning with its own share.
+    """Returns all folders and files for process `process` of `count` to collect, beginning with its own share.
 
-    Folders are named where possible, since pytest lists a folder anew for each file of it that is named.
+    Folders are named where possible, since pytest lists a folder again for each of its files that is named.
     """
     tests = Path(__file__).parent
     files = [path.relative_to(tests).parts for path in sorted(tests.rglob("test_*.py"))]
@@ -89,7 +88,7 @@ def rotated(process: int, count: int) -> list[str]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Collects no garbage meanwhile: nearly all that is imported stays."""
+    """Disables garbage collection during test collection, since nearly all imported objects stay."""
     gc.disable()
     try:
         return (yield)
@@ -99,7 +98,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str, obj: object) -> list[pytest.Item] | None:
-    """Creates no items for tests marked `long` in an ordinary run, which is faster than deselecting a quarter of all tests."""
+    """Creates no items for tests marked `long` in a default run, which is faster than deselecting a quarter of all tests."""
     if not is_ordinary(collector.config) or not collector.funcnamefilter(name):
         return None
     marks = [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
@@ -107,7 +106,10 @@ def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str
 
 
 class ByFile(LoadFileScheduling):
-    """xdist's `loadfile`, with files that share a farm as one group. (Its `loadgroup` fails with pytest 9.1 and later.)"""
+    """Distributes tests like xdist's `loadfile`, with files that share a farm as one group.
+
+    xdist's `loadgroup` fails with pytest 9.1 and later.
+    """
 
     def _split_scope(self, nodeid: str) -> str:
         return "farm" if nodeid.startswith(SHARE_A_FARM) else super()._split_scope(nodeid)
@@ -124,7 +126,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def hand_out(files: Iterable[str]) -> dict[str, tuple[float, str]]:
-    """Returns the place of each test file in the order of the run; `files` are relative to the root of the clone."""
+    """Returns each test file's sort key in the order of the run; `files` are relative to the root of the clone."""
     groups: dict[str, list[tuple[int, str]]] = {"farm": [], "waiting": [], "busy": []}
     for file in files:
         name = file.removeprefix("tests/")
@@ -145,12 +147,12 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_sessionfinish() -> None:
-    gc.unfreeze()  # else what looks for leaks at the very end finds some
+    gc.unfreeze()  # otherwise the leak check at the end finds false leaks
 
 
 @pytest.fixture(scope="session", autouse=True)
 def kernels(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Ensures that each kernel is compiled by one process. The service has none."""
+    """Makes one process compile each kernel, for all tests except the service's, which uses no kernels."""
     if all("service" in item.path.parts for item in request.session.items):
         yield
         return
@@ -160,15 +162,15 @@ def kernels(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def redis_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The URL of a real Redis server of the test run."""
+    """Yields the URL of a real Redis server for the test run."""
     with running_redis(tmp_path_factory.mktemp("redis")) as url:
         yield url
 
 
 @pytest.fixture(scope="session")
 def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
-    """A farm with two slots, shared by the tests of a process. Lost batches are soon handed out again."""
-    get_ready("plain")  # else who waits for a picture waits for its kernel too
+    """Yields a farm with two slots, shared by the tests of a process, which quickly repeats lost batches."""
+    get_ready("plain")  # otherwise the first picture would also wait for its kernel
     farm = start_farm(tmp_path_factory.mktemp("farm") / "data", 2, module="tests.without_spares", RAYFARM_BATCH_DEADLINE="5")
     yield farm
     stop_farm(farm)
@@ -176,7 +178,7 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 
 @pytest.fixture(scope="session")
 def program() -> str:
-    """Node.js; the test is skipped if there is none."""
+    """Returns the path of Node.js; skips the test if there is none."""
     path = shutil.which("node")
     if path is None:
         pytest.skip("no Node.js on the PATH (Debian: apt-get install nodejs)")

@@ -1,4 +1,4 @@
-"""A real server on loopback that is no farm: it answers every request with the same bytes."""
+"""A real server on loopback that is no farm: it responds to every request with the same bytes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def http_answer(body: bytes, content_type: str = "application/json", status: str
 HTML = http_answer(b"<!DOCTYPE html><title>Welcome to nginx!</title>", "text/html")
 EMPTY = http_answer(b"", "text/plain")
 
-# What a person's typing error may reach, and the words by which the sentence tells it apart.
+# Servers that a mistyped address may reach, with their response and the words that identify them in the error.
 NOT_A_FARM: dict[str, tuple[bytes, str]] = {
     "html": (HTML, "an HTML page"),
     "empty": (EMPTY, "an empty answer"),
@@ -41,7 +41,7 @@ NOT_A_FARM: dict[str, tuple[bytes, str]] = {
 
 @contextmanager
 def foreign_server(answer: bytes | Callable[[bytes], bytes | Iterator[bytes]]) -> Iterator[int]:
-    """Yields the server's port. answer: the response, or a function of the request line."""
+    """Runs the server in the `with` block; yields its port. answer: the response, or a function of the request line."""
 
     class Handler(socketserver.StreamRequestHandler):
         def handle(self) -> None:
@@ -57,7 +57,7 @@ def foreign_server(answer: bytes | Callable[[bytes], bytes | Iterator[bytes]]) -
                     self.wfile.write(part)
                     self.wfile.flush()
             except OSError:
-                pass  # the other end has heard enough
+                pass  # the client has closed the connection
 
     server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Handler)
     server.daemon_threads = True

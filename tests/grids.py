@@ -1,4 +1,4 @@
-"""Parametrized grids of tests: the corners are ordinary, other cells `long`."""
+"""Parametrized grids of tests: corner cells run by default, other cells are marked `long`."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def grid(
 ) -> pytest.MarkDecorator:
     """Returns `pytest.mark.parametrize` with most cells marked `long`.
 
-    ordinary: cells of the ordinary run, by their first value or id; None: the first and the last. A name without a cell is an
-    error, so that a renamed cell does not silently leave the ordinary run.
+    ordinary: cells of the default run, by their first value or id; None: the first and the last. A name without a cell is an
+    error, so that a renamed cell does not silently leave the default run.
     """
     several = (not isinstance(names, str) and len(names) > 1) or (isinstance(names, str) and "," in names)
     cells = [value if isinstance(value, ParameterSet) else pytest.param(*(value if several else (value,))) for value in values]

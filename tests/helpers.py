@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 class running_redis:  # noqa: N801 - used like a function
-    """A Redis server on a free port for the duration of a `with` block; `stop` and `start` may be called in between."""
+    """A Redis server on a free port for the duration of a `with` block; `stop` and `start` may be called in it."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -65,7 +65,7 @@ class running_redis:  # noqa: N801 - used like a function
 
 
 def wait_until(condition: Callable[[], bool], seconds: float, what: str) -> None:
-    """Waits for a condition; fails with a description of it after the timeout."""
+    """Waits until a condition is true; after `seconds` fails with its description."""
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
@@ -96,7 +96,7 @@ class Farm:
         return [me, *me.children(recursive=True)]
 
     def logs(self) -> str:
-        """Returns the last lines of all logs, for failed tests."""
+        """Returns the last lines of all logs, for messages of failed tests."""
         files = [self.log, *sorted((self.data / "logs").glob("*.log"))]
         return "\n".join(f"--- {path.name}\n{path.read_text(errors='replace')[-3000:]}" for path in files if path.exists())
 
@@ -111,10 +111,7 @@ def start_farm(data: Path, workers: int, until: bytes = b"Ready", module: str = 
 
 
 def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", **environment: str) -> Farm:
-    """Starts a farm by a given command, with its data in `data`.
-
-    Films are not reused, so that repeated jobs are rendered again.
-    """
+    """Starts a farm by a given command, with its data in `data`. Films are not reused, so repeated jobs are rendered again."""
     environment = {"RAYFARM_REUSE_FILMS": "false", **environment}
     log = data.parent / f"{data.name}-up.log"
     with log.open("ab") as out:

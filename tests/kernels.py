@@ -1,4 +1,4 @@
-"""Compiles the kernels of the ordinary tests (`python -m tests.kernels`), in a process beside the tests.
+"""Compiles the kernels of the default tests (`python -m tests.kernels`), in a process parallel to the tests.
 
 These are the variants `plain` and `full`, and the kernel for one path at a time. Tests that need others (motion, media, Whitted,
 ambient occlusion) are marked `long`.
@@ -22,7 +22,7 @@ __all__ = ["get_ready", "ready_first"]
 
 
 def get_ready(variant: str, **settings: Any) -> None:
-    """Compiles or loads the kernel of a variant in this process, since the tests use all processors."""
+    """Compiles or loads the kernel of a variant, without helper processes, since the tests use all processors."""
     from renderer.parallel_compile import Helpers
     from renderer.render import warm_up
     from renderer.settings import RenderSettings, View
@@ -33,9 +33,9 @@ def get_ready(variant: str, **settings: Any) -> None:
 
 @contextmanager
 def ready_first(is_ordinary: bool) -> Iterator[None]:
-    """Makes every render of this process prepare its kernel first: one process compiles it, others wait and load it.
+    """Makes every render of this process prepare its kernel first: one process compiles it, the others wait and load it.
 
-    is_ordinary: whether a kernel that `main` does not compile fails the test.
+    is_ordinary: whether a kernel that `main` does not compile makes the test fail.
     """
     from renderer import render
     from renderer.arrays.scene_features import KERNEL_VARIANTS
@@ -61,13 +61,13 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
 
 
 def main() -> None:
-    """Compiles the kernels, those that farms need first before others."""
+    """Compiles the kernels, those needed by farms first."""
     from renderer.render import FULL, PLAIN
 
-    gc.disable()  # a twelfth of the time, and what compiles has next to none
+    gc.disable()  # garbage collection takes 1/12 of the time, and compilation leaves almost no garbage
     get_ready(PLAIN)
     get_ready(FULL)
-    get_ready(FULL, sampling="light")  # one path at a time
+    get_ready(FULL, sampling="light")  # the kernel for one path at a time
 
 
 if __name__ == "__main__":

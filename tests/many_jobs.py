@@ -1,4 +1,4 @@
-"""A farm database with very many jobs, as after years of work; rows only."""
+"""Fills a farm database with very many jobs, as after years of use; rows only."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from service.store.models import Frame, Job, Scene
 __all__ = ["many_jobs"]
 
 STATES = ("finished", "finished", "failed", "finished", "cancelled")
-PAUSED_EVERY = 500  # those are taken up by the engine, and so they are few
+PAUSED_EVERY = 500  # few, since the engine loads paused jobs
 SCENES = ("Kitchen", "Milk truck", "Cornell box", "Atrium at noon")
 _VIEW = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0))
 _FIRST = 1_700_000_000.0
 
 
 def many_jobs(sessions: Sessions, n: int) -> None:
-    """Inserts n jobs, one per minute: of four scenes, most of them finished, every tenth a shot of three frames."""
+    """Inserts n jobs of four scenes, one per minute, most of them finished; every tenth is a shot of three frames."""
     settings = RenderSettings(view=_VIEW, width=640, height=360).to_json()
     with sessions.begin() as session:
         session.execute(

@@ -1,4 +1,4 @@
-"""A site reducer as a separate process, controlled by a test or benchmark."""
+"""A site reducer in a separate process, controlled by a test or benchmark."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["ReducerProcess"]
 
 
 class ReducerProcess:
-    """A reducer process, started on construction; its data is in `folder`, and remains there for the next process."""
+    """A reducer process, started on construction; its data stays in `folder` for the next process."""
 
     def __init__(self, store: redis.Redis, service: str, token: str, folder: Path, name: str = "attic", port: int = 0) -> None:
         self.store = store
@@ -31,7 +31,7 @@ class ReducerProcess:
         wait_until(self._is_there, 60, "the reducer is there")
 
     def report(self) -> SiteReport | None:
-        """Returns the latest report; None if the process has stopped reporting."""
+        """Returns the reducer's latest report; None if it has stopped reporting."""
         data = self.store.get(site_key(self.name))
         return SiteReport.from_bytes(data) if isinstance(data, bytes) else None
 
@@ -41,7 +41,7 @@ class ReducerProcess:
         self.process.wait()
 
     def stop(self) -> int:
-        """Stops the process as from a terminal; returns its exit code."""
+        """Stops the process as by Ctrl-C; returns its exit code."""
         self.process.terminate()
         return self.process.wait(60)
 

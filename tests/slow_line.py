@@ -15,9 +15,9 @@ __all__ = ["held_up"]
 
 @contextlib.contextmanager
 def held_up(url: str, late_s: float = 0.0, rate: float | None = None) -> Iterator[str]:
-    """Yields the server's address through a connection with latency `late_s` in both directions.
+    """Yields the server's URL by way of a connection with latency `late_s` in both directions.
 
-    rate: maximum bytes a second to the server; the sender is blocked beyond that.
+    rate: maximum bytes per second to the server, above which the sender is blocked.
     """
     where = urlsplit(url)
     with socket.create_server(("127.0.0.1", 0)) as server:

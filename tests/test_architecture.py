@@ -1,4 +1,4 @@
-"""Import rules of the page and of single modules; those between packages are contracts in pyproject.toml (`farm.py check`)."""
+"""Tests of import rules of the page and of single modules; pyproject.toml has those between packages (`farm.py check`)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PAGE = (
     "compare",
     "views",
     "main.js",
-)  # each knows those before it
+)  # each may import those before it
 
 
 @pytest.mark.long
@@ -58,7 +58,7 @@ def test_the_arrows_of_the_page_point_one_way() -> None:
     assert not wrong, f"of {PAGE} each folder imports from those before it: {wrong}"
 
 
-# Parsing a thousand files takes five times as long as finding the imports in their text.
+# Parsing a thousand files takes five times as long as finding their imports by a regular expression.
 TYPES_ONLY = re.compile(r"^if TYPE_CHECKING:\n(?:[ ]+.*\n|\n)+", re.MULTILINE)
 FROM = re.compile(r"^[ ]*from ([\w.]+) import (?:\(([^)]*)\)|([^(\n]+))", re.MULTILINE)
 IMPORT = re.compile(r"^[ ]*import ([\w.]+(?: as \w+)?(?:, [\w.]+(?: as \w+)?)*)", re.MULTILINE)
@@ -78,7 +78,7 @@ def _imports(path: Path, modules: set[str]) -> set[str]:
 
 
 def test_no_modules_import_each_other() -> None:
-    """No import cycles, including imports in functions and `import_module`."""
+    """There are no import cycles, including imports in functions and by `import_module`."""
     paths = {
         path.relative_to(ROOT).with_suffix("").parts: path for package in PACKAGES for path in (ROOT / package).rglob("*.py")
     }
@@ -88,7 +88,7 @@ def test_no_modules_import_each_other() -> None:
 
 
 def test_no_modules_of_the_page_import_each_other() -> None:
-    """No import cycles in web/js, including dynamic imports but not types in comments."""
+    """There are no import cycles in web/js, including dynamic imports but not types in comments."""
     graph: dict[Path, set[Path]] = {}
     for path in (ROOT / "web" / "js").rglob("*.js"):
         code = re.sub(r"/\*.*?\*/|^\s*//.*?$", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
@@ -98,7 +98,7 @@ def test_no_modules_of_the_page_import_each_other() -> None:
 
 
 def test_what_the_table_of_additions_names_is_there() -> None:
-    """All paths in docs/architecture.md, "To add X, touch Y", exist.
+    """All paths in the table of docs/architecture.md, "To add X, touch Y", exist.
 
     A file without a folder belongs to the folder of the first in its list.
     """
@@ -107,7 +107,7 @@ def test_what_the_table_of_additions_names_is_there() -> None:
         folder = ROOT
         for word in re.findall(r"`([\w./-]+)`", row.split("|", 2)[2]):
             if "/" not in word and Path(word).suffix not in (".py", ".js", ".md", ".json", ".yaml", ".jpg"):
-                continue  # a name in the code
+                continue  # an identifier, not a path
             pattern = word.replace("NAME", "*").strip("/")
             near = [folder.relative_to(ROOT).as_posix() + "/" + pattern, pattern]
             found = [path for each in near for path in ROOT.glob(each)]

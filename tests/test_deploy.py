@@ -1,4 +1,4 @@
-"""Deployment files for clusters and clouds, checked against the schemas of Kubernetes and against the sources."""
+"""Tests of deployment files for clusters and clouds, against Kubernetes' schemas and the sources."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_images_are_tagged_by_version() -> None:
 
 
 def test_in_compose_the_first_process_reaps_what_a_health_check_leaves() -> None:
-    """Containers have an init process: a killed health check leaves children, which count towards pids_limit as zombies."""
+    """Containers have an init process: a killed health check leaves zombies, which count towards pids_limit."""
     services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
     assert {name for name, service in services.items() if "pids_limit" in service and not service.get("init")} <= {"caddy"}
     assert "healthcheck" not in services["caddy"]
@@ -178,7 +178,7 @@ def test_two_services_differ_from_one_in_what_they_must() -> None:
 def test_what_follows_from_the_sources_is_found_while_the_workers_image_is_built() -> None:
     """The digest of the sources is computed while the worker's image is built.
 
-    Containers cannot write beside the sources; each would compute it at its start, in a second of processor time.
+    Containers have read-only sources, so each would compute it at its start, in a second of processor time.
     """
     _, kernels, rest = re.split("^FROM base AS (?=kernels|worker)", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
     assert kernels.startswith("kernels\n")
@@ -206,7 +206,7 @@ def test_every_container_of_ours_is_confined(name: str) -> None:
 
 
 def test_only_the_farm_is_on_redis_s_network() -> None:
-    """Exactly the farm's containers are on Redis's network, and only they have the secrets."""
+    """Only the farm's containers are on Redis's network and have its secrets."""
     on_queue = {name for name, container in COMPOSE.items() if "queue" in container.get("networks", [])}
     assert on_queue == {"redis", "service", "standby", "worker", "old-worker"}
     assert COMPOSE["redis"]["networks"] == ["queue"]
@@ -243,7 +243,7 @@ def test_what_the_file_says_by_itself_changes_nothing() -> None:
 
 
 def test_compose_is_understood_by_its_first_release_too() -> None:
-    """The file needs no nested defaults, which Compose's first release does not support."""
+    """docker-compose.yml uses no nested defaults, which Compose's first release does not support."""
     assert not re.search(r"\$\{[^}]*\$\{", (ROOT / "docker-compose.yml").read_text())
 
 

@@ -1,4 +1,4 @@
-"""Corners of a grid are ordinary, and so are named cells."""
+"""Tests that a grid's corners, or the named cells, are in the default run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The order in which test files are handed out to the processes of a run."""
+"""Tests of the order in which test files are handed out to the processes of a run."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_the_farm_comes_first_and_files_that_wait_are_spread() -> None:
 
 
 def test_the_order_does_not_depend_on_the_order_of_collection() -> None:
-    """xdist requires that all processes have the same order; each collects other files first."""
+    """The order is the same in all processes, as xdist requires, although each collects other files first."""
     assert hand_out(FILES) == hand_out(FILES[::-1])
 
 

@@ -1,4 +1,4 @@
-"""A wheel installed by `pip install rayfarm` runs a whole farm in any folder."""
+"""Tests that a wheel installed by `pip install rayfarm` runs a whole farm in any folder."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def wheel_in(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel; the source archive is beside it."""
+    """Returns the path of the wheel; the source archive is in the same folder."""
     return wheel_in(built(ROOT, tmp_path_factory.mktemp("wheel"), "sdist", "wheel"))
 
 
@@ -85,7 +85,7 @@ def test_the_wheel_says_what_it_is(wheel: Path) -> None:
 
 
 def test_a_wheel_takes_kernels_along_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A wheel with kernels is for this Python and system only; a folder without kernels is refused."""
+    """A wheel with kernels is only for this Python and system; a folder without kernels is refused."""
     compiled = tmp_path / "compiled" / "kernels" / "abc"
     compiled.mkdir(parents=True)
     monkeypatch.setenv("RAYFARM_WHEEL_KERNELS", str(tmp_path / "compiled"))
@@ -112,7 +112,7 @@ def test_the_source_archive_makes_the_same_wheel(wheel: Path, tmp_path: Path) ->
 
 
 def everything_works(farm: Farm) -> None:
-    """Checks the page, an example, an upload and a picture."""
+    """Asserts that the page, an example, an upload and a picture work."""
     page = httpx.get(farm.url)
     assert (page.status_code, "<title>" in page.text) == (200, True)
     module = httpx.get(f"{farm.url}/js/main.js")
@@ -144,7 +144,7 @@ def test_up_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
         done = subprocess.run(
             bench, cwd=elsewhere, env={**os.environ, **environment}, capture_output=True, text=True, check=False
         )
-        assert "Without the BVH this takes about" in done.stderr  # and its example scene was found
+        assert "Without the BVH this takes about" in done.stderr  # the example scene was found
     finally:
         stop_farm(farm)
 
@@ -156,7 +156,7 @@ def test_installed_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
     venv.create(tmp_path / "venv", with_pip=True)
     program = tmp_path / "venv" / "bin"
     pip = [program / "python", "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
-    fetch = {name: value for name, value in os.environ.items() if name != "SSL_CERT_DIR"}  # which tests/conftest.py sets
+    fetch = {name: value for name, value in os.environ.items() if name != "SSL_CERT_DIR"}  # set by tests/conftest.py
     command = [*pip, wheel, "--constraint", ROOT / "constraints.txt"]
     done = subprocess.run(command, cwd=tmp_path, env=fetch, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -181,7 +181,7 @@ def test_where_the_data_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     assert not (tmp_path / "rayfarm").exists(), "asking makes no folder"
 
 
-# renderer/blender/inside runs in Blender's own Python, which has them.
+# renderer/blender/inside runs in Blender's own Python, which has these modules.
 BLENDERS_OWN = {"bmesh", "bpy", "mathutils", "zstandard"}
 
 
@@ -208,7 +208,7 @@ def test_a_slim_image_installs_what_it_imports(image: str, runs: list[str], grap
 
 
 def with_their_own(wanted: list[Requirement]) -> set[str]:
-    """Returns distributions with all their dependencies."""
+    """Returns the distributions and all their dependencies."""
     found: set[str] = set()
     seen: set[tuple[str, str]] = set()
     todo = [(each.name, extra) for each in wanted for extra in {"", *each.extras}]
@@ -220,7 +220,7 @@ def with_their_own(wanted: list[Requirement]) -> set[str]:
         found.add(normal(name))
         try:
             needs = importlib.metadata.requires(name) or []
-        except importlib.metadata.PackageNotFoundError:  # what another platform or another database needs
+        except importlib.metadata.PackageNotFoundError:  # needed only on another platform or with another database
             continue
         for each in map(Requirement, needs):
             if each.marker is None or each.marker.evaluate({"extra": extra}):

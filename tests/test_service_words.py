@@ -1,4 +1,4 @@
-"""Every sentence of service, workers and readers has a code and a translation in web/words/service.*.json."""
+"""Tests that every sentence of service, workers and readers has a code and a translation in web/words/service.*.json."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WITH_NUMBERS = {"file-not-utf-8", "upload-name-not-utf-8", "upload-field-not-utf
 
 
 class Said(NamedTuple):
-    """A sentence in the sources."""
+    """A sentence found in the sources."""
 
     code: str
     template: str
@@ -47,7 +47,7 @@ def _of(path: Path) -> Iterator[Said]:
 
 
 def _call(source: str, start: int) -> ast.Call:
-    """Returns the call that starts at an offset. Parsing whole files takes ten times as long."""
+    """Returns the call that starts at an offset; parsing whole files takes ten times as long."""
     end = start
     while True:
         end = source.index(")", end) + 1
@@ -60,7 +60,7 @@ def _call(source: str, start: int) -> ast.Call:
 
 
 def _catalogue(language: str) -> dict[str, str]:
-    """Returns the texts of a language by code. Fails if a code is there twice: the later would replace the earlier in silence."""
+    """Returns a language's texts by code; fails on a duplicate code, whose later text would silently replace the earlier."""
     text = (ROOT / "web" / "words" / f"service.{language}.json").read_text(encoding="utf-8")
     pairs: list[tuple[str, str]] = json.loads(text, object_pairs_hook=list)
     assert not [code for code, count in Counter(code for code, _ in pairs).items() if count > 1]
@@ -68,7 +68,7 @@ def _catalogue(language: str) -> dict[str, str]:
 
 
 def test_a_code_has_one_template() -> None:
-    """A full stop at the end makes no difference: `Sentence.removesuffix` keeps the code too."""
+    """A code has one template, ignoring a full stop at the end: `Sentence.removesuffix` keeps the code."""
     templates = defaultdict(set)
     for each in _said():
         templates[each.code].add(each.template.removesuffix("."))
@@ -76,7 +76,7 @@ def test_a_code_has_one_template() -> None:
 
 
 def test_a_template_has_one_code() -> None:
-    """The same English text has the same code everywhere, whatever its parameters are called."""
+    """An English text has the same code everywhere, whatever the names of its parameters."""
     codes = defaultdict(set)
     for each in _said():
         text = PLACES.sub("{}", each.template).removesuffix(".")
@@ -141,7 +141,7 @@ def _trees(folders: tuple[str, ...]) -> Iterator[tuple[str, ast.Module]]:
 
 
 def _prose(node: ast.expr) -> str | None:
-    """Returns the English text of an expression outside of `Sentence`, with {} for values; None if it has none."""
+    """Returns the English text of an expression outside of `Sentence`, with {} for values; None if it contains none."""
     if isinstance(node, ast.IfExp):
         return _prose(node.body) or _prose(node.orelse)
     if isinstance(node, ast.BoolOp):
@@ -163,7 +163,7 @@ def test_readers_raise_sentences_with_codes() -> None:
 
 
 def test_parameters_are_not_prose() -> None:
-    """A phrase within a sentence is a `Sentence` of its own, so that the page translates it too."""
+    """A phrase in a sentence's parameters must be a `Sentence` of its own, so that the page translates it too."""
     plain = [
         f"{at}:{node.lineno}: {text}"
         for at, tree in _trees(SPEAKERS)

@@ -1,4 +1,4 @@
-"""A setting is declared once; the command, the API, scene files and the page derive from it."""
+"""Tests that a setting is declared once; the command, the API, scene files and the page derive from it."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_scene_files_and_their_guide_have_it() -> None:
 
 
 def test_the_page_is_told_of_it() -> None:
-    """The page receives the new setting; tests/e2e/test_settings_form.py checks its field."""
+    """The page receives a new setting; tests/e2e/test_settings_form.py checks its field."""
     told = {each["name"]: each for each in json.loads(json.dumps(described(ALL)))["settings"]}
     assert told["glitter"]["off"] == {"value": 0, "label": "dull"}
     assert told["glitter"]["integrators"] == ["path"]
@@ -119,7 +119,7 @@ def test_a_failing_batchs_command_has_it(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_every_setting_is_described() -> None:
-    """Every setting has a description in sentences, and names only existing integrators and projections."""
+    """Every setting has a description in sentences, and its choices are existing integrators and projections."""
     told = described()
     integrators = {choice["name"] for choice in next(s for s in told["settings"] if s["name"] == "integrator")["choices"]}
     projections = {choice["name"] for choice in next(s for s in told["view"] if s["name"] == "projection")["choices"]}

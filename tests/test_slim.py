@@ -1,4 +1,4 @@
-"""deploy/images/slim.py removes unused files, tested on a few libraries of this installation."""
+"""Tests of deploy/images/slim.py, which removes unused files, on a few libraries of this installation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from tests.helpers import ROOT
 
-LIBRARY = "_dispatcher"  # Numba's, whose symbols are most of it
+LIBRARY = "_dispatcher"  # one of Numba's libraries, most of which is symbols
 
 
 def library(package: str, pattern: str) -> Path:
@@ -22,7 +22,7 @@ def library(package: str, pattern: str) -> Path:
 
 @pytest.fixture
 def venv(tmp_path: Path) -> Path:
-    """A virtual environment's folders with some used and some unused files."""
+    """Returns the folder of a virtual environment with some used and some unused files."""
     packages = tmp_path / "lib" / "python3.12" / "site-packages"
     for name in (
         "pip/main.py",
@@ -64,7 +64,7 @@ def test_libraries_lose_symbols_and_copies_and_load_as_before(venv: Path) -> Non
     whole = library("numba", f"{LIBRARY}.*.so")
     shutil.copy(whole, folder / "one.so")
     shutil.copy(whole, folder / "one.so.1")
-    # auditwheel moved the segments of these: `strip` leaves a file that does not load.
+    # auditwheel moved these files' segments, after which `strip` makes them unloadable.
     moved = [path for name in ("libgfortran", "libquadmath") for path in library("numpy", "../numpy.libs").glob(f"{name}*")]
     for path in moved:
         shutil.copy(path, folder)

@@ -1,4 +1,4 @@
-"""The page's texts are in every catalogue of web/words/, and no catalogue has unused ones."""
+"""Tests that the page's texts are in every catalogue of web/words/, and that no catalogue has unused ones."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from tests.helpers import ROOT
 
 WEB = ROOT / "web"
 LITERAL = r'"((?:[^"\\]|\\.)*)"'
-# t("…"), tn(n, "one", "many"): the first argument of a count may hold one pair of brackets in another.
+# t("…"), tn(n, "one", "many"): the first argument of tn may contain nested parentheses once.
 ONE = re.compile(rf"\bt\(\s*{LITERAL}")
 COUNTED = re.compile(rf"\btn\(\s*(?:[^()\"]|\((?:[^()\"]|\([^()\"]*\))*\))+?,\s*{LITERAL},\s*{LITERAL}")
 PLACE = re.compile(r"\{\w*\}")
 
 
 def test_a_text_is_found_wherever_it_stands() -> None:
-    """The extraction of texts, on which the other tests depend, finds all forms."""
+    """The extraction of texts, on which the other tests depend, finds all forms of calls."""
     source = 't("One {n}", { n }) + tn(f(a.b(c), 1), "{n} day", "{n} days") + t(\n  "Two") + at("none") + t(label)'
     assert texts_of(source) == {"One {n}", "{n} day", "{n} days", "Two"}
 

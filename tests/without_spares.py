@@ -1,4 +1,4 @@
-"""`rayfarm up` without spare processes (`python -m tests.without_spares`), each of which takes two seconds of CPU."""
+"""Runs `rayfarm up` without spare processes (`python -m tests.without_spares`), each of which takes two seconds of CPU."""
 
 from __future__ import annotations
 

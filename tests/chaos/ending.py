@@ -1,4 +1,4 @@
-"""Stopping a farm: it ends in time, logs its end, and leaves no process behind."""
+"""Checks that a stopped farm ends in time, logs its end, and leaves no process behind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A worker on a machine that miscalculates: a real one that flips one bit in the sums of every fifth batch.
+"""A worker on a machine that miscalculates: a real worker that flips one bit in the sums of every fifth batch.
 
 python -m tests.chaos.miscalculating --service URL --slots 1 --name NAME
 """
@@ -16,7 +16,7 @@ _exact = render.render_batch
 
 
 def spoiled(scene: Any, settings: Any, tile: Any, first: int, count: int) -> Any:
-    """As `render_batch`, but with simulated memory errors."""
+    """Returns the result of `render_batch` with simulated memory errors."""
     found = _exact(scene, settings, tile, first, count)
     spoiled.made += 1  # type: ignore[attr-defined]
     if spoiled.made % EVERY:  # type: ignore[attr-defined]

@@ -1,4 +1,6 @@
-"""A .blend in a real farm with a real Blender: its job is cancelled while Blender opens the file, and Blender is killed."""
+"""Tests of a .blend in a real farm with a real Blender: the job is cancelled while Blender opens the file, and Blender is
+killed.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,7 @@ bpy.ops.object.camera_add(location=(0, 0, 6))
 bpy.context.scene.camera = bpy.context.object
 bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1])
 """
-SLOW, QUICK = 9, 1  # times that a cube is subdivided: a million and a half faces, or a few
+SLOW, QUICK = 9, 1  # subdivision levels of a cube: 1.5 million faces, or a few
 SIZE: dict[str, Any] = {"width": 32, "height": 32, "spp": 2}
 
 

@@ -1,4 +1,4 @@
-"""The digest of a finished frame depends only on the request: not on tiles, slots, or killed processes."""
+"""Tests that a finished frame's digest depends only on the request: not on tiles, slots, or killed processes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def expected() -> str:
 
 @pytest.fixture(scope="module")
 def soon() -> str:
-    """The digest at a fifth of the samples, for tests without disturbances."""
+    """Returns the digest at a fifth of the samples, for tests without disturbances."""
     return alone(SPP // 5)
 
 
@@ -70,7 +70,7 @@ def test_the_size_of_tiles_does_not_matter(farm: Farm, soon: str, tile_size: int
     assert finish(farm, submit(farm, SPP // 5, tile_size=tile_size)) == soon
 
 
-@pytest.mark.long  # the film that it is held against is made without a farm, as that of two slots above
+@pytest.mark.long  # the reference film is rendered without a farm, like that of two slots above
 def test_one_slot_gives_what_two_give(tmp_path: Path, soon: str) -> None:
     farm = start_farm(tmp_path / "data", 1)
     try:
@@ -111,19 +111,19 @@ def test_what_is_killed_half_way_does_not_matter(farm: Farm, expected: str, kill
 
 FRAMES = range(0, 24, 3)
 SHOT = {"width": 96, "height": 64, "spp": 192, "environment": {"color": [1.0, 1.0, 1.0]}}
-FEW = 48  # samples, for what nobody disturbs
+FEW = 48  # samples per pixel in tests without disturbances
 
 
 @pytest.fixture(scope="module")
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A triangle that moves to the right, so each frame has its own compiled scene."""
+    """Returns the folder of a triangle that moves to the right, so that each frame has its own compiled scene."""
     path = tmp_path_factory.mktemp("shot") / "shot.glb"
     path.write_bytes(turning().glb())
     return path
 
 
 def stills_of(shot: Path, spp: int) -> dict[float, str]:
-    """The digests of the frames, each rendered in this process as a still."""
+    """Returns the frames' digests, each rendered in this process as a still."""
     found: dict[float, str] = {}
     for frame in FRAMES:
         compiled, summary = OpenScene(Shot(shot.parent, shot.name)).at(Moment(frame))
@@ -196,5 +196,5 @@ def test_where_noise_is_evened_out_the_digests_depend_on_the_request_alone(farm:
 
 
 def test_ctrl_c_leaves_nothing_of_it(farm: Farm) -> None:
-    """Ends the farm that all tests share, so it is the last of them."""
+    """Ctrl-C ends the farm without leaving processes; runs last, since all tests share the farm."""
     ends_by(farm, [signal.SIGINT], 10, 2)

@@ -1,4 +1,4 @@
-"""A machine that joins a farm loads the kernels compiled by the first, instead of compiling them again; then it leaves."""
+"""Tests of a machine that joins a farm: it loads the kernels that the first machine compiled, and leaves again."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_a_machine_that_joins_compiles_nothing_and_leaves_by_ctrl_c(farm: Farm, 
     kernels = farm.data / "kernels"
     wait_until(lambda: any(kernels.glob(f"*-{PLAIN}")), 60, "the farm's own worker has handed in its kernels")
     log = tmp_path / "worker.log"
-    # Told how much memory it may use, it compiles nothing that nobody has asked for (worker/exchange/kernel_precompile.py).
+    # With a memory limit it precompiles no kernels that were not requested (worker/exchange/kernel_precompile.py).
     command = ["-m", "rayfarm", "worker", "--join", farm.url, "--slots", "1", "--memory", "64", "--name", "another-machine"]
     with log.open("wb") as out:
         joining = subprocess.Popen(
@@ -42,7 +42,7 @@ def test_a_machine_that_joins_compiles_nothing_and_leaves_by_ctrl_c(farm: Farm, 
             wait_until(lambda: states().get("another-machine") == "ready", 120, "the worker is ready")
             assert len(states()) == 2
             assert f"fetched the farm's kernel {PLAIN}" in log.read_text()
-            # Whatever this worker compiled would lie in its folder, and not in what it fetched.
+            # Kernels compiled by this worker would be in its own folder, not among the fetched ones.
             (folder,) = (tmp_path / "cache" / "kernels").iterdir()
             fetched = next(kernels.glob(f"*-{PLAIN}")).read_bytes()
             code = list(folder.rglob("*.code"))

@@ -1,4 +1,4 @@
-"""A worker that miscalculates, in a real farm: it is detected and paused, and its samples are rendered again."""
+"""Tests of a worker that miscalculates, in a real farm: it is detected and paused, and its samples are rendered again."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SPP = 160
 
 
 def join(farm: Farm, ends: ExitStack, module: str, name: str) -> None:
-    """Starts a worker with one slot."""
+    """Starts a worker process with one slot, which ends with the test."""
     command = [sys.executable, "-m", module, "--service", farm.url, "--slots", "1", "--name", name]
     log = ends.enter_context((farm.data.parent / f"{name}.log").open("ab"))
     environment = {**os.environ, "RAYFARM_TOKEN": farm.token}

@@ -1,4 +1,4 @@
-"""No process remains, however a farm ends. Stopping by a single Ctrl-C is tested at the end of test_digest.py."""
+"""Tests that no process remains, however a farm ends. test_digest.py tests a single Ctrl-C at its end."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ pytestmark = pytest.mark.long
     ("signals", "seconds", "slots"),
     [
         ([signal.SIGINT, signal.SIGINT], 8, 2),
-        # For what is below, these are as one Ctrl-C: a farm without a worker starts sooner.
+        # Equivalent to one Ctrl-C for these tests; without a worker a farm starts sooner.
         ([signal.SIGTERM], 10, 0),
         ([signal.SIGHUP], 10, 0),
-        ([signal.SIGKILL], 8, 2),  # without --long: tests/rayfarm/test_supervisor.py, of its parts alone
+        ([signal.SIGKILL], 8, 2),  # tests/rayfarm/test_supervisor.py covers the parts without --long
     ],
     ids=["Ctrl-C twice", "SIGTERM", "SIGHUP", "SIGKILL"],
 )

@@ -1,8 +1,8 @@
-"""smallpt's scene once more, in plain float64 numpy: slow, direct, and sharing no line with the renderer.
+"""smallpt's scene in plain float64 NumPy: slow, direct, and without any code of the renderer.
 
-Only the facts are smallpt's (K. Beason, kevinbeason.com/smallpt): nine spheres, their colours, the camera. Paths are traced
-by their BSDF alone; nothing is aimed at the light. Russian roulette goes by the greatest reflectance from the sixth
-segment on. Where Rayfarm's kernel and this agree pixel by pixel within their noise, both are right or both wrong alike.
+Only the data are smallpt's (K. Beason, kevinbeason.com/smallpt): nine spheres, their colours, the camera. Paths use BSDF sampling
+only, without light sampling. From the sixth segment, Russian roulette uses the largest reflectance. If Rayfarm's kernel and this
+agree pixel by pixel within their noise, either both are right or both have the same error.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SPHERES: list[tuple[float, tuple[float, float, float], float, tuple[float, float
 EYE = np.array([50.0, 52.0, 295.6])
 GAZE = np.array([0.0, -0.042612, -1.0]) / math.hypot(0.042612, 1.0)
 TANGENT = 0.5135  # the picture's height at distance 1
-NEAR = 140.0  # where rays begin: the eye stands behind the front wall
+NEAR = 140.0  # distance from the eye, behind the front wall, at which rays begin
 IOR = 1.5
 _ROULETTE_FROM = 5
 _CLOSEST = 1e-4
@@ -45,7 +45,9 @@ _KIND = np.array([s[4] for s in SPHERES])
 
 
 def render(width: int, height: int, spp: int, seed: int = 0, max_depth: int = 200, chunk: int = 64) -> tuple[F64, F64]:
-    """(mean radiance, variance of that mean), both (height, width, 3); rows from the top, samples even over the pixel."""
+    """Returns (mean radiance, variance of the mean), both (height, width, 3); rows from the top, samples uniform over the
+    pixel.
+    """
     random = np.random.default_rng(seed)
     total = np.zeros((height * width, 3))
     square = np.zeros((height * width, 3))
@@ -122,7 +124,7 @@ def _scatter(d: F64, normal: F64, kind: npt.NDArray[np.int64], random: np.random
 
 
 def _cosine_hemisphere(axis: F64, random: np.random.Generator) -> F64:
-    # A point even on the unit sphere about the tip of the axis: its direction from the foot has the cosine's density.
+    # A uniform point on the unit sphere around the tip of the axis; its direction from the foot has cosine density.
     z = 2 * random.random(len(axis)) - 1
     angle = 2 * np.pi * random.random(len(axis))
     r = np.sqrt(1 - z * z)
@@ -139,5 +141,5 @@ def _glass(d: F64, facing: F64, cosine: F64, entering: npt.NDArray[np.bool_], mi
     perpendicular = (ratio * cosine - refracted_cosine) / (ratio * cosine + refracted_cosine)
     reflectance = np.where(cos2 <= 0, 1.0, 0.5 * (parallel**2 + perpendicular**2))
     reflects = random.random(len(d)) < reflectance
-    # Radiance is squeezed by the index squared on the way in and let go on the way out: no light is inside, so it cancels.
+    # Radiance scales by the index squared on entry and back on exit; no light is inside, so the factors cancel.
     return np.where(reflects[:, None], mirrored, refracted / np.linalg.norm(refracted, axis=1, keepdims=True))

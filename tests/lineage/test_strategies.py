@@ -1,4 +1,4 @@
-"""Four ways to find light, Russian roulette, and Whitted beside path tracing: the same means, and who is least noisy."""
+"""Tests of four light sampling strategies, Russian roulette, and Whitted against path tracing: equal means, and known noise."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ SEEDS = 8
 
 @pytest.fixture(scope="module")
 def room() -> CompiledScene:
-    """A floor and a wall under a square light and a bright ball, with a ball of rough metal: all four strategies find it all."""
+    """Returns a floor and a wall under a square light and a bright ball, with a ball of rough metal.
+
+    All four strategies can find all of its light.
+    """
     materials = [
         Material(base_color=gray(0.7)),
         emitter(5.0),
@@ -43,18 +46,18 @@ def look(**more: object) -> RenderSettings:
 
 
 def means(made: CompiledScene, how: RenderSettings, spp: int, seeds: int = SEEDS) -> np.ndarray:
-    """The frame's mean at `seeds` seeds."""
+    """Returns the frame's mean for each of `seeds` seeds."""
     return np.array([render_frame(made, replace(how, seed=s), spp)[COLOR].mean() / spp * 2.0**-24 for s in range(seeds)])
 
 
 def variance(made: CompiledScene, how: RenderSettings, spp: int) -> float:
-    """The mean variance of a pixel, from pairs of seeds."""
+    """Returns the mean variance of a pixel, from pairs of seeds."""
     pictures = np.array([mean(render_frame(made, replace(how, seed=s), spp), 24) for s in range(4)], np.float64)
     return float(pictures.var(0, ddof=1).mean())
 
 
 def assert_same(samples: dict[str, np.ndarray]) -> None:
-    """All means agree with the least noisy one within three standard errors, corrected for their number."""
+    """Asserts that all means equal the least noisy one within three standard errors, corrected for their number."""
     best = min(samples, key=lambda name: samples[name].std())
     for name, values in samples.items():
         if name == best:
@@ -110,7 +113,7 @@ def test_a_flat_quad_is_hit_from_both_sides(side):
 
 
 def test_a_box_without_thickness_is_still_a_box():
-    """Lights and walls of zero extent along an axis have a box of no volume, which rays must not miss."""
+    """Lights and walls of zero extent along an axis have bounding boxes without volume, which rays must not miss."""
     flat = square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0)
     made = scene([emitter(1.0, double_sided=True)], (flat,))
     assert np.ptp(made.bounds[:, 2]) == 0

@@ -1,4 +1,4 @@
-"""One message of each kind, encoded: what tests/protocol/recorded.json holds as an earlier release encoded it."""
+"""Encodes one message of each kind, to be compared with tests/protocol/recorded.json, encoded by an earlier release."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ MORE = ("WORKER_KEYS", "VERSION_HEADER", "SAMPLES_HEADER")
 
 
 def _blank(message: dict[str, Any]) -> dict[str, Any]:
-    """Leaves out the settings, which get more fields with each release."""
+    """Returns the message without settings, to which each release adds fields."""
     return {name: "SETTINGS" if name == "settings" else value for name, value in message.items()}
 
 

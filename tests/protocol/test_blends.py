@@ -1,4 +1,4 @@
-"""A worker with Blender: its report, its tasks, and the result for a .blend. A script stands in for Blender."""
+"""Tests of a worker with Blender: its report, its tasks, and the result for a .blend. A script replaces Blender."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from worker.work.prepare import CONVERTED_FOLDER
 
 @pytest.fixture
 def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """A script that reports itself as Blender, and writes a scene with a picture."""
+    """Returns the path of a script that reports itself as Blender, and writes a scene with a picture."""
     path = tmp_path / "bin" / "blender"
     path.parent.mkdir()
     path.write_text(
@@ -38,7 +38,7 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.fixture
 def options(monkeypatch: pytest.MonkeyPatch) -> Callable[..., argparse.Namespace]:
-    """Returns the parsed arguments of the command."""
+    """Returns a function that parses arguments of the command."""
 
     def make(*words: str) -> argparse.Namespace:
         monkeypatch.setattr("sys.argv", ["worker", "--service", "http://farm.invalid", *words])

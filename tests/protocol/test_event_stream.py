@@ -1,4 +1,4 @@
-"""Events of GET /api/events are encoded as the HTML standard's event streams, and the page handles each of them."""
+"""Tests that events of GET /api/events follow the HTML standard's event streams, and that the page handles each of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Events are declared once: the service validates the fields that are declared, and workers send no others."""
+"""Tests that events are declared once: the service validates the declared fields, and workers send no others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page and the add-on have of the protocol is what it declares."""
+"""Tests that the protocol code of the page and the add-on equals what the protocol's declarations generate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parsing of weekly working hours."""
+"""Tests of parsing weekly working hours."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NIGHTS = "Mon-Fri 19:00-07:00, Sat-Sun"
 @pytest.mark.parametrize(
     ("text", "moment", "are_now"),
     [
-        (NIGHTS, "2026-03-02T06:59", False),  # a Monday: Sunday is over, and Monday's night has not begun
+        (NIGHTS, "2026-03-02T06:59", False),  # Monday morning: Sunday has ended, and Monday's night has not begun
         (NIGHTS, "2026-03-02T18:59", False),
         (NIGHTS, "2026-03-02T19:00", True),
         (NIGHTS, "2026-03-03T06:59", True),
@@ -37,7 +37,7 @@ NIGHTS = "Mon-Fri 19:00-07:00, Sat-Sun"
         ("sat", "2026-03-07T00:00", True),
         ("Sat 20:00-24:00", "2026-03-07T23:59", True),
         ("Sat 20:00-24:00", "2026-03-08T00:00", False),
-        ("Sat 08:00-08:00", "2026-03-08T07:59", True),  # once around the clock
+        ("Sat 08:00-08:00", "2026-03-08T07:59", True),  # 24 hours
     ],
 )
 def test_when_it_works(text: str, moment: str, are_now: bool) -> None:
@@ -66,7 +66,7 @@ print(round((before - local_now()).total_seconds() / 3600))
 
 
 def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
-    """In a mount namespace, so that this machine's own zone stays."""
+    """A changed time zone of the machine takes effect; tested in a mount namespace, so that this machine's zone stays."""
     zones = [Path("/usr/share/zoneinfo", name) for name in ("Asia/Tokyo", "America/Lima")]
     if not all(zone.exists() for zone in zones) or not Path("/etc/localtime").exists() or shutil.which("unshare") is None:
         pytest.skip("this machine has no zones")
@@ -85,7 +85,7 @@ def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
 def test_a_night_in_which_the_clocks_are_changed_is_worked_from_its_begin_to_its_end(
     evening: str, hours: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One hour less or more, without an interruption."""
+    """On nights of clock changes, work lasts from begin to end without interruption, one hour less or more."""
     with monkeypatch.context() as here:
         here.setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3")
         time.tzset()

@@ -1,4 +1,4 @@
-"""The encoding of joint batches."""
+"""Tests of the encoding of joint batches."""
 
 from __future__ import annotations
 

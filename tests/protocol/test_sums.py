@@ -1,4 +1,4 @@
-"""Encoding of sums: every kind of plane is restored bit by bit, and damage is detected."""
+"""Tests of encoding sums: every kind of plane is restored bit by bit, and damage is detected."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TILE = Tile(0, 0, 7, 5)
 
 
 def sums_of(seed: int, bits: list[int]) -> Sums:
-    """Returns planes with values of this number of bits; 0: all equal."""
+    """Returns planes with values of the given numbers of bits; 0: all equal."""
     random = np.random.default_rng(seed)
     planes = [
         random.integers(-(1 << b - 1), (1 << b - 1) - 1, (5, 7), endpoint=True) if b else np.full((5, 7), seed) for b in bits
@@ -34,7 +34,7 @@ def test_what_is_packed_comes_back(seed: int, bits: list[int]) -> None:
         data = pack_sums(sums, packing)
         check_sums(data, TILE)
         np.testing.assert_array_equal(unpack_sums(data, TILE), sums)
-        found = unpack_sums(data, TILE, planes=(4, MATERIAL))  # the first is a copy of one that is not asked for
+        found = unpack_sums(data, TILE, planes=(4, MATERIAL))  # the first plane is a copy of one that is not requested
         np.testing.assert_array_equal(found[[4, MATERIAL]], sums[[4, MATERIAL]])
         assert not found[[0, SAMPLES]].any()
         add_sums(found, data, TILE, planes=(4, MATERIAL))
@@ -73,7 +73,7 @@ def test_damaged_sums_are_found_out() -> None:
     good = pack_sums(sums_of(7, [0, 20, 40, 8] * 5))
     heads = 2 + 9 * CHANNELS
     wrong = [b"", good[:1], good[:40], good[:-1], good + b"x", b"\x03" + good[1:]]
-    wrong += [good[:2] + b"\x09" + good[3:], good[:2] + b"\x07" + good[3:]]  # the first plane a copy, and of no known kind
+    wrong += [good[:2] + b"\x09" + good[3:], good[:2] + b"\x07" + good[3:]]  # the first plane as a copy, and of an unknown kind
     wrong += [good[:heads] + bytes(len(good) - heads)]
     for data in wrong:
         for read in (check_sums, unpack_sums):
@@ -91,7 +91,7 @@ def test_no_pixel_has_more_samples_than_there_are_or_fewer_than_none(packing: in
         sums[SAMPLES] = least
         sums[SAMPLES, 4, 6] = most
         for same in (sums[SAMPLES], sums[SAMPLES] + 1):
-            sums[COLOR][0] = same  # once the plane is said to be like another
+            sums[COLOR][0] = same  # with the plane encoded as a copy of another
             data = pack_sums(sums, packing)
             if is_right:
                 check_weight(data, TILE, 3)

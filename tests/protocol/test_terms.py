@@ -1,4 +1,4 @@
-"""Terms applied by a real worker while it runs."""
+"""Tests of settings ("terms") that a real worker applies while it runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A worker's report about its machine."""
+"""Tests of a worker's report about its machine."""
 
 from __future__ import annotations
 

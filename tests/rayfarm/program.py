@@ -1,4 +1,4 @@
-"""Runs the program `rayfarm`, in a new process or in this one."""
+"""Runs the program `rayfarm` for tests, in a new process or in this one."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def started(*arguments: str | Path, **environment: str) -> subprocess.CompletedP
 
 
 def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Runs the program in this process, where numba and the kernels are already loaded."""
+    """Runs the program in this process, which has already loaded numba and the kernels."""
     stdout, stderr, code = io.StringIO(), io.StringIO(), 0
     before, listened = dict(os.environ), {number: signal.getsignal(number) for number in LISTENS_TO}
     mask = os.umask(0o077)
@@ -46,7 +46,7 @@ def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedP
         finally:
             for number, handler in listened.items():
                 signal.signal(number, handler)
-            os.umask(mask)  # `up` makes what is new its user's alone
+            os.umask(mask)  # `up` makes new files private to its user
             os.environ.clear()
             os.environ.update(before)
     return subprocess.CompletedProcess(sys.argv, code, stdout.getvalue(), stderr.getvalue())

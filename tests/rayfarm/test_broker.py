@@ -1,4 +1,4 @@
-"""The farm's own Redis: which server is used, where it listens, and what a client can do without the password."""
+"""Tests of the farm's own Redis: which server is used, where it listens, and what clients can do without the password."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line: help texts, pictures, error messages, exit codes."""
+"""Tests of the command line: help texts, pictures, error messages, exit codes."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def test_help_names_every_command() -> None:
 def test_help_teaches_by_example(command: str) -> None:
     done = rayfarm(command, "--help")
     assert done.returncode == 0
-    assert f"rayfarm {command}" in done.stdout or command == "bench"  # which has tables of its own
+    assert f"rayfarm {command}" in done.stdout or command == "bench"  # has a table format of its own
 
 
 def test_help_reads_well() -> None:
-    """Paragraphs fill the line, examples are indented, flags have no value, and no placeholder is a Python type."""
+    """In help texts paragraphs fill the line, examples are indented, flags have no value, and no placeholder is a Python type."""
     watch = rayfarm("watch", "--help").stdout
     assert "In a pipe it prints lines until the job ends." in " ".join(watch.split())
     assert not any(line.split() == ["ends."] for line in watch.splitlines())
@@ -100,7 +100,7 @@ def test_render_writes_every_format(tmp_path: Path, suffix: str) -> None:
     else:
         pixels, _ = read(picture)
         assert pixels.shape[:2] == (16, 24)
-        assert pixels.max() > 1.0  # the lamp, brighter than white: the file is scene-linear
+        assert pixels.max() > 1.0  # the lamp is brighter than white, since the file is scene-linear
 
 
 def test_render_writes_aovs_and_stats_and_is_the_same_for_any_number_of_threads(tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_a_denoised_picture_stands_beside_the_raw_one(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_a_tile_and_a_range_of_samples_are_a_part_of_the_whole(tmp_path: Path) -> None:
-    """As in the command of a failed batch: the sum of the parts equals the picture."""
+    """A tile and a range of samples, as in the command of a failed batch, are parts whose sum equals the picture."""
     common = ["render", str(CORNELL), "--size=32x32"]
     assert rayfarm(*common, "-o", tmp_path / "whole.exr", "--spp=4").returncode == 0
     for first in (0, 2):
@@ -167,7 +167,7 @@ def test_the_bench_of_the_bvh_times_four_ways_to_one_picture() -> None:
     assert [row["bvh"] for row in found["rows"]] == [False, False, True, True]
     assert len({row["digest"] for row in found["rows"]}) == 1
     assert found["counts"]["triangles"] > 10_000
-    # Not a limit on speed, but on whether the tree is used at all: each ray meets 1/1000 of the triangles.
+    # Tests that the tree is used at all, not its speed: each ray tests 1/1000 of the triangles.
     assert found["rows"][2]["seconds"] < found["rows"][0]["seconds"] / 10
     table = rayfarm("bench", "bvh", "--size=16x16", "--scene", CORNELL)
     assert "the same to the bit" in table.stdout
@@ -241,7 +241,7 @@ def test_what_is_wrong_is_a_sentence_and_an_exit_code(tmp_path: Path, arguments:
 
 
 def test_debug_shows_where_an_error_came_from() -> None:
-    with pytest.raises(RayfarmError, match=r"missing\.glb"):  # which Python shows as it does
+    with pytest.raises(RayfarmError, match=r"missing\.glb"):  # the exception that Python shows
         rayfarm("--debug", "render", "missing.glb", "-o", "out.png")
 
 

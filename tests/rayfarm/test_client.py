@@ -1,4 +1,4 @@
-"""The Python client and its commands with unexpected servers: a service of another release, and other servers."""
+"""Tests of the Python client and its commands with unexpected servers: a service of another release, and other servers."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ ASKING: dict[str, Callable[[Client], Any]] = {
 
 
 def command(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
-    """Runs a command in this process; returns exit code, standard output and standard error."""
+    """Runs a command in this process; returns (exit code, standard output, standard error)."""
     before, sys.argv = sys.argv, ["rayfarm", *map(str, arguments)]
     try:
         with pytest.raises(SystemExit) as ended:

@@ -1,4 +1,4 @@
-"""`rayfarm compare` with a Mitsuba file, rendered by both renderers."""
+"""Tests of `rayfarm compare` with a Mitsuba file, rendered by both renderers."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_what_is_wrong_is_said(arguments: list[str], sentence: str, folder: Path
 
 @pytest.mark.long
 def test_with_pbrt_on_the_path(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stand-in for pbrt gets pbrt's arguments, and its picture is compared."""
+    """A script in place of pbrt receives pbrt's arguments, and its picture is compared."""
     (folder / "scene.pbrt").write_text(world('LightSource "infinite" Shape "sphere"'))
     ours = tmp_path / "ours.exr"
     assert rayfarm("render", folder / "scene.pbrt", "-o", ours, "--spp=16").returncode == 0

@@ -1,4 +1,4 @@
-"""The command line's output of names and messages from other sources."""
+"""Tests of the command line's output of names and messages from other sources."""
 
 from __future__ import annotations
 

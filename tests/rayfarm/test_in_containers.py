@@ -1,4 +1,4 @@
-"""The command line in the service's container: without numba, as the owner, through the image's own `rayfarm`."""
+"""Tests of the command line in the service's container: without numba, as the owner, by the image's own `rayfarm`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from tests.helpers import ROOT, running_redis
 from tests.service.conftest import Service
 
-# `python3 -m rayfarm ...` where what only workers install cannot be found.
+# Runs `python3 -m rayfarm ...` with the workers' packages hidden.
 WITHOUT = """
 import importlib.machinery, runpy, sys
 find = importlib.machinery.PathFinder.find_spec
@@ -31,7 +31,7 @@ Run = Callable[..., "subprocess.CompletedProcess[str]"]
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Run]:
-    """Runs a command beside a service that always requires a login."""
+    """Yields a function that runs a command next to a service that always requires a login."""
     folder = tmp_path_factory.mktemp("container")
     service = Service(folder / "data", redis_server, login="always")
     (folder / "bin").mkdir()

@@ -1,4 +1,4 @@
-"""Jobs by the beginning of their ids."""
+"""Tests of finding jobs by the beginning of their ids."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Listed:
 
 
 class FarmWith:
-    """A farm whose jobs are found by their full id, or by a search, which also matches names."""
+    """A farm that finds jobs by their full id, or by a search, which also matches names."""
 
     def __init__(self, *ids: str) -> None:
         self.ids = ids

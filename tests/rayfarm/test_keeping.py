@@ -1,4 +1,4 @@
-"""The commands backup, restore and gc."""
+"""Tests of the commands backup, restore and gc."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Known differences from Mitsuba's and pbrt's pictures are reported for affected scenes only."""
+"""Tests that known differences from Mitsuba's and pbrt's pictures are reported for affected scenes only."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ BUMPS = """<bsdf type="normalmap"><boolean name="use_shadowing_function" value="
 
 def differences(folder: Path, bsdf: str) -> list[str]:
     (folder / "a.xml").write_text(SCENE.format(bsdf))
-    normal = np.array([1, 0, 2]) / 5**0.5  # a slope of a half
+    normal = np.array([1, 0, 2]) / 5**0.5  # a slope of 1/2
     Image.fromarray(np.full((4, 4, 3), np.rint((normal * 0.5 + 0.5) * 255), np.uint8)).save(folder / "n.png")
     return known_differences(read(folder, "a.xml"), "Mitsuba")
 
 
 def test_rough_metal_is_brighter_by_what_a_second_facet_gives(tmp_path: Path) -> None:
-    """13.7 % of white at alpha 0.25, as computed by quadrature in docs/correctness.md."""
+    """Rough metal is brighter by 13.7 % of white at alpha 0.25, by the quadrature of docs/correctness.md."""
     (found,) = differences(tmp_path, METAL.format(0.25))
     assert found.startswith("Rough metal")
     assert found.endswith("up to 14 % brighter here")

@@ -1,4 +1,4 @@
-"""The processes that `rayfarm up` would start, without starting them."""
+"""Tests of the processes that `rayfarm up` would start, without starting them."""
 
 from __future__ import annotations
 

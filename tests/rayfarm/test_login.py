@@ -1,4 +1,4 @@
-"""Credentials of commands on the farm's own machine."""
+"""Tests of the credentials of commands on the farm's own machine."""
 
 from __future__ import annotations
 

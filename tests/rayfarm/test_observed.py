@@ -1,4 +1,4 @@
-"""A whole farm observed from outside: its logs as JSON, and its traces at a collector, from upload to tile."""
+"""Tests of observing a whole farm from outside: its logs as JSON, and its traces at a collector, from upload to tile."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CALLER = "00-" + "ab" * 16 + "-" + "cd" * 8 + "-01"
 
 @pytest.fixture(scope="module")
 def observed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, Receiver, str, str]]:
-    """A farm that was observed while it rendered and was then stopped; the collector, a job and its scene."""
+    """Yields (farm, collector, job, scene) of a farm that rendered under observation and was then stopped."""
     settings = {"RAYFARM_LOG_FORMAT": "json", "RAYFARM_LOG_LEVEL": "debug"}
     with Receiver() as receiver:
         settings |= {"OTEL_EXPORTER_OTLP_ENDPOINT": receiver.url, "OTEL_BSP_SCHEDULE_DELAY": "200"}
@@ -30,7 +30,7 @@ def observed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, R
                 client._http.headers["traceparent"] = CALLER
                 job = client.wait(client.submit(scene.id, width=64, height=64, spp=32, tile_size=32).id, 120)
                 assert job.state == "finished"
-                # A slot is killed at its work, and so is what Celery says of that.
+                # A slot is killed while rendering, and Celery logs that.
                 del client._http.headers["traceparent"]
                 busy = client.submit(scene.id, width=512, height=512, spp=100_000)
                 wait_until(lambda: is_said_of_a_killed_slot(farm, busy.id), 120, "it is said")
@@ -42,7 +42,7 @@ def observed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, R
 
 
 def is_said_of_a_killed_slot(farm: Farm, job: str) -> bool:
-    """Returns True if Celery has logged a killed slot; otherwise kills the slot that rendered last."""
+    """Returns whether Celery has logged a killed slot; if not, kills the slot that rendered last."""
     said = [
         json.loads(line)
         for line in (farm.data / "logs" / "worker.log").read_text().splitlines(keepends=True)
@@ -56,7 +56,7 @@ def is_said_of_a_killed_slot(farm: Farm, job: str) -> bool:
 
 def lines(farm: Farm, name: str) -> list[dict[str, Any]]:
     text = (farm.data / "logs" / f"{name}.log").read_text()
-    found = [json.loads(line) for line in text.splitlines()]  # every one of them
+    found = [json.loads(line) for line in text.splitlines()]  # every line is JSON
     assert all(
         isinstance(line, dict) and {"time", "level", "logger", "message", "process", "pid"} <= line.keys() for line in found
     )

@@ -1,4 +1,4 @@
-"""Options are parsed once for both commands; errors show a valid example."""
+"""Tests of options that both commands parse by the same code; errors show a valid example."""
 
 from pathlib import Path
 

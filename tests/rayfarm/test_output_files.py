@@ -1,4 +1,4 @@
-"""Writing pictures to disk."""
+"""Tests of writing pictures to disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options of `render` and `submit`: all settings of the renderer, equal for both."""
+"""Tests of the options of `render` and `submit`: all settings of the renderer, equal for both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The files that belong to a scene given by name."""
+"""Tests of finding the files that belong to a scene given by name."""
 
 import zipfile
 from pathlib import Path
@@ -62,7 +62,7 @@ def test_a_zip_whose_packed_bytes_are_damaged_is_told(tmp_path: Path) -> None:
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
         packed.writestr("a.obj", "v 0 0 0\n" * 5000)
     whole = bytearray(archive.read_bytes())
-    whole[35:55] = b"\xff" * 20  # after the entry's name: of the deflated stream
+    whole[35:55] = b"\xff" * 20  # bytes of the compressed stream, after the entry's name
     archive.write_bytes(whole)
     with pytest.raises(CommandError, match=r"room\.zip cannot be unpacked"), opened_scene(archive):
         pass

@@ -1,4 +1,4 @@
-"""`rayfarm render --frames`: each frame equals its still, existing files are kept, and failed frames do not stop the others."""
+"""Tests of `rayfarm render --frames`: frames equal stills, existing files are kept, and failed frames do not stop others."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SMALL = ["--size=24x16", "--spp=2", "--env=1,1,1"]
 
 
 def turning(camera_alone: bool = False) -> Gltf:
-    """A big triangle, or the camera, that moves to the right within a second, above a static floor."""
+    """Builds a large triangle, or a camera, that moves to the right within a second, above a static floor."""
     g = Gltf()
     g.mesh(np.float32([(-5, -1, -5), (5, -1, -5), (0, -1, 5)]))
     g.mesh(TRIANGLE)
@@ -80,8 +80,8 @@ def test_a_sequence_takes_up_where_it_stopped(shot: Path, tmp_path: Path) -> Non
     assert rayfarm(*common).returncode == 0
     whole = pixels(tmp_path / "out.2.png")
     (tmp_path / "out.2.png").unlink()
-    (tmp_path / "out.3.png").write_bytes(b"")  # as a disk leaves it that was full
-    (tmp_path / ".out.1.png.x7").write_bytes(b"half")  # as a killed process does
+    (tmp_path / "out.3.png").write_bytes(b"")  # as left by a full disk
+    (tmp_path / ".out.1.png.x7").write_bytes(b"half")  # as left by a killed process
     (tmp_path / "out.0.png").write_bytes(b"kept")
     done = rayfarm(*common, "--stats", tmp_path / "stats.json")
     assert done.returncode == 0
@@ -188,13 +188,13 @@ def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: 
 @pytest.mark.long
 @pytest.mark.parametrize("camera_alone", [False, True])
 def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, camera_alone: bool) -> None:
-    """The triangle, or the camera at a distance of 5 units, moves 2 units per second to the right."""
+    """Motion vectors are layers, and the picture is unchanged; objects move by 2 units per second, at a distance of 5."""
     path = tmp_path / "shot.glb"
     path.write_bytes(turning(camera_alone).glb())
     asked = ["--frames", "0-1", "--aov=depth,motion", *SMALL]
     done = rayfarm("render", path, "-o", tmp_path / "out.#.exr", *asked)
     assert done.returncode == 0, done.stderr
-    step = (2 / 24) / 5 / (2 * np.tan(0.4)) * 16  # pixels a frame
+    step = (2 / 24) / 5 / (2 * np.tan(0.4)) * 16  # pixels per frame
     for frame in (0, 1):
         still = tmp_path / "still.exr"
         assert rayfarm("render", path, "-o", still, f"--frame={frame}", "--aov=motion", *SMALL).returncode == 0
@@ -203,7 +203,7 @@ def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, 
         assert [name for name in layers if name.startswith("Vector")] == ["Vector.X", "Vector.Y", "Vector.Z", "Vector.W"]
         for name in ("R", "G", "B"):
             np.testing.assert_array_equal(layers[name], plain[name])
-        middle = 7, 12  # sees the triangle
+        middle = 7, 12  # a pixel that sees the triangle
         seen = [float(layers[f"Vector.{axis}"][middle]) for axis in "XYZW"]
         assert seen == [float(alone[f"Vector.{axis}"][middle]) for axis in "XYZW"]
         way = step if camera_alone else -step
@@ -258,7 +258,7 @@ def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None
         assert missing.returncode == 1
         assert "There is no file" in missing.stderr
     assert "say which, by --frames" in rayfarm("submit", tmp_path / "drop.##.obj").stderr
-    # Under an environment image from elsewhere all frames' files are taken along.
+    # With an environment image from another folder, the files of all frames are uploaded too.
     from rayfarm.scene_files import files_to_upload
 
     assert len(files_to_upload(tmp_path / "drop.##.obj")) == 3

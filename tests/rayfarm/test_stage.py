@@ -1,4 +1,4 @@
-"""A scene opened over time: every frame equals a compilation from scratch, bit by bit, whatever frames came before."""
+"""Tests of a scene opened over time: every frame equals a compilation from scratch, bit by bit, in any order of frames."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def ball(g, levels=2, offset=(0, 0, 0), **more):
 
 
 def everything(shines=False, shows=False):
-    """A static ball, a rotating arm with a ball and a light, a morphing ball, a skinned one, and a camera that moves along.
+    """Builds a static ball, a rotating arm with a ball and a light, a morphing and a skinned ball, and a moving camera.
 
     shines: the ball on the arm is a lamp. shows: another ball is visible at some times only.
     """
@@ -75,7 +75,7 @@ shapes:
   - {type: sphere, center: [0, 2, -4]}
 """
 
-# A file for each frame, of ever other size, beside a lamp and a sphere that stand still and a lamp that blinks.
+# A scene with one file per frame, of different sizes, a static lamp and sphere, and a blinking lamp.
 NUMBERED = b"""
 materials: {lamp: {emission: 3}, blinker: {emission: {keys: [[0, 0], [0.4, 2]], curve: step}}}
 shapes:
@@ -87,7 +87,7 @@ shapes:
 
 
 def blob(triangles):
-    """Returns an OBJ file with this number of triangles."""
+    """Returns an OBJ file with `triangles` triangles."""
     corners = np.random.default_rng(triangles).random((3 * triangles, 3))
     lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in corners]
     return "\n".join(lines + [f"f {3 * i + 1} {3 * i + 2} {3 * i + 3}" for i in range(triangles)]).encode()
@@ -123,7 +123,7 @@ def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
         np.testing.assert_allclose(summary["bounds"], alone.bounds)
         seen.add(flat(compiled)["bvh.node"].tobytes())
-    assert len(seen) == (5 if name == "numbered.yaml" else 6)  # half a frame is the file before it
+    assert len(seen) == (5 if name == "numbered.yaml" else 6)  # between frames, the previous file is used
 
 
 @grid("name", NAMES, ordinary=("numbered.yaml",))
@@ -136,7 +136,7 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
         alone = compile_scene(description, threads=1)
         for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
-        if name != "numbered.yaml":  # whose meshes are cut anew in every file
+        if name != "numbered.yaml":  # its files have different meshes
             assert len(compiled.bvh.motion) > 0 or name == "lamp.glb"
             assert len(compiled.key_position) > 0
         assert [("views" in camera) for camera in summary["cameras"]] == [bool(c.keys) for c in description.cameras] + [False]

@@ -1,4 +1,4 @@
-"""A data folder is used by one farm at a time, and its secrets are private."""
+"""Tests that a data folder is used by one farm at a time, and that its secrets are private."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""--strict and --root on the command line."""
+"""Tests of --strict and --root on the command line."""
 
 from pathlib import Path
 

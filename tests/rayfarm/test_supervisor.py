@@ -1,4 +1,4 @@
-"""Parts are restarted and stopped in order, and leave no processes behind."""
+"""Tests that a farm's parts are restarted and stopped in order, and leave no processes behind."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_a_part_that_is_killed_again_and_again_is_soon_back(supervisor: Supervis
         supervisor.check_parts()
         assert part.restart_at is not None
         assert part.restart_at - time.monotonic() <= 1.0
-        part.restart_at = 0.0  # the pause is over
+        part.restart_at = 0.0  # ends the pause
         supervisor.check_parts()
         assert part.running
 
@@ -107,7 +107,7 @@ def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
     supervisor.start(part)
     for lived, pause in ((30.0, "0.2"), (30.0, "1"), (30.0, "2"), (120.0, "0.2")):
         part.started -= lived
-        supervisor.check_parts()  # which sees it run
+        supervisor.check_parts()  # notices that it runs
         assert part.process is not None
         part.process.send_signal(signal.SIGSEGV)
         part.process.wait()
@@ -118,7 +118,7 @@ def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
 
 
 def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
-    """A part that fails before it serves still waits longer each time, even if it was killed early."""
+    """A part that had served is restarted at once, whatever ended it; one that never served waits longer each time."""
     serves = [True]
     part = Part("server", SLEEPER, tmp_path / "log", steady_s=90.0, serves=lambda: serves[0])
     supervisor.start(part)
@@ -130,7 +130,7 @@ def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Superviso
     ):
         serves[0] = served
         part.looked = 0.0
-        supervisor.check_parts()  # which sees it run
+        supervisor.check_parts()  # notices that it runs
         assert part.process is not None
         part.process.send_signal(number)
         part.process.wait()
@@ -188,7 +188,10 @@ def test_one_that_waits_takes_the_place_of_one_that_died(
 def test_a_part_that_was_killed_before_it_had_a_spare_gets_one_as_soon_as_it_serves(
     supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Independent of the other parts, since the same fault may recur while they start."""
+    """A part killed before it had a spare process gets one as soon as it serves, without waiting for the other parts.
+
+    The same fault may recur while they start.
+    """
     monkeypatch.setattr(supervision, "SPARE_AFTER_S", 1000.0)
     part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, arguments=[], at_peace=lambda: False)
     supervisor.start(part)
@@ -295,7 +298,7 @@ def test_a_log_is_bounded_while_it_is_written(
     supervisor.start(part)
     first = part.process
     with part.log.open("ab") as log:
-        writer = subprocess.Popen(WRITER, stdout=log)  # one that an earlier supervisor has started
+        writer = subprocess.Popen(WRITER, stdout=log)  # started by an earlier supervisor
     emptied: list[int] = []
 
     def has_shrunk_often() -> bool:

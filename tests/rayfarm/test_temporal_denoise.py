@@ -1,4 +1,4 @@
-"""Denoised frames wait for their neighbours, and no longer."""
+"""Tests that denoised frames wait for their neighbours, and no longer."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tests.renderer.test_temporal_denoise import frame as made
 
 
 def run(frames: list[float], missing: list[float], fails: tuple[float, ...] = ()) -> tuple[list[float], list[str], dict]:
-    """Returns the rendered frames, the sequence of events, and the pictures."""
+    """Denoises a sequence; returns the rendered frames, the sequence of events, and the pictures."""
     steadying, log, pictures = TemporalDenoiser(frames, missing), [], {}
     for frame in steadying.plan:
         if frame not in fails:

@@ -1,4 +1,4 @@
-"""The files that accompany a USD scene; names in binary layers are compressed."""
+"""Tests of finding the files that a USD scene refers to; names in binary layers are compressed."""
 
 from pxr import UsdGeom
 

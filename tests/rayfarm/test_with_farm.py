@@ -1,4 +1,4 @@
-"""The commands and the client that talk to a farm, with a real one."""
+"""Tests of the commands and the client with a real farm."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def run(*arguments: str | Path) -> tuple[int, str, str]:
 
 
 def here(*arguments: str | Path) -> tuple[int, str, str]:
-    """Runs a command in this process, where numba and the kernels are already loaded."""
+    """Runs a command in this process, which has already loaded numba and the kernels; returns code, output and errors."""
     done = rayfarm(*arguments, COLUMNS="160", RAYFARM_TOKEN="")
     return done.returncode, done.stdout, done.stderr
 
@@ -86,7 +86,7 @@ def test_an_environment_image_goes_along(farm: Farm, tmp_path: Path) -> None:
     arguments = [f"--env={tmp_path / 'sky.exr'}", "--size=16x16", "--spp=64", "--eye=0,0,4", "--target=0,0,0"]
     code, _, err = here("submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "ball.exr", *arguments)
     assert code == 0, err
-    # A white ball in even light is as bright as the light: the furnace.
+    # A white ball in uniform light is as bright as the light (furnace test).
     assert pixels(tmp_path / "ball.exr").mean() == pytest.approx(0.25, rel=0.02)
 
 
@@ -148,7 +148,7 @@ def test_a_shot_is_fetched_frame_by_frame_and_is_what_render_gives(farm: Farm, t
 
 
 def both() -> Gltf:
-    """A triangle that moves to the right within a second, and a camera that rises."""
+    """Builds a triangle that moves to the right within a second, and a camera that rises."""
     g = turning()
     samplers, channels = g.root["animations"][0]["samplers"], g.root["animations"][0]["channels"]
     samplers.append({"input": samplers[0]["input"], "output": g.array(np.float32([(0, 0, 5), (0, 2, 5)]))})
@@ -176,7 +176,7 @@ def test_a_blurred_frame_is_what_render_gives(farm: Farm, tmp_path: Path) -> Non
         ("shot.glb", 3, None, None),
         ("shot.glb", 3, 2.0, 1.0),
         ("shot.glb", 0, 4.0, None),
-        ("own.yaml", 0, None, None),  # a still, blurred by the file's own shutter
+        ("own.yaml", 0, None, None),  # a still with motion blur by the file's own shutter
         ("own.yaml", 0, 0.0, None),
     ):
         asked = {} if shutter is None else {"shutter": shutter}

@@ -1,4 +1,4 @@
-"""`rayfarm worker` without a farm: it ends with an error message, or waits and reports for what."""
+"""Tests of `rayfarm worker` without a farm: it ends with an error message, or waits and reports what it waits for."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WORKER = ("worker", "--slots=1")
     ordinary=("rayfarm.commands.worker",),
 )
 def test_a_worker_waits_for_no_library_that_it_has_no_use_for(module: str, without: str) -> None:
-    """Imports and start-up work of the worker delay the whole farm."""
+    """Libraries that a worker does not use are not imported, since its start delays the whole farm."""
     found = subprocess.check_output([sys.executable, "-c", f"import sys, {module}; print(*sys.modules)"], cwd=ROOT, text=True)
     assert not set(without.split()) & set(found.split())
 

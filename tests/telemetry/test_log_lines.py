@@ -1,4 +1,4 @@
-"""Log lines as JSON."""
+"""Tests of log lines in JSON."""
 
 from __future__ import annotations
 

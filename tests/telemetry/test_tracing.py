@@ -1,4 +1,4 @@
-"""Tracing spans: none if tracing is off; and valid values of W3C's traceparent."""
+"""Tests of tracing spans: none if tracing is off; and valid values of W3C's traceparent."""
 
 from __future__ import annotations
 

@@ -44,15 +44,15 @@ __all__ = ["Bench", "FakeService", "a_worker", "busiest", "slots_of", "used"]
 
 
 class FakeService(BaseHTTPRequestHandler):
-    """The few responses that a worker needs."""
+    """A fake service with the few responses that a worker needs."""
 
     blobs: dict[str, bytes]
     manifests: dict[str, Manifest]
     films: dict[str, bytes]
     redis_url: str
     away = False
-    reduces = True  # whether it takes sums of several workers
-    sent: list[tuple[str, int]]  # blobs and their sizes
+    reduces = True  # whether workers' sums go to a reducer
+    sent: list[tuple[str, int]]  # (name, size) of uploaded blobs
 
     def do_GET(self) -> None:
         if self.headers["Authorization"] != "Bearer token":
@@ -107,7 +107,7 @@ class Bench:
         for key in self.store.scan_iter(WORKER_KEYS):
             data = self.store.get(key)
             if not isinstance(data, bytes):
-                continue  # expired in between
+                continue  # expired meanwhile
             report = WorkerReport.from_bytes(data)
             if report.pid == self.process.pid:
                 return report
@@ -122,7 +122,7 @@ class Bench:
         self.service.manifests[scene] = Manifest(scene, main, refs)
 
     def prepare(self, scene: str) -> Result:
-        """Returns the outcome, once the thumbnail of a prepared scene is stored too."""
+        """Requests preparation of a scene; returns the result once its thumbnail is stored too."""
         kind = self.report().kind  # type: ignore[union-attr]
         self.celery.send_task(PREPARE, kwargs={"scene": scene}, queue=prepare_queue(kind))
         outcome = self.next("prepared", "prepare-failed")
@@ -160,7 +160,7 @@ class Bench:
 
 @contextmanager
 def a_worker(redis_url: str, folder: Path, slots: int) -> Iterator[Bench]:
-    """Context of a ready worker, which is stopped at the end unless it has ended before."""
+    """Runs a ready worker in the `with` block, and stops it at the end unless it has already ended."""
     handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "films": {}, "sent": [], "redis_url": redis_url})
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -180,7 +180,7 @@ def a_worker(redis_url: str, folder: Path, slots: int) -> Iterator[Bench]:
             return report is not None and report.state == "ready"
 
         try:
-            wait_until(ready, 240, "the worker is ready")  # compiles its kernels, where nobody did before
+            wait_until(ready, 240, "the worker is ready")  # may compile its kernels first
             yield made
             process.terminate()
             assert process.wait(60) == 0, (folder / "log").read_text()
@@ -213,7 +213,7 @@ def used(slot: psutil.Process) -> float:
 
 
 def busiest(parent: int) -> psutil.Process:
-    """Returns the slot that is rendering. A slot that is starting also needs processor time, but holds no work yet."""
+    """Returns the slot that is rendering; a starting slot also uses processor time, but has no work."""
     before = {slot: used(slot) for slot in slots_of(parent)}
     wait_until(lambda: any(used(slot) - then > 0.4 for slot, then in before.items()), 30, "a slot uses its core")
     return max(before, key=lambda slot: used(slot) - before[slot])

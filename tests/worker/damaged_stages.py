@@ -1,7 +1,7 @@
-"""Results for damaged USD files: `python -m tests.worker.damaged_stages FOLDER TRIES` prints one line of JSON per suffix.
+"""Prints the results for damaged USD files, one JSON line per suffix: `python -m tests.worker.damaged_stages FOLDER TRIES`.
 
-Runs as a single-threaded process like a worker's slot. Tests that write stages have USD's threads, which a fork would lack and
-wait for.
+Runs as a single-threaded process like a worker's slot: tests that write stages have USD threads, which do not survive a fork and
+would be waited for.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ODD = ["-1", "0", "1e39", "nan", "inf", "2147483648", '""', "None", "[]", "@../.
 
 
 def write(folder: Path) -> None:
-    """Writes one stage with a sample of every feature, in each of USD's file formats."""
+    """Writes one stage with an example of every feature, in each of USD's file formats."""
     made = stage(folder / "a.usda", "Z", 0.01)
     made.SetDefaultPrim(UsdGeom.Xform.Define(made, "/w").GetPrim())
     box = cube(made, "/w/box", scheme="catmullClark")
@@ -51,7 +51,7 @@ def write(folder: Path) -> None:
 
 
 def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
-    """Returns the file with odd values instead of numbers and names, or with changed bytes."""
+    """Returns the file with odd values for some numbers and names, or with changed bytes."""
     if suffix == "usda":
         text = data.decode()
         for _ in range(rng.randint(1, 3)):
@@ -65,7 +65,7 @@ def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
 
 
 def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
-    """Returns the error message of reading a file; "" if it can be read."""
+    """Returns the error message of reading a file; "" if it was read."""
     try:
         run_bounded(work, lambda message: None, 2 << 30, 60.0, (SceneError,), subject)
     except WorkError as error:
@@ -74,7 +74,7 @@ def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
 
 
 def said(folder: Path, suffix: str, tries: int) -> list[str]:
-    """Returns the error messages of this number of damaged files."""
+    """Damages a file `tries` times, and returns the error messages."""
     rng = random.Random(7)
     whole = (folder / f"a.{suffix}").read_bytes()
     tried = folder / suffix

@@ -1,4 +1,4 @@
-"""Joining a farm: in the background, with retries, under a unique name."""
+"""Tests of joining a farm: in the background, with retries, under a unique name."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_it_can_be_stopped_while_it_waits() -> None:
 
 def test_a_name_in_use_gets_a_number(redis_url: str, store: redis.Redis) -> None:
     assert free_name("vm", redis_url, "here") == "vm"
-    store.set(worker_key("vm"), report("vm", 1).to_bytes())  # process 1 lives
+    store.set(worker_key("vm"), report("vm", 1).to_bytes())  # process 1 is always alive
     assert free_name("vm", redis_url, "here") == "vm-2"
     store.set(worker_key("vm-2"), report("vm-2", 12345, host="elsewhere").to_bytes())
     assert free_name("vm", redis_url, "here") == "vm-3"

@@ -1,4 +1,4 @@
-"""A worker of this release with a service of the previous one: its answers and messages, recorded from release 0.1.0."""
+"""Tests of a worker of this release with a service of the previous one: responses and messages recorded from release 0.1.0."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Redis lists connected workers, even those that do not report."""
+"""Tests that Redis lists connected workers, even those that do not report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A worker that is stopping reports its current work until it has ended."""
+"""Tests that a stopping worker reports its current work until it has ended."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A real worker process with real Redis, Celery and forks; the test plays the service's HTTP side."""
+"""Tests of a real worker process with real Redis, Celery and forks; the test acts as the service's HTTP side."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_parts_of_a_view_are_exact_and_stale_ones_are_dropped(bench: Bench, info
     settings = batch_of(info, "", 0, 1).settings
     parts = [Part(number, Tile(0, 32 * number, 64, 32), 0, 4) for number in range(2)]
     bench.store.set(view_key("me"), 2)
-    for view in (1, 2):  # 1 is not looked at any more
+    for view in (1, 2):  # view 1 is outdated
         work = ViewParts(f"message {view}", "me", view, info.compiled.sha256, settings, parts)
         bench.celery.send_task(RENDER_VIEW, kwargs={"parts": work.to_json()}, queue=view_queue(kind))
     answers: list[ViewAnswer] = []
@@ -136,7 +136,7 @@ def test_a_scene_that_moves_is_kept_in_parts_and_rendered_from_them(bench: Bench
     (tmp_path / "moves.glb").write_bytes(data)
     here = compile_scene(read(tmp_path, "moves.glb"))
     settings = RenderSettings(24, 24, View((0, 0, 9), (0, 0, 0)))
-    alone = render_batch(here, settings, Tile(0, 0, 24, 24), 0, 2)  # and its kernel is compiled, before anybody waits for it
+    alone = render_batch(here, settings, Tile(0, 0, 24, 24), 0, 2)  # also compiles the kernel, before it is needed
     bench.upload("moves", {"moves.glb": data}, "moves.glb")
     event = bench.prepare("moves").event
     assert event["type"] == "prepared", event
@@ -238,7 +238,9 @@ def test_a_native_importer_that_crashes_is_a_sentence_and_disturbs_nothing(bench
 
 def test_a_reader_of_a_worker_is_confined_and_has_nothing_of_it(bench: Bench, info: SceneInfo) -> None:
     auto = info.cameras[-1]["view"]
-    bench.prepare_frames(PrepareFrames("one", "job", "ball", [0], info.compiled.sha256, auto))  # its reader stays for more
+    bench.prepare_frames(
+        PrepareFrames("one", "job", "ball", [0], info.compiled.sha256, auto)
+    )  # its reader stays for further frames
     reader = next(
         child
         for launcher in psutil.Process(bench.process.pid).children()
@@ -344,7 +346,7 @@ def kill_the_slot_with(bench: Bench, count: int) -> None:
 def kill_whoever_has(bench: Bench, name: str) -> None:
     """Kills the busy slot until the worker has answered a batch.
 
-    Not just three times: one of the two slots may have just started, and used its processor time for that.
+    Three kills may not suffice: a slot that has just started also counts as busy.
     """
     deadline = time.monotonic() + 90
     before: dict[psutil.Process, float] = {}

@@ -1,4 +1,4 @@
-"""Each fault of a data folder is reported, and intact parts are not."""
+"""Tests that each fault of a data folder is reported, and intact parts are not."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def faults(data: Path, deep: bool = False) -> list[str]:
 
 @pytest.fixture
 def stored(service: Service) -> Path:
-    """A folder with a finished job, of a service that does not check films."""
+    """Returns the folder of a finished job, of a service that does not check films."""
     with service.worker():
         service.wait_for(service.submit(service.ready_scene()), "finished")
     service.options["film_check_days"] = 0

@@ -1,4 +1,4 @@
-"""Reports about Redis, workers, and a machine without a farm."""
+"""Tests of reports about Redis, workers, and a machine without a farm."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_redis_that_forgets_or_is_full_and_its_workers(service: Service, redis
         before = store.config_get("maxmemory*")
         try:
             store.config_set("maxmemory-policy", "allkeys-lru")
-            store.set("much", bytes(16_000_000))  # beside which it does not matter how much its clients' buffers take
+            store.set("much", bytes(16_000_000))  # large compared with the clients' buffers
             store.config_set("maxmemory", int(1.1 * store.info()["used_memory"]))
             found = list(check_redis(redis_server.url))
             assert "it forgets work (maxmemory-policy allkeys-lru)" in said(found, "fault")

@@ -1,4 +1,4 @@
-"""Meshes from arrays as .glb, validated by trimesh; invalid ones are refused with an error message."""
+"""Tests of writing meshes from arrays as .glb, validated by trimesh; invalid ones are refused with an error message."""
 
 from __future__ import annotations
 

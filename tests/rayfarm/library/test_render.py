@@ -1,4 +1,4 @@
-"""Pictures of files, dicts and arrays in a program: the same bits as the command's, and errors with a remedy."""
+"""Tests of rendering files, dicts and arrays in a program: the command's bits, and errors with a remedy."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SMALL = {"width": 32, "height": 24, "max_depth": 4}
 
 
 def box() -> dict[str, object]:
-    """A lit box made of arrays, with a texture."""
+    """Returns a lit box built from arrays, with a texture, as arguments of `render`."""
     cube = trimesh.creation.box()
     uvs = cube.vertices[:, :2] + 0.5
     return {

@@ -1,4 +1,4 @@
-"""Terminal emulator for tests: interprets only the escape sequences that `rayfarm watch` uses."""
+"""A terminal emulator for tests that interprets only the escape sequences used by `rayfarm watch`."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Seen:
         self.columns, self.rows = columns, rows
         self.text = np.full((rows, columns), " ")
         self.colours = np.zeros((2 * rows, columns, 3), np.uint8)
-        self.images: dict[int, np.ndarray] = {}  # of kitty
+        self.images: dict[int, np.ndarray] = {}  # images in kitty's protocol, by id
         self.sixel: np.ndarray | None = None
         self.modes: set[str] = set()
-        self.drawn: list[tuple[int, int]] = []  # cells that a half block was written to
+        self.drawn: list[tuple[int, int]] = []  # cells that contain a half block
         self._fore = self._back = np.zeros(3, np.uint8)
         self._at = [0, 0]
         self._kitty: tuple[dict[str, str], str] = ({}, "")
@@ -54,7 +54,7 @@ class Seen:
         self._rest = text[end:]
 
     def lines(self) -> list[str]:
-        """The displayed text, row by row."""
+        """Returns the displayed text, row by row."""
         return ["".join(row).rstrip() for row in self.text]
 
     def blocks(self) -> np.ndarray:

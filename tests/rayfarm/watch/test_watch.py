@@ -1,4 +1,4 @@
-"""`rayfarm watch` on a real pseudo terminal, in a pipe, with a tev and a viewer, with a real service."""
+"""Tests of `rayfarm watch` on a real pseudo terminal, in a pipe, and with tev and a viewer, with a real service."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def png(service: Service, job: str, **query: float | str) -> np.ndarray:
 
 
 def alike(a: np.ndarray, b: np.ndarray) -> bool:
-    """Returns True if two pictures are equal, apart from the rounding of RGB9E5."""
+    """Returns whether two pictures are equal, apart from RGB9E5 rounding."""
     return a.shape == b.shape and bool(np.abs(a.astype(int) - b).max() <= 2)
 
 
@@ -61,7 +61,7 @@ def test_what_stands_in_the_terminal_is_the_picture(service: Service, worker: Pe
 def test_it_grows_and_a_job_is_cancelled_only_when_that_is_confirmed(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.05)
     job = service.submit(service.ready_scene(), spp=100_000)
-    with Window("watch", "--server", service.url) as window:  # the newest
+    with Window("watch", "--server", service.url) as window:  # without a job: the newest one
         window.wait_for(lambda: window.screen.blocks().shape == (48, 64, 3) and window.screen.blocks().any(), "there is light")
         before = len(window.screen.drawn)
         window.wait_for(lambda: len(window.screen.drawn) > before + 50, "it is drawn again")
@@ -98,7 +98,7 @@ def test_a_signal_leaves_the_terminal_as_it_was(service: Service, worker: PeerWo
 @pytest.mark.long
 def test_pixels_where_the_terminal_has_them(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
-    expected = png(service, job).repeat(11, 0).repeat(11, 1)  # as often as there is room for
+    expected = png(service, job).repeat(11, 0).repeat(11, 1)  # by the largest integer scale that fits
     with Window("watch", job, "--server", service.url, answers=KITTY + CELL + DA1) as window:
         window.wait_for(lambda: any(alike(image, expected) for image in window.screen.images.values()), "kitty's image")
         window.press("q")

@@ -1,4 +1,4 @@
-"""A stand-in for tev that stores received images: packets are decoded as in tev's src/Ipc.cpp."""
+"""A server in place of tev that stores received images; packets are decoded as in tev's src/Ipc.cpp."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Window:
             stderr=subprocess.PIPE,
             start_new_session=True,
         )
-        self._slave = slave  # kept open: what was written can be read after the program's end
+        self._slave = slave  # stays open, so that output can be read after the program's end
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._read, daemon=True)
 
@@ -73,7 +73,7 @@ class Window:
         with self._lock:
             self.screen = Seen(columns, rows)
             self._set_size(columns, rows)
-        self.send(signal.SIGWINCH)  # which the kernel sends where the window is a controlling terminal
+        self.send(signal.SIGWINCH)  # the kernel would send it for a controlling terminal
 
     def wait_for(self, true: Any, what: str) -> None:
         until(lambda: self._locked(true), what, 40.0, lambda: (self.process.poll(), self.screen.lines(), self.raw[-300:]))
@@ -82,7 +82,7 @@ class Window:
         self.wait_for(lambda: any(words in line for line in self.screen.lines()), f"it says {words!r}")
 
     def ends(self) -> tuple[int, str]:
-        """Returns the exit code and standard error; checks that the screen was restored."""
+        """Waits for the program's end; returns exit code and standard error, and checks that the screen was restored."""
         _, err = self.process.communicate(timeout=40)
         self.wait_for(lambda: {"25", "7"} <= self.screen.modes and not {"1049", "2026"} & self.screen.modes, "the screen is left")
         assert termios.tcgetattr(self._slave) == self.before

@@ -1,4 +1,4 @@
-"""The blob cache: blobs are fetched once, verified, evicted, or mapped from the service's own folder."""
+"""Tests of the blob cache: blobs are fetched once, verified, evicted, or mapped from the service's own folder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ELSEWHERE = FarmAnswer("redis://", "instance-1", "")
 
 
 class CountingLink(Link):
-    """A link whose service is a dict."""
+    """A link to a service that is a dict; counts requests."""
 
     def __init__(self, blobs: dict[str, bytes]) -> None:
         super().__init__("http://service.invalid", "token")
@@ -66,7 +66,7 @@ def test_what_was_used_longest_ago_goes_first(tmp_path: Path) -> None:
     cache = BlobCache(CountingLink(blobs), ELSEWHERE, tmp_path, max_bytes=1000)
     os.utime(cache.path(first), (1, 1))
     os.utime(cache.path(second), (2, 2))
-    mapped = cache.path(first)  # used again: now the youngest
+    mapped = cache.path(first)  # used again, so now the most recent
     with mapped.open("rb") as still_open:
         cache.path(third)
         assert (tmp_path / first[:2] / first).exists()
@@ -89,7 +89,7 @@ def test_on_the_services_machine_its_files_are_used(tmp_path: Path) -> None:
     (home / "instance").write_text("instance-1\n")
     link = CountingLink({sha(data): data})
     assert BlobCache(link, FarmAnswer("", "instance-1", str(home)), tmp_path / "cache").path(sha(data)) == blob
-    # Another service's folder at the same path is not this service's.
+    # A folder of another service at the same path is not used.
     other = BlobCache(link, FarmAnswer("", "instance-2", str(home)), tmp_path / "cache")
     assert other.path(sha(data)) != blob
     assert link.fetched == [sha(data)]
@@ -111,7 +111,7 @@ def test_a_name_that_is_no_hash_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_files_that_another_slot_is_writing_are_left_alone(tmp_path: Path) -> None:
-    """Eviction keeps files that another slot is fetching, however old, but removes those of a killed slot."""
+    """Eviction keeps files that another slot is writing, however old, but removes those of a killed slot."""
     slow, other = b"slow" * 100, b"other" * 100
     half_way, go_on = threading.Event(), threading.Event()
 
@@ -168,7 +168,7 @@ def test_a_file_that_has_suffered_is_fetched_anew(tmp_path: Path) -> None:
 
 
 class FullLink(CountingLink):
-    """A link whose disk is full if more than one blob is stored."""
+    """A link whose disk is full after one stored blob."""
 
     def __init__(self, blobs: dict[str, bytes], folder: Path) -> None:
         super().__init__(blobs)

@@ -1,4 +1,4 @@
-"""Precompilation of the full kernel: once, at low priority, and harmless if it fails."""
+"""Tests of precompiling the full kernel: once, at low priority, and without harm if it fails."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def token(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], subprocess.Popen[bytes]]]:
-    """Records the started commands; each process only prints its priority."""
+    """Records the started commands, and replaces each by a process that prints its priority."""
     found: list[tuple[list[str], subprocess.Popen[bytes]]] = []
     popen = subprocess.Popen
 

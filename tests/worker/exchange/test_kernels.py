@@ -1,4 +1,4 @@
-"""Kernels are uploaded by a separate process, which leaves nothing behind."""
+"""Tests that a separate process uploads kernels, and leaves nothing behind."""
 
 from __future__ import annotations
 

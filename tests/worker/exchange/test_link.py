@@ -1,4 +1,4 @@
-"""A worker's handling of the service's responses."""
+"""Tests of how a worker handles the service's responses."""
 
 from __future__ import annotations
 
@@ -132,6 +132,6 @@ def test_a_blob_that_arrives_damaged_is_refused() -> None:
 
 @pytest.mark.parametrize("token", ["", " ", "\n"])
 def test_a_variable_that_is_set_to_nothing_is_no_token(token: str) -> None:
-    """As from `RAYFARM_TOKEN=$(cat a-missing-file)`; otherwise the worker would wait for ever to be accepted."""
+    """An empty RAYFARM_TOKEN, as from `$(cat a-missing-file)`, counts as none; the worker would wait for ever to be accepted."""
     with pytest.raises(RefusedError, match="RAYFARM_TOKEN is empty"):
         Link("http://127.0.0.1:9", token)

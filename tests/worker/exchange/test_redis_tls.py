@@ -1,4 +1,4 @@
-"""Redis over TLS for the service, the workers and Celery: a real Redis behind a TLS proxy."""
+"""Tests of Redis over TLS for the service, the workers and Celery: a real Redis behind a TLS proxy."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def relay(inside: socket.socket, port: int) -> None:
 
 @pytest.fixture
 def over_tls(tmp_path: Path, redis_url: str) -> Iterator[tuple[str, Path]]:
-    """The tests' Redis at a rediss:// address, with the authority of its certificate."""
+    """Yields the rediss:// URL of the tests' Redis, and the path of its certificate."""
     authority, key = certificate(tmp_path, "redis")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(authority, key)

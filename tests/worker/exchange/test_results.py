@@ -1,4 +1,4 @@
-"""Sending results to the service: bounded, and continued after a restart of Redis."""
+"""Tests of sending results to the service: bounded, and continued after a restart of Redis."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_full_stream_is_waited_for_and_at_last_given_up(redis_url: str) -> Non
 
 
 def test_a_result_takes_as_long_as_a_slow_line_needs(redis_url: str, store: redis.Redis, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Otherwise no result would arrive over a line that needs longer than a connection's timeout."""
+    """Sending a large result may take longer than a connection's timeout; otherwise none would arrive over a slow line."""
     monkeypatch.setattr(results, "PIECE_TIMEOUT_S", 0.3)
     store.delete(RESULTS)
     with held_up(redis_url, rate=400e3) as url:
@@ -63,7 +63,7 @@ def test_a_result_outlives_a_restart_of_redis(tmp_path: Path) -> None:
             sending = pool.submit(stream.send, Result({"type": "after"}))
             time.sleep(0.5)
             assert not sending.done()
-            server.start()  # in this thread: a server ends with the thread that started it
+            server.start()  # in this thread, since a server ends with the thread that started it
             assert sending.result(10)
         with redis.Redis.from_url(server.url) as store:
             assert store.xlen(RESULTS) == 1

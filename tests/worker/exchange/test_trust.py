@@ -1,4 +1,4 @@
-"""A farm with its own certificate is trusted by that certificate, and other servers are not."""
+"""Tests that a farm with its own certificate is trusted by that certificate, and other servers are not."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def certificate(folder: Path, name: str) -> Path:
 
 @pytest.fixture
 def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
-    """An HTTPS server, and its certificate, which is for another name."""
+    """Yields the URL of an HTTPS server and the path of its certificate, which is for another name."""
     own = certificate(tmp_path, "farm.example")
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
@@ -56,10 +56,10 @@ def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
 def test_only_the_certificate_that_is_told_is_believed(secure: tuple[str, Path], tmp_path: Path) -> None:
     url, own = secure
     with httpx.Client(verify=verify_option(str(own))) as client:
-        assert client.get(url).status_code == 501  # somebody answers
+        assert client.get(url).status_code == 501  # the server responds
     other = certificate(tmp_path, "other.example")
     both = tmp_path / "both.pem"
-    both.write_bytes(other.read_bytes() + own.read_bytes())  # the first of a file counts, not all that signed it
+    both.write_bytes(other.read_bytes() + own.read_bytes())  # only a file's first certificate counts, not its issuers
     for path in (other, both):
         with (
             httpx.Client(verify=verify_option(str(path))) as client,

@@ -1,4 +1,4 @@
-"""The worker's health file, and the container's health check that reads it."""
+"""Tests of the worker's health file, and of the container's health check that reads it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_worker_that_waits_is_healthy_and_not_ready(state: WorkerState, file: 
     ("state", "why"), [(WorkerState.WORKING, "last seen"), (WorkerState.AWAY, ""), (WorkerState.STARTING, "")]
 )
 def test_only_an_event_loop_can_hang(state: WorkerState, why: str, file: Path) -> None:
-    """A worker may wait for the service or Redis for any time."""
+    """Waiting for the service or Redis, for any time, does not count as hanging; a blocked event loop does."""
     health_file.write_state(state)
     os.utime(file, (1.0, 1.0))
     assert (why in healthy.unhealthy_reason(str(file)), bool(healthy.unhealthy_reason(str(file)))) == (True, bool(why))

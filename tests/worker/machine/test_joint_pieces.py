@@ -1,4 +1,4 @@
-"""Sharing of joint batches between slots, with processes that end at the worst moments."""
+"""Tests of sharing joint batches between slots, with processes that end at the worst moments."""
 
 from __future__ import annotations
 

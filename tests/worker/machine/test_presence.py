@@ -1,4 +1,4 @@
-"""Detection of a user at the machine, with a simulated system."""
+"""Tests of detecting a user at the machine, with a simulated system."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def tell(machine: Path, all_s: float, own_s: float) -> None:
-    """Sets the processor time of all programs, and of the worker with its one child."""
+    """Sets the processor time of all programs, and of the worker with its one child process."""
     (machine / "proc" / "stat").write_text(f"cpu  {round(all_s * TICK)} 0 0 999 999 0 0 0\ncpu0 1\n")
     for pid, parent, seconds in ((os.getpid(), 1, 1.0), (999_999, os.getpid(), own_s - 1.0), (999_998, 1, 50.0)):
         (machine / "proc" / str(pid)).mkdir(exist_ok=True)
@@ -73,7 +73,7 @@ if [ "$1" = list-sessions ]; then echo "  3 1000 anna seat0 tty2"; echo " c1 120
 
 
 def test_a_desktop_says_by_itself_that_nobody_is_there(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a stand-in for loginctl that prints as systemd 252, since tests run without logind."""
+    """A desktop session's idle hint is used; a script prints loginctl's output of systemd 252, since tests run without logind."""
     program = machine / "loginctl"
     program.write_text(LOGINCTL.format(folder=machine))
     program.chmod(0o755)

@@ -1,4 +1,4 @@
-"""The status board that slots write and the parent reads, across a real fork."""
+"""Tests of the status board that slots write and the parent reads, across a real fork."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Applying the terms that a worker receives."""
+"""Tests of applying the settings ("terms") that a worker receives."""
 
 from __future__ import annotations
 

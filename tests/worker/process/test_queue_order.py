@@ -1,4 +1,4 @@
-"""Queue order: views come first, and the other queues take turns."""
+"""Tests of the order of queues: views come first, and the other queues take turns."""
 
 from __future__ import annotations
 

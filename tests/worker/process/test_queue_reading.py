@@ -1,4 +1,4 @@
-"""Invalid entries in a queue do not harm a worker."""
+"""Tests that invalid entries in a queue do not harm a worker."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GARBAGE = (b"\xff\xfe", b"{", b"", b"{}", b"[1, 2]", b"7", b'{"properties": {}}'
 def test_garbage_is_left_out_and_what_comes_behind_it_is_read(
     redis_url: str, garbage: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(transport.Transport, "Channel", transport.Transport.Channel)  # as it was, for the tests that come
+    monkeypatch.setattr(transport.Transport, "Channel", transport.Transport.Channel)  # restored after the test
     skip_malformed_messages()
     got: list[Any] = []
     with redis.Redis.from_url(redis_url) as store, kombu.Connection(redis_url) as connection:

@@ -1,4 +1,4 @@
-"""A site's reducer as a process: it adds up workers' sums, authenticates workers, and may be killed without loss."""
+"""Tests of a site's reducer process: it adds up workers' sums, authenticates workers, and may be killed without loss."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis
     assert one.event["worker"] == "site attic"
     assert np.array_equal(unpack_sums(one.sums or b"", TILE), 12 * SUMS)
 
-    long = 1e9  # for as long as it may
+    long = 1e9  # the maximum time
     assert all(each.send(sums(0, 4, run=["attic", 0, 12, long])) for each in (link, another))
     wait_until(lambda: (r := reducing.report()) is not None and r.in_hand == ["b0"], 20, "it says what it has")
     reducing.kill()
@@ -109,7 +109,7 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
         assert post(body, "\xe9") == 403, "no signature is of such letters"
         assert post(body, signature(secret, body), "/") == 404
         assert post(b"no result", signature(secret, b"no result")) == 409
-        with ExitStack() as held:  # many who say that much comes, and send nothing
+        with ExitStack() as held:  # clients that announce so many bytes and send none
 
             def hold() -> None:
                 wire = held.enter_context(socket.create_connection(("127.0.0.1", report.port), timeout=20))
@@ -118,7 +118,7 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
             def is_full() -> bool:
                 if post(body, signature(secret, body)) == 503:
                     return True
-                hold()  # who came while this was received found no room, and is gone
+                hold()  # a connection made meanwhile found no room and was closed
                 return False
 
             for _ in range(MAX_INCOMING_BYTES // MAX_RESULT_BYTES):
@@ -131,7 +131,7 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
 
 
 def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Slow senders: a limited number per address is accepted, each for a limited time."""
+    """Slow senders are limited in number per address and in time, and do not take others' places."""
     monkeypatch.setattr(reducer_module, "PATIENCE_S", 0.5)
     monkeypatch.setattr(reducer_module, "MOST_OF_ONE", 4)
     server = reducer_module._Server(("127.0.0.1", 0), reducer_module._Handler)
@@ -169,7 +169,7 @@ def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pyt
 
 
 def ended(wire: socket.socket) -> bool:
-    """Returns True if the other end closes the connection."""
+    """Returns whether the other end closes the connection."""
     with suppress(ConnectionError):
         return not wire.recv(1)
     return True

@@ -1,4 +1,4 @@
-"""Reading from a socket with a time limit, even if data trickles in."""
+"""Tests of reading from a socket with a time limit, even if data arrives slowly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A reducer's sums of a run: sent once, when complete or after a timeout, and by its successor after its end."""
+"""Tests of a reducer's sums of a run: sent once, when complete or after a timeout, and by its successor after its end."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def test_what_a_killed_reducer_had_is_sent_by_the_next_and_what_it_was_sending_i
 ) -> None:
     kept.take(sums(0, 12))
     kept.take(sums(12, 2, of=(12, 12)))
-    sending = next(kept.due_results())  # and killed before it was done with that
+    sending = next(kept.due_results())  # killed before it has finished sending
     kept.take(sums(14, 2, of=(12, 12)))
     (tmp_path / "no name of ours").mkdir()
     after = SiteSums(tmp_path, 1 << 20)

@@ -1,4 +1,4 @@
-"""Warnings of a slot while it renders a batch, and the duration of its steps."""
+"""Tests of a slot's warnings while it renders a batch, and of the duration of its steps."""
 
 from __future__ import annotations
 

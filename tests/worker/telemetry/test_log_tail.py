@@ -1,4 +1,4 @@
-"""The tail of a log written by several processes."""
+"""Tests of the tail of a log written by several processes."""
 
 from __future__ import annotations
 

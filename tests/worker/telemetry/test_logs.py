@@ -1,4 +1,4 @@
-"""The worker's log."""
+"""Tests of the worker's log."""
 
 from __future__ import annotations
 

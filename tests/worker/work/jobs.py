@@ -1,4 +1,4 @@
-"""Tasks of confined readers for the worker's tests."""
+"""Tasks that the worker's tests run in confined readers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["crash_at_frame_1", "full", "link_out", "say"]
 
 
 def crash_at_frame_1(*given: Any) -> dict[str, Any]:
-    """Serves frames, and reads address 0 at frame 1, which crashes it."""
+    """Prepares frames, and crashes at frame 1 by reading address 0."""
     at = frames.OpenScene.at
 
     def crashing(stage: frames.OpenScene, moment: Moment) -> dict[str, Any]:
@@ -38,7 +38,7 @@ def full(link: Link) -> dict[str, Any]:
 
 
 def link_out(scene: bytes, out: bytes, link: Link) -> dict[str, Any]:
-    """Tries to link a file from outside into `out`; returns the methods that worked."""
+    """Tries to link a file from outside into `out`; returns the methods that succeeded."""
     source, made = Path(os.fsdecode(scene)) / "a", []
     for name, way in (("symbolic", os.symlink), ("hard", os.link), ("moved", os.rename)):
         with contextlib.suppress(OSError):

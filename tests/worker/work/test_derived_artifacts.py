@@ -1,4 +1,4 @@
-"""Results made for clients: every error is answered, and the slot becomes free again."""
+"""Tests of results made for clients: every error is answered, and the slot becomes free again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Environment images: accepted ones, refused ones with their error messages, and thumbnails."""
+"""Tests of environment images: accepted ones, refused ones with their error messages, and thumbnails."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def image(path: Path, pixels: np.ndarray) -> Path:
 
 @pytest.fixture
 def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A function that makes a file's thumbnail; it returns the event, and the picture's bytes."""
+    """Returns a function that makes a file's thumbnail, and returns the event and the picture's bytes."""
     stored: list[bytes] = []
 
     def store(path: Path) -> BlobRef:

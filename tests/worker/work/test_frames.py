@@ -1,4 +1,4 @@
-"""Frames prepared by a worker equal those of `rayfarm render --frame`, for any selection and order."""
+"""Tests that frames prepared by a worker equal those of `rayfarm render --frame`, for any selection and order."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ FRAMES = [0, 12, 24, 6.5, 48, 60]
 
 
 def moving(camera: bool, thing: bool) -> Gltf:
-    """A camera and a triangle that each move to the right within a second or are static; another clip moves further."""
+    """Builds a camera and a triangle, each static or moving to the right within a second; another clip moves further."""
     g = Gltf()
     g.mesh(np.float32([(-5, -1, -5), (5, -1, -5), (0, -1, 5)]))
     g.mesh(TRIANGLE)
@@ -55,7 +55,7 @@ def moving(camera: bool, thing: bool) -> Gltf:
 
 
 class Bench:
-    """A scene's base as stored by the service, and a worker's answers about its frames."""
+    """A scene's base as stored by the service, and a worker's results for its frames."""
 
     def __init__(self, folder: Path, scene: Gltf, **asked: Any) -> None:
         self.scene = folder / "scene"
@@ -72,7 +72,7 @@ class Bench:
         return Shot(self.scene, "shot.glb")
 
     def said(self, order: list[float]) -> dict[float, tuple[str | None, list[dict[str, Any]]]]:
-        """Returns for each frame the hash of its own compiled scene, and its views while the shutter is open."""
+        """Returns for each frame the digest of its own compiled scene, and its views while the shutter is open."""
         out = Path(tempfile.mkdtemp(dir=self.out))
         stage = reading.OpenScene(self.shot(), self.asked, self.base, out)
         found = {}
@@ -87,7 +87,7 @@ class Bench:
         return hashlib.sha256((self.out / "whole").read_bytes()).hexdigest()
 
     def rendered(self, frame: float) -> tuple[str | None, list[dict[str, Any]]]:
-        """Returns the same for `rayfarm render --frame`."""
+        """Returns the same values as computed by `rayfarm render --frame`."""
         moment = Moment(frame, self.asked.fps, self.asked.clip)
         camera = None if self.asked.camera is None else str(self.asked.camera)
         compiled, summary = OpenScene(self.shot(), camera, shutter=self.asked.shutter).at(moment)
@@ -157,7 +157,7 @@ def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_pat
 
 
 class Service(Link):
-    """A link whose service has the scene's files and stores blobs."""
+    """A link to a service that has the scene's files and stores blobs."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__("http://service.invalid", "token")
@@ -207,7 +207,9 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
 
     said.clear()
     has = service.has
-    monkeypatch.setattr(service, "has", lambda sha256: time.sleep(0.1) or has(sha256))  # so that the child is far ahead
+    monkeypatch.setattr(
+        service, "has", lambda sha256: time.sleep(0.1) or has(sha256)
+    )  # slow uploads, so that the child gets far ahead
     for again in (other, replace(other, frames=[2, 6, 0])):
         frames.prepare_frames(worker, manifest, again, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", frame) for frame in (6, 0, 2, 6, 0)], "what comes again is not let go of"

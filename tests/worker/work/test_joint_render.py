@@ -1,4 +1,4 @@
-"""Slots that share a tile in a real worker: the sums equal those of a single slot, each sample once, even after kills."""
+"""Tests of slots that share a tile in a real worker: sums equal those of a single slot, each sample once, even after kills."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_a_killed_slot_loses_its_own_piece_alone(bench: Bench, info: SceneInfo) 
 def test_what_no_slot_has_begun_is_in_hand_as_soon_as_it_is_taken(bench: Bench, info: SceneInfo) -> None:
     wait_until(lambda: len(slots_of(bench.process.pid)) == 3, 30, "the slot that was killed has a successor")
     slots = slots_of(bench.process.pid)
-    for slot in slots:  # as on a machine that has too much to do
+    for slot in slots:  # as on an overloaded machine
         slot.suspend()
     try:
         bench.render(replace(joint(info, "alone", [3]).whole, batch="taken"), "taken")
@@ -103,7 +103,7 @@ def test_what_no_slot_has_begun_is_in_hand_as_soon_as_it_is_taken(bench: Bench, 
         for slot in slots:
             slot.resume()
     while (event := bench.next("batch", "batch-failed").event)["batch"] != "taken":
-        pass  # the long piece, once more
+        pass  # the long piece again
     assert (event["type"], event["count"]) == ("batch", 3)
     wait_until(lambda: "taken" not in bench.report().in_hand, 30, "it is done")  # type: ignore[union-attr]
 

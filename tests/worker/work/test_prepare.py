@@ -1,4 +1,4 @@
-"""Preparing a scene, around the confined reader (test_reader): attribution of failures."""
+"""Tests of preparing a scene, apart from the confined reader (test_reader.py): attribution of failures."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SUMMARY: dict[str, Any] = {
 
 
 class Service(Link):
-    """A link whose service has one file, and is unreachable a given number of times."""
+    """A link to a service that has one file, and is unreachable for the first requests."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")
@@ -57,7 +57,7 @@ class Service(Link):
 
 @pytest.fixture
 def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A worker whose reader accepts the scene only as it was uploaded."""
+    """Returns a worker whose reader accepts the scene only as it was uploaded."""
     service = Service()
     reads: list[bytes] = []
 
@@ -86,7 +86,7 @@ def prepared(worker: Any) -> SceneInfo:
 
 def test_a_file_that_has_suffered_in_the_cache_is_fetched_anew_and_nobody_is_blamed(worker: Any) -> None:
     path = worker.cache.path(SHA256)
-    path.write_bytes(SCENE.replace(b"1", b"7"))  # as long as before: only its hash tells
+    path.write_bytes(SCENE.replace(b"1", b"7"))  # the same size, so only its digest differs
     assert prepared(worker).kind == "k"
     assert worker.reads[-1] == SCENE
     assert worker.link.fetched == 2
@@ -152,7 +152,7 @@ def test_a_thumbnail_is_as_wide_as_its_width_and_as_high_as_the_scene_asks() -> 
         (None, WorkError("its reader crashed"), ["prepare-started", "prepared"]),
         (None, LinkError("no answer"), ["prepare-started", "prepared"]),
         (None, OSError(errno.ENOSPC, "no room"), ["prepare-started", "prepared"]),
-        ({}, None, ["prepare-started", "prepared"]),  # the base has a thumbnail
+        ({}, None, ["prepare-started", "prepared"]),  # the base scene has the thumbnail
     ],
 )
 def test_a_thumbnail_comes_after_the_scene_and_cannot_fail_it(

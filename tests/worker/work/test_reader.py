@@ -1,4 +1,4 @@
-"""The slot's side of confined readers: answers are validated, and their end becomes a worker's error."""
+"""Tests of the slot's side of confined readers: answers are validated, and their end becomes a worker's error."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_reader_makes_no_links_out_of_its_room() -> None:
 
 
 def test_a_part_under_another_files_name_does_not_get_into_the_cache(tmp_path: Path) -> None:
-    """A part stored under a wrong hash would affect all scenes that share it."""
+    """A part stored under a wrong digest is refused, since it would affect all scenes that share it."""
     cache = BlobCache(Link("http://service.invalid", "token"), FarmAnswer("", "", ""), tmp_path / "cache")
     sha256 = hashlib.sha256(b"another scene's part").hexdigest()
     (tmp_path / sha256).write_bytes(b"forged")

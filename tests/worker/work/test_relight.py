@@ -1,4 +1,4 @@
-"""Another light on a prepared scene: files are not read again, shared parts are stored once, and the scene is unchanged."""
+"""Tests of another light on a prepared scene: files are not read again, shared parts stored once, the scene unchanged."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ SCENE = b"shapes: [{type: sphere, center: [0, 0, 0], radius: 1}, {type: cube}]\n
 
 
 class Service(Link):
-    """A link whose service has the blobs put there."""
+    """A link to a service that has the blobs put into it."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")
         self.blobs: dict[str, bytes] = {}
-        self.stored: list[int] = []  # sizes
+        self.stored: list[int] = []  # sizes of stored blobs
 
     def put(self, path: str, data: bytes) -> BlobRef:
         sha256 = hashlib.sha256(data).hexdigest()

@@ -1,4 +1,4 @@
-"""A batch, by the function that a slot calls."""
+"""Tests of the function by which a slot renders a batch."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_a_compiled_scene_that_has_suffered_on_this_disk_is_fetched_anew(tmp_pat
     path = cache.path(sha256)
     spoilt = {"cut": data[:-100], "header": b"\0" * 100 + data[100:], "empty": b"", "gone": b""}[damage]
     path.write_bytes(spoilt)
-    if damage == "gone":  # between the look and the opening: another slot makes room
+    if damage == "gone":  # another slot evicts it between the check and the opening
         found, first = cache.path, iter([tmp_path / "nowhere"])
         cache.path = lambda sha256, size=None: next(first, None) or found(sha256)  # type: ignore[method-assign]
         path.write_bytes(data)

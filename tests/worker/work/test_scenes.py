@@ -1,4 +1,4 @@
-"""Compiled scenes in parts, between a worker's cache and the service."""
+"""Tests of compiled scenes in parts, between a worker's cache and the service."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from worker.work.scenes import discard_damaged, open_scene, store_scene
 
 
 class Service(Link):
-    """A link whose service is a dict; counts sent and fetched blobs."""
+    """A link to a service that is a dict; counts sent and fetched blobs."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")
@@ -55,7 +55,7 @@ def worker(service: Service, folder: Path) -> Any:
 
 @pytest.fixture
 def moments(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
-    """Three frames, stored by one worker."""
+    """Returns the service and the blobs of three frames, stored by one worker."""
     service, kept = Service(), ShotCache()
     out = tmp_path / "out"
     out.mkdir()
@@ -94,7 +94,7 @@ def test_a_part_that_went_meanwhile_is_sent_again(tmp_path: Path, is_here: bool)
         ref = store_scene(one, saver.save(compiled, kept.cuts))
         sha256, _ = max(ref.parts, key=lambda part: part[1])
         if angle == 0.0:
-            del service.blobs[sha256]  # with the only scene that was said to need it
+            del service.blobs[sha256]  # with the only scene known to need it
             (one.cache.folder / sha256[:2] / sha256 if is_here else out / sha256).unlink()
     assert sha256 in service.blobs
     assert service.sent.count(sha256) == 2
@@ -122,12 +122,12 @@ def test_a_part_that_has_suffered_is_fetched_anew(moments: tuple[Service, list[B
     cache = worker(service, tmp_path / "one").cache
     sha256, size = max(refs[0].parts, key=lambda part: part[1])
     cache.path(sha256).write_bytes(b"cut")
-    open_scene(cache, refs[0].sha256)  # its size tells
+    open_scene(cache, refs[0].sha256)  # detected by its size
     assert service.fetched == [sha256]
     data = bytearray(service.blobs[sha256])
     data[size // 2] ^= 1
     cache.path(sha256).write_bytes(data)
-    assert discard_damaged(cache, refs[0].sha256)  # nothing but its hash does
+    assert discard_damaged(cache, refs[0].sha256)  # detected only by its digest
     assert not discard_damaged(cache, refs[0].sha256)
     assert cache.path(sha256).read_bytes() == service.blobs[sha256]
 

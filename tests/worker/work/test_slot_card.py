@@ -1,4 +1,4 @@
-"""A slot with a graphics card: it renders with the card, and with the processor where the card cannot."""
+"""Tests of a slot with a graphics card: it renders with the card, or with the processor if the card cannot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BATCH = RenderBatch("b", "job", 0, "0" * 64, Tile(0, 0, 8, 8), 0, 2, RenderSetti
 
 
 class Renderer:
-    """A card's renderer that keeps what it loads; render_batch is replaced by `Renderer.answer`."""
+    """A card's renderer that records loaded scenes; `Renderer.answer` replaces render_batch."""
 
     answer: Any = "sums"
 

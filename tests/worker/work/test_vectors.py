@@ -1,4 +1,4 @@
-"""A farm's motion vectors equal those of `rayfarm render`, for every camera that a request can name."""
+"""Tests that a farm's motion vectors equal those of `rayfarm render`, for every camera that a request can name."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_they_are_those_of_the_command(tmp_path: Path, name: str) -> None:
     order = PictureOrder(picture, ["motion"], False, 0.0, "neutral", None, 0, asked.get("turntable"), None)
     stage = OpenScene(Shot(tmp_path, "shot.glb"), picture.camera, threads=1)
     expected = motion_of(stage, order, moment, Clock())
-    own = {**asdict(OWN), "near": cameras[0]["view"]["near"]}  # the command's options leave what they do not name
+    own = {**asdict(OWN), "near": cameras[0]["view"]["near"]}  # options of the command keep values that they do not name
     request: dict[str, Any] = {"camera": given.get("camera"), "view": own if "eye" in given else None}
     work = FrameVectors("work", "job", frame_key(6.5), "scene", 24, 16, auto, **request, **asked)
     result = tmp_path / "vectors.f32"
