@@ -52,10 +52,10 @@ def write_world(
     return {"image": "blender-world.exr"}, [] if sun is None else [_light(world, sun)]
 
 
-def world_medium(world: Any, within: Any, notes: list[str]) -> dict[str, Any] | None:
+def world_medium(world: Any, subsurface: Any, notes: list[str]) -> dict[str, Any] | None:
     """Returns the medium that fills the world, in our scene format; None if there is none.
 
-    within: the add-on's module `subsurface`; None if not available.
+    subsurface: the add-on's module of that name; None if not available.
     """
     tree = world.node_tree if world is not None and world.use_nodes else None
     output = None if tree is None else next((n for n in tree.nodes if n.type == "OUTPUT_WORLD" and n.is_active_output), None)
