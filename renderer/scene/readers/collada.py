@@ -126,7 +126,7 @@ def _extra_data(data: bytes, main: str) -> _ExtraData:
 
 
 def _shapeless(root: ElementTree.Element) -> int:
-    """Returns the number of cameras with a horizontal angle or width, but no vertical one and no aspect ratio."""
+    """Returns the number of cameras that state a horizontal angle or size, but neither a vertical one nor an aspect ratio."""
     optics = [
         *root.iterfind(".//{*}library_cameras/{*}camera//{*}perspective"),
         *root.iterfind(".//{*}library_cameras/{*}camera//{*}orthographic"),

@@ -1,6 +1,6 @@
 """Evaluates the JSON of a glTF file at a moment of its animations (specification 3.11, appendix C; KHR_animation_pointer).
 
-Each channel names a place in the JSON. Its value is written there, so the other modules need no code for animation.
+Each channel names a property in the JSON. Its value at the moment is written there, so other modules need no code for animation.
 """
 
 from __future__ import annotations
@@ -180,7 +180,10 @@ class Animations:
         )
 
     def _is_fixed(self, path: Path) -> bool:
-        """Returns True for the translation, rotation or scale of a node with a matrix, which are not animated (3.11)."""
+        """Returns True if a path is in a node with a matrix, and is its translation, rotation or scale.
+
+        The specification (3.11) forbids animating these.
+        """
         if path[0] != "nodes" or path[-1] not in ("translation", "rotation", "scale"):
             return False
         return "matrix" in self._root.value["nodes"][path[1]]

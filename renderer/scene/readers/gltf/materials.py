@@ -54,7 +54,7 @@ class Materials:
         return UV_SETS if index is None else self._uv_sets[index]
 
     def depends_on_mesh(self, index: int | None) -> bool:
-        """Returns True if the material transmits light without a thickness, so that it depends on whether its mesh is closed."""
+        """Returns True if the material transmits light and has no thickness; it is then thin unless its mesh is closed."""
         return index is not None and self._materials[self._first + index].transmission > 0 and not self._filled[index]
 
     def thin_material(self, index: int) -> int:

@@ -107,7 +107,7 @@ class Textures:
         return WHITE, self.shelf.derived_texture(texture, f"under a coat of {inner} by {color}", make)
 
     def scaled(self, color: Vec3, texture: int | None, factor: float) -> tuple[Vec3, int | None]:
-        """Returns a colour and its texture multiplied by a factor, clamped to 1."""
+        """Returns a colour and the index of its texture or None, whose product is multiplied by a factor and clamped to 1."""
         if texture is None:
             r, g, b = (unit(v * factor) for v in color)
             return (r, g, b), None

@@ -1,4 +1,4 @@
-"""Reads stage metadata, including fields stored with another type than the schema's."""
+"""Reads stage metadata, including fields whose stored type differs from the schema's."""
 
 from __future__ import annotations
 

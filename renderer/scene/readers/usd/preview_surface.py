@@ -82,7 +82,7 @@ def fill_base(read: Read, given: Input, default: Vec3) -> None:
 
 
 def fill_roughness(read: Read, rough: Input, roughness: float, metal: Input, metallic: float) -> None:
-    """Fills the roughness and metalness, which are packed into one texture."""
+    """Fills the roughness and metalness; if either has a texture, both are packed into one."""
     material, shelf = read.material, read.shelf
     material.roughness = unit(rough.number(roughness)) if rough.taken is None else 1.0
     material.metallic = unit(metal.number(metallic)) if metal.taken is None else 1.0
