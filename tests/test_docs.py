@@ -1,4 +1,4 @@
-"""Links of the documentation lead to existing files, headings and pictures, and each page is reachable from the README."""
+"""Tests of the documentation's links: to existing files, headings and pictures; each page is reachable from the README."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The converter's imports of the add-on: names that Blender alone would look up."""
+"""Tests of the converter's imports from the add-on, whose names only Blender would look up."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Tests of a .blend in a real farm with a real Blender: the job is cancelled while Blender opens the file, and Blender is
-killed.
-"""
+"""Tests of a .blend in a real farm with a real Blender that is killed while it opens the file, or whose job is cancelled."""
 
 from __future__ import annotations
 

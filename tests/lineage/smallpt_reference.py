@@ -45,8 +45,9 @@ _KIND = np.array([s[4] for s in SPHERES])
 
 
 def render(width: int, height: int, spp: int, seed: int = 0, max_depth: int = 200, chunk: int = 64) -> tuple[F64, F64]:
-    """Returns (mean radiance, variance of the mean), both (height, width, 3); rows from the top, samples uniform over the
-    pixel.
+    """Returns (mean radiance, variance of the mean), both (height, width, 3), with rows from the top.
+
+    Samples are uniform over the pixel.
     """
     random = np.random.default_rng(seed)
     total = np.zeros((height * width, 3))

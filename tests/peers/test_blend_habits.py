@@ -93,9 +93,7 @@ def test_pictures_that_came_along_are_there_whatever_their_kind(made: Path) -> N
 
 
 def test_what_goes_past_the_exporter_has_its_materials_and_uvs(made: Path) -> None:
-    """A mesh too large for the exporter has its materials and UVs: the first set covers the unit square, the second is one
-    point.
-    """
+    """A mesh too large for the exporter has its materials and both UV sets: one covers the unit square, one is a point."""
     found = Shot(made, "large.blend").at(Moment(1))
     parts = [mesh for mesh in found.meshes if len(mesh.triangles) > 1000]
     assert sorted(found.materials[mesh.material].name for mesh in parts) == ["left", "right"]

@@ -131,9 +131,7 @@ def test_corners_are_blenders(scene: str, kind: str, made: tuple[Path, dict[str,
 
 @pytest.mark.parametrize("kind", KNOWN)
 def test_materials_are_blenders(kind: str, made: tuple[Path, dict[str, Any]]) -> None:
-    """Materials have Blender's values, except a sheen's weight and the index of transmission alone, which its glTF exporter
-    omits.
-    """
+    """Materials have Blender's values, except the two that its glTF exporter omits: sheen weight, and index of transmission."""
     folder, told = made
     found = Shot(folder, f"paints-{kind}").at()
     lost = {"velvet: ": "its physical extension has one number"} if kind == "obj-physical.obj" else {}

@@ -35,8 +35,9 @@ _kept: list[Any] = []  # the memory is never freed
 
 
 def fenced(array: np.ndarray, side: str) -> np.ndarray:
-    """Returns a copy of the array with an inaccessible page directly behind or before its elements; the array itself for
-    `checked`.
+    """Returns a copy of the array with an inaccessible page directly behind or before its elements.
+
+    For `checked`, returns the array itself.
     """
     if side == CHECKED:
         return array

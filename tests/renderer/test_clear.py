@@ -62,17 +62,13 @@ def test_panes_of_clear_glass_in_a_white_furnace_are_white(count: int, material:
 
 
 def test_where_all_transmission_counts_it_uses_up_the_depth() -> None:
-    """With every transmission counted in max_depth, as in other renderers, two glass bounces above the limit leave only
-    reflections.
-    """
+    """With every transmission counted in max_depth, as elsewhere, two glass bounces above the limit leave only reflections."""
     assert mean(panes(4, GLASS), 64, transmission_depth=0) < 0.2
     assert mean(panes(4, GLASS), 64, transmission_depth=0, max_depth=64) == pytest.approx(1.0, abs=5e-3)
 
 
 def test_so_many_transmissions_as_the_limit_are_let_through_and_no_more() -> None:
-    """The limit of transmissions is exact: panes of index 1 reflect nothing and take two each; rough ones also count in
-    max_depth.
-    """
+    """The limit of transmissions is exact: a pane of index 1 takes two and reflects nothing; rough ones count in max_depth."""
     clear = panes(4, replace(GLASS, ior=1.0))
     assert mean(clear, 4, transmission_depth=8) == pytest.approx(1.0, abs=1e-3)
     assert mean(clear, 4, transmission_depth=7) == 0.0

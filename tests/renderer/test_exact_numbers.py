@@ -69,9 +69,7 @@ def test_a_turned_environment(request: pytest.FixtureRequest) -> None:
 
 
 def test_decoded_srgb_lies_far_from_where_its_rounding_turns() -> None:
-    """No sRGB code decodes to a value near a rounding boundary of float32, so a host's pow with a relative error of 1e-12 is
-    exact.
-    """
+    """No sRGB code decodes to a value near a float32 rounding boundary, so a pow with a relative error of 1e-12 suffices."""
     getcontext().prec = 40
     for code in range(1, 256):
         value = Decimal(code) / 255

@@ -193,8 +193,9 @@ def test_what_is_too_bright_is_clamped():
 
 
 def test_first_hit_planes_of_a_known_plane():
-    """For a floor one unit below the eye, normal and albedo are exact to the quantum, and depth is between the values at a
-    pixel's corners.
+    """A floor's normal and albedo are exact to the quantum, and its depth is between the values at a pixel's corners.
+
+    The floor is one unit below the eye.
     """
     made = scene([Material(base_color=(0.25, 0.5, 0.75))], (square((0, -1, 0), (1000, 0, 0), (0, 0, -1000), 0),), environment=1.0)
     asked = settings((0, 0, 0), (0, -1, -1), 40, size=16, max_depth=2)
@@ -253,9 +254,7 @@ def test_a_dark_scene_is_lit_by_the_settings_environment():
 
 
 def spread_and_estimate(sampler, spp, seeds=48):
-    """Returns the spread over pictures of different seeds, the film's own noise estimate, and the standard error of that
-    estimate.
-    """
+    """Returns the spread over pictures of different seeds, the film's noise estimate, and that estimate's standard error."""
     made = varied()
     pictures, estimates = [], []
     for seed in range(seeds):

@@ -196,8 +196,9 @@ def test_spheres_and_what_is_infinitely_far(way: str) -> None:
 
 @pytest.mark.long
 def test_every_vertex_of_a_file_that_turns_morphs_and_bends(tmp_path: Path) -> None:
-    """Motion vectors of a glTF file with a hierarchy, a morph target, a skin and a moving camera match a brute-force search of
-    all triangles.
+    """Motion vectors of a glTF file match a brute-force search of all triangles.
+
+    The file has a hierarchy, a morph target, a skin and a moving camera.
     """
     (tmp_path / "all.glb").write_bytes(everything())
     shot = Shot(tmp_path, "all.glb")

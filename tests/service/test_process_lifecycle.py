@@ -1,4 +1,4 @@
-"""The lifecycle of a service process, with a fake ownership."""
+"""Tests of the lifecycle of a service process, with a fake ownership."""
 
 from __future__ import annotations
 

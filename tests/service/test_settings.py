@@ -1,4 +1,4 @@
-"""The service's settings from environment variables."""
+"""Tests of the service's settings from environment variables."""
 
 from __future__ import annotations
 

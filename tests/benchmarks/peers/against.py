@@ -33,9 +33,7 @@ class _Side:
         return self._process.stdout.readline().strip()
 
     def render(self, seed: int) -> Taken:
-        """Renders once and returns the time; wall time is replaced by processor time, which other work on the machine
-        affects less.
-        """
+        """Renders once and returns the time: processor time, also in place of wall time, since other work affects it less."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{seed}\n")
         self._process.stdin.flush()

@@ -21,9 +21,7 @@ _OURS, _ASKED = "#3b6ea5", "#c0392b"
 
 
 def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
-    """Plots one bar per line with the spread over rounds, its target as a mark, and the geometric mean's target as a dotted
-    line.
-    """
+    """Plots a bar per line with the spread over rounds and its target; a dotted line marks the geometric mean's target."""
     target = TABLE[row]
     figure, axes = pyplot.subplots(figsize=(8, 1.2 + 0.42 * len(lines)), layout="constrained")
     for y, line in enumerate(lines):

@@ -1,4 +1,4 @@
-"""The names that the conversion inside Blender uses of the add-on's modules, which it imports by strings."""
+"""Tests that the add-on's modules have the names that the conversion inside Blender uses, which imports them by strings."""
 
 from __future__ import annotations
 

@@ -12,9 +12,7 @@ ZERO = np.uintp(0)
 
 @entry
 def _visit(distances, limits, order, count):
-    """Writes, for each row, the lanes whose distance is below the row's limit to `order`, nearest first, and their number to
-    `count`.
-    """
+    """Writes each row's lanes with a distance below the row's limit to `order`, nearest first, and their number to `count`."""
     for i in range(len(distances)):
         distance = load(distances[i], ZERO)
         keys = hit_keys(less(distance, load(limits[i], ZERO)), distance)

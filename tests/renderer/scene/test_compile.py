@@ -197,9 +197,7 @@ def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():
 
 @pytest.mark.long
 def test_what_the_tables_leave_out_bsdf_sampling_finds():
-    """Sampling tables of luminance above the mean yield the picture that tables of all luminance yield; BSDF sampling adds
-    the rest.
-    """
+    """Tables of luminance above the mean, with BSDF sampling of the rest, yield the picture of tables of all luminance."""
     ours = compile_scene(described(ellipsoid(), studio_for_accents=True))
     bright = luminance(ours.environment.astype(np.float64))
     rows = bright.sum(axis=1) * -np.diff(np.cos(np.linspace(0, np.pi, len(bright) + 1)))

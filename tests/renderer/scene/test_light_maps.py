@@ -45,9 +45,7 @@ def angles_of(w, axis, right):
 
 
 def four_colors(side=64):
-    """Returns an image with red at the upper left, green at the upper right, blue at the lower left and white at the lower
-    right.
-    """
+    """Returns an image with red at the upper left, green at the upper right, blue and white below them."""
     corner = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1]]], np.float32)
     return corner.repeat(side, axis=0).repeat(side, axis=1)
 

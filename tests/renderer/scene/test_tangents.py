@@ -47,9 +47,7 @@ def test_tangents_are_unit_and_square_to_normals_of_any_mesh():
 
 
 def test_vertices_between_an_image_and_its_mirror_image_are_split():
-    """Vertices at a mirror seam, between a square's halves with mirrored images, are split, since each half has its own
-    tangent.
-    """
+    """Vertices at a mirror seam between a square's halves are split, since each half has its own tangent."""
     position = np.array([(-1, 0, 0), (0, 0, 0), (1, 0, 0), (-1, 1, 0), (0, 1, 0), (1, 1, 0)], np.float32)
     uv = np.array([(1, 1), (0, 1), (1, 1), (1, 0), (0, 0), (1, 0)], np.float32)
     triangle = np.array([(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4)], np.int32)

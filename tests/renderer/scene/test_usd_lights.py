@@ -191,9 +191,7 @@ def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in
 
 
 def test_what_carries_a_lamp_of_blenders_makes_it_no_larger(lit, tmp_path):
-    """Parent scales do not enlarge the radius of Blender's lamps, as in Cycles; in other stages a radius is in its prim's
-    space.
-    """
+    """Parent scales do not enlarge the radius of Blender's lamps, as in Cycles; other stages' radii are in prim space."""
     place = Gf.Matrix4d().SetScale(3.0)
     assert lit("SphereLight", place=place, radius=0.1, intensity=3.0, normalize=True).spheres[0].radius == pytest.approx(0.3)
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))

@@ -33,9 +33,7 @@ def pairs(rng, n=N):
 
 
 def assert_scatters_alike(eight, one, given):
-    """Asserts equal bits; rows 0 to 3, f and pdf, are 0 where a direction is below the horizon, and elsewhere the pdf is
-    positive.
-    """
+    """Asserts equal bits, f = pdf = 0 (rows 0 to 3) where a direction is below the horizon, and a positive pdf elsewhere."""
     below = (given[:, 2] <= 0) | (given[:, 5] <= 0)
     np.testing.assert_array_equal(eight[:4, below], 0)
     assert (eight[3, ~below] > 0).all()

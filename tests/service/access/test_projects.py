@@ -1,4 +1,4 @@
-"""Projects without login; tests/service/api/test_projects.py covers them with login."""
+"""Tests of projects without login; tests/service/api/test_projects.py covers them with login."""
 
 from __future__ import annotations
 

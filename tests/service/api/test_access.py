@@ -1,4 +1,4 @@
-"""Authentication and authorization: roles, credentials, expiry, and known attacks."""
+"""Tests of authentication and authorization: roles, credentials, expiry, and known attacks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Client addresses behind proxies, with real requests: on loopback, with and without RAYFARM_TRUSTED_PROXIES."""
+"""Tests of client addresses behind proxies, with real requests: on loopback, with and without RAYFARM_TRUSTED_PROXIES."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/api/examples: shipped scenes can be opened like uploads."""
+"""Tests of /api/examples: shipped scenes can be opened like uploads."""
 
 from __future__ import annotations
 

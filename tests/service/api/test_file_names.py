@@ -1,4 +1,4 @@
-"""Download file names use the user's names, without characters that file systems or headers do not allow."""
+"""Tests that download file names use the user's names, without characters that file systems or headers do not allow."""
 
 from __future__ import annotations
 

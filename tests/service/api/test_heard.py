@@ -1,4 +1,4 @@
-"""A flood of messages on one socket leaves time for other tasks."""
+"""Tests that a flood of messages on one socket leaves time for other tasks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ten thousand jobs: searched, counted, paginated, and changed in bulk."""
+"""Tests of a list of ten thousand jobs: searched, counted, paginated, and changed in bulk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled kernels, stored for workers that join later."""
+"""Tests of storing compiled kernels for workers that join later."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Live connections: the WebSocket's snapshot, tiles and acknowledgements, and the event stream."""
+"""Tests of live connections: the WebSocket's snapshot, tiles and acknowledgements, and the event stream."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JSON is compressed if the client accepts it and it pays off; other responses are unchanged."""
+"""Tests that JSON is compressed if the client accepts it and it pays off, and other responses are unchanged."""
 
 from __future__ import annotations
 

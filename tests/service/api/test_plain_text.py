@@ -1,4 +1,4 @@
-"""Text with control characters or bidirectional overrides is rejected wherever the API accepts text."""
+"""Tests that text with control characters or bidirectional overrides is rejected wherever the API accepts text."""
 
 from __future__ import annotations
 

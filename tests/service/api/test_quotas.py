@@ -1,4 +1,4 @@
-"""Quotas: limits, and the errors with remedies beyond them."""
+"""Tests of quotas: limits, and the errors with remedies beyond them."""
 
 from __future__ import annotations
 

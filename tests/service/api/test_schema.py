@@ -1,4 +1,4 @@
-"""Requests generated from the OpenAPI document, with ids of real scenes, jobs and workers in every state.
+"""Tests by requests generated from the OpenAPI document, with ids of real scenes, jobs and workers in every state.
 
 Every response is declared in the document, with the declared form, and never an internal error.
 """

@@ -1,4 +1,4 @@
-"""A shot as one file: a zip that is streamed while frames finish, and movies."""
+"""Tests of a shot as one file: a zip that is streamed while frames finish, and movies."""
 
 from __future__ import annotations
 

@@ -32,8 +32,9 @@ def kept(service: Service, job: str) -> list[int]:
 
 
 def in_step(service: Service, worker: PeerWorker) -> list[str]:
-    """Delays the worker at each power of two of samples until its snapshot is stored; returns a list, to which tests add
-    job ids.
+    """Delays the worker at each power of two of samples until its snapshot is stored.
+
+    Returns a list, to which tests add the ids of their jobs.
     """
     jobs: list[str] = []
 

@@ -1,4 +1,4 @@
-"""Jobs with a material variant of a glTF file: compiled again from the same files."""
+"""Tests of jobs with a material variant of a glTF file, which is compiled again from the same files."""
 
 from __future__ import annotations
 

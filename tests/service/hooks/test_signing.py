@@ -1,4 +1,4 @@
-"""Signatures, checked against the specification's example."""
+"""Tests of webhook signatures, against the specification's example."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Validation of the names of scenes and jobs."""
+"""Tests of validating the names of scenes and jobs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Jobs with a strict request: warnings of the scene are errors."""
+"""Tests of jobs with a strict request: warnings of the scene are errors."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Untrusted uploads: accepted completely, or refused with an error message and without traces."""
+"""Tests of untrusted uploads: accepted completely, or refused with an error message and without traces."""
 
 from __future__ import annotations
 

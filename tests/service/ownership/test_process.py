@@ -1,4 +1,4 @@
-"""Identification of processes beyond their PID: whether one has ended or is stopped, and how it is killed."""
+"""Tests of identifying processes beyond their PID: whether one has ended or is stopped, and how it is killed."""
 
 from __future__ import annotations
 

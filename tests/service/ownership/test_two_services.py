@@ -80,8 +80,9 @@ def begun(service: Started, worker: PeerWorker) -> str:
 def test_one_that_hangs_and_one_that_is_killed_are_taken_over_from(
     pair: tuple[Started, Started], redis_server: running_redis
 ) -> None:
-    """The first service is suspended, and the second takes over; the first resumes and stands by; the second is killed, and the
-    first takes over again. A job is rendered during all of this.
+    """The farm moves from a suspended service to the other one, and back when that is killed; a job renders throughout.
+
+    The first service, once resumed, stands by until the second is killed.
     """
     first, second = pair
     assert second.says("/healthz") == "stands by"

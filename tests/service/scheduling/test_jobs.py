@@ -1,4 +1,4 @@
-"""Jobs from the request to the finished film, through a real Redis and the real contract."""
+"""Tests of jobs from the request to the finished film, through a real Redis and the real protocol."""
 
 from __future__ import annotations
 

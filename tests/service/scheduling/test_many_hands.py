@@ -1,4 +1,4 @@
-"""Four users of a farm with quotas create, change and delete shots while workers come, go and change.
+"""Test of four users of a farm with quotas who create, change and delete shots while workers come, go and change.
 
 The service is restarted during this, and at the end every picture equals its expected samples.
 """

@@ -1,4 +1,4 @@
-"""Jobs with dependencies, through the real service."""
+"""Tests of jobs with dependencies, through the real service."""
 
 from __future__ import annotations
 

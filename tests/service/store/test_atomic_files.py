@@ -1,4 +1,4 @@
-"""Atomic file writes."""
+"""Tests of atomic file writes."""
 
 from __future__ import annotations
 

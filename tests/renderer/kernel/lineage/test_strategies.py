@@ -19,9 +19,7 @@ VIEW = ((0, 2, 6), (0, 0.8, 0), 30)
 
 
 def room(environment):
-    """Returns diffuse, glossy, mirror and glass objects under a square, a sphere and a sky, all large enough to be hit by
-    chance.
-    """
+    """Returns diffuse, glossy, mirror and glass objects under large lights that all strategies can hit: square, sphere, sky."""
     materials = [
         Material(base_color=(0.7, 0.6, 0.5)),
         Material(kind="metallic_roughness", base_color=(0.9, 0.6, 0.3), metallic=0.7, roughness=0.6),

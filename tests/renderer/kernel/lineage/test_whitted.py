@@ -23,9 +23,7 @@ def whitted(made, view, spp=4, **more):
 
 
 def test_a_square_light_is_looked_at_in_its_middle():
-    """Whitted samples a square light only at its centre: L A / h^2 / pi, while integration over the unit square gives
-    0.752275.
-    """
+    """Whitted samples a square light only at its centre: L A / h^2 / pi, where integration yields 0.752275 / pi."""
     made = scene([WHITE, emitter(1.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)))
     np.testing.assert_allclose(mean(whitted(made, BELOW, 16), 24), 1 / math.pi, rtol=1e-3)
 

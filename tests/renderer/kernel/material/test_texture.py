@@ -192,9 +192,7 @@ def test_a_layer_is_blended_in_linear_light_by_its_alpha_and_strength(blend, str
 
 
 def test_many_layers_each_looked_up_in_its_own_way():
-    """Each layer has its own image, coordinates, transform, wrap mode and encoding; a single layer uses the second
-    coordinates.
-    """
+    """Each layer has its own image, coordinates, transform, wrap mode and encoding; a single one uses the second UVs."""
     layers = TextureLayer(1, "multiply", 0.8), TextureLayer(2), TextureLayer(3, "screen", 0.5), TextureLayer(1, "signed_add")
     textures = [
         Texture(0, layers=layers),

@@ -1,6 +1,4 @@
-"""Tests of denoised pictures: available at any time, made once, separate from the raw ones, with an error if none can make
-them.
-"""
+"""Tests of denoised pictures: available at any time, made once, separate from raw ones, with an error without a denoiser."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pacing by the rate of results, with a simulated clock."""
+"""Tests of pacing batches by the rate of results, with a simulated clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Error messages for Redis' errors."""
+"""Tests of the error messages for Redis' errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a job starts and stops counting as late."""
+"""Tests of when a job starts and stops counting as late."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A job's history: enough points for a plot, within a few kilobytes."""
+"""Tests of a job's history: enough points for a plot, within a few kilobytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A job's log: limited in size, kept over a restart, and deleted with its job."""
+"""Tests of a job's log: limited in size, preserved over a restart, and deleted with its job."""
 
 import logging
 import re

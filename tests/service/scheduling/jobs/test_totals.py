@@ -1,4 +1,4 @@
-"""A job's totals equal the sums over its frames after any changes, and only changed frames are counted again."""
+"""Tests that a job's totals equal the sums over its frames after any changes, and that only changed frames are counted again."""
 
 from __future__ import annotations
 
