@@ -70,7 +70,7 @@ WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # HTTP headers of a film's means: the film's version and its number of samples
 SAMPLES_HEADER = "X-Samples"
-_OF_CARDS = ("cards", "cards_unused")  # fields of reports
+_OF_CARDS = ("cards", "has_card_queue", "cards_unused")  # fields of reports
 _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
@@ -377,6 +377,7 @@ class WorkerReport:
     in_hand: list[str] = field(default_factory=list)  # messages of which something waits on the machine, beside `current`
     # Graphics cards with which slots render: {number, name, memory: bytes, capability: "8.6", slot, samples_per_s}
     cards: list[dict[str, Any]] = field(default_factory=list)
+    has_card_queue: bool = False  # whether all its slots have cards: it takes batches from its own queue alone (protocol.card)
     cards_unused: list[str] = field(default_factory=list)  # why other cards are not used (renderer.sentences.to_text)
 
     def to_bytes(self) -> bytes:

@@ -56,11 +56,13 @@ class BatchReturned(_Batch):
     """A worker could not render a batch because of its own trouble; the batch is dispatched again. error: a sentence."""
 
     error: str
+    for_cpu: NotRequired[bool]  # whether only a graphics card cannot render it (card.py)
 
 
-class BatchFailed(BatchReturned):
-    """A batch cannot be rendered because of the scene or its settings."""
+class BatchFailed(_Batch):
+    """A batch cannot be rendered because of the scene or its settings. error: a sentence."""
 
+    error: str
     reproduce: NotRequired[str | None]  # command
     trace: NotRequired[str]
 

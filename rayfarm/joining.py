@@ -7,7 +7,9 @@ import json
 import os
 import subprocess
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
@@ -55,41 +57,46 @@ def run(
     sentence: str,
     arguments: list[str] | None = None,
     waiting: subprocess.Popen[bytes] | None = None,
+    more: Mapping[str, list[str]] = MappingProxyType({}),
 ) -> None:
     """Runs and restarts a process until Ctrl-C, and shows its log. sentence: printed at the start. Raises CommandError.
 
     arguments: options for a process that imports first and then reads them from stdin; None for others. waiting: such a process,
-    if already started.
+    if already started. more: the options of further processes of the same command, by name.
     """
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
     from renderer.cache_folders import cache_home
 
     signals = StopSignals()
-    log = cache_home() / "logs" / f"{name}-{os.getpid()}.log"
     supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
     env = {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}
-    part = Part(name, command, log, env, GRACE_S, (FATAL,), WORKER_STEADY_S, arguments=arguments, spare=waiting)
+    shown: dict[Path, int] = {}  # bytes of each log that are printed
     try:
-        log.parent.mkdir(parents=True, exist_ok=True)
-        log.touch()  # raises if the log is not writable, with which the supervisor would start anyway
-        supervisor.start(part)
-    except OSError as error:
-        raise CommandError(
-            f"The {name}'s log {log} cannot be written ({error.strerror}). Set RAYFARM_CACHE to a folder of yours."
-        ) from error
-    out.print(f"{sentence} Log: {log}", soft_wrap=True)
-    shown = 0
-    try:
+        for each, options in {name: arguments, **more}.items():
+            log = cache_home() / "logs" / f"{each}-{os.getpid()}.log"
+            part = Part(each, command, log, env, GRACE_S, (FATAL,), WORKER_STEADY_S, arguments=options, spare=waiting)
+            waiting = None
+            try:
+                log.parent.mkdir(parents=True, exist_ok=True)
+                log.touch()  # raises if the log is not writable, with which the supervisor would start anyway
+                shown[log] = 0
+                supervisor.start(part)
+            except OSError as error:
+                raise CommandError(
+                    f"The {each}'s log {log} cannot be written ({error.strerror}). Set RAYFARM_CACHE to a folder of yours."
+                ) from error
+        out.print(f"{sentence} Log: {', '.join(map(str, shown))}", soft_wrap=True)
         while not signals.stop():
-            shown = _follow(log, shown)
-            if supervisor.check_parts() is not None:
-                raise CommandError(_sentence(part.last_log_lines(1)).removeprefix(f"rayfarm {name}: "))
+            _follow(shown)
+            if (failed := supervisor.check_parts()) is not None:
+                raise CommandError(_sentence(failed.last_log_lines(1)).removeprefix(f"rayfarm {name}: "))
             time.sleep(0.2)
     finally:
         supervisor.stop(signals.is_immediate)
-        _follow(log, shown)
-        log.unlink(missing_ok=True)
+        _follow(shown)
+        for log in shown:
+            log.unlink(missing_ok=True)
 
 
 def _sentence(line: str) -> str:
@@ -99,7 +106,13 @@ def _sentence(line: str) -> str:
     return line
 
 
-def _follow(log: Path, shown: int) -> int:
+def _follow(shown: dict[Path, int]) -> None:
+    """Prints the logs from the bytes on that are printed already, and updates these."""
+    for log, size in shown.items():
+        shown[log] = _print_from(log, size)
+
+
+def _print_from(log: Path, shown: int) -> int:
     """Prints the log from byte `shown` on. Returns the size of the log printed so far, in bytes."""
     try:
         with log.open("rb") as file:

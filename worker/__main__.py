@@ -139,10 +139,11 @@ def _run_worker(options: argparse.Namespace) -> int:
         blender=blender,
         cards=cards,
         cards_unused=cards_unused,
+        is_beside_cpu=options.beside,
         keeping=TermsKeeper(options.slots, _tags(options, host, kind), _command_line_terms(options)),
         pieces=_create_pieces(log),
     )
-    for number, card in enumerate(cards, options.slots - len(cards)):
+    for number, card in enumerate(cards):
         log.info("slot %d renders with card %s (%s)", number, described(card), NOT_YET_TRIED)
     if lines is not None:
         lines.always["worker"] = joined.name
@@ -164,6 +165,11 @@ def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--token", default="", help="the farm's token; $RAYFARM_TOKEN, or the file $RAYFARM_TOKEN_FILE")
     parser.add_argument("--slots", type=_positive, default=os.cpu_count() or 1, help="batches rendered at a time")
     parser.add_argument("--gpu", default="none", help=f"NVIDIA cards to render with, a slot each: {CHOICES}; {NOT_YET_TRIED}")
+    parser.add_argument(
+        "--beside",
+        action="store_true",
+        help="another worker of this machine has what this one does not use: the cards, or with --gpu the cores",
+    )
     parser.add_argument("--redis", help="the broker, if not the one that the service tells; $RAYFARM_REDIS_URL")
     parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
     parser.add_argument(
@@ -228,19 +234,18 @@ def _check_settings(options: argparse.Namespace) -> Blender | None:
 
 
 def _choose_cards(options: argparse.Namespace) -> tuple[tuple[Card, ...], tuple[str, ...]]:
-    """Returns the graphics cards to use, and why others are not used.
+    """Returns the graphics cards to use, and why others are not used. With cards, `options.slots` becomes their number.
 
-    Adds a slot for each card to `options.slots`; with `only`, replaces all other slots. Raises RefusedError if a card is missing
-    or cannot be used.
+    Raises RefusedError if a card is missing or cannot be used.
     """
-    if options.gpu == "none" and not has_nvidia_hardware():
+    if options.gpu == "none" and (options.beside or not has_nvidia_hardware()):
         return (), ()
     found = find_cards_before_fork()
     try:
-        cards, with_cpu = chosen_cards(options.gpu, found)
+        cards, _ = chosen_cards(options.gpu, found)
     except CardsError as error:
         raise RefusedError(str(error)) from None
-    options.slots = len(cards) + (options.slots if with_cpu else 0)
+    options.slots = len(cards) or options.slots
     return tuple(cards), tuple(reasons_unused(found, cards))
 
 

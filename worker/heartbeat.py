@@ -22,6 +22,7 @@ from celery import bootsteps
 from celery.worker.state import reserved_requests
 
 from protocol import vitals
+from protocol.card import RENDER_ON_CARD, card_queue
 from protocol.contract import (
     HEARTBEAT_EVERY_S,
     HEARTBEAT_TTL_S,
@@ -45,6 +46,7 @@ __all__ = ["Heartbeat", "Reporter"]
 WATCHDOG_S = 60
 IDLE_LIMIT_S = 20.0
 VITALS_EVERY_S = 5.0
+BATCH_TASKS = (RENDER_BATCH, RENDER_BATCHES, RENDER_JOINTLY, RENDER_ON_CARD)
 REPLY_WAIT_S = 0.05  # seconds to wait for Redis's reply; a later one is read at the next beat
 
 log = logging.getLogger(__name__)
@@ -187,7 +189,13 @@ class Heartbeat(bootsteps.StartStopStep):
         self._consume_needs_queues(() if wanted or keeping is None else keeping.terms.queues)
 
     def _consume_needs_queues(self, queues: tuple[str, ...]) -> None:
-        """Serves exactly these queues for requirements, in addition to the worker's own queues."""
+        """Serves exactly these queues for requirements, in addition to the worker's own queues.
+
+        A worker with cards does not, as the service sends all its batches to its own queue.
+        """
+        if card_queue(self.worker.name) in self.worker.queues:
+            self.served = queues
+            return
         try:
             for queue in self.served:
                 if queue not in queues:
@@ -217,4 +225,4 @@ def _unfinished_messages() -> list[str]:
 
     Needed in addition to the slots' reports, since a slot of a busy machine may take seconds to report its batch.
     """
-    return [request.id for request in list(reserved_requests) if request.name in (RENDER_BATCH, RENDER_BATCHES, RENDER_JOINTLY)]
+    return [request.id for request in list(reserved_requests) if request.name in BATCH_TASKS]

@@ -10,6 +10,7 @@ from typing import Any
 
 from celery import Celery
 
+from protocol.card import RENDER_ON_CARD, CardBatches
 from protocol.contract import (
     DENOISE,
     ENVIRONMENT,
@@ -29,6 +30,7 @@ from protocol.joint import HELP, RENDER_JOINTLY, JointBatch
 from protocol.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
 from renderer.errors import RayfarmError
 from renderer.sentences import Sentence
+from renderer.settings import Tile
 from telemetry.log_lines import about
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError, WorkerError, WorkError
 from worker.exchange.retry import retry_on_trouble
@@ -43,6 +45,7 @@ from worker.work.prepare import prepare_scene
 from worker.work.render import failure_event, not_understood_event
 from worker.work.scenes import discard_damaged
 from worker.work.slot import SlotTask, rendering_batch
+from worker.work.slot_card import Block, render_on_card, return_to_cpus
 from worker.work.thumbnail import make_thumbnail
 from worker.work.viewport import ViewAnswers, prepare_view_frame, render_view
 
@@ -61,6 +64,7 @@ def register(app: Celery) -> None:
         RENDER_BATCH: (_render_batch, ""),
         RENDER_BATCHES: (_render_batches, ""),
         RENDER_JOINTLY: (_render_jointly, ""),
+        RENDER_ON_CARD: (_render_on_card, "card"),
         HELP: (_help_with_piece, ""),
         DENOISE: (DENOISING, "denoise"),
         VECTORS: (MOTION_VECTORS, "vectors"),
@@ -124,6 +128,37 @@ def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
         batch = work.batch(number).to_json()
         with about(**message_ids(batch)):
             _render(task, worker, batch)
+
+
+def _render_on_card(task: Any, card: dict[str, Any]) -> None:
+    """Renders batches (CardBatches.to_json) with this slot's graphics card, and sends the sums of each."""
+    worker, message = context.current(), task.request.id
+    try:
+        work = CardBatches.from_json(card)
+    except (RayfarmError, KeyError, TypeError, ValueError) as error:
+        log.warning("batches for a card are left out, in words of another release: %s", error)
+        return
+    first = work.batches[0]
+
+    def doing(batch: RenderBatch, tile: Tile) -> dict[str, Any]:
+        about = {key: getattr(batch, key) for key in ("batch", "job", "frame", "first", "count")}
+        return {**about, "tile": list(tile), "message": message}
+
+    with SlotTask(worker, doing(first, first.tile)) as hand:
+
+        def show(block: Block, is_compiling: bool) -> None:
+            hand.turn_to(doing(block.batches[0], block.tile) | ({"compiling": True} if is_compiling else {}))
+
+        if count_deaths(task, worker, message) >= DEATHS_ALLOWED:
+            sentence = Sentence(
+                "worker-died-rendering-batch",
+                "the worker process died {count} times while it rendered this batch",
+                count=DEATHS_ALLOWED,
+            )
+            return_to_cpus(worker, work.batches, sentence)
+            return
+        hand.speed = render_on_card(worker, work, show)
+        reset_deaths(task, worker, message)
 
 
 def _help_with_piece(task: Any, asked: dict[str, Any]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 from typing import Annotated
 
@@ -42,8 +43,8 @@ def worker(
         str,
         typer.Option(
             metavar="CARDS",
-            help="NVIDIA cards that render, in a slot each beside the cores': none, all, or numbers such as 0,1; only: all of "
-            f"them, and no cores. {NOT_YET_TRIED.capitalize()}.",
+            help="NVIDIA cards that render, in a slot each of a second worker NAME-gpu: none, all, or numbers such as 0,1; only: "
+            f"all of them, and no cores. {NOT_YET_TRIED.capitalize()}.",
         ),
     ] = "none",
     name: Annotated[str | None, typer.Option(help="The worker's name; by default this machine's host name.")] = None,
@@ -101,17 +102,21 @@ def worker(
     join = farm_address(join)
     token = token_to_send("A worker", token, token_file)
     count = _slots(gpu, slots or cores())
-    arguments = ["--service", join, "--slots", str(slots or cores()), f"--gpu={gpu}"]
-    if name:
-        arguments += ["--name", name]
+    arguments = ["--service", join, "--slots", str(slots or cores())]
     said = {"hours": hours, "idle": idle or None, "nice": nice, "memory": memory or None}
     arguments += [f"--{option}={value}" for option, value in said.items() if value is not None and value != ""]
     arguments += [f"--tag={each}" for each in tag or ()]
     arguments += [f"--site={site}"] if site else []
+    cards = {}
+    if gpu not in ("none", "only"):  # a worker of its own, as its batches are of another size
+        cards["worker-gpu"] = [*arguments, f"--gpu={gpu}", "--beside", "--name", f"{name or socket.gethostname()}-gpu"]
+        arguments.append("--beside")
+    arguments.append(f"--gpu={gpu if gpu == 'only' else 'none'}")
+    arguments += ["--name", name] if name else []
     if (program := program_for(blender, blender_program, lambda text: err.print(text, markup=False, soft_wrap=True))) is not None:
         arguments.append(f"--blender={program}")
     sentence = f"Joining {join} with {count} slots. Ctrl-C leaves the farm."
-    run("worker", early.waiting_command(early.WORKER), token, sentence, arguments, early.take_process(early.WORKER))
+    run("worker", early.waiting_command(early.WORKER), token, sentence, arguments, early.take_process(early.WORKER), cards)
 
 
 def _slots(gpu: str, cpu_slots: int) -> int:

@@ -75,8 +75,8 @@ def workers(
     for row in rows:
         for card in row.cards:
             out.print(f"{row.name}: {_card_line(card)}", markup=False, soft_wrap=True)
-        for why in row.cards_unused:
-            out.print(f"{row.name}: {why}", markup=False, soft_wrap=True)
+        for reason in row.cards_unused:
+            out.print(f"{row.name}: {reason}", markup=False, soft_wrap=True)
         old = "" if row.state == "starting" else "is of an older release: it can only be paused"
         for why in (row.message, row.offer.trouble if row.offer else old):
             if why:

@@ -307,8 +307,9 @@ class Answers:
         """Ends the leases of a merged batch and updates its job: the minimum to do if the full bookkeeping fails."""
         for piece in each.message.pieces if each.taken and each.batch is not None else ():
             assert each.batch is not None
-            self._scheduler.leases.end(piece.batch)
-            job.came_back(each.batch._replace(first=piece.first, count=piece.count), piece.seconds)
+            lease = self._scheduler.leases.end(piece.batch)
+            card = lease.only if lease is not None and lease.is_of_card else ""
+            job.came_back(each.batch._replace(first=piece.first, count=piece.count), piece.seconds, card)
 
     def _record_batch(self, job: ActiveJob, each: ReceivedBatch, sums: bytes) -> None:
         if each.taken and each.batch is not None:
@@ -366,7 +367,8 @@ class Answers:
                 job = self._scheduler.jobs.get(message.job)
                 batch = batch_of(message, job) if job else None
                 if job is not None and batch is not None:
-                    self._scheduler.handle_return(job, message.batch, batch, message.worker, message.error)
+                    handle = self._scheduler.handle_card_return if message.for_cpu else self._scheduler.handle_return
+                    handle(job, message.batch, batch, message.worker, message.error)
                     self._tell("job", job.id)
             case PrepareStarted():
                 self._errands.preparing.heard(message.scene, message.kind, message.worker, Progress("Reading", 0.0))

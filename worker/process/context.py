@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from protocol.blends import blender_queue
+from protocol.card import card_queue
 from protocol.contract import WorkerReport, denoise_queue, own_prepare_queue, prepare_queue, render_queue
 from protocol.joint import help_queue
 from protocol.view_parts import view_queue
@@ -47,8 +48,9 @@ class WorkerContext:
     tail: LogTail | None = None  # of the log
     keeping: TermsKeeper | None = None  # applies the service's terms; in the parent process only
     blender: Blender | None = None  # to open .blend files; None without Blender
-    cards: tuple[Card, ...] = ()  # graphics cards; the last slots have one each
+    cards: tuple[Card, ...] = ()  # graphics cards, one for each slot; none: all slots render with the CPU
     cards_unused: tuple[str, ...] = ()  # a sentence for each card that is not used
+    is_beside_cpu: bool = False  # whether another worker of this machine renders with the CPU; this one only with its cards
     pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
     _sites: SiteLink | None = None
@@ -56,7 +58,15 @@ class WorkerContext:
     @property
     def queues(self) -> list[str]:
         """Returns the queues that this worker serves."""
-        queues = [view_queue(self.kind), help_queue(self.name), render_queue(self.kind), prepare_queue(self.kind)]
+        if self.cards:
+            return [card_queue(self.name), *self._queues_beside_cards()]
+        return [render_queue(self.kind), *self._other_queues()]
+
+    def _queues_beside_cards(self) -> list[str]:
+        return [own_prepare_queue(self.kind, self.name)] if self.is_beside_cpu else self._other_queues()
+
+    def _other_queues(self) -> list[str]:
+        queues = [view_queue(self.kind), help_queue(self.name), prepare_queue(self.kind)]
         queues.append(own_prepare_queue(self.kind, self.name))
         queues += [blender_queue(self.kind)] if self.blender is not None else []
         return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
@@ -101,7 +111,8 @@ class WorkerContext:
             explains=True,
             adds=self.pieces is not None,
             in_hand=self._messages_in_hand(),
-            cards=[self._card(card, slot) for slot, card in enumerate(self.cards, self.slots - len(self.cards))],
+            has_card_queue=bool(self.cards),
+            cards=[self._card(card, slot) for slot, card in enumerate(self.cards)],
             cards_unused=[to_text(each) for each in self.cards_unused],
         )
 

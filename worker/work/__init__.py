@@ -3,6 +3,7 @@
 slot.py               the state of a busy slot, for the worker's report
 deaths.py             how often a task has killed its process
 render.py             a batch
+slot_card.py          batches for a graphics card
 joint_render.py       a batch shared among slots
 viewport.py           parts of views
 prepare.py            a scene

@@ -22,9 +22,17 @@ from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
 from worker.telemetry.batch_warnings import step
 from worker.work.scenes import open_scene
-from worker.work.slot_card import render_with_card
 
-__all__ = ["batch_event", "failure_event", "mapped_scene", "not_understood_event", "render", "returned_event"]
+__all__ = [
+    "PATIENCE_S",
+    "batch_event",
+    "failure_event",
+    "mapped_scene",
+    "not_understood_event",
+    "render",
+    "rendered_result",
+    "returned_event",
+]
 
 # Seconds to retry an unreachable service, less than a batch's lease.
 PATIENCE_S = 30.0
@@ -45,10 +53,6 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
         with step("open scene"):
             scene = retry_on_trouble(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
         variant = variant_for(batch.settings, scene)
-        with step("trace paths on a card", first=batch.first, count=batch.count, tile=list(batch.tile)):
-            of_card = render_with_card(worker, batch, scene, variant, compiling)
-        if of_card is not None:
-            return _rendered(worker, batch, *of_card)
         if not is_warm(batch.settings, variant):
             compiling(True)
             with step("kernel"):
@@ -76,10 +80,10 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
     except Exception as error:  # any error fails this batch only, not the worker
         last = "".join(traceback.format_exception(error)[-TRACE_LINES:])[-TRACE_CHARACTERS:]
         return failure_event(worker, batch, f"{type(error).__name__}: {error}", last)
-    return _rendered(worker, batch, sums, time.perf_counter() - begun)
+    return rendered_result(worker, batch, sums, time.perf_counter() - begun)
 
 
-def _rendered(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, seconds: float) -> Result:
+def rendered_result(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, seconds: float) -> Result:
     """Returns the result of a rendered batch, with its sums. seconds: rendering time."""
     event = {
         **batch_event(worker, batch, "batch"),

@@ -39,6 +39,11 @@ class SlotTask:
     def __exit__(self, *_: object) -> None:
         self._worker.board.write(slot(), {}, self.speed)
 
+    def turn_to(self, doing: dict[str, Any]) -> None:
+        """Reports the next part of the task."""
+        self._doing = doing
+        self._worker.board.write(slot(), doing)
+
     def compiling(self, is_so: bool) -> None:
         """Reports whether the slot is making a kernel ready at present."""
         self._worker.board.write(slot(), self._doing | {"compiling": is_so})

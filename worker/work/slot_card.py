@@ -1,69 +1,218 @@
-"""Graphics card of a slot: the last slots of a worker use one card each, the others render with the CPU."""
+"""Graphics card of a slot: renders messages for cards (protocol/card.py).
+
+Adjacent tiles are rendered by one launch, as a card needs many samples at once. While the card renders, the sums of the previous
+tiles are packed and sent.
+"""
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
 
-from protocol.contract import RenderBatch
+import numpy as np
+
+from protocol.card import CardBatches
+from protocol.contract import RenderBatch, Result
 from renderer import jit
 from renderer.cuda.artefacts import kernel_name
 from renderer.cuda.driver import Card, DriverError
 from renderer.cuda.render import CardError, CardMemoryError, CardRenderer
-from renderer.film import BatchSums
-from renderer.render import is_for_cards, render_batch
+from renderer.errors import RayfarmError
+from renderer.film import SAMPLES, BatchSums
+from renderer.render import is_for_cards, render_batch, variant_for
 from renderer.scene.compiled import CompiledScene
+from renderer.sentences import Sentence
+from renderer.settings import Tile
+from worker.exchange.errors import TemporaryError, WorkerError
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
+from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
+from worker.work.render import PATIENCE_S, mapped_scene, rendered_result, returned_event
 
-__all__ = ["card_of", "render_with_card"]
+__all__ = ["Block", "blocks_of", "render_on_card", "return_to_cpus"]
 
 log = logging.getLogger("worker")
+
+BLOCK_SAMPLES = 1 << 25  # most samples of a launch's block, so that sums come back several times a second
+MAX_PACKED_BEHIND = 2  # blocks whose sums wait to be packed and sent, which bounds the memory
 
 _cards: dict[int, CardRenderer | None] = {}  # of this process's slot; None after a failure
 _too_large: set[str] = set()  # compiled scenes that do not fit its memory
 
-
-def card_of(worker: WorkerContext, number: int) -> Card | None:
-    """Returns the card of a slot; None for a slot that renders with the CPU."""
-    place = number - (worker.slots - len(worker.cards))
-    return worker.cards[place] if 0 <= place < len(worker.cards) else None
+Show = Callable[["Block", bool], None]  # called with the block that is rendered next, and whether a kernel is made ready
 
 
-def render_with_card(
-    worker: WorkerContext, batch: RenderBatch, scene: CompiledScene, variant: str, compiling: Callable[[bool], None]
-) -> tuple[BatchSums, float] | None:
-    """Renders a batch with this slot's card. Returns (its sums, seconds).
+class Block(NamedTuple):
+    """Batches of the same samples of adjacent tiles, which fill a rectangle."""
 
-    None if the slot has no card, or if the card cannot render it, which is logged; then the CPU renders it.
+    tile: Tile  # the rectangle
+    batches: list[RenderBatch]
 
-    compiling: called with True before the kernel is made ready, and with False afterwards.
+    @property
+    def samples(self) -> int:
+        """Number of samples, over all pixels."""
+        return self.tile.w * self.tile.h * self.batches[0].count
+
+
+class _UnusableError(Exception):
+    """This slot's card cannot render the batches. The argument is the sentence of the reason."""
+
+
+class _ReturnedError(Exception):
+    """This worker cannot render the batches at present. The argument is the sentence of the reason."""
+
+
+def blocks_of(batches: Sequence[RenderBatch], most: int = BLOCK_SAMPLES) -> list[Block]:
+    """Joins adjacent tiles to rectangles, first within rows and then rows. most: samples of a joined block."""
+    groups: dict[object, list[RenderBatch]] = {}
+    for batch in batches:
+        groups.setdefault((batch.job, batch.frame, batch.compiled, batch.first, batch.count), []).append(batch)
+    found: list[Block] = []
+    for group in groups.values():
+        single = [Block(batch.tile, [batch]) for batch in group]
+        rows = _joined(sorted(single, key=lambda block: (block.tile.y, block.tile.h, block.tile.x)), _beside, most)
+        found += _joined(sorted(rows, key=lambda block: (block.tile.x, block.tile.w, block.tile.y)), _below, most)
+    return found
+
+
+def _joined(blocks: list[Block], join: Callable[[Tile, Tile], Tile | None], most: int) -> list[Block]:
+    found: list[Block] = []
+    for block in blocks:
+        last = found[-1] if found else None
+        tile = None if last is None or last.samples + block.samples > most else join(last.tile, block.tile)
+        if last is None or tile is None:
+            found.append(block)
+        else:
+            found[-1] = Block(tile, [*last.batches, *block.batches])
+    return found
+
+
+def _beside(a: Tile, b: Tile) -> Tile | None:
+    """Returns the rectangle of a tile and the next one to its right; None if they do not fill one."""
+    return Tile(a.x, a.y, a.w + b.w, a.h) if (a.y, a.h, a.x + a.w) == (b.y, b.h, b.x) else None
+
+
+def _below(a: Tile, b: Tile) -> Tile | None:
+    return Tile(a.x, a.y, a.w, a.h + b.h) if (a.x, a.w, a.y + a.h) == (b.x, b.w, b.y) else None
+
+
+def render_on_card(worker: WorkerContext, work: CardBatches, show: Show) -> float:
+    """Renders the batches with this slot's card, and sends their sums. Returns the samples per second; 0 without any.
+
+    Batches that the card cannot render return to the service, which gives them to the CPU's slots.
     """
-    card = card_of(worker, slot())
-    if card is None or batch.compiled in _too_large or not is_for_cards(batch.settings):
-        return None
+    left = {batch.batch: batch for batch in work.batches}
+    samples, seconds = 0, 0.0
+    with ThreadPoolExecutor(1, thread_name_prefix="sums") as sender:
+        sending: list[Future[None]] = []
+        try:
+            for block, sums, took in _rendered(worker, work, show):
+                samples, seconds = samples + block.samples, seconds + took
+                while len(sending) >= MAX_PACKED_BEHIND:
+                    sending.pop(0).result()
+                sending.append(sender.submit(_send, worker, block, sums, took))
+                for batch in block.batches:
+                    del left[batch.batch]
+        except _UnusableError as error:
+            return_to_cpus(worker, left.values(), error.args[0])
+        except _ReturnedError as error:
+            for batch in left.values():
+                worker.results.send(returned_event(worker, batch, error.args[0]))
+        for each in sending:
+            each.result()
+    return samples / seconds if seconds else 0.0
+
+
+def return_to_cpus(worker: WorkerContext, batches: Iterable[RenderBatch], reason: str) -> None:
+    """Sends batches back to the service, for slots of the CPU."""
+    for batch in batches:
+        event = returned_event(worker, batch, reason)
+        worker.results.send(Result({**event.event, "for_cpu": True}))
+
+
+def _rendered(worker: WorkerContext, work: CardBatches, show: Show) -> Iterator[tuple[Block, BatchSums, float]]:
+    """Yields each block with its sums and the seconds that it took. Raises _UnusableError or _ReturnedError with the reason."""
+    card = worker.cards[slot()]
     try:
-        if card.number not in _cards:
-            _cards[card.number] = CardRenderer(card)
-        renderer = _cards[card.number]
-        if renderer is None:
-            return None
-        if not renderer.has(variant):
-            compiling(True)
-            _load(worker, renderer, variant)
-            compiling(False)
-        begun = time.perf_counter()
-        sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count, renderer)
-        return sums, time.perf_counter() - begun
+        for block in blocks_of(work.batches):
+            batch = block.batches[0]
+            show(block, False)
+            renderer, scene = _ready(worker, card, batch, partial(show, block))
+            begun = time.perf_counter()
+            sums = render_batch(scene, batch.settings, block.tile, batch.first, batch.count, renderer)
+            yield block, sums, time.perf_counter() - begun
     except CardMemoryError as error:
         _too_large.add(batch.compiled)
         log.warning("%s; the processor renders it", error)
+        raise _UnusableError(_scene_too_large(card)) from error
     except (CardError, DriverError) as error:  # the driver refuses all further work of this process
         _cards[card.number] = None
         log.warning("%s; from now on the processor renders in its place", error)
-    return None
+        raise _UnusableError(_failed(card)) from error
+    except (RayfarmError, WorkerError, MemoryError) as error:  # what the CPU cannot render either fails there
+        sentence = Sentence("worker-returned-batch", "{worker} returned a batch: {error}", worker=worker.name, error=error)
+        raise (_ReturnedError if isinstance(error, TemporaryError) else _UnusableError)(sentence) from error
+
+
+def _ready(
+    worker: WorkerContext, card: Card, batch: RenderBatch, compiling: Callable[[bool], None]
+) -> tuple[CardRenderer, CompiledScene]:
+    """Returns the card with the kernel for a batch, and its scene. Raises _UnusableError, and what opening and loading raise."""
+    if not is_for_cards(batch.settings):
+        raise _UnusableError(
+            Sentence("card-lacks-settings", "A graphics card does not render with these settings: the processor does.")
+        )
+    if batch.compiled in _too_large:
+        raise _UnusableError(_scene_too_large(card))
+    if card.number not in _cards:
+        _cards[card.number] = CardRenderer(card)
+    renderer = _cards[card.number]
+    if renderer is None:
+        raise _UnusableError(_failed(card))
+    scene = retry_on_trouble(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
+    variant = variant_for(batch.settings, scene)
+    if not renderer.has(variant):
+        compiling(True)
+        _load(worker, renderer, variant)
+        compiling(False)
+    return renderer, scene
+
+
+def _scene_too_large(card: Card) -> str:
+    return Sentence(
+        "card-scene-too-large",
+        "The scene does not fit the memory of card {number} ({name}, {memory} GiB): the processor renders it.",
+        number=card.number,
+        name=card.name,
+        memory=round(card.memory / 2**30),
+    )
+
+
+def _failed(card: Card) -> str:
+    return Sentence(
+        "card-failed",
+        "Card {number} ({name}) has failed: the processor renders in its place. The worker's log has the driver's error; start "
+        "the worker again to use the card.",
+        number=card.number,
+        name=card.name,
+    )
+
+
+def _send(worker: WorkerContext, block: Block, sums: BatchSums, seconds: float) -> None:
+    """Sends the sums of each batch of a block."""
+    for batch in block.batches:
+        x, y, w, h = batch.tile
+        left, top = x - block.tile.x, y - block.tile.y
+        part = np.ascontiguousarray(sums.sums[:, top : top + h, left : left + w])
+        bad = [each for each in sums.bad if x <= each.x < x + w and y <= each.y < y + h]
+        count = w * h * batch.count - int(part[SAMPLES].sum())
+        share = w * h / (block.tile.w * block.tile.h)
+        worker.results.send(rendered_result(worker, batch, BatchSums(part, bad, count), seconds * share))
 
 
 def _load(worker: WorkerContext, renderer: CardRenderer, variant: str) -> None:

@@ -4,6 +4,7 @@ scheduler.py     fills the window of outstanding batches
 job_queue.py     the jobs that a kind of workers may render, by priority
 batch_groups.py  several batches in one message
 sites.py         batches for the machines of a site
+cards.py         messages for workers with graphics cards
 pacing.py        length of batches, and number of outstanding ones
 dispatcher.py    the port through which work is sent to queues; celery_dispatcher.py implements it
 leases.py        outstanding work

@@ -39,13 +39,16 @@ class SlotGroup:
 class BatchGroup:
     """The batches of one message. is_joint: consecutive batches of one tile, whose sums are added up by the receiving machine.
 
-    run, queue: for messages to a site: the run that the batches belong to, and the site's queue.
+    run, queue: for messages to a site: the run that the batches belong to, and the site's queue. only: for messages to one worker
+    with graphics cards, in its queue. is_of_card: rendered with a card.
     """
 
     batches: list[Range]
     is_joint: bool = False
     run: Run | None = None
     queue: str = ""
+    only: str = ""
+    is_of_card: bool = False
 
 
 def next_batch_groups(job: ActiveJob, hands: SlotGroup) -> list[BatchGroup]:

@@ -13,6 +13,7 @@ from celery import Celery
 from kombu.exceptions import BatchPublishError, OperationalError
 
 from protocol.broker import celery_config
+from protocol.card import CARD_QUEUES, RENDER_ON_CARD, CardBatches
 from protocol.contract import (
     DENOISE,
     ENVIRONMENT,
@@ -89,6 +90,10 @@ class CeleryDispatcher:
             ("job", batches[0].job),
         )
 
+    def send_card(self, work: CardBatches, queue: str, message: str) -> None:
+        """Sends batches for a graphics card in one message with this id. Raises QueueError."""
+        self._send(RENDER_ON_CARD, {"card": work.to_json()}, queue, message, ("job", work.batches[0].job))
+
     def send_joint(self, joint: JointBatch, queue: str) -> None:
         """Sends a message with batches of one tile, which the slots of one machine render in parallel. Raises QueueError."""
         whole = joint.whole
@@ -147,7 +152,14 @@ class CeleryDispatcher:
 
     def purge(self) -> None:
         """Removes all waiting messages of a previous run, whose leases no longer exist. Raises redis.RedisError."""
-        for pattern in (render_queue("*"), prepare_queue("*"), denoise_queue("*"), view_queue("*"), f"{HELP_QUEUES}*"):
+        for pattern in (
+            render_queue("*"),
+            prepare_queue("*"),
+            denoise_queue("*"),
+            view_queue("*"),
+            f"{HELP_QUEUES}*",
+            f"{CARD_QUEUES}*",
+        ):
             for name in self._redis.scan_iter(pattern, count=1000):
                 self._redis.delete(name)
         self._redis.delete(VIEW_ANSWERS)

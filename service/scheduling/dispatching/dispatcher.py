@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import Protocol
 
+from protocol.card import CardBatches
 from protocol.contract import DenoiseFrame, FrameVectors, PrepareFrames, RenderBatch, ShowEnvironment
 from protocol.explained import ExplainPixel
 from protocol.joint import JointBatch
@@ -31,6 +32,9 @@ class Dispatcher(Protocol):
 
     def send_batches(self, batches: Sequence[RenderBatch], queue: str, message: str) -> None:
         """Sends batches to be rendered one after another, in one message with this id. Raises QueueError."""
+
+    def send_card(self, work: CardBatches, queue: str, message: str) -> None:
+        """Sends batches for a graphics card in one message with this id. Raises QueueError."""
 
     def send_joint(self, joint: JointBatch, queue: str) -> None:
         """Sends a message with batches of one tile, which the slots of one machine render in parallel. Raises QueueError."""

@@ -41,6 +41,7 @@ class Lease:
     doubled: bool = False
     queue: str = ""  # queue of its message
     only: str = ""  # the only worker that serves that queue
+    is_of_card: bool = False  # whether `only` renders it with a graphics card
     charged_s: float = 0.0  # slot-seconds charged to its share
     message: str = ""  # id of its message, which may contain other batches
     is_joint: bool = False  # whether the batches of its message are rendered in parallel by slots of one machine
@@ -70,10 +71,10 @@ class Lease:
     def transit_s(self, seconds: float, now: float) -> float:
         """Returns the time that the lease's sums spent in transit, in seconds. seconds: the batch's rendering time.
 
-        Returns 0 if it is unknown: for joint batches, whose sums wait for others on their machine, and for results that arrived
-        before a worker had reported the lease.
+        Returns 0 if it is unknown: for joint batches, whose sums wait for others on their machine, for batches of a card, which
+        wait for those before them in their message, and for results that arrived before a worker had reported the lease.
         """
-        return 0.0 if self.is_joint or self.held_since is None else max(now - self.held_since - seconds, 0.0)
+        return 0.0 if self.is_joint or self.is_of_card or self.held_since is None else max(now - self.held_since - seconds, 0.0)
 
     def seen(self, is_seen: bool, end: Callable[[], Position], allowed: float = MAX_UNSEEN_POLLS) -> None:
         """Records whether a check found the lease in its queue or with a worker (is_seen).
@@ -171,7 +172,7 @@ class Leases:
         return self._waiting[queue]
 
     def turns(self, kind: str) -> int:
-        """Returns the number of slots of this worker kind occupied by leases, including those whose results are unread.
+        """Returns the number of the CPU's slots of this kind occupied by leases, including those whose results are unread.
 
         Because of the latter, a backlog of results reduces the work that is dispatched.
         """
@@ -190,7 +191,8 @@ class Leases:
             self._count(lease, -1)
 
     def _count(self, lease: Lease, change: int) -> None:
-        for counter, key in ((self._held, lease.owner), (self._waiting, lease.queue), (self._kinds, lease.kind)):
+        counted = [(self._held, lease.owner), (self._waiting, lease.queue)]
+        for counter, key in counted if lease.only else [*counted, (self._kinds, lease.kind)]:
             counter[key] += change
             if not counter[key]:
                 del counter[key]

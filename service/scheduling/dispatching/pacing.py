@@ -38,6 +38,8 @@ MAX_BATCHES_OF_A_TILE = 8
 MAX_JOINT_BATCHES = 16
 MAX_BATCHES_OF_A_SITE = 64
 MIN_HOLD_S = 1.0
+CARD_MESSAGE_S = 2.0
+MIN_CARD_BATCH_S = 0.02  # of a card; packing and sending the sums of a tile takes a core some milliseconds
 GATHER_RATE = 40.0  # results per second; below this rate they are taken in one by one
 GATHER_DELAY_S = 0.15
 
@@ -129,6 +131,18 @@ class BatchSizing:
         grown_s = 0.0 if self.is_pressed() else min(spent_s * BATCH_GROWTH, most_s)
         self._grown_s = max(self._shortest_s, grown_s)
         return self._batch_s_at_full_load(slots, self._grown_s)
+
+    def card_message_s(self) -> float:
+        """Returns the target duration of a message for a graphics card, in seconds; shorter while a viewer needs slots soon."""
+        return CARD_MESSAGE_S / 4 if self.is_pressed() else CARD_MESSAGE_S
+
+    @staticmethod
+    def card_batch_s(message_s: float, tiles: int) -> float:
+        """Returns the target duration of one tile's batch in a card's message of `message_s` seconds.
+
+        A message has all of the frame's tiles, or fewer, so that the results of each are worth their cost.
+        """
+        return min(message_s, max(message_s / tiles, MIN_CARD_BATCH_S))
 
     def window(self, slots: int, per_slot: int, joint: bool = False) -> int:
         """Returns the maximum number of outstanding messages for this number of slots.

@@ -7,16 +7,18 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import count
 
 import redis
 
+from protocol.card import CardBatches
 from renderer.frames import frame_number, frame_text
 from renderer.sentences import Sentence
 from service.errors import QueueError
 from service.scheduling.dispatching.batch_groups import BatchGroup, SlotGroup, batch_message, joint_message, next_batch_groups
+from service.scheduling.dispatching.cards import CardPlace, CardPlaces
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.job_queue import JobQueue
 from service.scheduling.dispatching.leases import Lease, Leases
@@ -75,6 +77,7 @@ class Scheduler:
         self.shares = Shares()
         self.sites = Sites(workers, self.leases, dispatcher, pace)
         self._places: list[SitePlace] = []  # sites, during one call of `fill`
+        self._cards = CardPlaces(workers, self.leases, pace)
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers whose results no film accepts (trust/trust.py)
         self.looks = NoiseBudget()
@@ -90,15 +93,17 @@ class Scheduler:
         start(job, kind): starts a job on workers of this kind; returns False if the job is not ready.
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
-            slots = self._workers.roster.slots(kind)
+            slots = self._workers.roster.cpu_slots(kind)
             room = self._pace.room(self._window(slots, kind) - self.leases.turns(kind))
-            turns = self.line_up.by_priority(kind) if room > 0 else {}
+            cards = self._cards.places(kind)
+            turns = self.line_up.by_priority(kind) if room > 0 or any(place.room > 0 for place in cards) else {}
             if not turns:
                 continue
             self._sent.clear()
             self._places = self.sites.places(kind, self._settings.window_per_slot)
             try:
                 with self._dispatcher.at_once():
+                    self._fill_cards(cards, turns, kind, slots, start)
                     held = self.leases.held()
                     shares_held = self.outstanding_by_share(held)
                     pools: dict[str, QueueCapacity] = {}
@@ -110,6 +115,50 @@ class Scheduler:
             except QueueError:
                 self._end_unsent_leases()
                 raise
+
+    def _fill_cards(
+        self, cards: list[CardPlace], turns: dict[int, list[ActiveJob]], kind: str, slots: int, start: StartJob
+    ) -> None:
+        """Dispatches batches to workers with graphics cards. slots: number of the CPU's slots of this kind. Raises QueueError."""
+        for each in (job for jobs in turns.values() for job in jobs):
+            each.card_rate = sum(
+                place.slots / cost for place in cards if place.accepts(each) and (cost := each.card_sample_s(place.worker)) > 0.0
+            )
+        for place in cards:
+            held = self.leases.held()
+            shares_held = self.outstanding_by_share(held)
+            for priority in sorted(turns, reverse=True):
+                line = self.shares.line(kind, turns[priority], held, shares_held)
+                while place.room > 0 and (job := line.next()) is not None:
+                    if not self._may_serve(job) or not self._cards.meets_needs(place, job):
+                        continue
+                    if place.accepts(job) and not job.card_sample_s(place.worker) and self.leases.slots_waiting_in(place.queue):
+                        continue  # a second message before the first is measured would be too small
+                    sent = len(self._sent)
+                    hand_out = partial(self._hand_to_card, job, kind, place, slots, start)
+                    self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
+                    if new := self._sent[sent:]:
+                        place.room -= 1
+                        line.record_served(job, 1, sum(lease.charged_s for lease in new))
+
+    def _hand_to_card(self, job: ActiveJob, kind: str, place: CardPlace, cpu_slots: int, start: StartJob) -> None:
+        """Dispatches one message to a worker with cards. Does nothing if the job has no batch for it. Raises QueueError.
+
+        cpu_slots: number of the CPU's slots. Without any, the worker renders what its cards cannot with its processor.
+        """
+        if (not place.accepts(job) and cpu_slots) or not start(job, kind):
+            return
+        if place.accepts(job):
+            found = self._cards.next_message(job, kind, place, cpu_slots)
+            handfuls = [] if found is None else [found]
+        else:
+            batch_s = self._pace.batch_s(place.slots, job.rendered_s / max(place.slots, 1))
+            groups = next_batch_groups(job, SlotGroup(kind, place.slots, batch_s, several=True, joint=False, most=1))
+            handfuls = [replace(group, queue=place.queue, only=place.worker) for group in groups]
+        self._send_all(job, kind, handfuls)
+
+    def _may_serve(self, job: ActiveJob) -> bool:
+        return self._bulkheads.may_render(job.id) and time.monotonic() >= job.rests_until and not job.done
 
     def _end_unsent_leases(self) -> None:
         """Ends the leases of messages whose sending failed, so that their batches are dispatched again.
@@ -131,7 +180,7 @@ class Scheduler:
         """
         handed_out = 0
         while handed_out < room and (job := line.next()) is not None:
-            if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until or job.done:
+            if not self._may_serve(job):
                 continue
             pool = QueueCapacity(slots, room) if job.needs is None else self._pool(job.needs.queue(kind), kind, pools)
             if pool.room <= 0:
@@ -154,7 +203,7 @@ class Scheduler:
     def _pool(self, queue: str, kind: str, known: dict[str, QueueCapacity]) -> QueueCapacity:
         """Returns the capacity of the workers that serve a queue for requirements, computed once per call of `fill`."""
         if queue not in known:
-            slots = self._workers.roster.slots_serving(queue).get(kind, 0)
+            slots = self._workers.roster.slots_serving(queue, of_cpu=True).get(kind, 0)
             window = self._window(slots, kind) if slots else 0
             known[queue] = QueueCapacity(slots, window - self.leases.slots_waiting_in(queue))
         return known[queue]
@@ -176,6 +225,10 @@ class Scheduler:
         if place is not None:
             hold_s = self._pace.site_hold_s(batch_s)
             handfuls = [message for handful in handfuls for message in place.split_for_machines(handful, hold_s)]
+        self._send_all(job, kind, handfuls)
+
+    def _send_all(self, job: ActiveJob, kind: str, handfuls: list[BatchGroup]) -> None:
+        """Sends messages; returns the batches of those that were not sent to the plan. Raises QueueError."""
         try:
             while handfuls:
                 self._send(job, kind, handfuls[0])
@@ -196,16 +249,21 @@ class Scheduler:
         batches, leases = handful.batches, list[Lease]()
         expected = 0.0
         for batch in batches:
-            expected += job.expected_s(batch)
+            seconds = job.expected_s(batch, handful.only if handful.is_of_card else "")
+            expected += seconds
             trouble = job.trouble.get(batch)
             patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
             leases.append(Lease(job.id, kind, batch, patience, expected, is_joint=handful.is_joint))
             leases[-1].queue = handful.queue or job.queue(kind)
-            leases[-1].charged_s = job.expected_s(batch) or self._settings.batch_seconds
+            leases[-1].only, leases[-1].is_of_card = handful.only, handful.is_of_card
+            leases[-1].charged_s = seconds or self._settings.batch_seconds
             leases[-1].message = leases[0].id
         if handful.is_joint:
             hold_s = self._pace.hold_s(expected / len(batches))
             self._dispatcher.send_joint(joint_message(job, leases, batches, hold_s, handful.run), leases[0].queue)
+        elif handful.is_of_card:
+            works = [batch_message(job, lease, batch) for lease, batch in zip(leases, batches, strict=True)]
+            self._dispatcher.send_card(CardBatches(tuple(works)), leases[0].queue, leases[0].id)
         elif len(leases) == 1:
             self._dispatcher.send_batch(batch_message(job, leases[0], batches[0]), leases[0].queue)
         else:
@@ -247,9 +305,16 @@ class Scheduler:
         trouble = job.trouble.pop(batch, None)
         failed_on = trouble.workers if trouble else []
         self.suspicion.succeeded(worker, failed_on)
-        job.came_back(batch, seconds)
+        job.came_back(batch, seconds, self._card_worker(ended, worker))
         for other in set(failed_on):
             self._quarantine_if_alone(other)
+
+    def _card_worker(self, lease: Lease | None, worker: str) -> str:
+        """Returns the worker whose card has rendered a batch; "" if the CPU has. lease: None if it had ended before."""
+        if lease is not None:
+            return lease.only if lease.is_of_card else ""
+        report = self._workers.roster.reports.get(worker)
+        return worker if report is not None and report.has_card_queue else ""
 
     def failed(
         self,
@@ -303,6 +368,17 @@ class Scheduler:
         self._quarantine_if_alone(worker)
         if not self._other_ready_workers(worker):
             job.rests_until = time.monotonic() + RETURNED_PAUSE_S
+
+    def handle_card_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
+        """Returns a batch to the plan that a card cannot render. From then on that worker gets none of this job for its cards."""
+        ended = self._end_lease(job, lease)
+        if ended is None:
+            return
+        if worker not in job.card_refusals:
+            log.info("job %s: %s", job.id, why, extra=ids(job=job.id, batch=lease, worker=worker))
+            job.history.log.add_line(f"{worker}: {why}")
+        job.card_refusals.add(worker)
+        job.requeue(ended.batch or batch)
 
     def _end_lease(self, job: ActiveJob, lease: str) -> Lease | None:
         """Ends a lease of this job and returns it; None if it has already ended or belongs to another job."""
@@ -410,7 +486,7 @@ class Scheduler:
             self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, error + again))
 
     def _has_idle_slots(self, kind: str) -> bool:
-        return self._workers.roster.slots(kind) > self.leases.turns(kind)
+        return self._workers.roster.cpu_slots(kind) > self.leases.turns(kind)
 
     def connected_workers(self) -> set[str]:
         """Returns the names of the connected workers."""

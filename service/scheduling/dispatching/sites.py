@@ -72,7 +72,7 @@ class Sites:
         found = []
         for needs in self.needs():
             queue = needs.queue(kind)
-            if slots := self._workers.roster.slots_serving(queue).get(kind, 0):
+            if slots := self._workers.roster.slots_serving(queue, of_cpu=True).get(kind, 0):
                 room = self._pace.window(slots, per_slot, joint=True) - self._leases.slots_waiting_in(queue)
                 found.append(SitePlace(needs.tags[0].removeprefix(SITE), queue, slots, room))
         return found

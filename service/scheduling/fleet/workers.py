@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import redis
 
 from protocol.blends import TAG
+from protocol.card import card_queue
 from protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, pause_key, worker_key
 from protocol.lifeline import connected
 from protocol.site import SITE, SiteReport, site_key
@@ -62,11 +63,25 @@ class WorkerSnapshot:
         """Returns the number of slots of the ready workers of this kind."""
         return sum(report.slots for report in self.ready() if report.kind == kind)
 
-    def slots_serving(self, queue: str) -> dict[str, int]:
-        """Returns the slots, by kind, of the ready workers that have confirmed that they serve this queue for requirements."""
+    def cpu_slots(self, kind: str) -> int:
+        """Returns the number of slots of the ready workers of this kind that render with the CPU."""
+        return sum(report.slots for report in self.ready() if report.kind == kind and not report.has_card_queue)
+
+    def with_cards(self, kind: str) -> list[WorkerReport]:
+        """Returns the reports of the ready workers of this kind whose slots render with graphics cards."""
+        return [report for report in self.ready() if report.kind == kind and report.has_card_queue]
+
+    def slots_serving(self, queue: str, of_cpu: bool = False) -> dict[str, int]:
+        """Returns the slots, by kind, of the ready workers that have confirmed that they serve this queue for requirements.
+
+        A worker with graphics cards confirms it too, but gets the batches from its own queue, of which it is the only one.
+        of_cpu: without such workers.
+        """
         found: dict[str, int] = {}
         for report in self.ready():
-            if (offer := self.offers.get(report.name)) is not None and queue in offer.queues:
+            offer = self.offers.get(report.name)
+            is_own = report.has_card_queue and queue == card_queue(report.name)
+            if is_own or (offer is not None and queue in offer.queues and not (of_cpu and report.has_card_queue)):
                 found[report.kind] = found.get(report.kind, 0) + report.slots
         return found
 

@@ -164,6 +164,7 @@ class BatchReturned(_Batch):
 
     type: Literal["batch-returned"]
     error: SentSentence
+    for_cpu: bool = False  # whether only a graphics card cannot render it (protocol.card)
 
 
 class _Denoise(BaseModel):

@@ -28,6 +28,7 @@ from service.store.models import Job, blobs_of
 __all__ = ["ActiveJob"]
 
 SMALLEST_BATCH_S = 0.04
+SMALLEST_CARD_MESSAGE_S = 0.1
 SMOOTHING = 0.3
 WORK_PER_SLOT_S = 30.0  # seconds of work that justify another slot
 FRAMES_PER_STEP = 2000  # frames per step
@@ -96,7 +97,10 @@ class ActiveJob:
         self._unsettled: list[Range] = []  # returned batches that the plan has not processed yet
         self.samples_per_s = 0.0  # of all workers on this job, by wall time
         self.rendered, self.rendered_s = 0, 0.0  # samples since the service started, and their slot-seconds
-        self._costs = Costs()
+        self._costs = Costs()  # of the CPU's slots
+        self._card_costs: dict[str, Costs] = {}  # by worker, of its graphics cards' slots
+        self.card_refusals: set[str] = set()  # workers whose cards cannot render the job
+        self.card_rate = 0.0  # samples per second of all cards that render the job at present, set by the scheduler
         self._clock = time.monotonic()
         self._rated = (self._clock, 0)
         self.unwritten: set[int] = set()  # frames changed since they were stored
@@ -255,8 +259,37 @@ class ActiveJob:
         Near the end of the job it is at most a third of the remaining work per slot, so that all slots end at about the same
         time.
         """
-        left_s = max(self.target_samples - self.samples, 0) * self._costs.average / max(slots, 1)
-        return min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
+        return min(batch_seconds, max(SMALLEST_BATCH_S, self._left_s(slots) / 3))
+
+    def _left_s(self, slots: int) -> float:
+        """Returns the expected wall time of the remaining work, in seconds, on this many slots of the CPU and the job's cards.
+
+        0 if it is unknown.
+        """
+        cost = self._costs.average
+        rate = (max(slots, 0 if self.card_rate else 1) / cost if cost else 0.0) + self.card_rate
+        return max(self.target_samples - self.samples, 0) / rate if rate else 0.0
+
+    def card_sample_s(self, worker: str) -> float:
+        """Returns the expected slot-seconds per pixel sample on a card of this worker; 0 if unknown."""
+        return self._card_costs[worker].average if worker in self._card_costs else 0.0
+
+    def card_target_s(self, batch_seconds: float, slots: int, outstanding_s: float) -> float:
+        """Returns the target duration, in seconds, of a message for a card.
+
+        slots: of the CPU, which render the job beside it. outstanding_s: duration of the work that each card already has.
+        """
+        return min(batch_seconds, max(SMALLEST_CARD_MESSAGE_S, (self._left_s(slots) - outstanding_s) / 3))
+
+    def next_for_card(self, worker: str, seconds: float, kind: str) -> Range | None:
+        """Returns the next batch for a card of this worker: of one tile, of about `seconds`; None if there is none."""
+
+        def samples_wanted(tile: int) -> int:
+            rect = self.film.tiles[tile]
+            a_sample = self._card_costs[worker].of(tile) * rect.w * rect.h if worker in self._card_costs else 0.0
+            return int(seconds / a_sample) if a_sample > 0.0 else 1
+
+        return self._next(kind, samples_wanted, 1)
 
     def next(self, batch_seconds: float, slots: int, kind: str, of_a_tile: int = 1) -> Range | None:
         """Returns the next batch for a slot, of about `batch_seconds` or shorter near the end; None if there is none.
@@ -270,6 +303,9 @@ class ActiveJob:
             a_sample = self._costs.of(tile) * rect.w * rect.h
             return int(aim / a_sample) if a_sample > 0.0 else 1
 
+        return self._next(kind, samples_wanted, of_a_tile)
+
+    def _next(self, kind: str, samples_wanted: Callable[[int], int], of_a_tile: int) -> Range | None:
         while (frame := self.agenda.next(kind)) is not None:
             batch = frame.next(samples_wanted, of_a_tile)
             if batch is not None:
@@ -295,18 +331,22 @@ class ActiveJob:
         """Returns True if the cost of a sample is known, because a batch has returned."""
         return self._costs.average > 0.0
 
-    def expected_s(self, batch: Range) -> float:
-        """Returns the expected rendering time of a batch on one slot, in seconds; 0 if unknown."""
-        rect = self.film.tiles[batch.tile]
-        return self._costs.of(batch.tile) * rect.w * rect.h * batch.count
+    def expected_s(self, batch: Range, card: str = "") -> float:
+        """Returns the expected rendering time of a batch on one slot, in seconds; 0 if unknown.
 
-    def came_back(self, batch: Range, seconds: float) -> None:
+        card: the worker with whose card it is rendered; "": with the CPU.
+        """
+        rect = self.film.tiles[batch.tile]
+        costs = self._card_costs.get(card) if card else self._costs
+        return costs.of(batch.tile) * rect.w * rect.h * batch.count if costs is not None else 0.0
+
+    def came_back(self, batch: Range, seconds: float, card: str = "") -> None:
         """Records a batch that the film accepted or dropped as a duplicate. Call `update_from_film` to update the plan.
 
-        seconds: its rendering time.
+        seconds: its rendering time. card: as for `expected_s`.
         """
         self.handed_back = None
-        self._learn_cost(batch, seconds)
+        self._learn_cost(batch, seconds, card)
         last = self._unsettled[-1] if self._unsettled else None
         if last is not None and (last.frame, last.tile, last.first + last.count) == (batch.frame, batch.tile, batch.first):
             self._unsettled[-1] = last._replace(count=last.count + batch.count)  # one update of the plan for consecutive batches
@@ -397,9 +437,11 @@ class ActiveJob:
             self.samples_per_s += (rate - self.samples_per_s) * (SMOOTHING if self.samples_per_s else 1.0)
             self._rated = (now, self.samples)
 
-    def _learn_cost(self, batch: Range, seconds: float) -> None:
+    def _learn_cost(self, batch: Range, seconds: float, card: str) -> None:
         rect = self.film.tiles[batch.tile]
         samples = rect.w * rect.h * batch.count
-        if self._costs.record(batch.tile, seconds / samples):
+        if card:
+            self._card_costs.setdefault(card, Costs()).record(batch.tile, seconds / samples)
+        elif self._costs.record(batch.tile, seconds / samples):
             self.rendered += samples
             self.rendered_s += seconds

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import rayfarm
+from protocol.card import CardBatches
+from protocol.contract import RenderBatch, Result
+from protocol.sums import unpack_sums
 from rayfarm import graphics_card
 from renderer.cuda import render as card_rendering
 from renderer.cuda.cards import (
@@ -24,10 +29,11 @@ from renderer.cuda.render import CardError, CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
 from renderer.render import RenderStats, render_batch, render_frame
-from renderer.settings import Tile
+from renderer.settings import Tile, tiles_of
 from tests.helpers import ROOT
 from tests.renderer.cuda.on_host import fake_driver, shared_object
 from tests.renderer.kernel.backends.features import made
+from worker.work import slot_card
 
 NEW, OLD = "RTX Test:8:6:8192", "GTX Test:6:1:4096"
 
@@ -240,3 +246,22 @@ def test_a_device_without_a_driver_is_an_error_with_the_reason(tmp_path: Path, m
     monkeypatch.setattr(graphics_card, "find_cards", lambda: find_cards(str(tmp_path / "libcuda.so.1")))
     with pytest.raises(SettingsError, match=r"device is 'cuda', .*library cannot be loaded"):
         rayfarm.render(ROOT / "scenes" / "cornell-box.yaml", device="cuda")
+
+
+def test_a_workers_message_for_a_card_has_the_bits_of_the_cpu(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tiles that are joined for one launch are sent one by one, and are those of the processor."""
+    scene, settings = made("diffuse")
+    tiles = tiles_of(settings.width, settings.height, 8)
+    sent: list[Result] = []
+    worker: Any = SimpleNamespace(name="w", cards=(card.card,), results=SimpleNamespace(send=sent.append))
+    monkeypatch.setattr(slot_card, "_cards", {card.card.number: card})
+    monkeypatch.setattr(slot_card, "mapped_scene", lambda worker, sha256: scene)
+    card.load("plain")
+    parts = [RenderBatch(str(k), "job", 0, "0" * 64, tile, 1, 3, settings) for k, tile in enumerate(tiles)]
+    blocks: set[Tile] = set()
+    slot_card.render_on_card(worker, CardBatches(tuple(parts)), lambda block, is_compiling: blocks.add(block.tile))
+    assert blocks == {Tile(0, 0, settings.width, settings.height)}
+    assert len(sent) == len(tiles)
+    for result in sent:
+        tile = tiles[int(result.event["batch"])]
+        assert (unpack_sums(result.sums, tile) == render_batch(scene, settings, tile, 1, 3).sums).all()

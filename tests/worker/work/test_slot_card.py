@@ -1,4 +1,4 @@
-"""Tests of a slot with a graphics card: it renders with the card, or with the processor if the card cannot."""
+"""A slot with a graphics card: it renders the batches of a message, or returns them for slots of the CPU."""
 
 from __future__ import annotations
 
@@ -7,22 +7,42 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from protocol.contract import RenderBatch
+from protocol.card import CardBatches
+from protocol.contract import RenderBatch, Result
+from protocol.sums import unpack_sums
 from renderer.cuda.driver import Card
 from renderer.cuda.render import CardError, CardMemoryError
-from renderer.settings import RenderSettings, Tile, View
+from renderer.film import CHANNELS, SAMPLES, BadSample, BatchSums
+from renderer.settings import RenderSettings, Tile, View, tiles_of
+from worker.exchange.errors import LinkError, RefusedError
+from worker.process.context import WorkerContext
 from worker.work import slot_card
+from worker.work.slot_card import blocks_of
 
 CARDS = (Card(0, "first", (7, 0), 1 << 30, 1), Card(3, "second", (8, 6), 1 << 30, 1))
-BATCH = RenderBatch("b", "job", 0, "0" * 64, Tile(0, 0, 8, 8), 0, 2, RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0))))
+SETTINGS = RenderSettings(160, 130, View((0, 0, 4), (0, 0, 0)))
+BATCH = RenderBatch("b", "job", 0, "0" * 64, Tile(0, 0, 8, 8), 0, 2, SETTINGS)
+
+
+def batch(number: int, tile: Tile, **more: Any) -> RenderBatch:
+    return replace(BATCH, batch=f"b{number}", tile=tile, **more)
+
+
+def sums_of(tile: Tile, first: int, count: int) -> Any:
+    """Returns sums that tell pixels apart, as if every sample were finite."""
+    y, x = np.mgrid[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w]
+    sums = np.broadcast_to(1000 * y + x + first, (CHANNELS, tile.h, tile.w)).astype(np.int64)
+    sums[SAMPLES] = count
+    return sums
 
 
 class Renderer:
     """A card's renderer that records loaded scenes; `Renderer.answer` replaces render_batch."""
 
-    answer: Any = "sums"
+    answer: Any = None
 
     def __init__(self, card: Card) -> None:
         self.card = card
@@ -38,62 +58,148 @@ class Renderer:
 
 @pytest.fixture
 def worker(monkeypatch: pytest.MonkeyPatch) -> Any:
-    def rendered(*arguments: Any) -> Any:
+    def rendered(scene: Any, settings: Any, tile: Tile, first: int, count: int, card: Any) -> BatchSums:
+        assert card.card == CARDS[1]
+        launched.append(tile)
         if isinstance(Renderer.answer, Exception):
             raise Renderer.answer
-        return Renderer.answer
+        if Renderer.answer is not None:
+            return Renderer.answer(tile, first, count)
+        return BatchSums(sums_of(tile, first, count), [], 0)
 
+    launched: list[Tile] = []
+    sent: list[Result] = []
     monkeypatch.setattr(slot_card, "CardRenderer", Renderer)
     monkeypatch.setattr(slot_card, "render_batch", rendered)
+    monkeypatch.setattr(slot_card, "variant_for", lambda settings, scene: "plain")
+    monkeypatch.setattr(slot_card, "mapped_scene", lambda worker, sha256: SimpleNamespace())
     monkeypatch.setattr(slot_card, "fetch_kernel", lambda link, folder, name: (True, f"{name} fetched"))
-    monkeypatch.setattr(slot_card, "slot", lambda: 2)
+    monkeypatch.setattr(slot_card, "slot", lambda: 1)
     monkeypatch.setattr(slot_card, "_cards", {})
     monkeypatch.setattr(slot_card, "_too_large", set())
-    monkeypatch.setattr(Renderer, "answer", "sums")
-    return SimpleNamespace(name="w", slots=4, cards=CARDS, link=object())
+    monkeypatch.setattr(Renderer, "answer", None)
+    results = SimpleNamespace(send=sent.append)
+    return SimpleNamespace(name="w", slots=2, cards=CARDS, link=object(), results=results, sent=sent, launched=launched)
 
 
-def render(worker: Any, batch: RenderBatch = BATCH) -> tuple[Any, list[bool]]:
-    compiling: list[bool] = []
-    scene: Any = SimpleNamespace()
-    return slot_card.render_with_card(worker, batch, scene, "plain", compiling.append), compiling
+def render(worker: Any, *batches: RenderBatch) -> list[tuple[Tile, bool]]:
+    """Renders a message; returns what was shown of it."""
+    shown: list[tuple[Tile, bool]] = []
+    worker.speed = slot_card.render_on_card(
+        worker, CardBatches(batches or (BATCH,)), lambda block, is_compiling: shown.append((block.tile, is_compiling))
+    )
+    return shown
 
 
-def test_the_last_slots_have_a_card_each(worker: Any) -> None:
-    assert [slot_card.card_of(worker, number) for number in range(5)] == [None, None, *CARDS, None]
-    worker.slots = 2
-    assert [slot_card.card_of(worker, number) for number in range(2)] == list(CARDS)
-    worker.cards = ()
-    assert slot_card.card_of(worker, 0) is None
+def test_adjacent_tiles_of_the_same_samples_are_one_block() -> None:
+    tiles = tiles_of(160, 130, 64)
+    batches = [batch(number, tile) for number, tile in enumerate(tiles)]
+    (whole,) = blocks_of(batches[::-1])
+    assert whole.tile == Tile(0, 0, 160, 130)
+    assert sorted(each.batch for each in whole.batches) == [f"b{number}" for number in range(9)]
+    corner = blocks_of(batches[1:])
+    assert sum(block.tile.w * block.tile.h for block in corner) == 160 * 130 - 64 * 64
+    assert len(corner) == 2
+    assert len(blocks_of(batches, most=2 * 64 * 64 * 2)) == 4
+    assert [block.samples for block in blocks_of(batches, most=1)] == [tile.w * tile.h * 2 for tile in tiles_in_order(batches)]
+    for other in (replace(batches[1], first=2), replace(batches[1], count=3), replace(batches[1], frame=2)):
+        assert len(blocks_of([batches[0], other])) == 2
 
 
-def test_a_batch_is_rendered_and_its_kernel_loaded_once(worker: Any) -> None:
-    (sums, seconds), compiling = render(worker)
-    assert (sums, compiling) == ("sums", [True, False])
-    assert seconds >= 0
-    assert render(worker)[1] == []
+def tiles_in_order(batches: list[RenderBatch]) -> list[Tile]:
+    return sorted((each.tile for each in batches), key=lambda tile: (tile.x, tile.w, tile.y))
 
 
-def test_what_a_card_lacks_is_left_to_the_processor(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert render(worker, replace(BATCH, settings=replace(BATCH.settings, integrator="ao")))[0] is None
-    monkeypatch.setattr(slot_card, "slot", lambda: 0)
-    assert render(worker)[0] is None
+def test_a_message_is_rendered_in_blocks_and_each_batch_sent_by_itself(worker: Any) -> None:
+    tiles = tiles_of(160, 130, 64)
+    batches = [batch(number, tile) for number, tile in enumerate(tiles)]
+    assert render(worker, *batches) == [
+        (Tile(0, 0, 160, 130), False), (Tile(0, 0, 160, 130), True), (Tile(0, 0, 160, 130), False)
+    ]  # fmt: skip
+    assert worker.launched == [Tile(0, 0, 160, 130)]
+    assert worker.speed > 0
+    assert {result.event["batch"] for result in worker.sent} == {each.batch for each in batches}
+    for result in worker.sent:
+        number = int(result.event["batch"][1:])
+        assert (result.event["type"], result.event["bad_count"]) == ("batch", 0)
+        assert (unpack_sums(result.sums, tiles[number]) == sums_of(tiles[number], 0, 2)).all()
+    assert render(worker, batches[0]) == [(tiles[0], False)]
 
 
-def test_a_scene_that_does_not_fit_is_left_to_the_processor_and_others_are_not(worker: Any, caplog: Any) -> None:
-    Renderer.answer = CardMemoryError("card 0 (first) has too little memory, 1 GiB, for this scene")
+def test_discarded_samples_are_those_of_their_tile(worker: Any) -> None:
+    def with_bad(tile: Tile, first: int, count: int) -> BatchSums:
+        sums = sums_of(tile, first, count)
+        sums[SAMPLES, 3, 70] -= 1
+        return BatchSums(sums, [BadSample(70, 3, 1)], 1)
+
+    Renderer.answer = with_bad
+    render(worker, batch(0, Tile(0, 0, 64, 64)), batch(1, Tile(64, 0, 64, 64)))
+    bad = {result.event["batch"]: (result.event["bad"], result.event["bad_count"]) for result in worker.sent}
+    assert bad == {"b0": ([], 0), "b1": ([[70, 3, 1]], 1)}
+
+
+def returned(worker: Any) -> list[tuple[str, bool, str]]:
+    found = [(each.event["type"], each.event.get("for_cpu", False), each.event["error"].code) for each in worker.sent]
+    worker.sent.clear()
+    return found
+
+
+def test_settings_that_a_card_lacks_are_left_to_the_cpus(worker: Any) -> None:
+    render(worker, replace(BATCH, settings=replace(SETTINGS, integrator="ao")))
+    assert returned(worker) == [("batch-returned", True, "card-lacks-settings")]
+
+
+def test_a_scene_that_does_not_fit_is_left_to_the_cpus_and_others_are_not(worker: Any, caplog: Any) -> None:
+    Renderer.answer = CardMemoryError("card 3 (second) has too little memory, 1 GiB, for this scene")
     with caplog.at_level(logging.WARNING, "worker"):
-        assert render(worker)[0] is None
-    assert caplog.messages == ["card 0 (first) has too little memory, 1 GiB, for this scene; the processor renders it"]
-    Renderer.answer = "sums"
-    assert render(worker)[0] is None
-    assert render(worker, replace(BATCH, compiled="1" * 64))[0] is not None
+        render(worker, BATCH, replace(BATCH, batch="c", first=2))
+    assert caplog.messages == ["card 3 (second) has too little memory, 1 GiB, for this scene; the processor renders it"]
+    assert returned(worker) == [("batch-returned", True, "card-scene-too-large")] * 2
+    Renderer.answer = None
+    render(worker)
+    assert returned(worker) == [("batch-returned", True, "card-scene-too-large")]
+    render(worker, replace(BATCH, compiled="1" * 64))
+    assert worker.sent[0].event["type"] == "batch"
 
 
-def test_a_card_that_fails_is_not_used_again(worker: Any, caplog: Any) -> None:
-    Renderer.answer = CardError("card 0 (first): cuLaunchKernel failed")
+def test_a_card_that_fails_sends_what_it_has_and_is_not_used_again(worker: Any, caplog: Any) -> None:
+    def fails_later(tile: Tile, first: int, count: int) -> BatchSums:
+        if first:
+            raise CardError("card 3 (second): cuLaunchKernel failed")
+        return BatchSums(sums_of(tile, first, count), [], 0)
+
+    Renderer.answer = fails_later
     with caplog.at_level(logging.WARNING, "worker"):
-        assert render(worker)[0] is None
+        render(worker, BATCH, replace(BATCH, batch="c", first=2))
     assert "from now on the processor renders" in caplog.text
-    Renderer.answer = "sums"
-    assert render(worker)[0] is None
+    assert sorted((each.event["type"], each.event["batch"]) for each in worker.sent) == [("batch", "b"), ("batch-returned", "c")]
+    worker.sent.clear()
+    Renderer.answer = None
+    render(worker)
+    assert returned(worker) == [("batch-returned", True, "card-failed")]
+
+
+@pytest.mark.parametrize(("error", "for_cpu"), ((LinkError("The service is away."), False), (RefusedError("gone"), True)))
+def test_a_scene_that_cannot_be_fetched_is_the_workers_trouble(
+    worker: Any, monkeypatch: pytest.MonkeyPatch, error: Exception, for_cpu: bool
+) -> None:
+    def fails(worker: Any, sha256: str) -> Any:
+        raise error
+
+    monkeypatch.setattr(slot_card, "mapped_scene", fails)
+    monkeypatch.setattr(slot_card, "PATIENCE_S", 0.0)
+    render(worker)
+    assert returned(worker) == [("batch-returned", for_cpu, "worker-returned-batch")]
+
+
+def test_a_worker_with_cards_takes_batches_from_its_own_queue_alone() -> None:
+    def queues(**more: Any) -> list[str]:
+        return WorkerContext("w", 2, "kind", "redis://", *[SimpleNamespace()] * 3, **more).queues  # type: ignore[arg-type]
+
+    assert "rayfarm.render.kind" in queues()
+    assert "rayfarm.card.w" not in queues()
+    alone = queues(cards=CARDS)
+    assert alone[0] == "rayfarm.card.w"
+    assert "rayfarm.render.kind" not in alone
+    assert "rayfarm.prepare.kind" in alone
+    assert queues(cards=CARDS, is_beside_cpu=True) == ["rayfarm.card.w", "rayfarm.prepare.kind.of.w"]
