@@ -21,8 +21,8 @@ from worker.__main__ import _options
 
 ROOT = Path(__file__).parents[1]
 CLUSTER = ROOT / "deploy" / "kubernetes"
-FILES = ("farm/redis", "farm/service", "farm/worker", "standby/services")
-FOLDERS = (".", "autoscale", "standby")
+FILES = ("farm/redis", "farm/service", "farm/worker", "gpu/worker", "standby/services")
+FOLDERS = (".", "autoscale", "gpu", "standby")
 PARTS = [part for file in FILES for part in yaml.safe_load_all((CLUSTER / f"{file}.yaml").read_text())]
 
 
@@ -89,7 +89,8 @@ def containers() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "keys"), [("redis", {"redis-password"}), ("worker", {"token"}), ("service", {"token", "redis-password"})]
+    ("name", "keys"),
+    [("redis", {"redis-password"}), ("worker", {"token"}), ("gpu-worker", {"token"}), ("service", {"token", "redis-password"})],
 )
 def test_a_pod_sees_the_secrets_that_it_needs_as_files(name: str, keys: set[str]) -> None:
     container, pod = containers()[name]
@@ -116,7 +117,7 @@ def test_workers_are_probed_without_the_service() -> None:
 def test_images_are_tagged_by_version() -> None:
     compose = (ROOT / "docker-compose.yml").read_text()
     assert set(re.findall(r"RAYFARM_VERSION:-([^}]+)\}", compose)) == {__version__}
-    for folder in ("farm", "standby"):
+    for folder in ("farm", "gpu", "standby"):
         for image in yaml.safe_load((CLUSTER / folder / "kustomization.yaml").read_text())["images"]:
             assert image["newTag"] == __version__, image["name"]
 
@@ -188,7 +189,7 @@ def test_what_follows_from_the_sources_is_found_while_the_workers_image_is_built
 
 
 COMPOSE = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
-OURS = ("secrets", "redis", "service", "standby", "worker", "old-worker", "caddy")
+OURS = ("secrets", "redis", "service", "standby", "worker", "gpu-worker", "old-worker", "caddy")
 EXAMPLE = re.findall(r"^#?(\w+)=", (ROOT / "deploy" / "rayfarm.env.example").read_text(), re.MULTILINE)
 
 
@@ -208,7 +209,7 @@ def test_every_container_of_ours_is_confined(name: str) -> None:
 def test_only_the_farm_is_on_redis_s_network() -> None:
     """Only the farm's containers are on Redis's network and have its secrets."""
     on_queue = {name for name, container in COMPOSE.items() if "queue" in container.get("networks", [])}
-    assert on_queue == {"redis", "service", "standby", "worker", "old-worker"}
+    assert on_queue == {"redis", "service", "standby", "worker", "gpu-worker", "old-worker"}
     assert COMPOSE["redis"]["networks"] == ["queue"]
     see = {name for name, one in COMPOSE.items() if any(volume.startswith("secrets:") for volume in one.get("volumes", []))}
     assert see == on_queue | {"secrets"}
@@ -247,12 +248,48 @@ def test_compose_is_understood_by_its_first_release_too() -> None:
     assert not re.search(r"\$\{[^}]*\$\{", (ROOT / "docker-compose.yml").read_text())
 
 
-def test_the_worker_of_the_cluster_is_started_with_options_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    (worker,) = [part for part in PARTS if part["metadata"]["name"] == "rayfarm-worker" and part["kind"] == "Deployment"]
-    arguments = worker["spec"]["template"]["spec"]["containers"][0]["args"]
+@pytest.mark.parametrize("name", ("worker", "gpu-worker"))
+def test_the_workers_of_the_cluster_are_started_with_options_that_there_are(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = containers()[name][0]["args"]
     assert arguments[:3] == ["python3", "-m", "worker"]
     monkeypatch.setattr("sys.argv", arguments[2:])
-    assert _options().service == "http://rayfarm:8000"
+    options = _options()
+    assert options.service == "http://rayfarm:8000"
+    assert (options.gpu, options.beside) == (("only", True) if name == "gpu-worker" else ("none", False))
+
+
+def test_workers_with_cards_are_given_them() -> None:
+    cluster, _ = containers()["gpu-worker"]
+    assert cluster["resources"]["limits"]["nvidia.com/gpu"] == 1
+    compose = COMPOSE["gpu-worker"]
+    (devices,) = compose["deploy"]["resources"]["reservations"]["devices"]
+    assert devices == {"driver": "nvidia", "count": "all", "capabilities": ["gpu"]}
+    assert compose["profiles"] == ["gpu"]
+    assert compose["command"][-3:] == ["--gpu", "only", "--beside"]
+    assert compose["environment"].items() > COMPOSE["worker"]["environment"].items()
+
+
+@pytest.mark.parametrize(("given", "gpu"), (({}, "none"), ({"SLURM_GPUS_ON_NODE": "1"}, "all")))
+def test_a_slurm_task_renders_with_the_cards_that_it_was_given(given: dict[str, str], gpu: str, tmp_path: Path) -> None:
+    program = tmp_path / "rayfarm"
+    program.write_text('#!/bin/sh\necho "$@"\n')
+    program.chmod(0o755)
+    environment = {
+        "PATH": f"{tmp_path}:{os.environ['PATH']}",
+        "USER": "ann",
+        "RAYFARM_TOKEN": "t",
+        "RAYFARM_SERVICE": "http://farm",
+    }
+    script = ROOT / "deploy" / "slurm" / "rayfarm-workers.sbatch"
+    done = subprocess.run(
+        ["bash", str(script)],
+        env={**environment, "SLURM_CPUS_PER_TASK": "3", **given},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert done.stdout.split() == ["worker", "--join", "http://farm", "--slots", "3", "--gpu", gpu]
 
 
 def test_the_cluster_scales_by_a_number_that_is_told() -> None:
