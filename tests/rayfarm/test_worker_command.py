@@ -10,13 +10,22 @@ import threading
 import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
+from rayfarm import joining
+from rayfarm.commands import worker as worker_command
+from rayfarm.errors import CommandError
+from renderer.cuda.cards import Cards
+from renderer.cuda.driver import Card
 from tests.foreign_server import NOT_A_FARM, foreign_server, json_answer
 from tests.grids import grid
 from tests.helpers import ROOT
 from tests.rayfarm.program import rayfarm
+from worker.__main__ import _options
 
 WORKER = ("worker", "--slots=1")
 
@@ -120,3 +129,55 @@ def test_a_choice_of_cards_that_is_none_ends_it_with_a_sentence() -> None:
     done = rayfarm("worker", "--join=127.0.0.1:9", "--token=t", "--gpu=first")
     assert done.returncode == 1
     assert "--gpu is 'first'; give none, all, only, or numbers such as 0,1" in done.stderr.replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    ("gpu", "cores", "cards"),
+    (
+        ("none", ["--gpu=none"], None),
+        ("only", ["--gpu=only"], None),
+        ("all", ["--beside", "--gpu=none"], ["--gpu=all", "--beside", "--name", "attic-gpu"]),
+        ("0", ["--beside", "--gpu=none"], ["--gpu=0", "--beside", "--name", "attic-gpu"]),
+    ),
+)
+def test_cards_beside_cores_are_a_worker_of_their_own(
+    gpu: str, cores: list[str], cards: list[str] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[Any] = []
+    found = Cards([Card(0, "RTX Test", (8, 6), 8 << 30, 1)], [])
+    monkeypatch.setattr(worker_command, "run", lambda *given: started.append(given))
+    monkeypatch.setattr(worker_command, "find_cards", lambda: found)
+    monkeypatch.setattr(worker_command, "use_log_format", lambda format: None)
+    app = typer.Typer()
+    worker_command.register(app)
+    given = ["--join=127.0.0.1:9", "--token=t", "--slots=2", "--name=attic", "--nice=5", f"--gpu={gpu}"]
+    done = CliRunner().invoke(app, given)
+    assert done.exit_code == 0, done.output
+    ((_, _, _, sentence, arguments, _, more),) = started
+    common = ["--service", "http://127.0.0.1:9", "--slots", "2", "--nice=5"]
+    assert arguments == [*common, *cores, "--name", "attic"]
+    assert more == ({} if cards is None else {"worker-gpu": [*common, *cards]})
+    for options in (arguments, *more.values()):
+        monkeypatch.setattr("sys.argv", ["worker", *options])
+        assert _options().slots == 2
+    assert f"with {3 if cards else 1 if gpu == 'only' else 2} slots" in sentence
+
+
+def test_processes_of_a_command_end_together_with_the_sentence_of_the_one_that_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The first process waits; the second ends with an exit code after which a restart does not help."""
+    monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path))
+    program = """
+import json, sys, time
+options = sys.stdin.readline()
+print("rayfarm worker: started with", options.strip(), flush=True)
+if "ends" in options:
+    sys.exit(3)
+time.sleep(60)
+"""
+    with pytest.raises(CommandError, match=r"started with .*ends"):
+        joining.run("worker", [sys.executable, "-c", program], "t", "Joining.", ["waits"], None, {"worker-gpu": ["ends"]})
+    shown = capfd.readouterr()
+    assert "waits" in shown.err
+    assert not list((tmp_path / "logs").glob("*.log"))

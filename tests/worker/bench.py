@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -140,8 +140,8 @@ class Bench:
         kind = self.report().kind  # type: ignore[union-attr]
         self.celery.send_task(RENDER_BATCH, kwargs={"batch": batch.to_json()}, queue=render_queue(kind), task_id=message)
 
-    def next(self, *types: str) -> Result:
-        """Returns the next result of one of these types."""
+    def next(self, *types: str, seconds: float = 60.0) -> Result:
+        """Returns the next result of one of these types, within these seconds."""
         found: list[Result] = []
 
         def arrived() -> bool:
@@ -154,18 +154,18 @@ class Bench:
                     return True
             return False
 
-        wait_until(arrived, 60, f"one of {types} arrives; so far {[r.event for r in self.seen]}")
+        wait_until(arrived, seconds, f"one of {types} arrives; so far {[r.event for r in self.seen]}")
         return found[0]
 
 
 @contextmanager
-def a_worker(redis_url: str, folder: Path, slots: int) -> Iterator[Bench]:
-    """Runs a ready worker in the `with` block, and stops it at the end unless it has already ended."""
+def a_worker(redis_url: str, folder: Path, slots: int, options: Sequence[str] = ()) -> Iterator[Bench]:
+    """Context of a ready worker, which is stopped at the end unless it has ended before."""
     handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "films": {}, "sent": [], "redis_url": redis_url})
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     url = f"http://127.0.0.1:{server.server_port}"
-    command = [sys.executable, "-m", "worker", f"--service={url}", f"--slots={slots}", f"--cache={folder / 'blobs'}"]
+    command = [sys.executable, "-m", "worker", f"--service={url}", f"--slots={slots}", f"--cache={folder / 'blobs'}", *options]
     told = {"RAYFARM_TOKEN": "token", "RAYFARM_PREPARE_MEMORY_MB": "2000", "TMPDIR": str(folder)}
     with (folder / "log").open("wb") as log:
         process = subprocess.Popen(command, cwd=ROOT, stdout=log, stderr=log, env=os.environ | told)
