@@ -144,8 +144,10 @@ class Scheduler:
     def _hand_to_card(self, job: ActiveJob, kind: str, place: CardPlace, cpu_slots: int, start: StartJob) -> None:
         """Dispatches one message to a worker with cards. Does nothing if the job has no batch for it. Raises QueueError.
 
-        cpu_slots: number of the CPU's slots. Without any, the worker renders what its cards cannot with its processor.
+        cpu_slots: number of the CPU's slots. If none renders this job, the worker's processor renders what its cards cannot.
         """
+        if job.needs is not None:
+            cpu_slots = self._workers.roster.slots_serving(job.needs.queue(kind), of_cpu=True).get(kind, 0)
         if (not place.accepts(job) and cpu_slots) or not start(job, kind):
             return
         if place.accepts(job):

@@ -294,6 +294,18 @@ def test_a_job_with_requirements_gets_only_cards_that_meet_them() -> None:
     assert farm.queues.sizes
 
 
+def test_what_a_card_cannot_render_is_left_to_its_processor_where_no_core_meets_the_requirements() -> None:
+    farm = Farm(1, 1, spp=4, size=(256, 128))
+    farm.job.needs = Needs(("gpu",))
+    farm.job.card_refusals.add("card")
+    offers = {"card": Offer(("gpu",), 1 << 30, 1, "terms", queues=(farm.job.needs.queue(KIND),))}
+    farm.workers.roster = WorkerSnapshot(reports=farm.reports, offers=offers)
+    farm.slots[1].is_card, farm.slots[1].rate = False, RATE
+    farm.run()
+    assert farm.job.done
+    assert not farm.slots[0].busy
+
+
 def test_a_job_whose_batches_are_rendered_twice_is_left_to_the_cpus() -> None:
     farm = Farm(1, 1, spp=4, size=(256, 128))
     farm.job.verify = 0.5
