@@ -1,0 +1,102 @@
+"""A worker with a card beside one with cores, in a real farm: one digest, also if the card's worker is killed or its card fails.
+
+The card is the processor, by the driver of tests/renderer/cuda.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from renderer.child_processes import spawn_guard
+from tests.chaos.test_digest import alone, submit
+from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
+from tests.renderer.cuda.on_host import fake_driver, shared_object
+
+pytestmark = pytest.mark.long
+
+SPP = 320
+
+
+@pytest.fixture(scope="module")
+def driver(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Variables of the environment in which a process has the test's card."""
+    folder = tmp_path_factory.mktemp("driver")
+    fake_driver(folder)
+    return {"LD_LIBRARY_PATH": str(folder), "FAKE_CUDA_KERNEL": str(shared_object("plain", folder))}
+
+
+@pytest.fixture(scope="module")
+def expected() -> str:
+    return alone(SPP)
+
+
+@pytest.fixture
+def farm(tmp_path: Path) -> Iterator[Farm]:
+    farm = start_farm(tmp_path / "data", 1)
+    yield farm
+    stop_farm(farm)
+
+
+def join(farm: Farm, ends: ExitStack, driver: dict[str, str], megabytes: int) -> subprocess.Popen[bytes]:
+    """Starts a worker with a card; returns when it is ready."""
+    command = [sys.executable, "-m", "worker", "--service", farm.url, "--name", "attic-gpu", "--gpu", "only", "--beside"]
+    log = ends.enter_context((farm.data.parent / "gpu.log").open("ab"))
+    environment = {**os.environ, **driver, "FAKE_CUDA_CARDS": f"RTX Test:8:6:{megabytes}", "RAYFARM_TOKEN": farm.token}
+    process = subprocess.Popen(
+        command, cwd=ROOT, env=environment, stdout=log, stderr=log, start_new_session=True, preexec_fn=spawn_guard()
+    )
+    ends.callback(process.wait)
+    ends.callback(process.terminate)
+    workers = lambda: {each["name"]: each["state"] for each in asked(farm, "/api/workers").json()}  # noqa: E731
+    wait_until(lambda: workers().get("attic-gpu") == "ready", 120, "the worker with the card has joined")
+    return process
+
+
+def asked(farm: Farm, path: str) -> Any:
+    return httpx.get(farm.url + path, timeout=60).raise_for_status()
+
+
+def finish(farm: Farm, job: str, expected: str) -> str:
+    """Waits for the job, and returns its log."""
+    with farm.client() as client:
+        final = client.wait(job, timeout_s=240)
+        assert final.state == "finished", f"{final}\n{farm.logs()}\n{(farm.data.parent / 'gpu.log').read_text()}"
+        assert client.digest(job) == expected
+    return str(asked(farm, f"/api/jobs/{job}/log").text)
+
+
+def test_a_frame_of_cores_and_a_card_has_the_digest_of_the_cores(farm: Farm, driver: dict[str, str], expected: str) -> None:
+    with ExitStack() as ends:
+        join(farm, ends, driver, 8192)
+        log = finish(farm, submit(farm, SPP, tile_size=16), expected)
+        workers = {each["name"]: each for each in asked(farm, "/api/workers").json()}
+    assert workers["attic-gpu"]["cards"][0]["samples_per_s"] > 0
+    for name in workers:
+        assert f"{name}: " in log, log
+
+
+def test_a_killed_worker_with_a_card_leaves_no_trace(farm: Farm, driver: dict[str, str], expected: str) -> None:
+    with ExitStack() as ends:
+        process = join(farm, ends, driver, 8192)
+        job = submit(farm, SPP, tile_size=16)
+        with farm.client() as client:
+            wait_until(lambda: client.job(job).progress > 0.2, 120, "the job is well under way")
+        os.killpg(process.pid, signal.SIGKILL)
+        finish(farm, job, expected)
+
+
+def test_a_scene_that_does_not_fit_the_card_is_left_to_the_cores(farm: Farm, driver: dict[str, str], expected: str) -> None:
+    with ExitStack() as ends:
+        join(farm, ends, driver, 0)
+        log = finish(farm, submit(farm, SPP, tile_size=16), expected)
+    assert "attic-gpu: The scene does not fit the memory of card 0" in log
