@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections.abc import Sequence
 from typing import Any
 
 from renderer.setting_declaration import DeclaredSetting
@@ -18,9 +19,13 @@ def batch_command(settings: RenderSettings, tile: Tile, first: int, count: int) 
     return shlex.join(["rayfarm", "render", "SCENE", "-o", "batch.exr", *_options(settings), *more])
 
 
-def sample_command(settings: RenderSettings, x: int, y: int, sample: int) -> str:
-    """Returns the command that traces one path and prints its vertices. SCENE is a placeholder for the uploaded file."""
-    return shlex.join(["rayfarm", "render", "SCENE", *_options(settings), f"--pixel={x},{y}", f"--sample={sample}"])
+def sample_command(settings: RenderSettings, x: int, y: int, sample: int, scene_options: Sequence[str] = ()) -> str:
+    """Returns the command that traces one path and prints its vertices. SCENE is a placeholder for the uploaded file.
+
+    scene_options: options that affect reading, such as `--no-floor`.
+    """
+    where = [f"--pixel={x},{y}", f"--sample={sample}"]
+    return shlex.join(["rayfarm", "render", "SCENE", *scene_options, *_options(settings), *where])
 
 
 def _options(settings: RenderSettings) -> list[str]:

@@ -131,16 +131,20 @@ class Client:
         name: str | None = None,
         project: str = "",
         strict: bool = False,
+        up: str | None = None,
+        floor: str | None = None,
     ) -> Scene:
         """Uploads a scene: one file, a list of files from one folder, or a dict of files by their path inside the scene.
 
         main: the scene file, if it is ambiguous. environment: path of an environment image among the files. project: the scene is
-        visible only to its members. strict: warnings make the scene fail, see `wait_for_scene`.
+        visible only to its members. strict: warnings make the scene fail, see `wait_for_scene`. up: the axis of an OBJ, PLY, STL
+        or OFF file that is up; None: a guess. floor: "on", or "auto" for scenes without lights; None: without one.
 
             farm.upload({"spot.obj": here / "spot.obj", "textures/spot.png": here / "spot.png"}, main="spot.obj")
         """
         named = by_name(files)
         told = {"main": main, "environment": environment, "name": name, "strict": "true" if strict else None}
+        told |= {"up": up, "floor": floor}
         fields = {key: value for key, value in told.items() if value}
         with contextlib.ExitStack() as stack:
             try:

@@ -12,6 +12,7 @@ from rayfarm.errors import CommandError
 from renderer.aovs import MOTION, NAMES
 from renderer.cameras import camera_number
 from renderer.errors import SettingsError
+from renderer.formats import UP_AXES
 from renderer.presets import PRESETS
 from renderer.setting_docs import sentences
 from renderer.settings import Tile, Vec3
@@ -29,6 +30,7 @@ __all__ = [
     "Order",
     "Overwrite",
     "Server",
+    "Standing",
     "Turntable",
     "Variant",
     "denoised_name",
@@ -37,11 +39,13 @@ __all__ = [
     "parse_pixel",
     "parse_size",
     "parse_tile",
+    "parse_up_axis",
     "parse_vec3",
     "relevant_warnings",
 ]
 
 SKY = "sky:"
+AUTO = "auto"
 
 Aov = Annotated[
     str | None,
@@ -140,7 +144,8 @@ def parse_vec3(text: str, option: str) -> Vec3:
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        raise CommandError(f"{option} is {text!r}; it takes three numbers as {option} 1,2.5,-3") from None
+        axis = f". For the axis of a file: --up-axis {text}" if option == "--up" and text.lower() in UP_AXES else ""
+        raise CommandError(f"{option} is {text!r}; it takes three numbers as {option} 1,2.5,-3{axis}") from None
     if not all(math.isfinite(v) for v in (x, y, z)):
         raise CommandError(f"{option} is {text!r}; its numbers must be finite")
     return x, y, z
@@ -185,6 +190,24 @@ class Env(NamedTuple):
     color: Vec3 | None = None
     sky: tuple[float, float] | None = None
     preset: str | None = None
+
+
+class Standing(NamedTuple):
+    """How a scene stands: the axis of its file that is up (None: the file's own, or a guess), and its floor.
+
+    floor: "on"; "auto" for scenes without lights; None for none.
+    """
+
+    up: str | None = None
+    floor: str | None = None
+
+
+def parse_up_axis(text: str | None) -> str | None:
+    """Parses --up-axis; None for `auto`, or if it is not given."""
+    axis = None if text is None else text.strip().lower()
+    if axis is not None and axis not in (AUTO, *UP_AXES):
+        raise CommandError(f"--up-axis is {text!r}; it takes one of {', '.join((AUTO, *UP_AXES))}")
+    return None if axis == AUTO else axis
 
 
 def environment_of(text: str | None) -> Env:

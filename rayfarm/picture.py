@@ -17,6 +17,7 @@ from rayfarm import options
 from rayfarm.declared_options import parameter, typed
 from rayfarm.errors import CommandError
 from renderer.errors import SettingsError
+from renderer.formats import UP_AXES
 from renderer.presets import PRESETS
 from renderer.scene.animation.shutter import SHUTTER
 from renderer.setting_declaration import DeclaredSetting
@@ -35,7 +36,16 @@ LIMIT_OPTIONS: Mapping[str, DeclaredSetting] = {name: WORK[name] for name in ("s
 def _own(name: str, help: str, panel: str, metavar: str) -> inspect.Parameter:
     """Returns an option that does not correspond to a single setting. Its value is a text, or None if it is not given."""
     option = typer.Option(f"--{name}", help=help, rich_help_panel=panel, metavar=metavar)
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[str | None, option])
+    return inspect.Parameter(
+        name.replace("-", "_"), inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[str | None, option]
+    )
+
+
+def _floor() -> inspect.Parameter:
+    """Returns the option for the studio's floor: True, False, or None if it is not given."""
+    help = "A floor that takes the scene's shadows; by default if neither the file nor --env has light."
+    option = typer.Option("--floor/--no-floor", help=help, rich_help_panel="Environment", show_default=False)
+    return inspect.Parameter("floor", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[bool | None, option])
 
 
 def _parameters() -> list[inspect.Parameter]:
@@ -46,12 +56,19 @@ def _parameters() -> list[inspect.Parameter]:
         _own("camera", "A camera of the scene, by name or number from 0.", "View", "NAME|N"),
         *map(parameter, VIEW.values()),
         _own(
+            "up-axis",
+            f"The axis of an OBJ, PLY, STL or OFF file that is up: {', '.join(UP_AXES)}; by default a guess.",
+            "View",
+            "AXIS",
+        ),
+        _own(
             "env",
             "An equirectangular .exr or .hdr, a linear colour, a clear sky with the sun at ELEVATION[,AZIMUTH] degrees, or by "
             f"name: {', '.join(PRESETS)}. Replaces the scene's.",
             "Environment",
             "FILE|R,G,B|sky:E,A|NAME",
         ),
+        _floor(),
         *map(parameter, ENVIRONMENT_OPTIONS.values()),
         *map(parameter, SETTINGS_OPTIONS.values()),
     ]
@@ -87,6 +104,18 @@ class Picture:
         """Returns the environment from --env."""
         return options.environment_of(self.given.get("env"))
 
+    def standing(self) -> options.Standing:
+        """Returns the up axis and floor. The default floor is for the studio's light: none if --env gives another."""
+        default = options.AUTO if self.environment() == options.Env() else None
+        asked = self.given.get("floor")
+        floor = default if asked is None else "on" if asked else None
+        return options.Standing(options.parse_up_axis(self.given.get("up_axis")), floor)
+
+    def floor_notes(self, has_floor: bool) -> list[str]:
+        """Returns a sentence about a floor for which no option asked; empty without one."""
+        is_default = has_floor and self.given.get("floor") is None
+        return ["A floor takes the scene's shadows; --no-floor leaves it out."] if is_default else []
+
     def given_settings(self) -> dict[str, Any]:
         """Returns the optional settings by the renderer's names; None if not given."""
         return typed(SETTINGS_OPTIONS, self.given)
@@ -95,6 +124,7 @@ class Picture:
         """Raises CommandError for values that are invalid for every scene. Called before an upload."""
         self._size()
         self.environment()
+        self.standing()
         for options_of in (SETTINGS_OPTIONS, LIMIT_OPTIONS, ENVIRONMENT_OPTIONS, VIEW):
             typed(options_of, self.given)
 

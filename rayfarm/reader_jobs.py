@@ -29,8 +29,8 @@ def serve_requests(
 
     An error at a moment is sent as `failed`; further requests remain possible.
     """
-    variant = options.pop("variant")
-    shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main), None if inside is None else os.fsdecode(inside), variant)
+    reading = [options.pop(name) for name in ("variant", "up", "floor")]
+    shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main), None if inside is None else os.fsdecode(inside), *reading)
     stage = OpenScene(shot, **options)
     saver, written = Saver(Path(os.fsdecode(out))), None
     for request in link.requests(IDLE_S):

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from rayfarm.options import Env
+from rayfarm.options import Env, Standing
 from rayfarm.preload import PRELOAD
 from rayfarm.reading_files import bounds_of
 from rayfarm.scene_files import opened_scene
@@ -47,7 +47,7 @@ class ConfinedScene:
     def __init__(self, scene: _SceneFiles, room: Path, options: Mapping[str, Any]) -> None:
         """Stores the parameters.
 
-        room: an empty folder for results and temporary files. options: the other arguments of Stage, and `variant`.
+        room: an empty folder for results and temporary files. options: the other arguments of Stage, `variant`, `up`, `floor`.
         """
         self._scene, self._room, self._options = scene, room, options
         self._reader: Reader | None = None
@@ -117,6 +117,7 @@ def open_stage(
     threads: int | None = None,
     shutter: Mapping[str, Any] = MappingProxyType({}),
     root: Path | None = None,
+    standing: Standing = Standing(),
 ) -> Iterator[ConfinedScene]:
     """Context manager that opens a scene for rendering its frames.
 
@@ -130,6 +131,7 @@ def open_stage(
         if environment.sky is not None:
             inside = "sky:{:g},{:g}".format(*environment.sky)
         options = {"variant": variant, "camera": camera, "brute": brute, "threads": threads, "shutter": dict(shutter)}
+        options |= standing._asdict()
         stage = ConfinedScene(_SceneFiles(folder.resolve(), main, environment.preset or inside), room, options)
         try:
             yield stage

@@ -74,6 +74,7 @@ class Scene(ShownInNotebooks):
     variant: str | None = None  # the variant in use
     warnings: list[str] = field(default_factory=list)
     strict: bool = False  # whether warnings fail it
+    has_floor: bool = False  # whether the studio's floor was added
     defaults: dict[str, Any] = field(default_factory=dict)  # settings in the scene file
     thumbnail: str | None = None
 

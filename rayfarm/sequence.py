@@ -162,7 +162,7 @@ def _render(
     clock.mark("prepare_s")
     warnings = options.relevant_warnings(summary["warnings"], order.picture.environment())
     refuse_warnings(f"{shot.scene.name}, frame {frame:g}", warnings, order.strict)
-    for warning in warnings:
+    for warning in [*warnings, *order.picture.floor_notes(summary["floor"])]:
         if warning not in told:
             told.add(warning)
             err.print(f"note: {warning}", markup=False, soft_wrap=True)

@@ -154,7 +154,10 @@ def render(
     shot = None if frames is None else Sequence(scene, parse_frames(frames), output, moment, overwrite)
     _check(output, shot, order, stats)
     if shot is not None:
-        with open_stage(scene, picture.environment(), variant, picture.camera, no_bvh, threads, picture.shutter(), root) as stage:
+        with open_stage(
+            *(scene, picture.environment(), variant, picture.camera, no_bvh, threads, picture.shutter(), root),
+            standing=picture.standing(),
+        ) as stage:
             if is_movie(output):
                 about = (picture, variant, turntable, exposure, tonemap, tile, first)
                 found = render_movie(shot, stage, order, about)
@@ -176,10 +179,11 @@ def render(
         *(scene, environment, clock, no_bvh, variant, threads, moment, picture.camera, picture.shutter()),
         before=lambda stage: motion.append(motion_of(stage, order, moment, clock)),
         root=root,
+        standing=picture.standing(),
     )
     warnings = options.relevant_warnings(summary["warnings"], environment)
     refuse_warnings(scene.name, warnings, strict)
-    for warning in warnings:
+    for warning in [*warnings, *picture.floor_notes(summary["floor"])]:
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
     load_kernels(settings, compiled, clock, order.card)
@@ -242,7 +246,11 @@ def _replay(
 ) -> None:
     x, y = options.parse_pixel(pixel)
     environment, camera, shutter = order.picture.environment(), order.picture.camera, order.picture.shutter()
-    compiled, summary = load_scene(scene, environment, Clock(), no_bvh, variant, None, moment, camera, shutter, root=root)
+    compiled, summary = load_scene(
+        *(scene, environment, Clock(), no_bvh, variant, None, moment, camera, shutter),
+        root=root,
+        standing=order.picture.standing(),
+    )
     refuse_warnings(scene.name, options.relevant_warnings(summary["warnings"], environment), order.strict)
     settings = order.settings(summary, moment)
     if not (x < settings.width and y < settings.height):

@@ -134,10 +134,12 @@ def submit(
     place = {"after": after, "max_slots": max_slots, "deadline": _deadline(deadline), "needs": need, "verify": verify}
     with farm_client(server) as farm:
         main = relative_to_root(scene, root) if root is not None else scene.name if is_numbered(scene) else None
-        ready = _wait_until_prepared(farm, farm.upload(files_to_upload(scene, root), main=main, name=scene.name, project=project))
+        files = files_to_upload(scene, root)
+        uploaded = farm.upload(files, main=main, name=scene.name, project=project, **picture.standing()._asdict())
+        ready = _wait_until_prepared(farm, uploaded)
         warnings = options.relevant_warnings(ready.warnings, picture.environment())
         refuse_warnings(scene.name, warnings, strict)
-        for warning in warnings:
+        for warning in [*warnings, *picture.floor_notes(ready.has_floor)]:
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
         asked = picture.request([asdict(camera) for camera in ready.cameras])
         if (image := picture.environment().image) is not None:

@@ -13,7 +13,7 @@ import numpy as np
 from rayfarm import options
 from rayfarm.errors import CommandError
 from rayfarm.graphics_card import check_device
-from rayfarm.options import Env
+from rayfarm.options import Env, Standing
 from rayfarm.picture import ENVIRONMENT_OPTIONS, LIMIT_OPTIONS, SETTINGS_OPTIONS, Picture
 from renderer import aovs
 from renderer.errors import SettingsError
@@ -24,8 +24,10 @@ from renderer.settings import VIEW
 __all__ = ["RenderArguments", "parse_arguments"]
 
 _LIBRARY_ARGUMENTS = (
-    *("width", "height", "camera", "environment", "frame", "fps", "clip", "variant", "aovs", "denoise", "threads", "device"),
+    *("width", "height", "camera", "environment", "frame", "fps", "clip", "variant", "up_axis", "floor", "aovs", "denoise"),
+    *("threads", "device"),
 )
+_FLOORS = {None: None, False: None, True: "on", options.AUTO: options.AUTO}
 _TABLES: tuple[Mapping[str, DeclaredSetting], ...] = (LIMIT_OPTIONS, VIEW, SETTINGS_OPTIONS, ENVIRONMENT_OPTIONS)
 
 
@@ -39,6 +41,16 @@ class _LibraryPicture(Picture):
     def environment(self) -> Env:
         light: Env = self.given["env"]
         return light
+
+    def standing(self) -> Standing:
+        """Returns the up axis and floor; by default no floor, so that a program's scene is what it made."""
+        floor = self.given.get("floor")
+        if not isinstance(floor, bool | str | None) or floor not in _FLOORS:
+            raise SettingsError(f"floor is {floor!r}; it is True, False, or 'auto': if the scene has no light")
+        try:
+            return Standing(options.parse_up_axis(_text(self.given.get("up_axis"))), _FLOORS[floor])
+        except CommandError as error:
+            raise SettingsError(str(error).replace("--up-axis", "up_axis")) from None
 
 
 @dataclass(frozen=True)
@@ -72,8 +84,11 @@ def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
             "size": _size(given),
             "env": _light(given.get("environment")),
             "camera": None if camera is None else str(camera),
+            "up_axis": given.get("up_axis"),
+            "floor": given.get("floor"),
         }
     )
+    picture.standing()
     wanted = given.get("aovs")
     named = [wanted] if isinstance(wanted, str) else wanted or ()
     planes = aovs.AOVS if wanted is None else aovs.parse_names(name for name in named if name != "color")  # always present

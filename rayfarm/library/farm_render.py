@@ -35,7 +35,8 @@ _COLOR = ("R", "G", "B")
 
 def upload_and_submit(farm: Client, scene: Path, wanted: RenderArguments) -> Job:
     """Uploads the scene and submits a job. Raises ClientError, or SettingsError for settings that a farm does not support."""
-    return submit_ready_scene(farm, farm.wait_for_scene(farm.upload(files_to_upload(scene), name=scene.stem).id), wanted)
+    uploaded = farm.upload(files_to_upload(scene), name=scene.stem, **wanted.picture.standing()._asdict())
+    return submit_ready_scene(farm, farm.wait_for_scene(uploaded.id), wanted)
 
 
 def submit_ready_scene(farm: Client, ready: Scene, wanted: RenderArguments) -> Job:

@@ -45,7 +45,12 @@ def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Ima
     light = picture.environment()
     with (
         device_card(wanted.device) as card,
-        open_stage(*(scene, light, wanted.variant, picture.camera), threads=wanted.threads, shutter=picture.shutter()) as stage,
+        open_stage(
+            *(scene, light, wanted.variant, picture.camera),
+            threads=wanted.threads,
+            shutter=picture.shutter(),
+            standing=picture.standing(),
+        ) as stage,
     ):
         motion = motion_of(stage, order, wanted.moment, clock)
         compiled, summary = stage.at(wanted.moment)

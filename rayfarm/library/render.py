@@ -31,6 +31,7 @@ def render(scene: Any, *, farm: str | Client | None = None, base: str | Path = "
     device: "cuda", or "cuda:1" for another card, renders in this process with an NVIDIA card instead, to the same bits; "cpu" is
     the default. Not together with farm, whose workers choose.
     settings: width, height, spp, noise, seconds; camera, eye, target, fov, aperture ...; environment; frame, fps, clip; variant;
+    up_axis, floor (True, or "auto": if the scene has no light);
     aovs (default: all of the film; "motion" only on request); denoise; threads; and each of `settings` of the scene format by its
     name.
     Raises SceneError, SettingsError, ClientError (all RayfarmError), or TypeError for an unknown keyword.

@@ -84,7 +84,9 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
     recorded = _recorded([job.id for job in jobs if job.id not in shots], session)
     sums = sums_of([job for job in jobs if job.id in shots], view.jobs, session)
     waits = waits_of(jobs, session)
-    found = [_one_out(job, recorded.get(job.id, []), sums.get(job.id), engine, view, waits.get(job.id, [])) for job in jobs]
+    found = [
+        _one_out(job, recorded.get(job.id, []), sums.get(job.id), session, engine, view, waits.get(job.id, [])) for job in jobs
+    ]
     for each in found:
         each.as_of = as_of
     return found
@@ -101,12 +103,20 @@ def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
     return found
 
 
-def _one_out(job: Job, recorded: Recorded, sums: ShotSums | None, engine: Engine, view: Snapshot, waits: list[WaitOut]) -> JobOut:
+def _one_out(
+    job: Job,
+    recorded: Recorded,
+    sums: ShotSums | None,
+    session: Session,
+    engine: Engine,
+    view: Snapshot,
+    waits: list[WaitOut],
+) -> JobOut:
     try:
         out = _job_out(job, recorded, sums, view, waits)
         for frame in out.frames if job.shot is None else ():
             if frame.bad_samples:
-                frame.bad = bad_samples_of(job, frame, engine)
+                frame.bad = bad_samples_of(job, frame, session, engine)
         return out
     except Exception as error:
         log.warning("job %s cannot be described: %r", job.id, error)

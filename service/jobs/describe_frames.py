@@ -21,7 +21,7 @@ from service.models.jobs import BadSampleOut, FrameOut, FrameState
 from service.scheduling.engine import Engine
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.snapshot import JobNumbers
-from service.store.models import ACTIVE_STATES, Frame, Job
+from service.store.models import ACTIVE_STATES, Frame, Job, Scene
 
 __all__ = [
     "RECORDED",
@@ -127,7 +127,7 @@ def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut 
     """Returns the API's model of a job's frame, with its first bad samples; None if the job has no such frame."""
     found = next((one_frame(job, *each) for each in frame_numbers(job, session, engine, [key]) if each[0] == key), None)
     if found is not None:
-        found.bad = bad_samples_of(job, found, engine)
+        found.bad = bad_samples_of(job, found, session, engine)
     return found
 
 
@@ -147,7 +147,7 @@ def one_frame(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
     )
 
 
-def bad_samples_of(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut]:
+def bad_samples_of(job: Job, frame: FrameOut, session: Session, engine: Engine) -> list[BadSampleOut]:
     """Returns the first samples of a frame that were discarded because they were NaN or infinite."""
     if not frame.bad_samples or job.settings is None or job.tile_size is None:
         return []
@@ -156,4 +156,15 @@ def bad_samples_of(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleO
         bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame_key(frame.number))[1]
     except (FarmError, SettingsError):
         return []  # being deleted, or film broken or of another release: see the job's error
-    return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
+    reading = _scene_options(job, session) if bad else []
+    return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b, reading)) for b in bad[:BAD_SHOWN]]
+
+
+def _scene_options(job: Job, session: Session) -> list[str]:
+    """Returns the options of `rayfarm render` with which it reads the scene as the job does."""
+    scene = session.get(Scene, job.stage)
+    if scene is None:
+        return []
+    has_floor = scene.floor == "on" or (scene.floor is not None and bool((scene.info or {}).get("floor")))
+    axis = [] if scene.up is None else [f"--up-axis={scene.up}"]
+    return [*axis, "--floor" if has_floor else "--no-floor"]

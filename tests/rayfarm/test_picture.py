@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from protocol.reproduce import batch_command
 from rayfarm.errors import CommandError
+from rayfarm.options import Standing
 from rayfarm.picture import Picture, takes_picture
 from renderer.settings import (
     FILTERS,
@@ -85,6 +86,27 @@ def test_every_setting_has_an_option() -> None:
     assert parsed([]).given_settings().keys() == set(OPTIONAL)
     view = parsed([])._view().keys()
     assert view == {field.name for field in fields(View)}
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([], Standing(None, "auto")),
+        (["--up-axis=auto"], Standing(None, "auto")),
+        (["--up-axis=-Z", "--no-floor"], Standing("-z", None)),
+        (["--env=1,1,1"], Standing(None, None)),
+        (["--env=studio", "--floor"], Standing(None, "on")),
+    ],
+)
+def test_a_scene_stands_as_on_the_page_unless_other_light_is_given(words: list[str], expected: Standing) -> None:
+    assert parsed(words).standing() == expected
+
+
+def test_an_unknown_axis_is_refused_and_the_views_up_is_told_apart() -> None:
+    with pytest.raises(CommandError, match="--up-axis is 'w'; it takes one of auto, y, z, x, -y, -z, -x"):
+        parsed(["--up-axis=w"]).check()
+    with pytest.raises(CommandError, match="--up-axis z"):
+        parsed(["--up=z"]).check()
 
 
 numbers = st.floats(-1e6, 1e6).map(lambda v: v + 0.0)

@@ -73,6 +73,21 @@ def test_submit_gives_the_picture_that_render_gives(farm: Farm, tmp_path: Path) 
     assert (shown["id"], shown["state"], shown["width"], shown["height"]) == (job, "finished", 48, 32)
 
 
+def test_a_scene_without_light_stands_on_the_same_floor_here_and_there(farm: Farm, tmp_path: Path) -> None:
+    scene = tmp_path / "pyramid.obj"
+    scene.write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    asked = [*SMALL, "--up-axis=z"]
+    code, _, err = run("submit", scene, "--server", farm.url, "-o", tmp_path / "farm.exr", *asked)
+    assert code == 0, err
+    assert "--no-floor leaves it out" in err
+    code, _, err = here("render", scene, "-o", tmp_path / "alone.exr", *asked)
+    assert code == 0 and "--no-floor leaves it out" in err
+    assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
+    code, _, err = here("render", scene, "-o", tmp_path / "bare.exr", *asked, "--no-floor")
+    assert code == 0 and "floor" not in err
+    assert not np.array_equal(pixels(tmp_path / "bare.exr"), pixels(tmp_path / "alone.exr"))
+
+
 @pytest.mark.long
 def test_an_environment_image_goes_along(farm: Farm, tmp_path: Path) -> None:
     sky = np.full((16, 32, 3), 0.25, np.float32)

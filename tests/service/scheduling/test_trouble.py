@@ -82,6 +82,7 @@ def test_samples_that_are_no_numbers_are_named_with_the_command_that_follows_the
     assert {(b["x"], b["y"], b["sample"]) for b in bad} == {(x, y, 0) for x in (0, 16, 32, 48) for y in (0, 16, 32)}
     assert bad[0]["reproduce"].endswith(f"--pixel={bad[0]['x']},{bad[0]['y']} --sample=0")
     assert "--sampler=independent" in bad[0]["reproduce"]
+    assert "--no-floor" in bad[0]["reproduce"], "this upload asked for none, and the command adds one to scenes without light"
 
 
 @pytest.mark.long
