@@ -7,5 +7,5 @@ arguments.py        keyword arguments, checked like the command line's options
 local_render.py     rendering in this process, pass by pass
 farm_render.py      the same on a farm
 render.py           render() and progressive(), in this process or on a farm
-notebook_widget.py  a widget of a notebook; shown.js is its half in the browser
+notebook_widget.py  a widget of a notebook; notebook_widget.js is its half in the browser
 """

@@ -1,6 +1,6 @@
 """Notebook widget whose picture is updated as samples arrive, with controls for exposure, tone curve and zoom.
 
-Needs anywidget (pip install "rayfarm[notebook]"). The browser's half is shown.js: the widget sends radiance to it, so exposure
+Needs anywidget (pip install "rayfarm[notebook]"). notebook_widget.js, the browser half, receives radiance, so exposure
 changes need no round trip to Python.
 """
 

@@ -42,7 +42,7 @@ def test_a_job_shows_itself_in_a_notebook(farm: Farm, page: Page) -> None:
             window.heard = heard;
         }""",
         {
-            "source": (ROOT / "rayfarm" / "library" / "shown.js").read_text(),
+            "source": (ROOT / "rayfarm" / "library" / "notebook_widget.js").read_text(),
             "state": state,
             "pixels": list(widget.pixels),
         },
