@@ -59,7 +59,8 @@ Denoise = Annotated[
     bool,
     typer.Option(
         "--denoise",
-        help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one.",
+        help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one. The page shows a farm's job "
+        "denoised first.",
         rich_help_panel="What is written",
     ),
 ]

@@ -146,7 +146,7 @@ def submit(
             asked["environment"]["image"] = farm.upload_environment(image, project).id
         if shot is not None:
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
-        chosen = {**place, "variant": variant, "fresh": fresh or None, "strict": strict or None}
+        chosen = {**place, "variant": variant, "fresh": fresh or None, "denoise": denoise or None, "strict": strict or None}
         asked |= {name: value for name, value in chosen.items() if value is not None and value != []}
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
@@ -169,8 +169,8 @@ def _check_name(output: Path | None, is_shot: bool) -> None:
 def _check_output(output: Path | None, shot: FarmShot | None, aov: str | None, denoise: bool) -> None:
     """Raises CommandError if the picture could not be written after rendering."""
     if output is None:
-        if aov or denoise:
-            raise CommandError("--aov and --denoise say what to write; name the picture with -o")
+        if aov:
+            raise CommandError("--aov says what to write; name the picture with -o")
         return
     if shot is None:
         check_writable(output)

@@ -169,7 +169,7 @@ def _current_request(job: Job) -> JobIn:
 
 def _omitted(request: JobIn) -> set[str]:
     """Returns the default-valued fields that are not stored, so that requests stored by older releases compare equal."""
-    return {name for name in ("fresh", "strict", "verify") if not getattr(request, name)} - (
+    return {name for name in ("denoise", "fresh", "strict", "verify") if not getattr(request, name)} - (
         {"verify"} if request.verify == 0 else set()
     )
 

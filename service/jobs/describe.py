@@ -165,6 +165,7 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         variant=job.request.get("variant"),
         up=job.request.get("up"),
         floor=job.request.get("floor"),
+        denoise=bool(job.request.get("denoise")),
         pinned=bool(job.pinned),
         taken=TakenOut(**job.taken) if job.taken else None,
         doubted=job.doubted or [],

@@ -156,6 +156,7 @@ class JobIn(QueueIn):
     verify: float | None = Field(
         None, ge=0, le=1, description="the share of its batches that is rendered twice and compared; empty: as the farm does"
     )
+    denoise: bool = Field(False, description="its pictures are shown and saved denoised first, once it is finished")
     strict: bool = Field(False, description="refused, or failed, where the scene has warnings")
     fresh: bool = Field(False, description="rendered from the first sample, whatever earlier jobs have of the same picture")
 
@@ -342,6 +343,7 @@ class JobOut(QueueOut):
     variant: str | None = Field(description="as it was asked for")
     up: str | None = Field(description="likewise")
     floor: str | None = Field(description="likewise")
+    denoise: bool = Field(description="its pictures are shown and saved denoised first, once it is finished")
     pinned: bool = Field(description="kept, whatever its age")
     note: str | None = Field(description="what somebody wrote about it")
     taken: TakenOut | None = Field(description="null: all of its samples were rendered for it")

@@ -75,3 +75,24 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
     with page.expect_response(lambda response: "rgb9e5" in response.url, timeout=60_000):
         httpx.patch(f"{farm.url}/api/jobs/{job}", json={"spp": 32}).raise_for_status()
     assert watched.errors == []
+
+
+def test_a_job_that_asks_for_it_is_shown_and_saved_denoised_once_it_is_finished(farm: Farm, watched: Watched) -> None:
+    if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
+        pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
+    scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
+    page = watched.page
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    with page.expect_request(lambda request: request.method == "POST" and request.url.endswith("/api/jobs")) as sent:
+        page.get_by_role("spinbutton", name="Width", exact=True).fill("96")
+        page.get_by_role("spinbutton", name="Height", exact=True).fill("64")
+        page.get_by_role("radiogroup", name="Quality").get_by_text("Custom").click()
+        page.get_by_label("Samples per pixel").fill("8")
+        page.get_by_role("switch", name="Denoise").check()
+        page.get_by_role("button", name="Render").click()
+    assert sent.value.post_data_json["denoise"] is True
+    expect(page.locator(".channel-tag.right")).to_have_text("Denoised", timeout=120_000)
+    page.get_by_role("tab", name="Save").click()
+    expect(page.get_by_role("switch", name="Denoised")).to_be_checked()
+    expect(page.get_by_role("link", name="PNG, denoised")).to_be_visible()
+    assert watched.errors == []

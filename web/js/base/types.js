@@ -92,6 +92,7 @@
  * @property {string | null} [variant] as requested
  * @property {string | null} [up] likewise
  * @property {string | null} [floor] likewise
+ * @property {boolean} [denoise] shown denoised first, once it is finished
  * @property {boolean} [pinned] exempt from retention rules
  * @property {string | null} [note] a user's note
  * @property {string | null} [user] its owner
@@ -177,6 +178,7 @@
  * @property {string} [variant] by number; empty: the file's own materials
  * @property {string} [up] the axis that is up, or "auto"
  * @property {string} [floor] "on", "off" or "auto"
+ * @property {boolean} [denoise]
  * @property {string | number} [camera] by its name, or by its number
  * @property {View} [view]
  * @property {string} [name]

@@ -16,7 +16,7 @@ const FORMATS = /** @type {const} */ ([
 /**
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place which of its pictures
- * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void}}
+ * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void, preferDenoised: () => void}}
  */
 export function savePanel(display, place) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: display.value.denoise !== "off", onchange: () => show() });
@@ -39,6 +39,10 @@ export function savePanel(display, place) {
     ),
     offerDenoised(now) {
       denoised.hidden = !now;
+      show();
+    },
+    preferDenoised() {
+      clean.checked = true;
       show();
     },
   };

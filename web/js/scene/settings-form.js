@@ -1,6 +1,7 @@
 /** The form of a picture's settings on a scene's page, with the expected cost. */
 
 import { byProgram } from "../forms/by-program.js";
+import { canDenoise } from "../job/denoise-fields.js";
 import { cameraFields } from "../forms/camera-fields.js";
 import { h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
@@ -62,6 +63,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     quality.update();
     const expectation = expect(quality.get());
     setText(estimate, costOf(size.get(), quality.get(), shot.count(), expectation));
+    denoise.hidden = !canDenoise(workers.value);
     estimate.classList.toggle("long", (expectation.seconds ?? 0) > LONG_S);
   };
   const size = sizeFields({ ...defaults, ...first }, () => update());
@@ -69,6 +71,8 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const quality = qualityFields({ ...defaults, ...first }, () => update(), expect);
   const others = settingFields(defaults, first);
   const variant = variantField(scene, like?.variant ?? null);
+  const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(like?.denoise) });
+  const denoise = h("label", { class: "check" }, clean, t("Denoise"));
   const stand = standFields(scene, like, (moved) => camera.move(moved(camera.view())));
   const queue = queueFold(like);
   // Not for a shot, whose camera may be animated, while a custom view is static.
@@ -81,6 +85,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     ...camera.get(),
     ...size.get(),
     spp: quality.get(),
+    ...(clean.checked && !denoise.hidden && { denoise: true }),
     ...shot.get(),
     ...others.get(),
     ...queue.get(),
@@ -118,6 +123,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     stand.elements,
     size.elements,
     quality.elements,
+    denoise,
     h(
       "details",
       { class: "advanced" },

@@ -129,10 +129,19 @@ function open(page, job, life) {
   life.every(1000, progress.tick);
 
   const notices = stageNotices(picture.element, () => latest, picture.live, life);
+  let isDenoisedFirst = false;
+  /** Shows the denoised picture once, when a job that asks for it is finished. The link may ask for another picture. */
+  const denoiseFirst = () => {
+    if (isDenoisedFirst || !latest.denoise || latest.state !== "finished" || !canDenoise(workers.value)) return;
+    isDenoisedFirst = true;
+    save.preferDenoised();
+    if (!here().params.has("denoise") && display.value.channel === "") display.update((shown) => ({ ...shown, denoise: "on" }));
+  };
   life.add(
     workers.subscribe((all) => {
       look.offerDenoise(canDenoise(all));
       save.offerDenoised(canDenoise(all));
+      denoiseFirst();
     }),
   );
   if (shot) save.element.append(shot.files);
@@ -163,6 +172,7 @@ function open(page, job, life) {
     save.element.hidden = next.samples === 0;
     if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
+    denoiseFirst();
     notices.update();
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
