@@ -172,6 +172,7 @@ def a_worker(redis_url: str, folder: Path, slots: int, options: Sequence[str] = 
     celery = Celery("test", set_as_current=False)
     celery.conf.update(celery_config(redis_url))
     with redis.Redis.from_url(redis_url) as store:
+        store.delete(RESULTS)  # those of tests before, which share the server
         made = Bench(url, handler, store, celery, process)
 
         def ready() -> bool:
