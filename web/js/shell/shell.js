@@ -76,6 +76,8 @@ export function buildShell(nav) {
     themeButton(),
   );
 
+  main.after(h("footer", { class: "page-foot" }, h("button", { class: "text-button", type: "button", onclick: showHelp }, t("Help"))));
+
   /** @param {string} section @param {number} n @param {string} label @param {boolean} [alarm] */
   const setTally = (section, n, label, alarm = false) => {
     const found = links.find(({ path }) => path === section);
