@@ -7,6 +7,8 @@ import time
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
+from renderer.sentences import Sentence
+
 __all__ = ["Hours", "local_now"]
 
 DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
@@ -37,7 +39,7 @@ class Hours:
         """
         pieces = text.lower().split(",")
         if len(pieces) > MAX_PERIODS:
-            raise ValueError(f"hours have at most {MAX_PERIODS} parts")
+            raise ValueError(Sentence("hours-too-many", "hours may have at most {most} parts; give fewer", most=MAX_PERIODS))
         return cls(tuple(_part(piece.strip()) for piece in pieces))
 
     def includes(self, now: datetime) -> bool:
@@ -56,7 +58,13 @@ class Hours:
 def _part(text: str) -> tuple[frozenset[int], int, int]:
     found = _PART.fullmatch(text)
     if found is None or not text:
-        raise ValueError(f"{text[:40]!r} is no part of a week; give hours as Mon-Fri 19:00-07:00, Sat-Sun")
+        raise ValueError(
+            Sentence(
+                "hours-malformed",
+                "{text} is not a part of a week; give hours as Mon-Fri 19:00-07:00, Sat-Sun",
+                text=repr(text[:40]),
+            )
+        )
     begin, end = (_minute(found[name]) if found[name] else None for name in ("begin", "end"))
     return _days(found["days"]), begin or 0, 24 * 60 if end is None else end
 
@@ -67,7 +75,9 @@ def _days(text: str | None) -> frozenset[int]:
     names = [name.strip() for name in text.split("-")]
     unknown = [name for name in names if name not in DAYS]
     if unknown:
-        raise ValueError(f"{unknown[0]!r} is no day; days are Mon, Tue, Wed, Thu, Fri, Sat, Sun")
+        raise ValueError(
+            Sentence("hours-day-unknown", "{day} is not a day; days are Mon, Tue, Wed, Thu, Fri, Sat, Sun", day=repr(unknown[0]))
+        )
     first, last = DAYS.index(names[0]), DAYS.index(names[-1])
     return frozenset((first + i) % 7 for i in range((last - first) % 7 + 1))
 
@@ -75,5 +85,5 @@ def _days(text: str | None) -> frozenset[int]:
 def _minute(text: str) -> int:
     hour, minute = map(int, text.split(":"))
     if minute > 59 or hour > 24 or (hour == 24 and minute):
-        raise ValueError(f"{text} is no time of a day")
+        raise ValueError(Sentence("hours-time-invalid", "{time} is not a time of day; give 00:00 to 24:00", time=text))
     return 60 * hour + minute

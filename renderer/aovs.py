@@ -16,6 +16,7 @@ import numpy.typing as npt
 from renderer import film
 from renderer.errors import SettingsError
 from renderer.film import Sums
+from renderer.sentences import Sentence
 
 __all__ = [
     "AOVS",
@@ -68,7 +69,15 @@ def parse_names(names: Iterable[str]) -> list[str]:
     wanted = list(names)
     for name in wanted:
         if name not in (*NAMES, "all"):
-            raise SettingsError(f"aov {name!r} is not known; known are {', '.join(NAMES)}, or all (but motion)")
+            raise SettingsError(
+                Sentence(
+                    "aov-unknown",
+                    "aov {name} is not known; known are {names}, or all (but motion)",
+                    name=repr(name),
+                    names=[*NAMES],
+                ),
+                field="aov",
+            )
     return [*AOVS, *({MOTION} & {*wanted})] if "all" in wanted else wanted
 
 

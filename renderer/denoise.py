@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SettingsError
+from renderer.library_messages import library_message
+from renderer.sentences import Sentence
 
 __all__ = ["DenoisedPicture", "denoise", "denoise_preview", "denoise_with_guides", "is_available"]
 
@@ -64,7 +66,13 @@ def _cleaned(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first
     try:
         import pyoidn
     except (ImportError, OSError) as error:
-        raise SettingsError(f"Open Image Denoise cannot be loaded ({error}). Install it: pip install 'pyoidn>=2.5,<3'") from error
+        raise SettingsError(
+            Sentence(
+                "denoiser-not-loadable",
+                "Open Image Denoise cannot be loaded ({error}). Install it: pip install 'pyoidn>=2.5,<3'",
+                error=library_message(error),
+            )
+        ) from error
     with pyoidn.Device(pyoidn.OIDN_DEVICE_TYPE_CPU) as device:
         device.set_int("numThreads", threads)
         device.set_bool("setAffinity", False)  # pinned threads would compete with rendering threads
@@ -79,7 +87,7 @@ def _cleaned(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first
                 filter.commit()
                 filter.execute()
             if fault := device.get_error():
-                raise SettingsError(f"Open Image Denoise failed: {fault}")
+                raise SettingsError(Sentence("denoiser-failed", "Open Image Denoise failed: {fault}", fault=fault))
             return output
 
         guides = {}

@@ -37,7 +37,14 @@ class SceneError(RayfarmError):
 
 
 class SettingsError(RayfarmError):
-    """A render setting is out of range. The message names the setting and the accepted values."""
+    """A render setting is out of range. The message names the setting and the accepted values.
+
+    field: name of the setting in a request, if it is one.
+    """
+
+    def __init__(self, *args: object, field: str | None = None) -> None:
+        super().__init__(*args)
+        self.field = field
 
 
 class MachineError(RayfarmError):

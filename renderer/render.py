@@ -30,6 +30,7 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.environment import environment_sampled_fully, with_environment_changed, without_environment_sampling
 from renderer.scene.lights import with_light_choice
 from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
+from renderer.sentences import Sentence
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.threads import cores
@@ -128,8 +129,11 @@ def check_for_cards(settings: RenderSettings) -> None:
     """Raises SettingsError unless a card can render with these settings."""
     if not is_for_cards(settings):
         raise SettingsError(
-            "a graphics card renders with the integrators path and direct, sampling mis, heuristic power, one light sample and "
-            "no mistake; leave out the card"
+            Sentence(
+                "card-settings-unsupported",
+                "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
+                "sample and no mistake; leave out the card",
+            )
         )
 
 
@@ -232,7 +236,17 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     """
     _check_pixel(settings, x, y)
     if not 0 <= sample < MAX_SPP:
-        raise SettingsError(f"sample is {sample}; it lies between 0 and {MAX_SPP - 1}")
+        raise SettingsError(
+            Sentence(
+                "setting-out-of-range",
+                "{setting} is {value}; it lies between {low} and {high}",
+                setting="sample",
+                value=sample,
+                low=0,
+                high=MAX_SPP - 1,
+            ),
+            field="sample",
+        )
     options = kernel_options(settings, scene)
     most = options.max_depth + options.transmission_depth + MAX_UNCOUNTED + _MOST_PASSED
     log = np.zeros((most, record.COLUMNS))
@@ -259,7 +273,16 @@ def pixel_samples(
 
 def _check_pixel(settings: RenderSettings, x: int, y: int) -> None:
     if not (0 <= x < settings.width and 0 <= y < settings.height):
-        raise SettingsError(f"pixel {x},{y} lies outside the picture of {settings.width}x{settings.height}")
+        raise SettingsError(
+            Sentence(
+                "pixel-outside-picture",
+                "pixel {x},{y} lies outside the picture of {width}x{height}",
+                x=x,
+                y=y,
+                width=settings.width,
+                height=settings.height,
+            )
+        )
 
 
 def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:

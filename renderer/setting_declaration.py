@@ -16,6 +16,7 @@ from numbers import Integral, Real
 from typing import Annotated, Any, Literal, Self, get_args, get_origin, get_type_hints
 
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence
 
 __all__ = ["Choices", "DeclaredSetting", "Setting", "SettingTexts", "checked", "number_text", "table", "whole"]
 
@@ -26,9 +27,9 @@ class SettingTexts:
 
     They affect no sample, so renderer/sources.py does not hash them. group: where it is shown: among the basic settings, the
     advanced ones, or those for comparing renderers. section: its heading in the command's help and on the page. integrators,
-    projections: those that use the setting; empty for all. off: label of the value `Setting.off`. option: the command's option,
-    if its name differs from the setting's. phrase: describes a picture by the value, which replaces {}. usual: the usual range,
-    for a slider; None if a slider does not help.
+    projections: those that use the setting; empty for all. off: label of the value `Setting.off`, a `Sentence`. option: the
+    command's option, if its name differs from the setting's. phrase: describes a picture by the value, which replaces {}. usual:
+    the usual range, for a slider; None if a slider does not help.
     """
 
     label: str
@@ -94,34 +95,99 @@ class DeclaredSetting:
         if self.setting.choices is not None:
             if isinstance(value, str) and value in self.setting.choices:
                 return value
-            raise self._wrong(value, f"known are {', '.join(name or 'none at all' for name in self.setting.choices)}")
+            raise self._error(
+                Sentence(
+                    "setting-value-unknown",
+                    "{setting} is {value}; known are {choices}",
+                    setting=self.name,
+                    value=_shown(value),
+                    choices=[name or Sentence("choice-none", "none at all") for name in self.setting.choices],
+                )
+            )
         if self.kind is tuple:
             if not isinstance(value, (tuple, list)) or len(value) != 3:
-                raise self._wrong(value, "it takes three numbers")
+                raise self._wrong_type(value)
             return tuple(self._number(part, value) for part in value)
         return self._number(value, value)
 
     def _number(self, value: Any, whole: Any) -> Any:
-        what = "three numbers" if self.kind is tuple else "a whole number" if self.kind is int else "a number"
         if isinstance(value, bool) or not isinstance(value, (int, float, Integral, Real)):
-            raise self._wrong(whole, f"it takes {what}")
+            raise self._wrong_type(whole)
         number = value if isinstance(value, int) else int(value) if isinstance(value, Integral) else float(value)
         if self.kind is int and isinstance(number, float) and not number.is_integer():
-            raise self._wrong(whole, f"it takes {what}")
+            raise self._wrong_type(whole)
         low, high, off = self.setting.low, self.setting.high, self.setting.off
         assert low is not None
         assert high is not None
         if not (low <= number <= high or number == off):
-            between = f"lies between {number_text(low)} and {number_text(high)}{'' if self.shown.unit != '°' else ' degrees'}"
-            also = f", or is {number_text(off)}: {self.shown.off}" if off is not None else ""
-            raise self._wrong(whole, f"{'each of them' if self.kind is tuple else 'it'} {between}{also}")
+            raise self._error(self._range_error(_shown(whole), number_text(low), number_text(high)))
         return int(number) if self.kind is int else float(number)
 
-    def _wrong(self, value: Any, sentence: str) -> SettingsError:
-        text = number_text(value) if isinstance(value, Real) and not isinstance(value, bool) else repr(value)
-        if len(text) > 80:
-            text = f"{text[:40]} ... {text[-20:]}"
-        return SettingsError(f"{self.name} is {text}; {sentence}")
+    def _range_error(self, value: str, low: str, high: str) -> str:
+        off = self.setting.off
+        if off is not None:
+            return Sentence(
+                "setting-out-of-range-or-off",
+                "{setting} is {value}; it lies between {low} and {high}, or is {off}: {meaning}",
+                setting=self.name,
+                value=value,
+                low=low,
+                high=high,
+                off=number_text(off),
+                meaning=self.shown.off,
+            )
+        if self.kind is tuple:
+            return Sentence(
+                "setting-parts-out-of-range",
+                "{setting} is {value}; each of them lies between {low} and {high}",
+                setting=self.name,
+                value=value,
+                low=low,
+                high=high,
+            )
+        if self.shown.unit == "°":
+            return Sentence(
+                "setting-degrees-out-of-range",
+                "{setting} is {value}; it lies between {low} and {high} degrees",
+                setting=self.name,
+                value=value,
+                low=low,
+                high=high,
+            )
+        return Sentence(
+            "setting-out-of-range",
+            "{setting} is {value}; it lies between {low} and {high}",
+            setting=self.name,
+            value=value,
+            low=low,
+            high=high,
+        )
+
+    def _wrong_type(self, value: Any) -> SettingsError:
+        if self.kind is tuple:
+            return self._error(
+                Sentence(
+                    "setting-not-three-numbers",
+                    "{setting} is {value}; it takes three numbers",
+                    setting=self.name,
+                    value=_shown(value),
+                )
+            )
+        if self.kind is int:
+            return self._error(
+                Sentence(
+                    "setting-not-whole-number",
+                    "{setting} is {value}; it takes a whole number",
+                    setting=self.name,
+                    value=_shown(value),
+                )
+            )
+        return self._error(
+            Sentence("setting-not-number", "{setting} is {value}; it takes a number", setting=self.name, value=_shown(value))
+        )
+
+    def _error(self, sentence: str) -> SettingsError:
+        return SettingsError(sentence, field=self.name)
 
     @property
     def number(self) -> type:
@@ -181,8 +247,16 @@ def whole(value: float | None) -> float | None:
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else value
 
 
+def _shown(value: Any) -> str:
+    """Returns a rejected value as text, shortened to about 65 characters."""
+    text = number_text(value) if isinstance(value, Real) and not isinstance(value, bool) else repr(value)
+    return text if len(text) <= 80 else f"{text[:40]} ... {text[-20:]}"
+
+
 def number_text(value: Any) -> str:
     """Returns a number as short text."""
     if isinstance(value, Integral):
-        return str(value) if abs(int(value)) < 10**18 else "too large"  # Python formats at most 4300 digits
+        return (
+            str(value) if abs(int(value)) < 10**18 else f"{'>' if value > 0 else '<-'}1e18"
+        )  # Python formats at most 4300 digits
     return f"{float(value):g}"

@@ -156,7 +156,7 @@ class RenderSettings:
             "Transmission depth",
             "Transmissions of a path through glass and panes; smooth ones do not use up max depth.",
             integrators=("path",),
-            off="all count as depth",
+            off=Sentence("setting-off-depth", "all count as depth"),
             phrase="transmission {}",
         ),
     ] = MAX_DEPTH
@@ -167,7 +167,7 @@ class RenderSettings:
             "Diffuse depth",
             "Diffuse bounces of a path; max depth is the total.",
             integrators=("path",),
-            off="as many as max depth",
+            off=Sentence("setting-off-max-depth", "as many as max depth"),
             phrase="diffuse {}",
         ),
     ] = 0
@@ -178,7 +178,7 @@ class RenderSettings:
             "Glossy depth",
             "Mirrored and glossy bounces of a path; max depth is the total.",
             integrators=("path",),
-            off="as many as max depth",
+            off=Sentence("setting-off-max-depth", "as many as max depth"),
             phrase="glossy {}",
         ),
     ] = 0
@@ -188,7 +188,7 @@ class RenderSettings:
         SettingTexts(
             "Transparency depth",
             "Surfaces that a path passes by their alpha, with its shadow rays; more of them block light.",
-            off="no limit",
+            off=Sentence("setting-off-no-limit", "no limit"),
             phrase="transparency {}",
         ),
     ] = 0
@@ -237,7 +237,7 @@ class RenderSettings:
             "The chance of a path to continue at each bounce; otherwise it depends on what the path still carries.",
             group="lab",
             integrators=_estimating,
-            off="by throughput",
+            off=Sentence("setting-off-throughput", "by throughput"),
         ),
     ] = 0.0
     roulette_floor: Annotated[
@@ -248,7 +248,7 @@ class RenderSettings:
             "The least chance of a path to continue, if that depends on what it carries.",
             group="lab",
             integrators=("path",),
-            off="none",
+            off=Sentence("setting-off-none", "none"),
             usual=(0.0, MAX_FLOOR),
             phrase="floor {}",
         ),
@@ -260,7 +260,7 @@ class RenderSettings:
             "Indirect clamp",
             "The most that bounced light adds at each vertex: cuts fireflies, and some light with them.",
             integrators=("path",),
-            off="off",
+            off=Sentence("setting-off-off", "off"),
             option="clamp",
             phrase="clamp {}",
         ),
@@ -273,7 +273,7 @@ class RenderSettings:
             "What is farther away than this, in scene units, does not occlude.",
             unit="scene units",
             integrators=("ao",),
-            off="no limit",
+            off=Sentence("setting-off-no-limit", "no limit"),
             phrase="AO {}",
         ),
     ] = 0.0
@@ -318,7 +318,7 @@ class RenderSettings:
             "How long the shutter is open, as a fraction of a frame's time: what moves meanwhile is blurred.",
             unit="fraction",
             section="Samples",
-            off="no motion blur",
+            off=Sentence("setting-off-no-blur", "no motion blur"),
             phrase="shutter {}",
             usual=(0.0, 1.0),
         ),
@@ -333,7 +333,7 @@ class RenderSettings:
             "Shutter keys",
             "How many times motion is sampled while the shutter is open; between two of them nothing may turn by half a turn.",
             section="Samples",
-            off="as often as its turns need",
+            off=Sentence("setting-off-turns", "as often as its turns need"),
             phrase="{} keys",
         ),
     ] = 0
@@ -345,7 +345,7 @@ class RenderSettings:
             "One colour from all around, in place of the scene's own.",
             unit="radiance",
             section="Environment",
-            off="the scene's own",
+            off=Sentence("setting-off-scene", "the scene's own"),
             phrase="environment: {}",
         ),
     ] = None

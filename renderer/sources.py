@@ -1,8 +1,8 @@
 """A hash of the meaning of Python sources.
 
-Comments, docstrings, whitespace, line numbers and user-facing texts of settings (`SettingTexts` in
-renderer/setting_declaration.py) do not affect it. So machine code and compiled scenes remain valid after an edit that changes no
-behaviour, and hosts with different Python versions agree.
+Comments, docstrings, whitespace, line numbers and user-facing texts (calls of `SettingTexts` and `Sentence`) do not affect it. So
+machine code and compiled scenes remain valid after an edit that changes no behaviour, and hosts with different Python versions
+agree.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ ARRAYS = (
     "image/tonemap.py",
 )
 
-WORDS = "SettingTexts"  # the class of user-facing texts
+TEXTS = ("SettingTexts", "Sentence")  # the classes of user-facing texts
 
 
 def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:
@@ -120,8 +120,8 @@ def _as_text(tree: ast.AST) -> list[str]:
 
 
 def _write(node: object, say: Callable[[str], None]) -> None:
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == WORDS:
-        say(WORDS)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in TEXTS:
+        say(node.func.id)
     elif isinstance(node, ast.AST):
         say(type(node).__name__)
         for name in node._fields:

@@ -90,7 +90,7 @@ class View:
             unit="scene units",
             section="View",
             projections=_lens,
-            off="the target's",
+            off=Sentence("setting-off-target", "the target's"),
             phrase="focus {}",
         ),
     ] = None

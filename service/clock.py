@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 from typing import Protocol
 
 from protocol.hours import local_now
+from renderer.sentences import Sentence
 
 __all__ = ["Clock", "WorkClock", "deadline_of"]
 
@@ -43,11 +44,17 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
             found = datetime.fromisoformat(text)
         seconds = found.timestamp()
     except (ValueError, OverflowError, OSError):
-        raise ValueError(f"{text[:60]!r} is no time; give 08:00, 2026-05-01T08:00 or 2026-05-01T08:00+02:00") from None
+        raise ValueError(
+            Sentence(
+                "deadline-malformed",
+                "{text} is not a time; give 08:00, 2026-05-01T08:00 or 2026-05-01T08:00+02:00",
+                text=repr(text[:60]),
+            )
+        ) from None
     if seconds <= now.timestamp():
-        raise ValueError(f"{text} has passed already")
+        raise ValueError(Sentence("deadline-in-past", "{time} has passed already; give a later time", time=text))
     if seconds > now.timestamp() + MAX_DEADLINE.total_seconds():
-        raise ValueError(f"{text} is more than ten years from now")
+        raise ValueError(Sentence("deadline-too-far", "{time} is more than ten years from now; give an earlier time", time=text))
     return seconds
 
 

@@ -21,6 +21,7 @@ from rayfarm.client import Client
 from rayfarm.local import broker
 from rayfarm.local.farm import free_port
 from renderer.child_processes import spawn_guard
+from renderer.sentences import Sentence
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -62,6 +63,11 @@ class running_redis:  # noqa: N801 - used like a function
 
     def __exit__(self, *_: object) -> None:
         self.stop()
+
+
+def code_of(error: BaseException) -> str:
+    """Returns the code of an error's sentence; empty if it is a plain text."""
+    return Sentence.of(str(error)).code
 
 
 def wait_until(condition: Callable[[], bool], seconds: float, what: str) -> None:

@@ -17,12 +17,13 @@ from protocol.reproduce import sample_command
 from rayfarm import picture
 from renderer.errors import SettingsError
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in, schema
+from renderer.sentences import Sentence
 from renderer.setting_declaration import Choices, DeclaredSetting, Setting, SettingTexts, table
 from renderer.setting_docs import described
 from renderer.settings import OPTIONAL, RenderSettings, View
 from service.models.declared import with_fields
 from service.models.jobs import JobIn
-from tests.helpers import ROOT
+from tests.helpers import ROOT, code_of
 
 VIEW = View((0, 1, 5), (0, 1, 0))
 SHAPES = Choices({"star": SettingTexts("Star", "Six points."), "dot": SettingTexts("Dot")})
@@ -35,7 +36,13 @@ class Snowy(RenderSettings):
     glitter: Annotated[
         float,
         Setting(0.1, 2.0, off=0.0),
-        SettingTexts("Glitter", "How much the snow sparkles.", integrators=("path",), off="dull", option="sparkle"),
+        SettingTexts(
+            "Glitter",
+            "How much the snow sparkles.",
+            integrators=("path",),
+            off=Sentence("setting-off-none", "dull"),
+            option="sparkle",
+        ),
     ] = 0.0
     flake: Annotated[str, Setting(choices=SHAPES), SettingTexts("Flake", "Its shape.", group="lab", section="Samples")] = "star"
 
@@ -47,10 +54,12 @@ MORE: dict[str, DeclaredSetting] = {name: ALL[name] for name in ("glitter", "fla
 def test_the_renderer_checks_it() -> None:
     assert Snowy(8, 8, VIEW, glitter=1).glitter == 1.0
     assert Snowy.from_json(json.loads(json.dumps(Snowy(8, 8, VIEW, flake="dot").to_json()))) == Snowy(8, 8, VIEW, flake="dot")
-    with pytest.raises(SettingsError, match=r"^glitter is 0.05; it lies between 0.1 and 2, or is 0: dull$"):
+    with pytest.raises(SettingsError, match=r"^glitter is 0.05; it lies between 0.1 and 2, or is 0: dull$") as error:
         Snowy(8, 8, VIEW, glitter=0.05)
-    with pytest.raises(SettingsError, match=r"^flake is 'ball'; known are star, dot$"):
+    assert (error.value.field, code_of(error.value)) == ("glitter", "setting-out-of-range-or-off")
+    with pytest.raises(SettingsError, match=r"^flake is 'ball'; known are star, dot$") as error:
         Snowy(8, 8, VIEW, flake="ball")
+    assert (error.value.field, code_of(error.value)) == ("flake", "setting-value-unknown")
 
 
 def test_the_command_has_an_option_for_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,8 @@ import time
 from typing import IO, Any
 from urllib.parse import urlsplit
 
+from renderer.library_messages import library_message
+from renderer.sentences import Sentence
 from service.hooks.signing import headers
 
 __all__ = ["RefusedError", "UndeliveredError", "post", "redacted_hook", "run_program"]
@@ -47,13 +49,22 @@ def post(url: str, secret: str, id: str, message: dict[str, Any]) -> None:
     try:
         status = asyncio.run(_status(url, body, signed))
     except TimeoutError:
-        raise UndeliveredError(f"It did not answer within {ANSWER_TIMEOUT_S:.0f} s.") from None
+        raise UndeliveredError(
+            Sentence("hook-timeout", "It did not answer within {seconds} s.", seconds=f"{ANSWER_TIMEOUT_S:.0f}")
+        ) from None
     except (httpx.HTTPError, httpx.InvalidURL) as error:
-        raise UndeliveredError(f"It could not be reached ({type(error).__name__}: {error}).") from None
+        raise UndeliveredError(
+            Sentence(
+                "hook-not-reachable",
+                "It could not be reached ({kind}: {error}).",
+                kind=type(error).__name__,
+                error=library_message(error),
+            )
+        ) from None
     if status == httpx.codes.GONE:
-        raise RefusedError("It answered 410: it wants no more messages.")
+        raise RefusedError(Sentence("hook-gone", "It answered 410: it accepts no more messages."))
     if not 200 <= status < 300:
-        raise UndeliveredError(f"It answered {status}.")
+        raise UndeliveredError(Sentence("hook-status", "It answered {status}.", status=status))
 
 
 async def _status(url: str, body: bytes, signed: dict[str, str]) -> int:
@@ -87,11 +98,28 @@ def run_program(program: str, id: str, message: dict[str, Any]) -> None:
             stderr.seek(max(0, stderr.seek(0, os.SEEK_END) - 4 * MAX_ERROR_OUTPUT))
             said = stderr.read(4 * MAX_ERROR_OUTPUT).decode(errors="replace").strip()[-MAX_ERROR_OUTPUT:]
     except subprocess.TimeoutExpired:
-        raise UndeliveredError(f"The program took longer than {RUN_TIMEOUT_S:.0f} s and was ended.") from None
+        raise UndeliveredError(
+            Sentence(
+                "hook-program-timeout",
+                "The program took longer than {seconds} s and was ended.",
+                seconds=f"{RUN_TIMEOUT_S:.0f}",
+            )
+        ) from None
     except OSError as error:
-        raise UndeliveredError(f"The program could not be started ({error.strerror}).") from None
+        raise UndeliveredError(
+            Sentence("hook-program-not-startable", "The program could not be started ({error}).", error=library_message(error))
+        ) from None
     if returned:
-        raise UndeliveredError(f"The program ended with {returned}." + (f" It said: {said}" if said else ""))
+        raise UndeliveredError(
+            Sentence(
+                "hook-program-failed",
+                "The program ended with {status}. Its output: {output}",
+                status=returned,
+                output=said,
+            )
+            if said
+            else Sentence("hook-program-failed-silently", "The program ended with {status}.", status=returned)
+        )
 
 
 def _exit_status(command: list[str], text: bytes, env: dict[str, str], stderr: IO[bytes]) -> int:

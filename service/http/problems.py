@@ -35,6 +35,7 @@ from service.errors import (
 )
 from service.events import FilmSuspected
 from service.http.methods import methods_of
+from service.http.validation_messages import coded_validation_message
 
 __all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response", "validation_message"]
 
@@ -225,7 +226,8 @@ def _field(location: Sequence[Any]) -> str:
 
 def _message(error: Mapping[str, Any]) -> str:
     if error["type"] == "json_invalid":
-        why = error.get("ctx", {}).get("error", "cannot be read")
+        if (why := error.get("ctx", {}).get("error")) is None:
+            return Sentence("request-body-malformed", "the body is not JSON; send a JSON object")
         return Sentence("request-body-not-json", "the body is not JSON ({error})", error=why)
     if error["type"] == "extra_forbidden":
         return Sentence("request-field-unknown", "there is no such field")
@@ -236,6 +238,8 @@ def _message(error: Mapping[str, Any]) -> str:
     cause = error.get("ctx", {}).get("error")
     if isinstance(cause, ValueError) and isinstance(sentence := str(cause).removesuffix("."), Sentence):
         return sentence
+    if (coded := coded_validation_message(error)) is not None:
+        return coded
     message = str(error["msg"]).removeprefix("Value error, ").rstrip(".")
     short = _short(message[:1].lower() + message[1:])
     return Sentence("request-value-invalid", "{message}", message=short, type=error["type"])

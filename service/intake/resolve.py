@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any
 
 from renderer.cameras import camera_number
 from renderer.errors import SettingsError
-from renderer.sentences import Sentence
+from renderer.sentences import Sentence, joined_sentences
 from renderer.settings import ENVIRONMENT, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, most_samples
 from service.intake.picture import picture_hash
@@ -16,6 +17,7 @@ from service.store.models import Job, Scene
 
 __all__ = ["default_tile_size", "frame_settings", "refusal", "refuse_warnings", "resolve"]
 
+LIGHT_WARNINGS = {"scene-without-light", "scene-lights-weak"}  # codes of warnings that an environment makes void
 MOST_TILES = 1 << 17  # each takes hundreds of bytes of the engine's memory while the job is rendered
 
 
@@ -51,7 +53,8 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
                 "width x height is {pixels} pixels; at most {most} are allowed",
                 pixels=width * height,
                 most=max_pixels,
-            )
+            ),
+            field="width",
         )
     settings = _settings(request, width, height, _resolved_view(request, info.get("cameras") or []), defaults)
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
@@ -65,7 +68,8 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
                 tile_size=job.tile_size,
                 tiles=tiles,
                 most=MOST_TILES,
-            )
+            ),
+            field="tile_size",
         )
     if settings.shutter and job.shot is None:
         job.shot = Shot().to_json()  # of one frame: moving objects are compiled with their keyframes
@@ -78,14 +82,14 @@ def refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
 
     The warning about missing lights is ignored if the request sets an environment.
     """
-    said = [w for w in warnings if not (request.get("environment") and "a soft studio light" in w)]
-    if said:
-        raise SettingsError(refusal(said))
+    relevant = [each for each in warnings if not (request.get("environment") and Sentence.of(each).code in LIGHT_WARNINGS)]
+    if relevant:
+        raise SettingsError(refusal(relevant), field="strict")
 
 
 def refusal(warnings: Sequence[str]) -> str:
     """Returns the error message for a strict scene or job with these warnings, without the final full stop."""
-    listed = " ".join(warnings).rstrip(".")
+    listed = reduce(joined_sentences, warnings).rstrip(".")
     if len(warnings) == 1:
         return Sentence("strict-scene-warning", "strict turns the scene's warning into an error: {warning}", warning=listed)
     return Sentence(

@@ -246,4 +246,4 @@ def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
         try:
             resolve(job, scene, farm.settings.max_pixels)
         except SettingsError as error:
-            raise Invalid(with_full_stop(error), field=str(error).split()[0]) from None
+            raise Invalid(with_full_stop(error), field=error.field) from None

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
+from renderer.sentences import Sentence
 from service.models.coded import Coded
 from service.models.jobs import JobState
 from service.models.strict import Strict
@@ -26,7 +27,7 @@ class ChangesIn(Strict):
     @model_validator(mode="after")
     def _has_a_change(self) -> ChangesIn:
         if self.state is None and self.priority is None:
-            raise ValueError("say what is to change: give state or priority")
+            raise ValueError(Sentence("job-changes-empty", "nothing to change; give state or priority"))
         return self
 
 

@@ -102,14 +102,21 @@ class EnvironmentIn(Strict):
     @classmethod
     def _is_known_preset(cls, value: str | None) -> str | None:
         if value is not None and value not in PRESETS:
-            raise ValueError(f"there is no preset {value[:60]!r}; known are {', '.join(PRESETS)}")
+            raise ValueError(
+                Sentence(
+                    "preset-unknown",
+                    "there is no preset {name}; known are {presets}",
+                    name=repr(value[:60]),
+                    presets=[*PRESETS],
+                )
+            )
         return value
 
     @model_validator(mode="after")
     def _has_one_source(self) -> EnvironmentIn:
         given = [name for name in ("color", "sky", "image", "preset") if getattr(self, name) is not None]
         if len(given) > 1:
-            raise ValueError(f"give either {' or '.join(given)}, not both")
+            raise ValueError(Sentence("fields-exclusive", "give only one of {fields}", fields=given))
         return self
 
 
@@ -165,7 +172,7 @@ class JobIn(QueueIn):
     def _name_or_number(cls, value: Any) -> Any:
         if value is None or isinstance(value, str) or (isinstance(value, int) and 0 <= value < MOST_CAMERAS):
             return value
-        raise ValueError("a camera is a name, or a number from 0")
+        raise ValueError(Sentence("camera-not-name-or-number", "a camera is a name, or a number from 0"))
 
     @field_validator("name")
     @classmethod
@@ -181,17 +188,30 @@ class JobIn(QueueIn):
     @classmethod
     def _frame(cls, value: float | None) -> float | None:
         if value is not None and not (0 <= value <= MAX_FRAME and (2 * value).is_integer()):
-            raise ValueError(f"{value:g} is not a frame; give a number from 0 to {MAX_FRAME}, in steps of a half")
+            raise ValueError(
+                Sentence(
+                    "frame-invalid",
+                    "{frame} is not a frame; give a number from 0 to {most}, in steps of a half",
+                    frame=f"{value:g}",
+                    most=MAX_FRAME,
+                )
+            )
         return value
 
     @model_validator(mode="after")
     def _one_camera(self) -> JobIn:
         if self.view is not None and self.camera is not None:
-            raise ValueError("give either camera or view, not both")
+            raise ValueError(Sentence("fields-exclusive", "give only one of {fields}", fields=["camera", "view"]))
         if self.frame is not None and self.frames != "0":
-            raise ValueError("give either frame or frames, not both")
+            raise ValueError(Sentence("fields-exclusive", "give only one of {fields}", fields=["frame", "frames"]))
         if len(self.numbers()) > 1 and self.seconds and self.spp is None and self.noise is None and self.order in _WHOLE_FRAMES:
-            raise ValueError(f"order: {self.order} needs an end for each frame, by spp or noise, beside seconds for all of them")
+            raise ValueError(
+                Sentence(
+                    "order-needs-goal",
+                    "order: {order} renders one frame after another; give spp or noise beside seconds",
+                    order=self.order,
+                )
+            )
         return self
 
     def numbers(self) -> list[float]:
@@ -251,7 +271,9 @@ class JobPatch(QueuePatch):
     @classmethod
     def _order(cls, value: str | None) -> str | None:
         if value is not None and value not in ORDERS:
-            raise ValueError(f"there is no order {value[:60]!r}; known are {', '.join(ORDERS)}")
+            raise ValueError(
+                Sentence("order-unknown", "there is no order {name}; known are {orders}", name=repr(value[:60]), orders=[*ORDERS])
+            )
         return value
 
 

@@ -6,6 +6,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
+from renderer.sentences import Sentence
+
 __all__ = ["Strict"]
 
 
@@ -21,5 +23,7 @@ class Strict(BaseModel):
         if field.field_name is not None and cls.model_fields[field.field_name].annotation in (bool, bool | None):
             return value
         if isinstance(value, bool) or (isinstance(value, list) and any(isinstance(each, bool) for each in value)):
-            raise ValueError("true and false mean nothing here; give a value of the kind that the API's description names")
+            raise ValueError(
+                Sentence("boolean-not-allowed", "this field does not take true or false; see the API's description for its type")
+            )
         return value

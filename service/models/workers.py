@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, Field, model_validator
 from protocol.contract import WorkerReport
 from protocol.hours import Hours
 from renderer.frames import frame_number
-from renderer.sentences import from_text
+from renderer.sentences import Sentence, from_text
 from service.models.coded import Coded
 from service.models.strict import Strict
 from service.scheduling.snapshot import Snapshot
@@ -44,7 +44,13 @@ class WorkerPatch(Strict):
     @model_validator(mode="after")
     def _says_something(self) -> WorkerPatch:
         if not self.model_fields_set or (self.state is None and "state" in self.model_fields_set):
-            raise ValueError("say what is to change: state, hours, idle_minutes, nice, slots or memory_gb")
+            raise ValueError(
+                Sentence(
+                    "worker-change-empty",
+                    "nothing to change; give one of {fields}",
+                    fields=["state", "hours", "idle_minutes", "nice", "slots", "memory_gb"],
+                )
+            )
         return self
 
     @property

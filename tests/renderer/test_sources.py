@@ -51,6 +51,13 @@ def test_how_a_setting_is_shown_leaves_no_trace(tmp_path: Path) -> None:
         assert changed(tmp_path, before, before.replace(old, new)), new
 
 
+def test_a_sentence_leaves_no_trace(tmp_path: Path) -> None:
+    """The text of an error does not affect the hash; when it is raised does."""
+    before = 'def f(x):\n    if x > 1:\n        raise ValueError(Sentence("too-large", "{x} is too large", x=x))\n'
+    assert not changed(tmp_path, before, before.replace("is too large", "exceeds 1"))
+    assert changed(tmp_path, before, before.replace("x > 1", "x > 2"))
+
+
 def test_what_is_done_leaves_one(tmp_path: Path) -> None:
     before = "A = 'a'\n\ndef f(x):\n    return x + 1\n"
     for old, new in (("+", "-"), ("1", "1.0"), ("x", "y"), ("'a'", "'b'"), ("f(", "g(")):

@@ -41,9 +41,15 @@ class Needs:
             elif TAG.fullmatch(text):
                 tags.add(text)
             else:
-                raise ValueError(f"{text[:60]!r} is no need; give a tag in small letters, or memory_gb=32")
+                raise ValueError(
+                    Sentence(
+                        "need-malformed",
+                        "{text} is not a requirement; give a tag in small letters, or memory_gb=32",
+                        text=repr(text[:60]),
+                    )
+                )
         if len(tags) > MAX_TAGS:
-            raise ValueError(f"a job has at most {MAX_TAGS} needs")
+            raise ValueError(Sentence("needs-too-many", "a job may require at most {most} tags; give fewer", most=MAX_TAGS))
         return cls(tuple(sorted(tags)), memory) if tags or memory else None
 
     @classmethod

@@ -115,7 +115,7 @@ def test_a_long_address_is_not_sent_back(service: Service) -> None:
         ({"camera": -1}, "camera", "a number from 0"),
         ({"camera": 10**9}, "camera", "a number from 0"),
         ({"camera": ["front"]}, "camera", "a camera is a name"),
-        ({"camera": "front", "view": {"eye": [0, 0, 1], "target": [0, 0, 0]}}, "", "either camera or view"),
+        ({"camera": "front", "view": {"eye": [0, 0, 1], "target": [0, 0, 0]}}, "", "give only one of camera, view"),
         ({"view": {"eye": [0, 0, 0], "target": [0, 0, 0]}}, "view", "same point"),
         ({"view": {"eye": [0, 0], "target": [0, 0, 0]}}, "view.eye[2]", "required"),
         ({"view": {"eye": [0, 1e999, 0], "target": [0, 0, 0]}}, "view.eye[1]", ""),
@@ -137,16 +137,16 @@ def test_a_long_address_is_not_sent_back(service: Service) -> None:
         ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "height": 0}}, "view.height", "greater"),
         ({"seed": -1}, "seed", "greater"),
         ({"environment": {"sky": {"elevation": 91}}}, "environment.sky.elevation", "less"),
-        ({"environment": {"sky": {"elevation": 9}, "color": [1, 1, 1]}}, "environment", "either color or sky"),
+        ({"environment": {"sky": {"elevation": 9}, "color": [1, 1, 1]}}, "environment", "give only one of color, sky"),
         ({"environment": {"preset": "candle"}}, "environment.preset", "known are studio"),
-        ({"environment": {"image": "x", "preset": "studio"}}, "environment", "either image or preset"),
+        ({"environment": {"image": "x", "preset": "studio"}}, "environment", "give only one of image, preset"),
         ({"environment": {"rotation": 361}}, "environment.rotation", "less"),
         ({"environment": {"color": [1, 2]}}, "environment.color[2]", "required"),
         ({"priority": 1000}, "priority", "less"),
-        ({"priority": True}, "priority", "true and false"),
-        ({"seed": False}, "seed", "true and false"),
-        ({"camera": True}, "camera", "true and false"),
-        ({"view": {"eye": [True, 0, 1], "target": [0, 0, 0]}}, "view.eye", "true and false"),
+        ({"priority": True}, "priority", "true or false"),
+        ({"seed": False}, "seed", "true or false"),
+        ({"camera": True}, "camera", "true or false"),
+        ({"view": {"eye": [True, 0, 1], "target": [0, 0, 0]}}, "view.eye", "true or false"),
         ({"name": "a\0b"}, "name", "control characters"),
         ({"name": "a\r\nb"}, "name", "line breaks"),
         ({"name": "\ud800"}, "name", "string"),
@@ -286,7 +286,7 @@ def test_every_plane_of_the_film_can_be_looked_at_and_fetched(service: Service, 
     assert pixel["error"] > 0
     assert "known are albedo" in problem(service.http.get(f"{url}/image.png?aov=mood"), 422)["detail"]
     assert "image.exr" in problem(service.http.get(f"{url}/image.png?aov=all"), 422)["detail"]
-    assert "colour alone" in problem(service.http.get(f"{url}/image.rgb9e5?aov=normal"), 422)["detail"]
+    assert "colour only" in problem(service.http.get(f"{url}/image.rgb9e5?aov=normal"), 422)["detail"]
 
 
 def exr(content: bytes, folder: Path) -> tuple[np.ndarray, list[str]]:

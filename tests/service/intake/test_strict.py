@@ -3,21 +3,31 @@
 import pytest
 
 from renderer.errors import SettingsError
+from renderer.scene.studio import NO_LIGHTS_WARNING, WEAK_LIGHTS_WARNING
+from renderer.sentences import Sentence
 from service.intake.resolve import resolve
 from service.store.models import Job, Scene
+from tests.helpers import code_of
 
 
 def test_a_strict_job_is_refused_with_all_warnings():
-    scene = Scene(notes=["Several files."], info={"warnings": ["A texture is missing."]})
-    with pytest.raises(SettingsError, match=r"2 warnings into errors: Several files\. A texture is missing$"):
+    notes, warnings = [Sentence("several-files", "Several files.")], [Sentence("texture-missing", "A texture is missing.")]
+    scene = Scene(notes=notes, info={"warnings": warnings})
+    with pytest.raises(SettingsError, match=r"2 warnings into errors: Several files\. A texture is missing$") as error:
         resolve(Job(request={"strict": True}), scene, 1)
+    assert error.value.field == "strict"
+    said = error.value.args[0]
+    assert (said.code, said.params["count"]) == ("strict-scene-warnings", 2)
+    assert [each.code for each in said.params["warnings"].params.values()] == ["several-files", "texture-missing"]
 
 
-def test_light_of_its_own_is_no_guess():
-    studio = "The scene has no light: lit by a soft studio light. Give an environment to change that."
-    scene = Scene(notes=[], info={"warnings": [studio]})
+@pytest.mark.parametrize("warning", [NO_LIGHTS_WARNING, WEAK_LIGHTS_WARNING])
+def test_light_of_its_own_is_no_guess(warning):
+    scene = Scene(notes=[], info={"warnings": [warning]})
     request = {"strict": True, "environment": {"color": [1, 1, 1]}, "width": 64, "height": 64}
-    with pytest.raises(SettingsError, match=r"^width x height"):
+    with pytest.raises(SettingsError) as error:
         resolve(Job(request=request), scene, 1)
-    with pytest.raises(SettingsError, match="strict turns the scene's warning into an error"):
+    assert code_of(error.value) == "frame-pixels-too-many"
+    with pytest.raises(SettingsError) as error:
         resolve(Job(request={"strict": True}), scene, 1)
+    assert code_of(error.value) == "strict-scene-warning"

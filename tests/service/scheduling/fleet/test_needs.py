@@ -24,7 +24,7 @@ def test_needs_are_read_and_said_the_same_way() -> None:
     assert needs.queue("kind") == Needs(("bigmem", "gpu"), 16.0).queue("kind") != needs.queue("other")
     assert Needs.parse([]) is None
     for wrong in ("GPU", "a b", "memory_gb=-1", "", "memory_gb=1e9"):
-        with pytest.raises(ValueError, match="is no need; give a tag in small letters, or memory_gb=32"):
+        with pytest.raises(ValueError, match="is not a requirement; give a tag in small letters, or memory_gb=32"):
             Needs.parse([wrong])
 
 
@@ -74,7 +74,7 @@ def test_a_job_goes_to_the_workers_that_have_what_it_needs(service: Service) -> 
         service.patch(free, needs=[])
         service.wait_for(free, "finished")
     refused = service.http.post("/api/jobs", json={"scene": scene, "needs": ["GPU"]})
-    assert (refused.status_code, "is no need" in refused.text) == (422, True)
+    assert (refused.status_code, "need-malformed" in refused.text) == (422, True)
 
 
 @pytest.mark.long
