@@ -74,14 +74,14 @@ def main():
     return os.execve(program, [program, *arguments], dict(os.environ, RAYFARM_PROGRAM="python3 farm.py"))
 
 
-def say(text):
+def print_progress(text):
     """Prints a progress line."""
     print("farm.py: " + text, file=sys.stderr, flush=True)
 
 
 def fail(text):
     """Exits with an error sentence."""
-    say(text)
+    print_progress(text)
     sys.exit(1)
 
 
@@ -107,14 +107,14 @@ def install(extras=()):
     python = VENV / "bin" / "python"
     stamp = VENV / "rayfarm-stamp"
     known = stamp.read_text().split() if stamp.is_file() else []
-    if known[:1] == [state()] and set(extras) <= set(known[1:]) and python.exists():
+    if known[:1] == [installation_hash()] and set(extras) <= set(known[1:]) and python.exists():
         return python
     begun = time.monotonic()
-    if not usable(python):
+    if not is_usable(python):
         make_environment()
         known = []
     extras = sorted(set(extras) | (set(known[1:]) & set(FOR_BENCHMARKS)))
-    say("installing Rayfarm's packages into .venv (once; a minute or two) ...")
+    print_progress("installing Rayfarm's packages into .venv (once; a minute or two) ...")
     target = str(ROOT) + ("[{}]".format(",".join(extras)) if extras else "")
     pip(python, ["install", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
     # pip compiles only the packages it copies. With PYTHONDONTWRITEBYTECODE each process would compile ours again.
@@ -123,8 +123,8 @@ def install(extras=()):
     # The digest of the sources, part of a worker's kind, is cached beside them; otherwise the first start computes it.
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     subprocess.call([str(python), "-c", "from renderer import jit; jit.kind()"], cwd=str(ROOT), **quiet)
-    stamp.write_text(" ".join([state(), *extras]) + "\n")
-    say(f"installed after {time.monotonic() - begun:.0f} s")
+    stamp.write_text(" ".join([installation_hash(), *extras]) + "\n")
+    print_progress(f"installed after {time.monotonic() - begun:.0f} s")
     return python
 
 
@@ -136,20 +136,20 @@ def install_alone(arguments):
     python, options = install(), wanted["".join(arguments)]
     if options is None:
         return 0
-    say("getting the kernels ready (once for each state of the sources; a minute or more) ...")
+    print_progress("getting the kernels ready (once for each state of the sources; a minute or more) ...")
     done = subprocess.call([str(python), "-m", "renderer.precompile", *options], cwd=str(ROOT), stdout=sys.stderr)
     if done != 0:
-        say("the kernels are not ready: they are compiled when a picture first wants them. The last words are above.")
+        print_progress("the kernels are not ready: they are compiled when a picture first wants them. The last words are above.")
     return done
 
 
-def state():
+def installation_hash():
     """Returns a hash of the installation's inputs: requirements, and the environment's Python and location."""
     files = [ROOT / "pyproject.toml", ROOT / "constraints.txt", VENV / "pyvenv.cfg"]
     return hashlib.sha256(b"".join(path.read_bytes() if path.is_file() else b"-" for path in files)).hexdigest()
 
 
-def usable(python):
+def is_usable(python):
     """Returns True if .venv works, has a supported Python, and was created at this path: environments cannot be moved."""
     config = VENV / "pyvenv.cfg"
     if not config.is_file() or str(VENV) not in config.read_text() or not python.exists():
@@ -160,7 +160,7 @@ def usable(python):
 
 def make_environment():
     """Creates .venv anew. If Debian lacks the package that needs, installs it or prints how to."""
-    say("making a Python environment in .venv ...")
+    print_progress("making a Python environment in .venv ...")
     shutil.rmtree(VENV, ignore_errors=True)
     command = [sys.executable, "-m", "venv", str(VENV)]
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
@@ -194,7 +194,7 @@ def pip(python, arguments):
             sys.stderr.flush()
         elif interesting and (time.monotonic() - shown > 10 or words[0] == "Installing"):
             shown = time.monotonic()
-            say(f"  packages so far: {packages}" + (", installing them" if words[0] == "Installing" else ""))
+            print_progress(f"  packages so far: {packages}" + (", installing them" if words[0] == "Installing" else ""))
     if sys.stderr.isatty():
         sys.stderr.write("\r\033[K")
     if process.wait() != 0:
@@ -209,7 +209,7 @@ def may_install():
 
 def apt_install(package):
     """Installs a Debian package; returns whether that succeeded."""
-    say("installing Debian's " + package + " ...")
+    print_progress("installing Debian's " + package + " ...")
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     environment = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
     command = ["apt-get", "install", "-y", "--no-install-recommends", package]
@@ -295,7 +295,7 @@ class ParallelProcess:
         code = self.process.wait()
         if code != 0:
             self.output.seek(0)
-            say("{} failed:\n{}".format(self.name, self.output.read().decode(errors="replace")))
+            print_progress("{} failed:\n{}".format(self.name, self.output.read().decode(errors="replace")))
         self.output.close()
         return int(code != 0)
 
@@ -317,7 +317,7 @@ def install_blender():
     maker = shutil.which("python3.11")
     if maker is None:
         fail("Blender's module needs Python 3.11 beside this one. On Debian: apt install python3.11 python3.11-venv")
-    say("installing Blender as a Python module into .venv-cycles (once; 370 MB are fetched) ...")
+    print_progress("installing Blender as a Python module into .venv-cycles (once; 370 MB are fetched) ...")
     return install_apart(CYCLES, maker, BLENDER)
 
 
@@ -325,7 +325,7 @@ def install_embree():
     """Returns a Python with Embree, in a separate environment, as trimesh would use it in Rayfarm's."""
     if imports(EMBREE, "embreex"):
         return EMBREE / "bin" / "python"
-    say("installing Embree into .venv-embree (once; 20 MB are fetched) ...")
+    print_progress("installing Embree into .venv-embree (once; 20 MB are fetched) ...")
     return install_apart(EMBREE, sys.executable, EMBREEX)
 
 
@@ -363,7 +363,7 @@ def run_benchmarks(arguments):
     results = []
     for name in wanted or [name for name in known if name != "peers"]:
         path = known[name]
-        say("benchmark " + name)
+        print_progress("benchmark " + name)
         results.append(
             subprocess.call([str(python), str(path), *options], cwd=str(ROOT), env=dict(os.environ, PYTHONPATH=str(ROOT)))
         )
@@ -375,7 +375,7 @@ def need_chromium():
     if any(shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome")):
         return
     if not (may_install() and apt_install("chromium")):
-        say("No Chromium is installed: the browser tests are skipped. On Debian: apt install chromium")
+        print_progress("No Chromium is installed: the browser tests are skipped. On Debian: apt install chromium")
 
 
 def need_postgresql():
@@ -384,7 +384,9 @@ def need_postgresql():
         return
     if os.environ.get("RAYFARM_TEST_DATABASE_URL") or (may_install() and apt_install("postgresql")):
         return
-    say("No PostgreSQL is installed: jobs and migrations are tested on SQLite alone. On Debian: apt install postgresql")
+    print_progress(
+        "No PostgreSQL is installed: jobs and migrations are tested on SQLite alone. On Debian: apt install postgresql"
+    )
 
 
 def need_typescript():
@@ -394,13 +396,13 @@ def need_typescript():
     if npm is None and may_install() and apt_install("nodejs") and apt_install("npm"):
         npm = shutil.which("npm")
     if npm is None:
-        say("Node.js is not installed: the page's logic and types are not checked. On Debian: apt install nodejs npm")
+        print_progress("Node.js is not installed: the page's logic and types are not checked. On Debian: apt install nodejs npm")
         return
     compiler = TYPESCRIPT / "node_modules" / ".bin" / "tsc"
     copied = TYPESCRIPT / "package.json"
     if compiler.exists() and copied.is_file() and copied.read_bytes() == package.read_bytes():
         return
-    say("installing TypeScript ...")
+    print_progress("installing TypeScript ...")
     TYPESCRIPT.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(str(package), str(copied))
     command = [npm, "install", "--no-audit", "--no-fund", "--ignore-scripts", "--prefix", str(TYPESCRIPT)]
@@ -408,7 +410,7 @@ def need_typescript():
     if done.returncode != 0:
         copied.unlink()
         output = done.stdout.decode(errors="replace")[-1000:]
-        say("npm cannot install TypeScript: the types of web/ are not checked.\n" + output)
+        print_progress("npm cannot install TypeScript: the types of web/ are not checked.\n" + output)
 
 
 if __name__ == "__main__":

@@ -59,8 +59,8 @@ def main() -> None:
                 (_tour if name == TOUR else _record)(chromium, options.server, options.output)
                 continue
             request, enough, pose = TAKEN[name]
-            job = options.job or _asked(options.server, **request)
-            _wait(options.server, job, enough)
+            job = options.job or _job_id(options.server, **request)
+            _wait_for_samples(options.server, job, enough)
             page = chromium.new_page(viewport=SIZE, color_scheme="dark", reduced_motion="reduce")
             page.goto(f"{options.server}/#/jobs/{job}")
             pose(page)
@@ -74,9 +74,9 @@ def main() -> None:
 def _tour(chromium: Browser, server: str, folder: Path) -> None:
     """Takes pictures of every page at every width in both themes."""
     request = {"example": "still-life", "width": 640, "height": 400, "spp": 32}
-    own, other = _asked(server, **request), _asked(server, **request, environment={"preset": "noon"})
+    own, other = _job_id(server, **request), _job_id(server, **request, environment={"preset": "noon"})
     for job in (own, other):
-        _wait(server, job, 1.0)
+        _wait_for_samples(server, job, 1.0)
     scene = _scene(server, "still-life")
     pages = {"home": "", "scene": f"scenes/{scene}", "job": f"jobs/{own}", "jobs": "jobs", "workers": "workers"}
     pages["compare"] = f"compare/{own}/{other}"
@@ -133,7 +133,7 @@ def _scene(server: str, example: str) -> str:
     return scene
 
 
-def _asked(server: str, example: str, **request: Any) -> str:
+def _job_id(server: str, example: str, **request: Any) -> str:
     """Returns the id of an example's job, created once."""
     scene = _scene(server, example)
     key = {"Idempotency-Key": f"page-pictures-{scene}-{json.dumps(request, sort_keys=True)}"}
@@ -141,7 +141,7 @@ def _asked(server: str, example: str, **request: Any) -> str:
     return str(answer.raise_for_status().json()["id"])
 
 
-def _wait(server: str, job: str, enough: float) -> None:
+def _wait_for_samples(server: str, job: str, enough: float) -> None:
     """Waits until enough of the job, or all of it, is rendered."""
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
@@ -154,7 +154,7 @@ def _wait(server: str, job: str, enough: float) -> None:
     sys.exit(f"The job {job} had not come far enough after {PATIENCE_S} s.")
 
 
-def _still(page: Page) -> None:
+def _show_still(page: Page) -> None:
     """Shows a still with the mouse over a pixel."""
     stage = page.locator("canvas.film")
     stage.wait_for()
@@ -175,7 +175,7 @@ def _shot(page: Page) -> None:
 
 
 TAKEN = {
-    "page-dark": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 0.25, _still),
+    "page-dark": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 0.25, _show_still),
     "shot-page": (
         {"example": "caterpillar", "width": 640, "height": 360, "spp": 16, "frames": "0-95", "order": "breadth-first"},
         0.5,

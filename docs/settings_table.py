@@ -56,7 +56,7 @@ def attribute_docs(path: Path, name: str) -> dict[str, str]:
 def guide_text(text: str, settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS) -> str:
     """Returns the guide with the settings table between its marks."""
     rows = ["| field | default | takes | |", "|---|---|---|---|", *(_row(each) for each in settings.values())]
-    start, _, end = _between(text, "", "<!-- settings -->\n", "<!-- /settings -->\n")
+    start, _, end = _split_at(text, "", "<!-- settings -->\n", "<!-- /settings -->\n")
     return start + "\n".join(rows) + "\n" + end
 
 
@@ -84,7 +84,7 @@ def _line(part: object) -> str:
     return json.dumps(part, ensure_ascii=False)
 
 
-def _between(text: str, after: str, begin: str, end: str) -> tuple[str, str, str]:
+def _split_at(text: str, after: str, begin: str, end: str) -> tuple[str, str, str]:
     """Text up to the first `begin` after `after`, what follows up to `end`, and the rest from `end` on."""
     first = text.index(begin, text.index(after)) + len(begin)
     last = text.index(end, first)

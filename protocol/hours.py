@@ -40,7 +40,7 @@ class Hours:
         pieces = text.lower().split(",")
         if len(pieces) > MAX_PERIODS:
             raise ValueError(Sentence("hours-too-many", "hours may have at most {most} parts; give fewer", most=MAX_PERIODS))
-        return cls(tuple(_part(piece.strip()) for piece in pieces))
+        return cls(tuple(_parse_part(piece.strip()) for piece in pieces))
 
     def includes(self, now: datetime) -> bool:
         """Returns True if `now` is within the hours."""
@@ -55,7 +55,7 @@ class Hours:
         return False
 
 
-def _part(text: str) -> tuple[frozenset[int], int, int]:
+def _parse_part(text: str) -> tuple[frozenset[int], int, int]:
     found = _PART.fullmatch(text)
     if found is None or not text:
         raise ValueError(

@@ -20,9 +20,9 @@ class WatchFrame(FromClient):
     snapshot: bool = True
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> WatchFrame:
+    def of(cls, message: Mapping[str, Any]) -> WatchFrame:
         """Parses the message. Raises ValueError, TypeError or OverflowError if it is malformed."""
-        return cls(float(said["frame"]), said.get("snapshot") is not False)
+        return cls(float(message["frame"]), message.get("snapshot") is not False)
 
     def to_json(self) -> dict[str, Any]:
         """Returns the JSON object."""
@@ -37,9 +37,9 @@ class Have(FromClient):
     samples: list[Any]
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> Have:
+    def of(cls, message: Mapping[str, Any]) -> Have:
         """Parses the message. Raises TypeError if it is malformed."""
-        return cls(list(said["have"]))
+        return cls(list(message["have"]))
 
 
 @dataclass(frozen=True)

@@ -184,10 +184,10 @@ def words_of_planes(planes: Planes) -> Words:
     return np.ascontiguousarray(planes.reshape(4, -1).T).view("<u4").reshape(-1)
 
 
-def encode_view(tiles: Sequence[ViewTile], size: tuple[int, int], whole: tuple[int, int], id: int, seq: int) -> bytes:
-    """Encodes a picture of a view. size: this picture's (width, height); whole: the view's."""
+def encode_view(tiles: Sequence[ViewTile], size: tuple[int, int], view_size: tuple[int, int], id: int, seq: int) -> bytes:
+    """Encodes a picture of a view. size: this picture's (width, height); view_size: the view's."""
     head = [
-        VIEW.pack(ViewHead(len(tiles), id % NUMBERS, seq % NUMBERS, *size, *whole)),
+        VIEW.pack(ViewHead(len(tiles), id % NUMBERS, seq % NUMBERS, *size, *view_size)),
         *(VIEW_TILE.pack(ViewTileHead(*tile.rect, tile.samples | EXACT * tile.is_exact)) for tile in tiles),
     ]
     packer = zlib.compressobj(LEVEL, zlib.DEFLATED, RAW)

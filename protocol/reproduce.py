@@ -37,18 +37,18 @@ def _options(settings: RenderSettings) -> list[str]:
         del view["focus"]
     words = [f"--size={settings.width}x{settings.height}"]
     if not settings.views:  # a camera that moves while the shutter is open is not said by a view: whoever knows its name adds it
-        words += [_word(VIEW[name], value) for name, value in view.items()]
-    words += [_word(SETTINGS[name], getattr(settings, name)) for name in OPTIONAL]
+        words += [_option_text(VIEW[name], value) for name, value in view.items()]
+    words += [_option_text(SETTINGS[name], getattr(settings, name)) for name in OPTIONAL]
     if settings.environment is not None:
         words.append(f"--env={_text(settings.environment)}")
     for name, each in ENVIRONMENT.items():
         value = getattr(settings, each.name)
         if name != "color" and value != each.default:
-            words.append(_word(each, value))
+            words.append(_option_text(each, value))
     return words
 
 
-def _word(each: DeclaredSetting, value: Any) -> str:
+def _option_text(each: DeclaredSetting, value: Any) -> str:
     return f"--{each.option}={_text(value)}"
 
 

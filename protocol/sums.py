@@ -91,9 +91,9 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
             if code == ALIKE:
                 sums[number] = value
             elif code == PLAIN:
-                _widen(body, 8, sums[number])
+                _unpack_plane(body, 8, sums[number])
             else:
-                _widen(_checked_bytes(body, code, tile), code, sums[number])
+                _unpack_plane(_checked_bytes(body, code, tile), code, sums[number])
     return sums
 
 
@@ -116,7 +116,7 @@ def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes:
             values[number] = np.frombuffer(_checked_bytes(body, code, tile), WIDTHS[code]).reshape(tile.h, tile.w)
         else:
             values[number] = np.empty((tile.h, tile.w), "<i8")
-            _widen(body if code == PLAIN else _checked_bytes(body, code, tile), 8, values[number])
+            _unpack_plane(body if code == PLAIN else _checked_bytes(body, code, tile), 8, values[number])
     for number, value in values.items():
         if planes is None or number in planes:
             total[number] += value
@@ -188,7 +188,7 @@ def _narrowed(plane: Array, width: int) -> bytes:
     return plane.astype(WIDTHS[width]).tobytes()
 
 
-def _widen(raw: bytes | memoryview, width: int, plane: Array) -> None:
+def _unpack_plane(raw: bytes | memoryview, width: int, plane: Array) -> None:
     if width == 8:
         pairs = plane.view("<u4").reshape(-1, 2)
         pairs[:, 0], pairs[:, 1] = np.frombuffer(raw, "<u4").reshape(2, -1)

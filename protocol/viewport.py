@@ -23,9 +23,9 @@ class Look(FromClient):
     view: dict[str, Any]
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> Look:
+    def of(cls, message: Mapping[str, Any]) -> Look:
         """Returns the message with its fields unvalidated; the service validates them as a job's request."""
-        return cls(dict(said))
+        return cls(dict(message))
 
     def to_json(self) -> dict[str, Any]:
         """Returns the JSON object."""
@@ -41,9 +41,9 @@ class Pick(FromClient):
     y: int
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> Pick:
+    def of(cls, message: Mapping[str, Any]) -> Pick:
         """Parses the message. Raises ValueError, TypeError or OverflowError if it is malformed."""
-        x, y = said["pick"]
+        x, y = message["pick"]
         return cls(int(x), int(y))
 
     def to_json(self) -> dict[str, Any]:
@@ -59,9 +59,9 @@ class Pause(FromClient):
     paused: bool
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> Pause:
+    def of(cls, message: Mapping[str, Any]) -> Pause:
         """Parses the message."""
-        return cls(bool(said["paused"]))
+        return cls(bool(message["paused"]))
 
 
 @dataclass(frozen=True)

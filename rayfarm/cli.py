@@ -14,7 +14,7 @@ import typer
 
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
-from rayfarm.help_pages import tidy
+from rayfarm.help_pages import set_help_format
 from renderer import __version__
 from renderer.errors import RayfarmError
 from renderer.printable import LogRecord
@@ -93,9 +93,9 @@ def _with_finite_numbers(invoke: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return checked
 
 
-def _version(wanted: bool) -> None:
+def _version(is_requested: bool) -> None:
     """Prints the version and exits."""
-    if wanted:
+    if is_requested:
         print(f"rayfarm {__version__}")
         raise typer.Exit
 
@@ -122,7 +122,7 @@ def main() -> None:
     try:
         command = typer.main.get_command(_program(_commands_to_import()))
         _refuse_nan_and_infinity(command)
-        tidy(command)
+        set_help_format(command)
         command()
     except RayfarmError as error:
         if os.environ.get("RAYFARM_DEBUG"):

@@ -64,7 +64,7 @@ class PlainProgress:
         self.every_s = every_s
         self.last = time.monotonic()
 
-    def tick(self, sentence: str) -> None:
+    def print_if_due(self, sentence: str) -> None:
         """Prints the sentence if the interval has passed and standard error is not a terminal."""
         now = time.monotonic()
         if not err.is_terminal and now - self.last >= self.every_s:

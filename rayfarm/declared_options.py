@@ -13,7 +13,7 @@ from rayfarm import options
 from renderer.setting_declaration import DeclaredSetting
 from renderer.setting_docs import LARGE, sentences
 
-__all__ = ["parameter", "typed"]
+__all__ = ["parameter", "typed_settings"]
 
 _METAVARS = {"s": "S", "°": "DEG", "px": "PIXELS", "scene units": "LENGTH", "fraction": "FRACTION", "radiance": "RADIANCE"}
 
@@ -41,7 +41,7 @@ def parameter(each: DeclaredSetting) -> inspect.Parameter:
     )
 
 
-def typed(settings: Mapping[str, DeclaredSetting], given: Mapping[str, Any]) -> dict[str, Any]:
+def typed_settings(settings: Mapping[str, DeclaredSetting], given: Mapping[str, Any]) -> dict[str, Any]:
     """Returns the settings' values by the renderer's names. given: the options' values; None if not given."""
     found = {name: given.get(each.option.replace("-", "_")) for name, each in settings.items()}
     for name, value in found.items():

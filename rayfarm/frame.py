@@ -82,9 +82,9 @@ def motion_of(stage: ConfinedScene, order: PictureOrder, moment: Moment, clock: 
         return None
     from renderer.vectors import motion_vectors
 
-    compiled, summary = stage.between(moment)
+    compiled, summary = stage.between_neighbours(moment)
     found = motion_vectors(compiled, order.settings(summary, moment, BETWEEN), order.threads)
-    clock.mark("motion_s")
+    clock.end_step("motion_s")
     return found
 
 
@@ -99,12 +99,13 @@ def render_to(
     motion: F32 | None = None,
     hold: Hold | None = None,
     writes: bool = True,
-    seen: Callable[[F32], None] = lambda picture: None,
+    on_picture: Callable[[F32], None] = lambda picture: None,
 ) -> RenderStats:
     """Renders a frame and writes its pictures atomically. defaults: the settings in the scene file.
 
     motion: from `motion_of`. hold: if given, called with the denoised frame and a function that writes a picture to its file,
-    instead of writing the denoised frame. writes: whether to write the raw picture. seen: called with the raw picture, (h, w, 3).
+    instead of writing the denoised frame. writes: whether to write the raw picture. on_picture: called with the raw picture,
+    (h, w, 3).
     """
     from renderer.film import mean
     from renderer.image import encode
@@ -118,14 +119,14 @@ def render_to(
     else:
         tile = order.tile or Tile(0, 0, settings.width, settings.height)
         sums = part_of_frame(compiled, settings, tile, order.first, count, done, order.card)
-    clock.mark("render_s")
+    clock.end_step("render_s")
     planes = {name: aovs.values(sums, settings.film_exponent, name) for name in order.planes if name != aovs.MOTION}
     if motion is not None and aovs.MOTION in order.planes:
         planes[aovs.MOTION] = motion
     channels = aovs.layers(planes)
     looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels}
     raw = mean(sums, settings.film_exponent)
-    seen(raw)
+    on_picture(raw)
     if writes:
         encode.write(output, raw, **looks)
     if order.denoise:
@@ -138,7 +139,7 @@ def render_to(
                 DenoisedFrame(clean, number, material, motion),
                 lambda picture: encode.write(options.denoised_name(output), picture, **looks),
             )
-        clock.mark("denoise_s")
+        clock.end_step("denoise_s")
     return done
 
 
@@ -150,14 +151,14 @@ def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> DenoisedPi
     return denoise_with_guides(color, albedo, normal, threads)
 
 
-def report_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, more: str = "") -> None:
-    """Prints how many samples were discarded, and the command that traces the first of them. more: further options for it."""
-    if not done.bad_count:
+def report_bad_samples(scene: Path, settings: RenderSettings, stats: RenderStats, extra_options: str = "") -> None:
+    """Prints how many samples were discarded, and the command that traces the first of them. extra_options: added to it."""
+    if not stats.bad_count:
         return
     from protocol.reproduce import sample_command
 
-    command = sample_command(settings, *done.bad[0]).replace("SCENE", str(scene), 1)
-    sentence = f"note: {done.bad_count} samples were not finite and are left out. To follow the first: {command}{more}"
+    command = sample_command(settings, *stats.bad[0]).replace("SCENE", str(scene), 1)
+    sentence = f"note: {stats.bad_count} samples were not finite and are left out. To follow the first: {command}{extra_options}"
     err.print(sentence, markup=False, soft_wrap=True)
 
 
@@ -181,16 +182,16 @@ def camera_options(order: PictureOrder, settings: RenderSettings) -> str:
     return "".join(f" {word}" for word in words)
 
 
-def statistics(clock: Clock, done: RenderStats) -> dict[str, Any]:
+def statistics(clock: Clock, stats: RenderStats) -> dict[str, Any]:
     """Returns the statistics of a frame for --stats."""
     scale = 1 if sys.platform == "darwin" else 1024  # ru_maxrss: bytes there, KiB on Linux
     return {
         **clock.seconds,
         "render_cpu_s": clock.cpu_seconds["render_s"],
-        "samples": done.samples,
-        "rays": done.rays,
-        "bad_samples": done.bad_count,
-        "bad": [bad._asdict() for bad in done.bad],
-        "samples_per_s": done.samples / max(clock.seconds["render_s"], 1e-9),
+        "samples": stats.samples,
+        "rays": stats.rays,
+        "bad_samples": stats.bad_count,
+        "bad": [bad._asdict() for bad in stats.bad],
+        "samples_per_s": stats.samples / max(clock.seconds["render_s"], 1e-9),
         "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * scale,
     }

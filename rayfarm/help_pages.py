@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["tidy"]
+__all__ = ["set_help_format"]
 
 # Placeholders of values without a metavar, by typer's name of the type.
 _VALUES = {
@@ -22,36 +22,36 @@ _VALUES = {
 }
 
 
-def tidy(command: Any) -> None:
+def set_help_format(command: Any) -> None:
     """Changes the help format of this command and its subcommands."""
     for each in getattr(command, "commands", {}).values():
-        tidy(each)
+        set_help_format(each)
     command.help = command.help and _filled(command.help)
     get_params = command.get_params
 
     def params(ctx: Any) -> list[Any]:
-        return [_named(each) for each in get_params(ctx)]  # including --help, which is created on each call
+        return [_set_metavar(each) for each in get_params(ctx)]  # including --help, which is created on each call
 
     command.get_params = params
 
 
-def _named(parameter: Any) -> Any:
+def _set_metavar(parameter: Any) -> Any:
     if parameter.param_type_name == "argument":
         if parameter.metavar is None:
             parameter.metavar = parameter.name.upper()
-        parameter.display_type_rich = _nothing
+        parameter.display_type_rich = _do_nothing
     elif parameter.metavar is None:
         parameter.display_type_rich = _value(parameter.display_type_rich)
     return parameter
 
 
-def _nothing(ctx: Any) -> None:
+def _do_nothing(ctx: Any) -> None:
     """Does nothing; replaces the function that adds to the names of arguments."""
 
 
-def _value(shown: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
+def _value(text_of: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
     def value(ctx: Any) -> str | None:
-        label = shown(ctx)
+        label = text_of(ctx)
         return _VALUES.get(label, label) if label else None
 
     return value

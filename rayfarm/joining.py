@@ -32,8 +32,8 @@ def farm_address(join: str) -> str:
     return join
 
 
-def token_to_send(who: str, token: str, token_file: Path | None) -> str:
-    """Returns the token to send to the farm. who: the subject of the error message. Raises CommandError if there is no token."""
+def token_to_send(subject: str, token: str, token_file: Path | None) -> str:
+    """Returns the token to send to the farm. subject: the subject of the error message. Raises CommandError without a token."""
     if token:
         err.print("rayfarm: everybody on this machine can read --token. Better: RAYFARM_TOKEN, or --token-file.")
     elif token_file is not None:
@@ -44,7 +44,7 @@ def token_to_send(who: str, token: str, token_file: Path | None) -> str:
     token = token or value_of("RAYFARM_TOKEN")
     if not token:
         raise CommandError(
-            f"{who} shows the farm's token. Set RAYFARM_TOKEN to it, or write it into a file and give --token-file; "
+            f"{subject} shows the farm's token. Set RAYFARM_TOKEN to it, or write it into a file and give --token-file; "
             f"`{PROGRAM} up` prints the whole command."
         )
     return token
@@ -112,16 +112,16 @@ def _follow(shown: dict[Path, int]) -> None:
         shown[log] = _print_from(log, size)
 
 
-def _print_from(log: Path, shown: int) -> int:
-    """Prints the log from byte `shown` on. Returns the size of the log printed so far, in bytes."""
+def _print_from(log: Path, offset: int) -> int:
+    """Prints the log from byte `offset` on. Returns the size of the log printed so far, in bytes."""
     try:
         with log.open("rb") as file:
-            if file.seek(0, os.SEEK_END) < shown:
-                shown = 0  # the supervisor has truncated it
-            file.seek(shown)
+            if file.seek(0, os.SEEK_END) < offset:
+                offset = 0  # the supervisor has truncated it
+            file.seek(offset)
             text = file.read()
     except OSError:
-        return shown
+        return offset
     if text:
         err.print(text.decode(errors="replace").rstrip("\n"), markup=False, soft_wrap=True)
-    return shown + len(text)
+    return offset + len(text)

@@ -65,5 +65,5 @@ def _fps(shot: Sequence, stage: ConfinedScene, found: dict[str, Any]) -> float:
     for frame in found["frames"]:
         return float(frame["fps"])
     with contextlib.suppress(RayfarmError):
-        return float(stage.at(replace(shot.moment, frame=shot.frames[0]))[1]["fps"])
+        return float(stage.scene_at(replace(shot.moment, frame=shot.frames[0]))[1]["fps"])
     return 24.0

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from rayfarm import options
-from rayfarm.declared_options import parameter, typed
+from rayfarm.declared_options import parameter, typed_settings
 from rayfarm.errors import CommandError
 from renderer.errors import SettingsError
 from renderer.formats import UP_AXES
@@ -33,7 +33,7 @@ ENVIRONMENT_OPTIONS: Mapping[str, DeclaredSetting] = {
 LIMIT_OPTIONS: Mapping[str, DeclaredSetting] = {name: WORK[name] for name in ("spp", "noise", "seconds")}
 
 
-def _own(name: str, help: str, panel: str, metavar: str) -> inspect.Parameter:
+def _composite_option(name: str, help: str, panel: str, metavar: str) -> inspect.Parameter:
     """Returns an option that does not correspond to a single setting. Its value is a text, or None if it is not given."""
     option = typer.Option(f"--{name}", help=help, rich_help_panel=panel, metavar=metavar)
     return inspect.Parameter(
@@ -51,17 +51,19 @@ def _floor() -> inspect.Parameter:
 def _parameters() -> list[inspect.Parameter]:
     """Returns all options of a picture, for a command's signature."""
     return [
-        _own("size", f"Pixels; what the scene asks for, else {DEFAULT_SIZE[0]}x{DEFAULT_SIZE[1]}.", "Size and quality", "WxH"),
+        _composite_option(
+            "size", f"Pixels; what the scene asks for, else {DEFAULT_SIZE[0]}x{DEFAULT_SIZE[1]}.", "Size and quality", "WxH"
+        ),
         *map(parameter, LIMIT_OPTIONS.values()),
-        _own("camera", "A camera of the scene, by name or number from 0.", "View", "NAME|N"),
+        _composite_option("camera", "A camera of the scene, by name or number from 0.", "View", "NAME|N"),
         *map(parameter, VIEW.values()),
-        _own(
+        _composite_option(
             "up-axis",
             f"The axis of an OBJ, PLY, STL or OFF file that is up: {', '.join(UP_AXES)}; by default a guess.",
             "View",
             "AXIS",
         ),
-        _own(
+        _composite_option(
             "env",
             "An equirectangular .exr or .hdr, a linear colour, a clear sky with the sun at ELEVATION[,AZIMUTH] degrees, or by "
             f"name: {', '.join(PRESETS)}. Replaces the scene's.",
@@ -118,7 +120,7 @@ class Picture:
 
     def given_settings(self) -> dict[str, Any]:
         """Returns the optional settings by the renderer's names; None if not given."""
-        return typed(SETTINGS_OPTIONS, self.given)
+        return typed_settings(SETTINGS_OPTIONS, self.given)
 
     def check(self) -> None:
         """Raises CommandError for values that are invalid for every scene. Called before an upload."""
@@ -126,7 +128,7 @@ class Picture:
         self.environment()
         self.standing()
         for options_of in (SETTINGS_OPTIONS, LIMIT_OPTIONS, ENVIRONMENT_OPTIONS, VIEW):
-            typed(options_of, self.given)
+            typed_settings(options_of, self.given)
 
     def changes_view(self) -> bool:
         """Returns True if options change the view, beyond selecting one of the scene's cameras."""
@@ -183,7 +185,12 @@ class Picture:
         if (sky := self.environment().sky) is not None:
             environment["sky"] = {"elevation": sky[0], "azimuth": sky[1]}
         environment["preset"] = self.environment().preset
-        asked: dict[str, Any] = {**self.given_settings(), **typed(LIMIT_OPTIONS, self.given), "width": width, "height": height}
+        asked: dict[str, Any] = {
+            **self.given_settings(),
+            **typed_settings(LIMIT_OPTIONS, self.given),
+            "width": width,
+            "height": height,
+        }
         asked["environment"] = {name: value for name, value in environment.items() if value is not None}
         if self.changes_view():
             asked["view"] = self.view(cameras).to_json()
@@ -196,10 +203,10 @@ class Picture:
         return options.parse_size(self.given["size"]) if self.given.get("size") else None
 
     def _light(self) -> dict[str, Any]:
-        return typed(ENVIRONMENT_OPTIONS, self.given)
+        return typed_settings(ENVIRONMENT_OPTIONS, self.given)
 
     def _view(self) -> dict[str, Any]:
-        return typed(VIEW, self.given)
+        return typed_settings(VIEW, self.given)
 
 
 def takes_picture(command: Callable[..., None]) -> Callable[..., None]:

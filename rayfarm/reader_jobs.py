@@ -37,15 +37,15 @@ def serve_requests(
         moment = Moment(**request["moment"])
         try:
             if request["which"] == "between":
-                compiled, summary = stage.between(moment)
+                compiled, summary = stage.between_neighbours(moment)
             else:
-                compiled, summary = stage.at(moment, lambda step: link.send({"step": step}))
+                compiled, summary = stage.scene_at(moment, lambda step: link.send({"step": step}))
         except RayfarmError as error:
             link.send({"failed": error_message(error)})
             continue
         found: dict[str, Any] = {"summary": summary}
         if compiled is not written:
-            manifest = saver.save(compiled, stage.cuts)
+            manifest = saver.save(compiled, stage.part_offsets)
             saver.prune(manifest)
             found["manifest"], written = manifest.name, compiled
         link.send(found)
@@ -56,7 +56,7 @@ def describe_scene(folder: bytes, main: bytes, link: Link) -> dict[str, Any]:
     """Returns the summary of a scene at its start, and its name."""
     link.send({"step": "reading"})
     shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main))
-    description = shot.at(Moment(shot.start))
+    description = shot.scene_at(Moment(shot.start))
     link.send({"step": "building"})
     return {"name": description.name, "main": os.fsdecode(main), **summarise(description, compile_scene(description))}
 

@@ -15,7 +15,7 @@ from rayfarm.options import Env, Standing
 from rayfarm.preload import PRELOAD
 from rayfarm.reading_files import bounds_of
 from rayfarm.scene_files import opened_scene
-from renderer.blender.opening import calls_of_reader
+from renderer.blender.opening import callable_functions
 from renderer.confine.job_folder import temporary_folder
 from renderer.confine.running import Reader, error_of, run
 from renderer.errors import SceneError
@@ -44,31 +44,31 @@ class ConfinedScene:
     The process ends when the stage is closed, or if it crashes; then the next moment starts a new process.
     """
 
-    def __init__(self, scene: _SceneFiles, room: Path, options: Mapping[str, Any]) -> None:
+    def __init__(self, scene: _SceneFiles, folder: Path, options: Mapping[str, Any]) -> None:
         """Stores the parameters.
 
-        room: an empty folder for results and temporary files. options: the other arguments of Stage, `variant`, `up`, `floor`.
+        folder: an empty folder for results and temporary files. options: the other arguments of Stage, `variant`, `up`, `floor`.
         """
-        self._scene, self._room, self._options = scene, room, options
+        self._scene, self._room, self._options = scene, folder, options
         self._reader: Reader | None = None
         self._compiled: CompiledScene | None = None
         self.bounds = bounds_of(scene.main)
 
-    def at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
+    def scene_at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
         """Returns the compiled scene at a moment, and its summary. say: called with each step when it begins.
 
         Raises RayfarmError.
         """
-        return self._ask("at", moment, say)
+        return self._request_scene("at", moment, say)
 
-    def between(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
-        """Returns the scene from the previous to the next frame, for motion vectors; otherwise like `at`."""
-        return self._ask("between", moment, lambda step: None)
+    def between_neighbours(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
+        """Returns the scene from the previous to the next frame, for motion vectors; otherwise like `scene_at`."""
+        return self._request_scene("between", moment, lambda step: None)
 
-    def _ask(self, which: str, moment: Moment, say: Say) -> tuple[CompiledScene, dict[str, Any]]:
+    def _request_scene(self, method: str, moment: Moment, say: Say) -> tuple[CompiledScene, dict[str, Any]]:
         found: dict[str, Any] = {}
 
-        def take(message: dict[str, Any]) -> None:
+        def handle_message(message: dict[str, Any]) -> None:
             if "step" in message:
                 say(str(message["step"]))
             else:
@@ -80,7 +80,7 @@ class ConfinedScene:
             if self._reader is None:
                 self._reader, self._compiled = self._start_reader(), None
             try:
-                if self._reader.request({"which": which, "moment": asdict(moment)}, take):
+                if self._reader.request({"which": method, "moment": asdict(moment)}, handle_message):
                     break
             finally:
                 if self._reader.is_over:
@@ -99,7 +99,7 @@ class ConfinedScene:
 
         work = partial(serve_requests, *_encoded(scene), os.fsencode(room / "out"), dict(self._options))
         writes = [room / "temporary", room / "out"]
-        return Reader(work, [scene.folder], writes, self.bounds, PRELOAD, calls_of_reader(scene.folder, room / "temporary"))
+        return Reader(work, [scene.folder], writes, self.bounds, PRELOAD, callable_functions(scene.folder, room / "temporary"))
 
     def close(self) -> None:
         """Ends the confined process."""
@@ -149,7 +149,7 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
     with opened_scene(scene, root=root) as (folder, main, _), temporary_folder("rayfarm-read-") as room:
         found = _SceneFiles(folder.resolve(), main, None)
         job = partial(work, *_encoded(found)[:2])
-        calls = calls_of_reader(found.folder, room)
+        calls = callable_functions(found.folder, room)
         return run(job, [found.folder], [room], bounds_of(main), lambda message: say(str(message["step"])), PRELOAD, calls)
 
 
@@ -168,10 +168,10 @@ def _encoded(scene: _SceneFiles) -> tuple[bytes, bytes, bytes | None]:
     return os.fsencode(scene.folder), os.fsencode(scene.main), None if scene.inside is None else os.fsencode(scene.inside)
 
 
-def _loaded(room: Path, manifest: str) -> CompiledScene:
+def _loaded(folder: Path, manifest: str) -> CompiledScene:
     """Loads the scene that the confined process wrote. Copies it, so that the process cannot change it after validation."""
     from renderer.arrays.scene import flat, nested, seal
     from renderer.scene.compiled import load
 
-    mapped = flat(load(room / "out" / Path(manifest).name))
+    mapped = flat(load(folder / "out" / Path(manifest).name))
     return seal(nested({name: array.copy() for name, array in mapped.items()}))

@@ -35,7 +35,7 @@ class Clock:
         self.cpu_seconds: dict[str, float] = {}
         self._last = time.perf_counter(), time.process_time()
 
-    def mark(self, step: str) -> None:
+    def end_step(self, step: str) -> None:
         """Ends a step with this name and records its times."""
         now = time.perf_counter(), time.process_time()
         self.seconds[step], self.cpu_seconds[step] = now[0] - self._last[0], now[1] - self._last[1]
@@ -65,14 +65,14 @@ def load_scene(
     with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads, shutter, root, standing) as stage:
         task = progress.add_task("reading", total=None)
 
-        def say(step: str) -> None:
+        def show_step(step: str) -> None:
             if step == "building":
-                clock.mark("load_s")
+                clock.end_step("load_s")
             progress.update(task, description=step)
 
         before(stage)
-        found = stage.at(moment, say)
-        clock.mark("build_s")
+        found = stage.scene_at(moment, show_step)
+        clock.end_step("build_s")
     return found
 
 
@@ -90,7 +90,7 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
         else:
             check_for_cards(settings)
             card.load(variant_for(settings, compiled))
-    clock.mark("compile_s")
+    clock.end_step("compile_s")
 
 
 @contextlib.contextmanager
@@ -100,11 +100,11 @@ def show_progress() -> Iterator[Show]:
     with bar() as progress:
         task = progress.add_task("rendering", total=None)
 
-        def show(part: int, whole: int) -> None:
-            progress.update(task, completed=part, total=whole)
-            ticker.tick(f"rendering: {100 * part / max(whole, 1):.0f} %")
+        def update_bar(part: int, total: int) -> None:
+            progress.update(task, completed=part, total=total)
+            ticker.print_if_due(f"rendering: {100 * part / max(total, 1):.0f} %")
 
-        yield show
+        yield update_bar
 
 
 def whole_frame(
@@ -114,7 +114,7 @@ def whole_frame(
     threads: int | None,
     noise: float | None,
     time_limit: float | None,
-    done: RenderStats,
+    stats: RenderStats,
     show: Show,
     card: CardRenderer | None = None,
 ) -> Sums:
@@ -132,7 +132,7 @@ def whole_frame(
         return noise_of(sums, settings.film_exponent) <= noise
 
     return render_frame(
-        compiled, settings, spp, threads, progress=show, stats=done, stop=quiet_enough, time_limit=time_limit, card=card
+        compiled, settings, spp, threads, progress=show, stats=stats, stop=quiet_enough, time_limit=time_limit, card=card
     )
 
 
@@ -142,7 +142,7 @@ def part_of_frame(
     tile: Tile,
     first: int,
     count: int,
-    done: RenderStats,
+    stats: RenderStats,
     card: CardRenderer | None = None,
 ) -> Sums:
     """Renders one batch into an otherwise empty frame, like a worker of a farm; returns the frame's sums.
@@ -162,5 +162,5 @@ def part_of_frame(
     batch = render_batch(compiled, settings, tile, first, count, card)
     sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
     sums[:, y : y + h, x : x + w] = batch.sums
-    done.samples, done.bad, done.bad_count = w * h * count, batch.bad, batch.bad_count
+    stats.samples, stats.bad, stats.bad_count = w * h * count, batch.bad, batch.bad_count
     return sums

@@ -31,7 +31,7 @@ def show_path(
     from renderer.render import replay
 
     path = replay(compiled, settings, x, y, sample)
-    vertices = [_named(vertex._asdict(), summary) for vertex in path.vertices]
+    vertices = [_replace_numbers_by_names(vertex._asdict(), summary) for vertex in path.vertices]
     if as_json:
         found = {"pixel": [x, y], "sample": sample, "value": path.value, "vertices": vertices}
         print(json.dumps(_without_nonfinite(found), indent=1))
@@ -42,7 +42,7 @@ def show_path(
     out.print(f"Sample {sample} of pixel {x},{y}: {value}", markup=False)
 
 
-def _named(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
+def _replace_numbers_by_names(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
     """Replaces the numbers of objects and materials by their names, if the scene has names."""
     for field, names in (("object", summary["objects"]), ("material", summary["materials"])):
         number = vertex.get(field)

@@ -67,7 +67,7 @@ def render_sequence(shot: Sequence, stage: ConfinedScene, order: PictureOrder) -
     steadying = TemporalDenoiser(shot.frames if order.denoise and order.tile is None else (), missing)
     todo = steadying.plan if order.denoise else missing
 
-    def fail(frame: float, error: Exception) -> None:
+    def record_failure(frame: float, error: Exception) -> None:
         failed[frame] = str(error) or "the memory is full"
         progress.fail(frame, "" if failed[frame] in told else f": {failed[frame]}")
         told.add(failed[frame])
@@ -82,12 +82,12 @@ def render_sequence(shot: Sequence, stage: ConfinedScene, order: PictureOrder) -
             except (RayfarmError, OSError, MemoryError) as error:
                 if isinstance(error, CommandError) and not statistic:
                     raise  # the error applies to every frame
-                fail(frame, error)
+                record_failure(frame, error)
             for neighbour, write in steadying.mark_done(frame):
                 try:
                     write()
                 except (RayfarmError, OSError, MemoryError) as error:
-                    fail(neighbour, error)
+                    record_failure(neighbour, error)
     if failed:
         named = frames_text(list(failed))
         err.print(f"{len(failed)} of {len(shot.frames)} frames failed: {named}", markup=False, soft_wrap=True)
@@ -119,10 +119,10 @@ class _Progress:
         """Starts a frame; returns the function that shows its progress."""
         self._bar.update(self._task, description=f"frame {frame_text(frame)}")
 
-        def show(part: int, whole: int) -> None:
-            self._bar.update(self._task, completed=self._done + part / max(whole, 1))
+        def show_progress(part: int, total: int) -> None:
+            self._bar.update(self._task, completed=self._done + part / max(total, 1))
 
-        return show
+        return show_progress
 
     def finish(self, file: str) -> None:
         """Records that a frame was written."""
@@ -149,7 +149,7 @@ def _render(
     order: PictureOrder,
     frame: float,
     show: Show,
-    told: set[str],
+    reported: set[str],
     steadying: TemporalDenoiser,
 ) -> dict[str, Any]:
     from renderer.render import variant_for, warm_up
@@ -158,18 +158,18 @@ def _render(
     moment = replace(shot.moment, frame=frame)
     is_held = steadying.has_neighbours(frame)
     motion = motion_of(stage, order, moment, clock, needed=is_held)
-    compiled, summary = stage.at(moment)
-    clock.mark("prepare_s")
+    compiled, summary = stage.scene_at(moment)
+    clock.end_step("prepare_s")
     warnings = options.relevant_warnings(summary["warnings"], order.picture.environment())
     refuse_warnings(f"{shot.scene.name}, frame {frame:g}", warnings, order.strict)
     for warning in [*warnings, *order.picture.floor_notes(summary["floor"])]:
-        if warning not in told:
-            told.add(warning)
+        if warning not in reported:
+            reported.add(warning)
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
     warm_up(settings, variant_for(settings, compiled), prepares=False)
-    clock.mark("compile_s")
-    hold = partial(steadying.take, frame) if is_held else None
+    clock.end_step("compile_s")
+    hold = partial(steadying.add_frame, frame) if is_held else None
     written = frame in steadying.missing
     done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show, motion, hold, written)
     report_bad_samples(shot.scene, settings, done, moment_options(moment) + camera_options(order, settings))

@@ -33,11 +33,11 @@ class FarmShot:
     denoise: bool
 
     @classmethod
-    def of(
+    def from_options(
         cls,
         frames: str | None,
         frame: float | None,
-        asked: dict[str, Any],
+        options: dict[str, Any],
         output: Path | None,
         aov: str | None,
         denoise: bool,
@@ -45,10 +45,10 @@ class FarmShot:
     ) -> FarmShot | None:
         """Returns the shot from command line options; None for a still image of the scene's start.
 
-        asked: fps, clip, turntable etc.; None if not given. Raises CommandError if the file names are not distinct, or the files
-        cannot be written.
+        options: fps, clip, turntable etc.; None if not given. Raises CommandError if the file names are not distinct, or the
+        files cannot be written.
         """
-        request = {name: value for name, value in asked.items() if value is not None}
+        request = {name: value for name, value in options.items() if value is not None}
         if frames is None and frame is None and not request:
             return None
         if frames is not None and frame is not None:
@@ -86,7 +86,7 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
     ticker, fetched = PlainProgress(), set[float]()
     writes_frames = shot.output is not None and not is_movie(shot.output)
 
-    def take(frames: list[Frame]) -> None:
+    def fetch_finished(frames: list[Frame]) -> None:
         for frame in frames:
             if writes_frames and frame.state == "finished" and frame.number not in fetched:
                 _fetch(farm, job, shot, frame)
@@ -95,10 +95,10 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
     with bar("frames") as progress:
         task = progress.add_task("rendering", total=len(shot.frames))
 
-        def show(state: Job) -> None:
+        def show_progress(state: Job) -> None:
             try:
                 frames = farm.frames(job)
-                take(frames)
+                fetch_finished(frames)
             except ClientError as error:
                 if error.status is not None and error.status < 500:
                     raise
@@ -106,11 +106,11 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
             finished = sum(frame.state == "finished" for frame in frames)
             so_far = sum(frame.progress for frame in frames if frame.state != "failed")
             progress.update(task, description=state.message or state.state, completed=so_far)
-            ticker.tick(f"{state.message or state.state}: {finished} of {len(frames)} frames")
+            ticker.print_if_due(f"{state.message or state.state}: {finished} of {len(frames)} frames")
 
-        state = farm.wait(job, watch=show)
+        state = farm.wait(job, watch=show_progress)
     frames = farm.frames(job)
-    take(frames)
+    fetch_finished(frames)
     done = sum(frame.state == "finished" for frame in frames)
     if shot.output is not None and not writes_frames and done:
         write(shot.output, farm.movie(job, shot.output.suffix.lower().lstrip(".")))

@@ -50,25 +50,25 @@ class OpenScene:
         self._kept: ShotCache | None = None
         self._auto: dict[str, Any] | None = None
 
-    def at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
+    def scene_at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
         """Returns the compiled scene at a moment, and its summary. say: called with each step when it begins. Raises SceneError.
 
         The result is valid until the next call, which modifies it in place. The automatic camera, for a scene without a camera,
         frames the scene at its start and does not move.
         """
-        return self._at(moment, say, lambda each: self._shot.over_shutter(each, self._shutter))
+        return self._compile_moment(moment, say, lambda each: self._shot.over_shutter(each, self._shutter))
 
-    def between(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
-        """Like `at`, but compiles the time from the previous to the next frame, for motion vectors."""
-        return self._at(moment, lambda step: None, self._shot.between_frames)
+    def between_neighbours(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
+        """Like `scene_at`, but compiles the time from the previous to the next frame, for motion vectors."""
+        return self._compile_moment(moment, lambda step: None, self._shot.between_frames)
 
     @property
-    def cuts(self) -> PartOffsets:
+    def part_offsets(self) -> PartOffsets:
         """Returns the offsets of the parts in the most recently compiled scene."""
         assert self._kept is not None and self._kept.cuts is not None
         return self._kept.cuts
 
-    def _at(
+    def _compile_moment(
         self, moment: Moment, say: Say, read_at: Callable[[Moment], SceneDescription]
     ) -> tuple[CompiledScene, dict[str, Any]]:
         from renderer.scene.compile import summarise_again
@@ -81,7 +81,7 @@ class OpenScene:
         frames_itself = read.moves and self._uses_automatic_camera(read)
         if frames_itself and self._auto is None and moment.frame != self._shot.start:
             say("framing")
-            self._last = self._built(self._shot.at(replace(moment, frame=self._shot.start)))
+            self._last = self._built(self._shot.scene_at(replace(moment, frame=self._shot.start)))
             self._auto = self._last.summary["cameras"][-1]
             read = read_at(moment)
         if self._last is not None and compiles_alike(read, self._last.read):
@@ -106,7 +106,7 @@ class OpenScene:
         self._kept = self._kept or ShotCache()
         before, self._last = self._last, None
         described = _copied(read)
-        compiled = compile_scene(described, brute=self._brute, threads=self._threads, kept=self._kept)
+        compiled = compile_scene(described, brute=self._brute, threads=self._threads, shot_cache=self._kept)
         if before is not None and read.still is not None and read.still is before.read.still:
             return _CompiledMoment(read, described, compiled, before.summary)
         return _CompiledMoment(read, described, compiled, summarise(described, compiled))

@@ -47,7 +47,7 @@ class TemporalDenoiser:
         """Returns True if a frame has neighbours."""
         return bool(self._neighbours(frame))
 
-    def take(self, frame: float, still: DenoisedFrame, write: Write) -> None:
+    def add_frame(self, frame: float, still: DenoisedFrame, write: Write) -> None:
         """Adds a rendered frame. write: function that writes its denoised picture, if its file is missing."""
         self._held[frame] = still
         if frame in self.missing:

@@ -13,7 +13,7 @@ _MOST_DIGITS = 6
 MOST_CAMERAS = 10**_MOST_DIGITS
 
 
-def camera_number(names: Sequence[str], wanted: str | int | None) -> int:
+def camera_number(names: Sequence[str], name_or_index: str | int | None) -> int:
     """Returns the index of a camera given by name or by index from 0; by default the first.
 
     Raises SettingsError if there is none.
@@ -22,13 +22,13 @@ def camera_number(names: Sequence[str], wanted: str | int | None) -> int:
         raise SettingsError(
             Sentence("camera-none", "camera cannot be chosen, as the scene has none; give a view"), field="camera"
         )
-    if wanted is None:
+    if name_or_index is None:
         return 0
-    if isinstance(wanted, str):
-        if wanted in names:
-            return names.index(wanted)
-        if not (wanted.isascii() and wanted.isdigit() and len(wanted) <= _MOST_DIGITS):
-            shown = repr(wanted) if len(wanted) <= 60 else f"{wanted[:40]!r}..."
+    if isinstance(name_or_index, str):
+        if name_or_index in names:
+            return names.index(name_or_index)
+        if not (name_or_index.isascii() and name_or_index.isdigit() and len(name_or_index) <= _MOST_DIGITS):
+            shown = repr(name_or_index) if len(name_or_index) <= 60 else f"{name_or_index[:40]!r}..."
             raise SettingsError(
                 Sentence(
                     "camera-not-in-scene",
@@ -38,15 +38,15 @@ def camera_number(names: Sequence[str], wanted: str | int | None) -> int:
                 ),
                 field="camera",
             )
-        wanted = int(wanted)
-    if not 0 <= wanted < len(names):
+        name_or_index = int(name_or_index)
+    if not 0 <= name_or_index < len(names):
         raise SettingsError(
             Sentence(
                 "camera-number-unknown",
                 "camera is number {number}; the scene has {count}, counted from 0",
-                number=wanted,
+                number=name_or_index,
                 count=len(names),
             ),
             field="camera",
         )
-    return wanted
+    return name_or_index

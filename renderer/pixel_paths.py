@@ -73,18 +73,18 @@ class PixelPaths:
 
 
 def pixel_paths(
-    scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int, asked: int | None = None
+    scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int, sample_number: int | None = None
 ) -> PixelPaths:
     """Returns paths of the pixel's first `count` samples, at most MOST_SAMPLES: the first, the median, the brightest.
 
-    asked: the number of a further sample to return, which need not be below `count`. Raises SettingsError if the pixel or the
-    sample is out of range.
+    sample_number: the number of a further sample to return, which need not be below `count`. Raises SettingsError if the pixel
+    or the sample is out of range.
     """
     count = min(count, MOST_SAMPLES)
     values, is_finite = pixel_samples(scene, settings, x, y, count)
     chosen: dict[int, list[Choice]] = {}
-    if asked is not None:
-        chosen[asked] = ["asked"]
+    if sample_number is not None:
+        chosen[sample_number] = ["asked"]
     chosen.setdefault(0, []).append("first")
     if count > 0:
         light = np.where(is_finite, luminance(values), np.inf)  # non-finite samples count as brightest: users look for them

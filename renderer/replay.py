@@ -90,7 +90,7 @@ def _vec(row: npt.NDArray[np.float64], column: int) -> Vec3:
     return x, y, z
 
 
-def _place(row: npt.NDArray[np.float64], column: int, origin: npt.NDArray[np.float64]) -> Vec3:
+def _world_position(row: npt.NDArray[np.float64], column: int, origin: npt.NDArray[np.float64]) -> Vec3:
     x, y, z = (float(v + o) for v, o in zip(row[column : column + 3], origin, strict=True))
     return x, y, z
 
@@ -112,7 +112,7 @@ def _vertex(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ve
         material=int(row[record.MATERIAL]) - 1 if kind in _BODIES else None,
         distance=float(row[record.DISTANCE]),
         pdf=float(row[record.PDF]) if row[record.PDF] > 0 else None,
-        point=_place(row, record.POINT, origin) if met else None,
+        point=_world_position(row, record.POINT, origin) if met else None,
         normal=_vec(row, record.NORMAL) if kind in _BODIES else None,
         direction=_vec(row, record.DIRECTION),
         throughput=_vec(row, record.THROUGHPUT),
@@ -126,11 +126,11 @@ def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ligh
     end, point = np.array(_vec(row, record.LIGHT_AT)), np.array(_vec(row, record.POINT))
     away = float(np.linalg.norm(end - point))
     x, y, z = (float(v) for v in (end - point) / (away or 1.0))
-    at = None if away >= FAR else _place(row, record.LIGHT_AT, origin)
+    at = None if away >= FAR else _world_position(row, record.LIGHT_AT, origin)
     return LightSample(at, (x, y, z), float(row[record.LIGHT_PDF]), float(row[record.LIGHT_WEIGHT]), _vec(row, record.BROUGHT))
 
 
-def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:
+def _end_reason(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:
     """Returns why a path has no vertex after that of this row; None if unknown.
 
     is_last: whether no further segment was allowed.
@@ -166,5 +166,5 @@ def read_log(
         value = (red, green, blue)
     rows = list(log[log[:, record.KIND] != record.UNSEEN])
     scattering = sum(row[record.KIND] in (record.SURFACE, record.IN_MEDIUM) for row in rows)
-    end = _end(rows[-1], scattering >= settings.max_depth, settings) if rows else None
+    end = _end_reason(rows[-1], scattering >= settings.max_depth, settings) if rows else None
     return Replay(value, [_vertex(row, origin) for row in rows], end, float(rows[0][record.TIME]) if rows else 0.0)

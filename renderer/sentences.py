@@ -61,20 +61,20 @@ class Sentence(str):
     def __new__(cls, code: str, template: str, /, **params: object) -> Self:
         """Fills in a template's parameters."""
         values = {name: _value(value) for name, value in params.items()}
-        return cls._of(_filled(template, values), code, values)
+        return cls._create(_filled(template, values), code, values)
 
     @classmethod
-    def _of(cls, text: str, code: str, params: dict[str, Any]) -> Self:
+    def _create(cls, text: str, code: str, params: dict[str, Any]) -> Self:
         made = str.__new__(cls, text)
         made.code, made.params = code, params
         return made
 
     @classmethod
-    def of(cls, sentence: str) -> Self:
+    def from_text(cls, sentence: str) -> Self:
         """Returns a text as an instance of this class; a plain text gets an empty code."""
         if isinstance(sentence, Sentence):
-            return cls._of(str.__str__(sentence), sentence.code, sentence.params)
-        return cls._of(sentence, "", {})
+            return cls._create(str.__str__(sentence), sentence.code, sentence.params)
+        return cls._create(sentence, "", {})
 
     def __str__(self) -> str:
         return self  # so that str(exception) keeps the code
@@ -90,25 +90,25 @@ class Sentence(str):
     def removesuffix(self, suffix: str, /) -> str:
         """Removes a suffix. Removing only the full stop preserves the code."""
         text = super().removesuffix(suffix)
-        return self._of(text, self.code, self.params) if suffix == "." else text
+        return self._create(text, self.code, self.params) if suffix == "." else text
 
     def rstrip(self, chars: str | None = None, /) -> str:
         """Removes trailing characters. Removing only the full stop preserves the code."""
         text = super().rstrip(chars)
-        return self._of(text, self.code, self.params) if chars in (".", None) else text
+        return self._create(text, self.code, self.params) if chars in (".", None) else text
 
     def mapped(self, change: Callable[[str], str]) -> Self:
         """Returns the sentence with `change` applied to its text and to the texts among its parameters."""
 
-        def changed(value: Any) -> Any:
+        def map_value(value: Any) -> Any:
             if isinstance(value, Sentence):
                 return value.mapped(change)
             if isinstance(value, list):
-                return [changed(each) for each in value]
+                return [map_value(each) for each in value]
             return change(value) if isinstance(value, str) else value
 
-        params = {name: changed(value) for name, value in self.params.items()}
-        return self._of(change(str.__str__(self)), self.code, params)
+        params = {name: map_value(value) for name, value in self.params.items()}
+        return self._create(change(str.__str__(self)), self.code, params)
 
     @property
     def coded(self) -> dict[str, Any]:
@@ -119,7 +119,7 @@ class Sentence(str):
     def from_coded(cls, text: str, coded: Any) -> str:
         """Returns the sentence with this text and its `coded` form; the plain text if `coded` is malformed."""
         try:
-            return cls._of(text, *_parsed(coded, 0)) if len(str(coded)) <= 4 * _LONGEST else text
+            return cls._create(text, *_parsed(coded, 0)) if len(str(coded)) <= 4 * _LONGEST else text
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             return text
 
@@ -134,7 +134,7 @@ def joined_sentences(first: str, second: str) -> str:
 def in_lower_case(text: str) -> str:
     """Returns a text with its first letter in lower case, for use within a sentence."""
     begun = text[:1].lower() + text[1:]
-    return text._of(begun, text.code, text.params) if isinstance(text, Sentence) else begun
+    return text._create(begun, text.code, text.params) if isinstance(text, Sentence) else begun
 
 
 def with_full_stop(sentence: object) -> str:
@@ -164,10 +164,10 @@ def with_count(sentence: str, n: int) -> str:
     return sentence if n == 1 else Sentence("sentence-repeated", "{sentence} ({count} times)", sentence=sentence, count=n)
 
 
-def first_items(texts: Iterable[object], most: int | None = None) -> list[Any]:
-    """Returns a list for a parameter: at most the first `most` items, then an ellipsis."""
+def first_items(texts: Iterable[object], max_items: int | None = None) -> list[Any]:
+    """Returns a list for a parameter: at most the first `max_items` items, then an ellipsis."""
     items = list(texts)
-    return items if most is None or len(items) <= most else [*items[:most], "..."]
+    return items if max_items is None or len(items) <= max_items else [*items[:max_items], "..."]
 
 
 def to_json(value: Any) -> Any:
@@ -246,7 +246,7 @@ def _has_code(value: Any) -> bool:
 
 
 def _restored(kind: type[Sentence], text: str, code: str, params: dict[str, Any]) -> Sentence:
-    return kind._of(text, code, params)
+    return kind._create(text, code, params)
 
 
 def _value(value: object) -> Any:
@@ -290,7 +290,7 @@ def _read(value: Any, depth: int) -> Any:
     if depth > _DEEPEST:
         raise ValueError("sentences are nested too deep")
     if isinstance(value, dict):
-        return Sentence._of(_text(value["text"]), *_parsed(value, depth + 1))
+        return Sentence._create(_text(value["text"]), *_parsed(value, depth + 1))
     if isinstance(value, list):
         return [_read(each, depth + 1) for each in value[:_MOST_LISTED]]
     if isinstance(value, (bool, int, float)):

@@ -96,37 +96,39 @@ def _nearest(plane: npt.NDArray[np.floating], places: _PixelPositions) -> npt.ND
     return found
 
 
-def _step_along_motion(before: DenoisedFrame, there: DenoisedFrame, places: _PixelPositions, way: int) -> _PixelPositions:
+def _step_along_motion(
+    before: DenoisedFrame, other_frame: DenoisedFrame, places: _PixelPositions, direction: int
+) -> _PixelPositions:
     """Returns the positions one frame further: before (way = -1) or after.
 
-    before, there: the frames of the old and new positions. A position becomes invalid where the vector back to the old frame
-    differs (occlusion).
+    before, other_frame: the frames of the old and new positions. A position becomes invalid where the vector back to the old
+    frame differs (occlusion).
     """
     shift = _nearest(before.motion, places)
-    x, y = (shift[..., 0], shift[..., 1]) if way < 0 else (-shift[..., 2], -shift[..., 3])
+    x, y = (shift[..., 0], shift[..., 1]) if direction < 0 else (-shift[..., 2], -shift[..., 3])
     rows, columns = places.rows - y, places.columns + x
     height, width = rows.shape
     alive = places.alive & (rows > -0.5) & (rows < height - 0.5) & (columns > -0.5) & (columns < width - 0.5)
     found = _PixelPositions(np.where(alive, rows, 0.0), np.where(alive, columns, 0.0), alive)
-    back = _nearest(there.motion, found)
-    gone, come = (shift[..., :2], back[..., 2:]) if way < 0 else (shift[..., 2:], back[..., :2])
+    back = _nearest(other_frame.motion, found)
+    gone, come = (shift[..., :2], back[..., 2:]) if direction < 0 else (shift[..., 2:], back[..., :2])
     return found._replace(alive=alive & (np.abs(gone - come).max(axis=-1) < _MOTION_TOLERANCE))
 
 
-def _interpolated_light(here: DenoisedFrame, there: DenoisedFrame, places: _PixelPositions) -> tuple[F64, F64]:
+def _interpolated_light(frame: DenoisedFrame, other_frame: DenoisedFrame, places: _PixelPositions) -> tuple[F64, F64]:
     """Interpolates the other frame's light at the given positions between those of four pixels that show the same surface.
 
     Also returns the total weight of these pixels, 0 ... 1.
     """
     height, width = places.rows.shape
-    light, normal = _light(there), here.clean.normal
+    light, normal = _light(other_frame), frame.clean.normal
     top, left = np.floor(places.rows).astype(np.intp), np.floor(places.columns).astype(np.intp)
     down, right = places.rows - top, places.columns - left
     total, weight = np.zeros((height, width, 3)), np.zeros((height, width))
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         y, x = np.clip(top + i, 0, height - 1), np.clip(left + j, 0, width - 1)
-        same = places.alive & (there.object[y, x] == here.object) & (there.material[y, x] == here.material)
-        other = there.clean.normal[y, x]
+        same = places.alive & (other_frame.object[y, x] == frame.object) & (other_frame.material[y, x] == frame.material)
+        other = other_frame.clean.normal[y, x]
         lengths = np.sqrt((other**2).sum(axis=-1) * (normal**2).sum(axis=-1))
         same &= (other * normal).sum(axis=-1) >= _LEAST_COSINE * lengths
         share = np.where(same, (down if i else 1 - down) * (right if j else 1 - right), 0.0)

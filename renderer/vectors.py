@@ -53,14 +53,14 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
     places = np.empty((settings.height, settings.width, 3, 4))
     prepared, camera = strip_absent_features(scene, _MOVING), camera_frame(settings)
 
-    def see(part: tuple[int, int]) -> None:
+    def trace_part(part: tuple[int, int]) -> None:
         trace_motion_points(prepared, new_stack(), camera, part[0], places[part[0] : part[1]])
 
     parts = parts_of(0, settings.height, _ROWS)
     if not jit.is_ready(_KERNEL):
         load_kernel()
     with Team(threads) as team:
-        team.each(see, parts)
+        team.each(trace_part, parts)
     before, now, after = (_projected(views[k], settings, places[:, :, k]) for k in range(3))
     found = np.concatenate([_pixel_offsets(now, before, settings, views), _pixel_offsets(after, now, settings, views)], axis=2)
     return found.astype(np.float32)

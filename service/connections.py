@@ -67,7 +67,7 @@ class Connection(HttpToolsProtocol):
         if len(self.connections) > self.most:
             oldest = next(iter(self._saying), None)
             if oldest is None:
-                self._refuse(b"503 Service Unavailable", b"Too many connections are open. Try again in a moment.")
+                self._send_refusal(b"503 Service Unavailable", b"Too many connections are open. Try again in a moment.")
                 return
             oldest.transport.abort()
             self._saying.pop(oldest, None)
@@ -86,7 +86,7 @@ class Connection(HttpToolsProtocol):
             return
         self._head += len(data)
         if self._head > MAX_HEAD_BYTES:
-            self._refuse(b"431 Request Header Fields Too Large", b"The request's address and headers are too long.")
+            self._send_refusal(b"431 Request Header Fields Too Large", b"The request's address and headers are too long.")
 
     def handle_websocket_upgrade(self) -> None:
         """Passes the connection to the WebSocket protocol and cancels its timeout."""
@@ -151,9 +151,9 @@ class Connection(HttpToolsProtocol):
             self._cancel_timer()
             self.transport.close()
             return
-        self._refuse(b"408 Request Timeout", b"The request did not arrive in time.")
+        self._send_refusal(b"408 Request Timeout", b"The request did not arrive in time.")
 
-    def _refuse(self, status: bytes, sentence: bytes) -> None:
+    def _send_refusal(self, status: bytes, sentence: bytes) -> None:
         self._cancel_timer()
         if self.cycle is None or self.cycle.response_complete or self._head is None:
             self.transport.write(REFUSAL_RESPONSE % (status, len(sentence), sentence))

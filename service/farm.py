@@ -70,7 +70,7 @@ class Farm:
         self.settings = settings
         self.owning = owning or take_farm(settings, OWNERSHIP_TIMEOUT_S)
         self.database, self.sessions = self.owning.engine, self.owning.sessions
-        self.instance = settings.instance()
+        self.instance = settings.instance_id()
         try:
             self.access = Access(self.sessions, settings, self.instance)
         except BaseException:
@@ -93,7 +93,7 @@ class Farm:
         """Creates the stores of blobs, films and kernels."""
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline, self.owning.guard)
-        self.events.subscribe(BlobsReleased, self.garbage.release, in_background=True)
+        self.events.subscribe(BlobsReleased, self.garbage.handle_release, in_background=True)
         self.reserve = Reserve(settings.data / "reserve")
         self.snapshots = FilmSnapshots(settings.data / "snapshots", settings.snapshot_bytes, settings.min_free_bytes)
         self.films = FilmFolder(
@@ -142,9 +142,9 @@ class Farm:
 
     def start(self, loop: asyncio.AbstractEventLoop, on_lost: Callable[[], None] = lambda: None) -> None:
         """Deletes remains of an earlier run and starts all parts. on_lost: called from a thread if another service takes over."""
-        self.owning.start(on_lost, self.engine.moves)
+        self.owning.start(on_lost, self.engine.makes_progress)
         self.broadcast.open(loop)
-        self.reserve.fill()
+        self.reserve.refill()
         try:
             self.garbage.adopt_unreferenced(self.blobs.sweep(self.records.blobs()))
         except FarmError as error:

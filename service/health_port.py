@@ -43,7 +43,7 @@ class HealthPort:
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Starts serving, and monitors the iterations of this event loop."""
-        self._tick(loop)
+        self._record_tick(loop)
         threading.Thread(target=self._server.serve_forever, name="health", daemon=True).start()
 
     def stop(self) -> None:
@@ -53,7 +53,7 @@ class HealthPort:
         self._server.shutdown()
         self._server.server_close()
 
-    def trouble(self) -> str | None:
+    def failure_reason(self) -> str | None:
         """Returns a sentence on why the process should be restarted; None if it is healthy."""
         if not self._is_engine_alive():
             return "The scheduler has stopped. Restart the service."
@@ -66,9 +66,9 @@ class HealthPort:
         """Time by which the event loop's next iteration is overdue, in seconds."""
         return max(0.0, time.monotonic() - self._ticked - TICK_S)
 
-    def _tick(self, loop: asyncio.AbstractEventLoop) -> None:
+    def _record_tick(self, loop: asyncio.AbstractEventLoop) -> None:
         self._ticked = time.monotonic()
-        self._handle = loop.call_later(TICK_S, self._tick, loop)
+        self._handle = loop.call_later(TICK_S, self._record_tick, loop)
 
 
 class _Server(ThreadingHTTPServer):
@@ -81,13 +81,13 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         if self.path != "/healthz":
-            return self._answer(HTTPStatus.NOT_FOUND, {"detail": "There is /healthz here, and nothing else."})
-        why = self.health.trouble()
+            return self._send_json(HTTPStatus.NOT_FOUND, {"detail": "There is /healthz here, and nothing else."})
+        why = self.health.failure_reason()
         if why is not None:
-            return self._answer(HTTPStatus.SERVICE_UNAVAILABLE, {"detail": why})
-        return self._answer(HTTPStatus.OK, {"status": "ok", "loop_waited_s": round(self.health.waited_s, 3)})
+            return self._send_json(HTTPStatus.SERVICE_UNAVAILABLE, {"detail": why})
+        return self._send_json(HTTPStatus.OK, {"status": "ok", "loop_waited_s": round(self.health.waited_s, 3)})
 
-    def _answer(self, status: HTTPStatus, body: dict[str, Any]) -> None:
+    def _send_json(self, status: HTTPStatus, body: dict[str, Any]) -> None:
         data = json.dumps(body).encode()
         self.send_response(status)
         self.send_header("Content-Type", "application/json")

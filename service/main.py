@@ -78,7 +78,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
                 gc.unfreeze()
                 if health is not None:
                     health.stop()
-                await life.end()
+                await life.stop()
                 await asyncio.to_thread(tracing.stop_tracing)
 
     app = FastAPI(
@@ -113,7 +113,7 @@ def _streams_end_with_the_server(close: Callable[[], None]) -> Any:
     """
     previous: dict[signal.Signals, Any] = {}
 
-    def end(number: int, frame: FrameType | None) -> None:
+    def close_streams(number: int, frame: FrameType | None) -> None:
         close()
         before = previous[signal.Signals(number)]
         if callable(before):
@@ -122,7 +122,7 @@ def _streams_end_with_the_server(close: Callable[[], None]) -> Any:
     with contextlib.suppress(ValueError):  # not in the main thread: then the caller that runs the server stops it
         for each in (signal.SIGINT, signal.SIGTERM):
             previous[each] = signal.getsignal(each)
-            signal.signal(each, end)
+            signal.signal(each, close_streams)
     try:
         yield
     finally:

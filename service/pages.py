@@ -59,20 +59,20 @@ class WebPages(Pages):
         if scope["method"] not in ("GET", "HEAD"):
             return await super().get_response(path, scope)  # responds with the allowed methods
         if path in (".", "index.html"):
-            shelf = await run_in_threadpool(self._latest)
-            return _answer(shelf.index, "index.html", "no-cache", scope)
+            shelf = await run_in_threadpool(self._current_files)
+            return _file_response(shelf.index, "index.html", "no-cache", scope)
         first, _, rest = path.partition("/")
         if first != FOLDER:
             return await super().get_response(path, scope)
         version, _, name = rest.partition("/")
-        shelf = self._shelf if version == self._shelf.version else await run_in_threadpool(self._latest)
+        shelf = self._shelf if version == self._shelf.version else await run_in_threadpool(self._current_files)
         is_of_it = version == shelf.version
         lasts = CACHE_FOREVER if is_of_it else "no-store"
         if (content := shelf.contents.get(name)) is not None and (is_of_it or not name.endswith(".js")):
-            return _answer(content, name, lasts, scope)
+            return _file_response(content, name, lasts, scope)
         return await super().get_response("no such file", scope)
 
-    def _latest(self) -> PageFiles:
+    def _current_files(self) -> PageFiles:
         """Returns the snapshot of the current files, so that changes to the page need no restart."""
         with self._lock:
             files = tuple(_files(self._folder))
@@ -136,12 +136,12 @@ def _is_hidden(name: Path) -> bool:
     return any(part.startswith((".", "node_modules")) for part in name.parts if part != ".")
 
 
-def _answer(content: Content, name: str, lasts: str, scope: Scope) -> Response:
+def _file_response(content: Content, name: str, cache_control: str, scope: Scope) -> Response:
     """Returns the response with a file, compressed if the client accepts gzip. Status 304 if the client's ETag matches."""
     asked = Headers(scope=scope)
     packs = name.endswith(COMPRESSED_SUFFIXES) and "gzip" in asked.get("accept-encoding", "")
     tag = content.tag[:-1] + '-gzip"' if packs else content.tag
-    headers = {"ETag": tag, "Cache-Control": lasts, "Vary": "Accept-Encoding"}
+    headers = {"ETag": tag, "Cache-Control": cache_control, "Vary": "Accept-Encoding"}
     if tag in asked.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
     if packs:

@@ -60,10 +60,10 @@ class ServiceLifecycle:
         if owning is not None:
             self._start_farm(owning)
         else:
-            log.warning("%s", self.why)
+            log.warning("%s", self.standby_reason)
         self._task = asyncio.create_task(self._run())
 
-    async def end(self) -> None:
+    async def stop(self) -> None:
         """Stops the farm if this process owns it; otherwise stops being a standby."""
         if self._task is not None:
             self._task.cancel()
@@ -75,7 +75,7 @@ class ServiceLifecycle:
             self._candidate.close()
 
     @property
-    def stands_by(self) -> bool:
+    def is_standby(self) -> bool:
         """Returns True if another service owns the farm, as far as this process knows."""
         return self._farm is None or self._farm.owning.is_lost
 
@@ -86,7 +86,7 @@ class ServiceLifecycle:
         return goes_on and (self._farm is None or self._farm.engine.is_alive)
 
     @property
-    def why(self) -> str:
+    def standby_reason(self) -> str:
         """The message for clients while this process is a standby."""
         known = self._candidate.known if self._candidate is not None else None
         if known is None and self._trouble:

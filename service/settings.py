@@ -275,7 +275,7 @@ class Settings(BaseSettings):
         """Returns the 32-byte key that encrypts cookies of unfinished OpenID logins. All services of a data folder share it."""
         return hashlib.sha256(_persistent_id(self.data / "login-key").encode()).digest()
 
-    def instance(self) -> str:
+    def instance_id(self) -> str:
         """Returns the random id of this data folder, by which workers recognise it."""
         return _persistent_id(self.data / "instance")
 

@@ -35,7 +35,7 @@ class Shot:
     frames: str | None = None
 
     @classmethod
-    def of(cls, data: Mapping[str, Any] | None) -> Self | None:
+    def parse(cls, data: Mapping[str, Any] | None) -> Self | None:
         """Returns the shot stored in a job's row; None for a still image.
 
         Ignores unknown fields, which other releases may write.
@@ -56,6 +56,6 @@ class Shot:
         """Returns the shot in the form stored in a job's row."""
         return asdict(self)
 
-    def changed(self, **what: Any) -> Self:
+    def with_changes(self, **what: Any) -> Self:
         """Returns a copy with these fields changed and `revision` increased by one."""
         return replace(self, **what, revision=self.revision + 1)

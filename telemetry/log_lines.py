@@ -119,7 +119,7 @@ def as_json(process: str) -> JsonLines:
     logging.captureWarnings(True)
     log = logging.getLogger(process)
 
-    def ended(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    def log_fatal(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         if issubclass(kind, KeyboardInterrupt):
             sys.__excepthook__(kind, error, trace)
         else:
@@ -132,7 +132,7 @@ def as_json(process: str) -> JsonLines:
                 "%s ended by a fault: %s", name, end.exc_value, exc_info=(end.exc_type, end.exc_value, end.exc_traceback)
             )
 
-    sys.excepthook = ended
+    sys.excepthook = log_fatal
     threading.excepthook = thread_ended
     return lines
 

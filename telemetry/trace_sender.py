@@ -54,20 +54,20 @@ def main() -> int:
     return 0
 
 
-def read_span(said: dict[str, Any], resource: Resource, scope: InstrumentationScope) -> ReadableSpan:
+def read_span(data: dict[str, Any], resource: Resource, scope: InstrumentationScope) -> ReadableSpan:
     """Converts a line's JSON object to a span. Raises ValueError, KeyError or TypeError if it is malformed."""
-    error = said.get("error")
+    error = data.get("error")
     return ReadableSpan(
-        said["name"],
-        context=_span_context(parse_traceparent(said["own"])),
-        parent=_span_context(parse_traceparent(said["parent"])) if said.get("parent") else None,
+        data["name"],
+        context=_span_context(parse_traceparent(data["own"])),
+        parent=_span_context(parse_traceparent(data["parent"])) if data.get("parent") else None,
         resource=resource,
-        attributes=said["attributes"],
-        links=[Link(_span_context(parse_traceparent(link))) for link in said["links"]],
+        attributes=data["attributes"],
+        links=[Link(_span_context(parse_traceparent(link))) for link in data["links"]],
         kind=SpanKind.INTERNAL,
         status=Status(StatusCode.ERROR, error) if error is not None else Status(StatusCode.UNSET),
-        start_time=round(said["begun"] * 1e9),
-        end_time=round(said["ended"] * 1e9),
+        start_time=round(data["begun"] * 1e9),
+        end_time=round(data["ended"] * 1e9),
         instrumentation_scope=scope,
     )
 

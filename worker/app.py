@@ -83,7 +83,7 @@ def run(worker: context.WorkerContext) -> int:
     tracing.start_tracing("rayfarm-worker", worker.name, __version__)
     celery.start()
     send_all_sums(celery.app, worker)
-    leaving.end()
+    leaving.stop()
     if worker.pieces is not None:
         worker.pieces.close()
     tracing.stop_tracing()
@@ -117,7 +117,7 @@ def _on_slot_end(**_: Any) -> None:
     forget_frames()
 
 
-def _on_shutdown(how: str = "", **_: Any) -> None:
+def _on_shutdown(signal_name: str = "", **_: Any) -> None:
     signal.alarm(SHUTDOWN_S)
     if uses_json():
-        logging.getLogger("worker").info("%s shutdown", how)
+        logging.getLogger("worker").info("%s shutdown", signal_name)

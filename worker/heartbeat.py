@@ -61,7 +61,7 @@ class Reporter:
     def __init__(self, redis_url: str) -> None:
         self.redis = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
 
-    def beat(self, report: WorkerReport) -> bool:
+    def write_report(self, report: WorkerReport) -> bool:
         """Writes a report. Returns False if Redis does not store it."""
         try:
             with self.redis.pipeline(transaction=False) as both:
@@ -71,7 +71,7 @@ class Reporter:
         except redis.RedisError:
             return False
 
-    def leave(self, name: str) -> None:
+    def delete_report(self, name: str) -> None:
         """Deletes the report, so that the service need not wait for it to expire."""
         with contextlib.suppress(redis.RedisError):
             self.redis.delete(worker_key(name), help_queue(name))
@@ -142,25 +142,25 @@ class Heartbeat(bootsteps.StartStopStep):
                 more.append(("SET", log_key(worker.name), json.dumps(worker.tail.lines()), "EX", LOG_TTL_S))
         self.telling.send(report, worker.keeping.offer() if worker.keeping is not None else None, more)
 
-    def _handle_reply(self, heard: HeartbeatReply) -> None:
+    def _handle_reply(self, reply: HeartbeatReply) -> None:
         signal.alarm(WATCHDOG_S)  # unless reset, SIGALRM ends this process and with it its children
         report, now = self.worker.report(self.is_paused), time.monotonic()
-        self._request_help(report, heard)
-        if self.is_paused or any(report.current) or not heard.waiting:
+        self._request_help(report, reply)
+        if self.is_paused or any(report.current) or not reply.waiting:
             self.idle_since = now
         elif now - self.idle_since > IDLE_LIMIT_S:
             log.error("tasks wait but none arrives for %.0f s; starting over", IDLE_LIMIT_S)
             self.idle_since = now
             os.kill(os.getpid(), signal.SIGTERM)
 
-    def _request_help(self, report: WorkerReport, heard: HeartbeatReply) -> None:
+    def _request_help(self, report: WorkerReport, reply: HeartbeatReply) -> None:
         """Sends help requests if pieces of joint batches wait but no request is queued: the slot that should take them may have
         died.
         """
         free = sum(not doing for doing in report.current)
-        if self.worker.pieces is not None and report.in_hand and free and not heard.is_asked:
+        if self.worker.pieces is not None and report.in_hand and free and not reply.is_asked:
             with contextlib.suppress(OSError):
-                ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.pieces.waiting(), 1)))
+                ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.pieces.free_count(), 1)))
 
     def _apply_pause(self) -> None:
         """Pauses or resumes the fetching of tasks as the service requires. Running tasks are always finished."""

@@ -121,7 +121,7 @@ class FarmJoin:
     def _report_until_stopped(self, joined: Joined) -> None:
         reporter = Reporter(joined.redis_url)
         while True:
-            reporter.beat(self._report(joined.name))
+            reporter.write_report(self._report(joined.name))
             if self._stop.wait(HEARTBEAT_EVERY_S):
                 reporter.redis.close()
                 return
@@ -149,13 +149,13 @@ def check_redis(url: str) -> None:
         ) from error
 
 
-def free_name(wanted: str, redis_url: str, host: str) -> str:
-    """Returns `wanted`, with a suffix -2, -3 ... if a live worker already has that name."""
+def free_name(wanted_name: str, redis_url: str, host: str) -> str:
+    """Returns `wanted_name`, with a suffix -2, -3 ... if a live worker already has that name."""
     with contextlib.suppress(redis.RedisError), _connection(redis_url) as store:
-        for name in (wanted, *(f"{wanted}-{n}" for n in range(2, 1000))):
+        for name in (wanted_name, *(f"{wanted_name}-{n}" for n in range(2, 1000))):
             if not _is_taken(store, name, host):
                 return name
-    return wanted
+    return wanted_name
 
 
 def _connection(url: str) -> redis.Redis:

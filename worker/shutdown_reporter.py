@@ -30,15 +30,15 @@ class ShutdownReporter:
             self._thread = threading.Thread(target=self._run, name="leaving", daemon=True)
             self._thread.start()
 
-    def end(self) -> None:
+    def stop(self) -> None:
         """Stops reporting and deletes the report. Called when no task is running."""
         self._is_gone.set()
         if self._thread is not None:
             self._thread.join()
-        Reporter(self._worker.redis_url).leave(self._worker.name)
+        Reporter(self._worker.redis_url).delete_report(self._worker.name)
 
     def _run(self) -> None:
         reporter = Reporter(self._worker.redis_url)
         while not self._is_gone.wait(HEARTBEAT_EVERY_S):
-            reporter.beat(self._worker.report(is_paused=True))
+            reporter.write_report(self._worker.report(is_paused=True))
         reporter.redis.close()

@@ -161,7 +161,7 @@ def _render_on_card(task: Any, card: dict[str, Any]) -> None:
         reset_deaths(task, worker, message)
 
 
-def _help_with_piece(task: Any, asked: dict[str, Any]) -> None:
+def _help_with_piece(task: Any, request: dict[str, Any]) -> None:
     """Renders a piece that waits on this machine, if any, and sends the sums that are due."""
     render_waiting_piece(context.current())
 
@@ -176,10 +176,10 @@ def _prepare(task: Any, scene: str) -> None:
         worker.results.send(Result({"type": kind, **about, **more}))
 
     def progress(step: str, fraction: float) -> None:
-        steps.now(step)
+        steps.begin_step(step)
         worker.results.send(Result({"type": "prepare-progress", **about, "step": step, "fraction": fraction}), 0.0)
 
-    def show(preview: ScenePreview) -> None:
+    def send_preview(preview: ScenePreview) -> None:
         said = {"step": "reading", "fraction": 0.3, "preview": asdict(preview)}
         worker.results.send(Result({"type": "prepare-progress", **about, **said}), 0.0)
 
@@ -198,8 +198,8 @@ def _prepare(task: Any, scene: str) -> None:
                 return
             send("prepare-started")
             manifest = retry_on_trouble(lambda: worker.link.manifest(scene), LINK_TIMEOUT_S)
-            info = retry_on_trouble(lambda: prepare_scene(worker, manifest, progress, show), LINK_TIMEOUT_S)
-            steps.now(None)
+            info = retry_on_trouble(lambda: prepare_scene(worker, manifest, progress, send_preview), LINK_TIMEOUT_S)
+            steps.begin_step(None)
             send("prepared", info=asdict(info))
         except WorkError as error:
             send("prepare-failed", error=str(error))

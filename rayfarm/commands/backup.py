@@ -52,7 +52,7 @@ def backup(
     folder = data.expanduser().resolve() if data else default_data_folder()
     began = time.monotonic()
     try:
-        with _shown("Copying") as progress:
+        with _progress_bar("Copying") as progress:
             report = back_up(folder, target_at(target.expanduser(), MANIFEST), progress)
     except FarmError as error:
         raise CommandError(str(error)) from None
@@ -90,7 +90,7 @@ def restore(
 
     folder = data.expanduser().resolve()
     try:
-        with _shown("Restoring") as progress:
+        with _progress_bar("Restoring") as progress:
             manifest = bring_back(source.expanduser(), folder, progress)
     except FarmError as error:
         raise CommandError(str(error)) from None
@@ -121,20 +121,20 @@ def _only_sqlite() -> None:
 
 
 @contextmanager
-def _shown(verb: str) -> Iterator[Progress]:
+def _progress_bar(verb: str) -> Iterator[Progress]:
     ticker = PlainProgress()
     with bar() as shown:
         task = shown.add_task(verb, total=None)
 
-        def progress(done: int, total: int, what: str) -> None:
-            shown.update(task, completed=done, total=total, description=f"{verb} {what}")
-            ticker.tick(f"{verb} {what}: {100 * done // total} %")
+        def progress(finished: int, total: int, what: str) -> None:
+            shown.update(task, completed=finished, total=total, description=f"{verb} {what}")
+            ticker.print_if_due(f"{verb} {what}: {100 * finished // total} %")
 
         yield progress
 
 
-def _count(number: int, one: str, many: str = "") -> str:
-    return f"{number} {one if number == 1 else many or one + 's'}"
+def _count(number: int, one: str, plural: str = "") -> str:
+    return f"{number} {one if number == 1 else plural or one + 's'}"
 
 
 def _megabytes(size: int) -> str:

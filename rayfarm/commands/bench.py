@@ -75,9 +75,9 @@ def bvh(
 
     path = scene or SCENE
     with open_stage(path, Env()) as stage:
-        tree, summary = stage.at(Moment())
+        tree, summary = stage.scene_at(Moment())
     with open_stage(path, Env(), brute=True) as stage:
-        brute, _ = stage.at(Moment())
+        brute, _ = stage.scene_at(Moment())
     settings = Picture({"size": size}).settings(summary["cameras"], summary["defaults"])
     warm_up(settings, variant_for(settings, tree), prepares=False)
     expected = _expected_s(brute, settings, spp)
@@ -102,7 +102,7 @@ def bvh(
     if as_json:
         print(json.dumps({"scene": path.name, "counts": summary["counts"], "rows": [vars(row) for row in rows]}, indent=1))
         return
-    _show(path, summary["counts"], settings, spp, rows)
+    _print_results(path, summary["counts"], settings, spp, rows)
 
 
 def _timed(compiled: CompiledScene, settings: RenderSettings, spp: int, threads: int) -> tuple[float, Sums]:
@@ -119,7 +119,7 @@ def _expected_s(compiled: CompiledScene, settings: RenderSettings, spp: int) -> 
     return _timed(compiled, small, 1, 1)[0] * settings.width * settings.height * spp / (small.width * small.height)
 
 
-def _show(path: Path, counts: dict[str, int], settings: RenderSettings, spp: int, rows: list[Row]) -> None:
+def _print_results(path: Path, counts: dict[str, int], settings: RenderSettings, spp: int, rows: list[Row]) -> None:
     what = f"{counts['triangles']:,} triangles, {counts['spheres']:,} spheres"
     out.print(f"{path.name}: {what}, {settings.width}x{settings.height}, {spp} spp", markup=False)
     table = Table(box=None, pad_edge=False)

@@ -53,7 +53,7 @@ def doctor(
     for finding in _findings(data, deep, port):
         found.append(finding)
         if not as_json:
-            _show(finding)
+            _print_finding(finding)
     faults = sum(finding.level == "fault" for finding in found)
     notes = sum(finding.level == "note" for finding in found)
     if as_json:
@@ -83,7 +83,7 @@ def _findings(data: Path | None, deep: bool, port: int) -> Iterator[Finding]:
     yield from check_running_farm(settings, port)
 
 
-def _show(finding: Finding) -> None:
+def _print_finding(finding: Finding) -> None:
     mark, style = MARKS[finding.level]
     line = Text.assemble((mark, style), "  ", (f"{finding.about:<12}", "bold"), " ", finding.says)
     out.print(line, soft_wrap=True)

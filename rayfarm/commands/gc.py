@@ -65,25 +65,25 @@ def gc(
         found = farm.let_go(dry_run=True, **rules)
         if not dry_run and found["items"]:
             if not as_json:
-                _show(found)
+                _print_items(found)
             if not yes and not (sys.stdin.isatty() and typer.confirm("Let these go?")):
                 raise CommandError("Nothing was let go. --yes does it without being asked.")
             with err.status("Looking for what may go ...") as status:
 
-                def show(done: int, planned: int | None) -> None:
+                def show_progress(done: int, planned: int | None) -> None:
                     if planned is not None:
                         status.update(f"{done} of {planned} are done ...")
 
-                found = farm.let_go(dry_run=False, progress=show, **rules)
+                found = farm.let_go(dry_run=False, progress=show_progress, **rules)
     if as_json:
         print(json.dumps(found, indent=1))
     elif dry_run or not found["items"]:
-        _show(found)
+        _print_items(found)
     else:
         out.print(f"{len(found['items'])} went, {_gigabytes(found['bytes'])}.")
 
 
-def _show(found: dict[str, Any]) -> None:
+def _print_items(found: dict[str, Any]) -> None:
     items = found["items"]
     if not items:
         out.print("Nothing may go by these rules.")

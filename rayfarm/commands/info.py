@@ -43,16 +43,16 @@ def info(
     if as_json:
         print(json.dumps(summary, indent=1))
     else:
-        _show(summary)
+        _print_summary(summary)
     refuse_warnings(scene.name, summary["warnings"], strict)
 
 
-def _show(summary: dict[str, Any]) -> None:
+def _print_summary(summary: dict[str, Any]) -> None:
     def line(title: str, text: str) -> None:
         out.print(f"{title:<11} {text}", markup=False, soft_wrap=True)
 
     line("Scene", f"{summary['name']} ({summary['main']}, read and built in {summary['seconds']:.2f} s)")
-    line("Holds", ", ".join(_counted(count, noun) for noun, count in summary["counts"].items() if count))
+    line("Holds", ", ".join(_count_with_noun(count, noun) for noun, count in summary["counts"].items() if count))
     lower, upper = summary["bounds"]
     line("Bounds", f"{_vector(lower)} to {_vector(upper)}")
     for number, camera in enumerate(summary["cameras"]):
@@ -69,7 +69,7 @@ def _show(summary: dict[str, Any]) -> None:
         line("Note", warning)
 
 
-def _counted(count: int, plural: str) -> str:
+def _count_with_noun(count: int, plural: str) -> str:
     """Returns a count with its noun: `1 mesh`, `2 meshes`."""
     singular = {"meshes": "mesh", "vertices": "vertex"}.get(plural, plural.removesuffix("s"))
     return f"{count:,} {(singular if count == 1 else plural).replace('_', ' ')}"

@@ -40,7 +40,7 @@ def show(
         rows = all_of(farm, "/api/quotas") if everybody else farm.call("GET", "/api/quota")
     table = Table("WHOSE", "BYTES", "JOBS AT A TIME", "SAMPLES A DAY", box=None, pad_edge=False)
     for row in rows:
-        table.add_row(row["whose"], *(_of(row, name) for name in ("bytes", "jobs", "samples_day")))
+        table.add_row(row["whose"], *(_usage_text(row, name) for name in ("bytes", "jobs", "samples_day")))
     out.print(table if rows else "There are no limits for you.")
 
 
@@ -87,6 +87,6 @@ def _amount(text: str) -> int | None:
     return round(float(found[1]) * UNITS[found[2]])
 
 
-def _of(row: dict[str, Any], name: str) -> str:
+def _usage_text(row: dict[str, Any], name: str) -> str:
     used, limit = row["used"][name], row["limits"][name]
     return f"{used:,}" if limit is None else f"{used:,} of {limit:,}"

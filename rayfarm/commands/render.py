@@ -172,7 +172,7 @@ def render(
     clock = Clock()
     import renderer.render  # noqa: F401
 
-    clock.mark("import_s")
+    clock.end_step("import_s")
     environment = picture.environment()
     motion: list[F32 | None] = []
     compiled, summary = load_scene(
@@ -190,7 +190,7 @@ def render(
     with show_progress() as show:
         done = render_to(
             *(output, order, compiled, summary["defaults"], settings, clock, show, motion[0]),
-            seen=lambda picture: _say_darkness(picture, output, exposure),
+            on_picture=lambda picture: _say_darkness(picture, output, exposure),
         )
     _print_summary(output, settings, clock, done)
     report_bad_samples(scene, settings, done, moment_options(moment) + camera_options(order, settings))
@@ -266,10 +266,10 @@ def _aovs(text: str | None, output: Path) -> list[str]:
     return names
 
 
-def _print_summary(output: Path, settings: RenderSettings, clock: Clock, done: RenderStats) -> None:
+def _print_summary(output: Path, settings: RenderSettings, clock: Clock, stats: RenderStats) -> None:
     seconds = max(clock.seconds["render_s"], 1e-9)
-    taken = done.samples / (settings.width * settings.height)
-    speed = f"{taken:.4g} spp, {seconds:.1f} s, {done.samples / seconds / 1e6:.2f} M samples/s"
+    taken = stats.samples / (settings.width * settings.height)
+    speed = f"{taken:.4g} spp, {seconds:.1f} s, {stats.samples / seconds / 1e6:.2f} M samples/s"
     err.print(f"{output}: {settings.width}x{settings.height}, {speed}", markup=False, soft_wrap=True)
 
 

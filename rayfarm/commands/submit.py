@@ -114,7 +114,7 @@ def submit(
     """
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
     _check_name(output, is_shot=frames is not None)
-    shot = FarmShot.of(frames, frame, moving, output, aov, denoise, overwrite)
+    shot = FarmShot.from_options(frames, frame, moving, output, aov, denoise, overwrite)
     if shot is not None and picture.changes_view_partly():
         raise CommandError(
             "A farm's frames are seen by a camera of the scene, or by a view of your own: give --eye and --target too"
@@ -152,7 +152,7 @@ def submit(
         out.print(job.id, markup=False)
         _report_reused_samples(job)
         if wait or output is not None:
-            _wait(farm, job.id, output, aov, denoise, shot)
+            _wait_for_job(farm, job.id, output, aov, denoise, shot)
         else:
             err.print(f"Watch it at {farm.url}/#/jobs/{job.id}", markup=False, soft_wrap=True)
 
@@ -204,15 +204,17 @@ def _wait_until_prepared(farm: Client, uploaded: Scene) -> Scene:
     with bar() as progress:
         task = progress.add_task("preparing", total=1.0)
 
-        def show(scene: Scene) -> None:
+        def show_progress(scene: Scene) -> None:
             step = scene.step or "preparing"
             progress.update(task, description=step, completed=scene.progress or 0.0)
-            ticker.tick(f"The scene is prepared: {step}")
+            ticker.print_if_due(f"The scene is prepared: {step}")
 
-        return farm.wait_for_scene(uploaded.id, watch=show)
+        return farm.wait_for_scene(uploaded.id, watch=show_progress)
 
 
-def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise: bool, shot: FarmShot | None = None) -> None:
+def _wait_for_job(
+    farm: Client, job: str, output: Path | None, aov: str | None, denoise: bool, shot: FarmShot | None = None
+) -> None:
     ticker = PlainProgress()
     try:
         if shot is not None:
@@ -223,11 +225,11 @@ def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise:
         with bar() as progress:
             task = progress.add_task("rendering", total=1.0)
 
-            def show(job: Job) -> None:
+            def show_progress(job: Job) -> None:
                 progress.update(task, description=job.message or job.state, completed=job.progress)
-                ticker.tick(f"{job.message or job.state}: {100 * job.progress:.0f} %")
+                ticker.print_if_due(f"{job.message or job.state}: {100 * job.progress:.0f} %")
 
-            final = farm.wait(job, watch=show)
+            final = farm.wait(job, watch=show_progress)
     except KeyboardInterrupt:
         err.print(f"The job goes on. Its state: `{PROGRAM} jobs {job}`, its picture: {farm.url}", markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_INTERRUPTED) from None

@@ -89,19 +89,28 @@ def up(
     slots = cores() if workers is None else workers
     begun = time.monotonic()
 
-    def say(sentence: str) -> None:
+    def print_progress(sentence: str) -> None:
         with contextlib.suppress(OSError):  # output to a closed terminal must not prevent the stop
             err.print(sentence, markup=False, soft_wrap=True)
 
     with locked_folder(folder):
-        farm = LocalFarm(folder, host, port, slots, say, allow_host or (), tls, program_for(blender, blender_program, say))
+        farm = LocalFarm(
+            folder,
+            host,
+            port,
+            slots,
+            print_progress,
+            allow_host or (),
+            tls,
+            program_for(blender, blender_program, print_progress),
+        )
         try:
             farm.start(signals.stop)
-            if farm.wait(farm.service_answers, "service", signals.stop):
+            if farm.wait_until(farm.service_answers, "service", signals.stop):
                 _summary(farm, folder)
                 if browser and has_screen():
                     webbrowser.open(farm.login_link(farm.url) or farm.url)
-                if slots and farm.wait(farm.worker_ready, "worker", signals.stop, COMPILING_S):
+                if slots and farm.wait_until(farm.worker_ready, "worker", signals.stop, COMPILING_S):
                     count = "one worker slot" if slots == 1 else f"{slots} worker slots"
                     out.print(f"Ready after {time.monotonic() - begun:.1f} s with {count}. Ctrl-C stops the farm.")
                 elif not slots:
@@ -110,9 +119,9 @@ def up(
                 farm.check_parts()
                 time.sleep(0.05)
         finally:
-            say("Stopping (Ctrl-C again: at once) ...")
+            print_progress("Stopping (Ctrl-C again: at once) ...")
             farm.stop(signals.is_immediate)
-    say("Stopped. Nothing is left running.")
+    print_progress("Stopped. Nothing is left running.")
 
 
 def _tls(certificate: Path | None, key: Path | None) -> Tls | None:

@@ -117,14 +117,14 @@ def watch(
 
     news = threading.Event()
     with farm_client(server) as farm, contextlib.ExitStack() as ends:
-        terminal = Terminal() if graphics != "none" and Terminal.is_there() else None
+        terminal = Terminal() if graphics != "none" and Terminal.is_terminal() else None
         wake = terminal.wake if terminal is not None else news.set
-        live = LiveJob(farm, _found(farm, job), frame, wake)
+        live = LiveJob(farm, _find_job_to_watch(farm, job), frame, wake)
         feed = TevFeed(live, address) if address is not None else None
         ends.enter_context(live)
         if feed is not None:
             ends.enter_context(feed)
-        ended = _show(farm, live, terminal, graphics, exposure, tonemap, news)
+        ended = _show_until_ended(farm, live, terminal, graphics, exposure, tonemap, news)
         final = live.job
         _pass_on_result(farm, live, feed, viewer, output)
     if ended == signal.SIGINT:
@@ -137,7 +137,7 @@ def watch(
         )
 
 
-def _found(farm: Client, job: str | None) -> Job:
+def _find_job_to_watch(farm: Client, job: str | None) -> Job:
     if job is not None:
         return find_job(farm, job)
     jobs = farm.jobs()
@@ -146,7 +146,7 @@ def _found(farm: Client, job: str | None) -> Job:
     return next((each for each in jobs if each.state in ACTIVE), jobs[0])
 
 
-def _show(
+def _show_until_ended(
     farm: Client, live: LiveJob, terminal: Any, graphics: Any, exposure: float, tonemap: str, news: threading.Event
 ) -> int | None:
     """Shows the job until it ends or the user quits. Returns the signal that ended the display, or None."""
@@ -164,7 +164,7 @@ def _show(
         return None
     with terminal:
         ended = Screen(terminal, farm, live, graphics, exposure, tonemap).run()
-    err.print(f"{frame_title(live.job, live.shown)} · {progress_text(live.job)}", markup=False, soft_wrap=True)
+    err.print(f"{frame_title(live.job, live.watched_frame)} · {progress_text(live.job)}", markup=False, soft_wrap=True)
     if not live.job.is_over:
         err.print(f"The job goes on: `{PROGRAM} watch {live.job.id}`", markup=False, soft_wrap=True)
     return None if ended is None else int(ended)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["Finding", "Level", "fault", "fine", "note"]
+__all__ = ["Finding", "Level", "fault", "fine", "note_finding"]
 
 Level = Literal["fine", "note", "fault"]
 
@@ -28,11 +28,11 @@ def fine(about: str, says: str) -> Finding:
     return Finding("fine", about, says)
 
 
-def note(about: str, says: str, do: str = "") -> Finding:
+def note_finding(about: str, says: str, advice: str = "") -> Finding:
     """Returns a finding of level "note": it works, but could be better."""
-    return Finding("note", about, says, do)
+    return Finding("note", about, says, advice)
 
 
-def fault(about: str, says: str, do: str) -> Finding:
+def fault(about: str, says: str, advice: str) -> Finding:
     """Returns a finding of level "fault": it does not work, or data was lost."""
-    return Finding("fault", about, says, do)
+    return Finding("fault", about, says, advice)

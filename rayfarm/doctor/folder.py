@@ -16,7 +16,7 @@ from sqlalchemy import create_engine, select
 from sqlalchemy.exc import SQLAlchemyError
 
 from rayfarm.console import PROGRAM
-from rayfarm.doctor.finding import Finding, fault, fine, note
+from rayfarm.doctor.finding import Finding, fault, fine, note_finding
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import FarmError
@@ -46,7 +46,7 @@ def check_folder(settings: Settings, deep: bool, progress: Progress) -> Iterator
     """
     data = settings.data
     if not data.exists():
-        yield note("Data folder", f"{data} is not there yet.", f"{PROGRAM} up makes it.")
+        yield note_finding("Data folder", f"{data} is not there yet.", f"{PROGRAM} up makes it.")
         return
     if not data.is_dir() or not os.access(data, os.R_OK | os.W_OK | os.X_OK):
         yield fault(
@@ -58,7 +58,7 @@ def check_folder(settings: Settings, deep: bool, progress: Progress) -> Iterator
     yield from _check_permissions(data)
     yield _check_free_space(data, settings.min_free_bytes)
     if (kind := _file_system(data)) in NETWORKS:
-        yield note(
+        yield note_finding(
             "Data folder",
             f"It lies on a network drive ({kind}), on which SQLite's locks may fail and a cut connection damages databases.",
             "Keep it on a disk of this machine, and `backup` to the network.",
@@ -75,7 +75,7 @@ def _check_dead_letters(data: Path) -> Iterator[Finding]:
         return
     if told and isinstance(told[-1], dict):
         when = time.strftime("%Y-%m-%d %H:%M", time.localtime(float(told[-1].get("time", 0))))
-        yield note(
+        yield note_finding(
             "Messages",
             f"{len(told)} of workers could not be handled, the latest at {when}: {str(told[-1].get('why'))[:200]}",
             f"Look at {data / FILE}: a worker of another release or a token in the wrong hands sends such. Delete the file then.",
@@ -84,9 +84,9 @@ def _check_dead_letters(data: Path) -> Iterator[Finding]:
 
 def _check_permissions(data: Path) -> Iterator[Finding]:
     if data.stat().st_uid != os.getuid():
-        yield note("Data folder", f"{data} belongs to {_user(data)}, not to this user.", "Run the farm as its owner.")
+        yield note_finding("Data folder", f"{data} belongs to {_user(data)}, not to this user.", "Run the farm as its owner.")
     if data.stat().st_mode & 0o077:
-        yield note("Data folder", f"Others on this machine can look into {data}.", f"chmod 700 {data}")
+        yield note_finding("Data folder", f"Others on this machine can look into {data}.", f"chmod 700 {data}")
     else:
         yield fine("Data folder", f"{data}, for its owner alone.")
     open_ones = [name for name in SECRETS if (data / name).is_file() and (data / name).stat().st_mode & 0o077]
@@ -97,16 +97,16 @@ def _check_permissions(data: Path) -> Iterator[Finding]:
         )
 
 
-def _check_free_space(data: Path, least: int) -> Finding:
+def _check_free_space(data: Path, required: int) -> Finding:
     free = shutil.disk_usage(data).free
-    if free < least:
+    if free < required:
         return fault(
             "Room",
             f"{free / 1e6:.0f} MB are free: uploads are refused and jobs wait.",
             "Delete jobs or scenes, or enlarge the disk.",
         )
     if free < LOW_DISK_SPACE:
-        return note(
+        return note_finding(
             "Room", f"{free / 1e9:.1f} GB are free.", f"Make room before the night: `{PROGRAM} gc --dry-run` says what may go."
         )
     return fine("Room", f"{free / 1e9:.0f} GB are free.")
@@ -116,7 +116,7 @@ def _database(settings: Settings, deep: bool, progress: Progress) -> Iterator[Fi
     path = settings.data / "rayfarm.sqlite"
     if not settings.database_url:
         if not path.is_file():
-            yield note("Database", "There is none yet.", f"{PROGRAM} up makes it.")
+            yield note_finding("Database", "There is none yet.", f"{PROGRAM} up makes it.")
             return
         if (broken := _film_error(path, deep)) is not None:
             yield fault(
@@ -152,7 +152,7 @@ def _revision(stands: SchemaState) -> Finding:
             "Start that release, or restore a backup of this one.",
         )
     if stands.current != stands.head:
-        return note(
+        return note_finding(
             "Database",
             f"It is of an older release (revision {stands.current or 'of 0.1.0'}, now {stands.head}).",
             f"{PROGRAM} up brings it up to date; `backup` first.",
@@ -178,7 +178,9 @@ def _contents(settings: Settings, sessions: Sessions, deep: bool, progress: Prog
         progress(at + 1, total)
     if absent or damaged:
         what = [
-            f"{len(some)} {how} ({_named(some)})" for some, how in ((absent, "are not there"), (damaged, "are damaged")) if some
+            f"{len(some)} {how} ({_names_text(some)})"
+            for some, how in ((absent, "are not there"), (damaged, "are damaged"))
+            if some
         ]
         yield fault(
             "Uploads",
@@ -196,7 +198,7 @@ def _contents(settings: Settings, sessions: Sessions, deep: bool, progress: Prog
     if lost:
         yield fault(
             "Films",
-            f"Of {len(jobs)} finished jobs {len(lost)} have a damaged film or none ({_named(lost)}).",
+            f"Of {len(jobs)} finished jobs {len(lost)} have a damaged film or none ({_names_text(lost)}).",
             "A running farm renders what is missing by itself, where their scenes are there; or restore a backup.",
         )
     else:
@@ -224,8 +226,8 @@ def _hash(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _named(some: list[str]) -> str:
-    return ", ".join(some[:NAMED]) + (" ..." if len(some) > NAMED else "")
+def _names_text(names: list[str]) -> str:
+    return ", ".join(names[:NAMED]) + (" ..." if len(names) > NAMED else "")
 
 
 def _user(path: Path) -> str:

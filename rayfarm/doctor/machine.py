@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from rayfarm.doctor.finding import Finding, fault, fine, note
+from rayfarm.doctor.finding import Finding, fault, fine, note_finding
 from renderer.cache_folders import cache_home, reason_to_distrust
 
 __all__ = ["check_machine"]
@@ -31,7 +31,7 @@ def check_machine() -> Iterator[Finding]:
     """
     yield _python()
     if importlib.util.find_spec("numba") is None:  # a service's container image
-        yield note("Compiler", "Numba is not installed: nothing is rendered here.", "Workers render, elsewhere.")
+        yield note_finding("Compiler", "Numba is not installed: nothing is rendered here.", "Workers render, elsewhere.")
         yield _memory()
     else:
         yield _compiler()
@@ -80,7 +80,7 @@ def _denoiser() -> Finding:
 
     if is_available():
         return fine("Denoiser", f"Open Image Denoise is there (pyoidn {importlib.metadata.version('pyoidn')}).")
-    return note(
+    return note_finding(
         "Denoiser",
         "Open Image Denoise is not installed; pictures cannot be denoised here.",
         "pip install pyoidn, where it has wheels.",
@@ -90,7 +90,7 @@ def _denoiser() -> Finding:
 def _memory() -> Finding:
     total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     if total < LOW_MEMORY:
-        return note(
+        return note_finding(
             "Memory",
             f"This machine has {total / 1e9:.1f} GB.",
             "Large scenes may not fit: give the farm another machine as a worker.",
@@ -108,12 +108,12 @@ def _cache(folder: Path) -> Iterator[Finding]:
         )
         return
     if reason := reason_to_distrust(place.stat()) if place == folder else "":
-        yield note(
+        yield note_finding(
             "Cache", f"{folder} {reason}; a private folder in it is used.", "Make it this user's alone: chown, chmod go-w."
         )
     free = shutil.disk_usage(place).free
     if free < NEEDED_CACHE:
-        yield note(
+        yield note_finding(
             "Cache", f"The disk of {folder} has {free / 1e9:.1f} GB left.", "Make room: a worker keeps fetched scenes there."
         )
         return
@@ -130,5 +130,5 @@ def _clock() -> Finding:
     except (OSError, subprocess.TimeoutExpired):
         is_kept = ""
     if is_kept == "no":
-        return note("Clock", "Nobody keeps this machine's clock right.", "timedatectl set-ntp true")
+        return note_finding("Clock", "Nobody keeps this machine's clock right.", "timedatectl set-ntp true")
     return fine("Clock", time.strftime("%Y-%m-%d %H:%M:%S %z") + ".")

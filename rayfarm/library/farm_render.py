@@ -33,32 +33,32 @@ POLL_S = 0.3
 _COLOR = ("R", "G", "B")
 
 
-def upload_and_submit(farm: Client, scene: Path, wanted: RenderArguments) -> Job:
+def upload_and_submit(farm: Client, scene: Path, arguments: RenderArguments) -> Job:
     """Uploads the scene and submits a job. Raises ClientError, or SettingsError for settings that a farm does not support."""
-    uploaded = farm.upload(files_to_upload(scene), name=scene.stem, **wanted.picture.standing()._asdict())
-    return submit_ready_scene(farm, farm.wait_for_scene(uploaded.id), wanted)
+    uploaded = farm.upload(files_to_upload(scene), name=scene.stem, **arguments.picture.standing()._asdict())
+    return submit_ready_scene(farm, farm.wait_for_scene(uploaded.id), arguments)
 
 
-def submit_ready_scene(farm: Client, ready: Scene, wanted: RenderArguments) -> Job:
+def submit_ready_scene(farm: Client, ready: Scene, arguments: RenderArguments) -> Job:
     """Submits a job for a scene that is ready on the farm. Raises as `upload_and_submit` does."""
-    if wanted.threads is not None:
+    if arguments.threads is not None:
         raise SettingsError("threads are this machine's; a farm's workers have slots of their own")
-    light = wanted.picture.environment()
+    light = arguments.picture.environment()
     for warning in options.relevant_warnings(ready.warnings, light):
         warnings.warn(warning, SceneWarning, stacklevel=2)
-    request = wanted.picture.request([asdict(camera) for camera in ready.cameras])
+    request = arguments.picture.request([asdict(camera) for camera in ready.cameras])
     if light.image is not None:
         request.setdefault("environment", {})["image"] = farm.upload_environment(light.image).id
-    moment = wanted.moment
+    moment = arguments.moment
     if moment != Moment():
         asked = {"frames": frame_text(moment.frame), "fps": moment.fps, "clip": moment.clip}
         request |= {name: value for name, value in asked.items() if value is not None}
-    if wanted.variant is not None:
-        request["variant"] = wanted.variant
+    if arguments.variant is not None:
+        request["variant"] = arguments.variant
     return farm.submit(ready.id, **request)
 
 
-def images(farm: Client, job: str, wanted: RenderArguments, at_once: bool = False) -> Generator[Image]:
+def images(farm: Client, job: str, arguments: RenderArguments, at_once: bool = False) -> Generator[Image]:
     """Yields the job's picture whenever it has new samples; the last one is final. at_once: only the last. Raises ClientError.
 
     Closing the iterator early does not affect the job.
@@ -73,20 +73,20 @@ def images(farm: Client, job: str, wanted: RenderArguments, at_once: bool = Fals
         is_final = found.state == "finished"
         if is_final or (not at_once and found.samples > max(seen, 0)):
             seen = found.samples
-            yield _fetched(farm, found, wanted, is_final)
+            yield _fetched(farm, found, arguments, is_final)
         if is_final:
             return
         time.sleep(POLL_S)
 
 
-def _fetched(farm: Client, job: Job, wanted: RenderArguments, is_final: bool) -> Image:
+def _fetched(farm: Client, job: Job, arguments: RenderArguments, is_final: bool) -> Image:
     frame = job.frames[0] if job.frames else None
-    planes = [name for name in wanted.aovs if name not in ("color", aovs.MOTION)]
-    extra = [aovs.MOTION] if aovs.MOTION in wanted.aovs and is_final else []
+    planes = [name for name in arguments.aovs if name not in ("color", aovs.MOTION)]
+    extra = [aovs.MOTION] if aovs.MOTION in arguments.aovs and is_final else []
     number = frame.number if frame is not None else 0
     channels = _channels(farm.image(job.id, "exr", number, aov=",".join(["color", *planes, *extra])))
     names = ["color", *planes, *extra]
-    if wanted.denoise and is_final:
+    if arguments.denoise and is_final:
         clean = _channels(farm.image(job.id, "exr", number, denoise=True))
         channels |= {f"denoised.{name}": clean[name] for name in _COLOR}
         names.append("denoised")

@@ -23,7 +23,7 @@ class Image(Mapping[str, F32]):
     "color" is scene-linear Rec.709 radiance, (h, w, 3) float32; the requested AOVs are (h, w) or (h, w, 3), as in
     renderer.aovs.values; "denoised" is present if requested.
 
-    spp: mean samples per pixel. of: target of spp; None if only a noise level or a time limit ends rendering. noise: relative
+    spp: mean samples per pixel. total: target of spp; None if only a noise level or a time limit ends rendering. noise: relative
     noise; None while unknown.
     """
 
@@ -32,13 +32,13 @@ class Image(Mapping[str, F32]):
         names: Sequence[str],
         values: Callable[[str], F32],
         spp: float,
-        of: int | None = None,
+        total: int | None = None,
         noise: float | None = None,
         is_final: bool = True,
     ) -> None:
         self._names, self._values = tuple(names), values
         self._known: dict[str, F32] = {}
-        self.spp, self.of, self.noise, self.is_final = spp, of, noise, is_final
+        self.spp, self.of, self.noise, self.is_final = spp, total, noise, is_final
 
     def __getitem__(self, name: str) -> F32:
         if name not in self._names:

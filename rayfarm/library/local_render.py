@@ -31,7 +31,7 @@ class SceneWarning(UserWarning):
     """Warning about scene content that is not rendered as its file specifies."""
 
 
-def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Image]:
+def passes(scene: Path, arguments: RenderArguments, at_once: bool) -> Generator[Image]:
     """Yields the picture after each pass; the last one is final. at_once: only the last. Passes not consumed are skipped.
 
     Closing the iterator ends the rendering. Raises SceneError, SettingsError or CommandError.
@@ -39,24 +39,24 @@ def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Ima
     from renderer.film import noise as noise_of
     from renderer.render import render_frame
 
-    picture, clock = wanted.picture, Clock()
-    planes = [name for name in wanted.aovs if name != "color"]
-    order = PictureOrder(picture, planes, wanted.denoise, 0.0, "neutral", None, 0, None, wanted.threads)
+    picture, clock = arguments.picture, Clock()
+    planes = [name for name in arguments.aovs if name != "color"]
+    order = PictureOrder(picture, planes, arguments.denoise, 0.0, "neutral", None, 0, None, arguments.threads)
     light = picture.environment()
     with (
-        device_card(wanted.device) as card,
+        device_card(arguments.device) as card,
         open_stage(
-            *(scene, light, wanted.variant, picture.camera),
-            threads=wanted.threads,
+            *(scene, light, arguments.variant, picture.camera),
+            threads=arguments.threads,
             shutter=picture.shutter(),
             standing=picture.standing(),
         ) as stage,
     ):
-        motion = motion_of(stage, order, wanted.moment, clock)
-        compiled, summary = stage.at(wanted.moment)
+        motion = motion_of(stage, order, arguments.moment, clock)
+        compiled, summary = stage.scene_at(arguments.moment)
         for warning in options.relevant_warnings(summary["warnings"], light):
             warnings.warn(warning, SceneWarning, stacklevel=2)
-        settings = order.settings(summary, wanted.moment)
+        settings = order.settings(summary, arguments.moment)
         count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
         load_kernels(settings, compiled, clock, card)
         of = count if picture.noise is None else None
@@ -66,29 +66,29 @@ def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Ima
 
         def frame(stop: Callable[[Sums], bool] | None) -> Sums:
             limit = picture.time_limit
-            return render_frame(compiled, settings, count, wanted.threads, stop=stop, time_limit=limit, card=card)
+            return render_frame(compiled, settings, count, arguments.threads, stop=stop, time_limit=limit, card=card)
 
         if at_once:
             sums = frame(None if picture.noise is None else quiet_enough)
-            yield _image(sums, settings, of, planes, motion, wanted, True)
+            yield _image(sums, settings, of, planes, motion, arguments, True)
             return
         ready: queue.Queue[tuple[Sums, bool] | BaseException] = queue.Queue()
         is_left = threading.Event()
 
-        def tell(news: tuple[Sums, bool] | BaseException) -> None:
+        def put_latest(news: tuple[Sums, bool] | BaseException) -> None:
             with contextlib.suppress(queue.Empty):
                 ready.get_nowait()  # drop the outdated picture
             ready.put(news)
 
         def after_pass(sums: Sums) -> bool:
-            tell((sums.copy(), False))
+            put_latest((sums.copy(), False))
             return is_left.is_set() or quiet_enough(sums)
 
         def render() -> None:
             try:
-                tell((frame(after_pass), True))
+                put_latest((frame(after_pass), True))
             except BaseException as error:
-                tell(error)
+                put_latest(error)
 
         worker = threading.Thread(target=render, name="rayfarm-passes", daemon=True)
         worker.start()
@@ -99,7 +99,7 @@ def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Ima
                 if isinstance(found, BaseException):
                     raise found
                 sums, is_final = found
-                yield _image(sums, settings, of, planes, motion, wanted, is_final)
+                yield _image(sums, settings, of, planes, motion, arguments, is_final)
         finally:
             is_left.set()
             worker.join()
@@ -108,10 +108,10 @@ def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Ima
 def _image(
     sums: Sums,
     settings: RenderSettings,
-    of: int | None,
+    total: int | None,
     planes: list[str],
     motion: F32 | None,
-    wanted: RenderArguments,
+    arguments: RenderArguments,
     is_final: bool,
 ) -> Image:
     from renderer.film import ALBEDO, COLOR, NORMAL, SAMPLES, mean, noise
@@ -125,13 +125,13 @@ def _image(
             from renderer.denoise import denoise_with_guides
 
             color, albedo, normal = (mean(sums, exponent, each) for each in (COLOR, ALBEDO, NORMAL))
-            return denoise_with_guides(color, albedo, normal, wanted.threads).color
+            return denoise_with_guides(color, albedo, normal, arguments.threads).color
         if name == aovs.MOTION:
             assert motion is not None
             return motion
         return aovs.values(sums, exponent, name)
 
     level = noise(sums, exponent)
-    names = ["color", *planes, *(["denoised"] if wanted.denoise and is_final else [])]
+    names = ["color", *planes, *(["denoised"] if arguments.denoise and is_final else [])]
     known = None if level == float("inf") else level
-    return Image(names, values, float(sums[SAMPLES].mean()), of, known, is_final)
+    return Image(names, values, float(sums[SAMPLES].mean()), total, known, is_final)

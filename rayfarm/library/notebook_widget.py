@@ -36,7 +36,7 @@ def show(what: Any, *, farm: Any = None, exposure: float = 0.0, **settings: Any)
     """
     widget = _widget_class()(exposure=exposure)
     if isinstance(what, Image):
-        widget.take(what)
+        widget.display(what)
     else:
         widget.follow(lambda: _images(what, farm, settings))
     return widget
@@ -90,7 +90,7 @@ def _widget_class() -> Any:
         is_over = traitlets.Bool(False).tag(sync=True)
         image: Image | None = None
 
-        def take(self, image: Image) -> None:
+        def display(self, image: Image) -> None:
             """Displays a picture."""
             self.image = image
             color = image["denoised"] if "denoised" in image else image["color"]
@@ -115,7 +115,7 @@ def _widget_class() -> Any:
             try:
                 with closing(begin()) as images:
                     for image in images:
-                        self.take(image)
+                        self.display(image)
                         if self._left.is_set():
                             break
             except RayfarmError as error:

@@ -40,7 +40,7 @@ def as_files(scene: Any, base: str | Path = ".") -> Iterator[Path]:
                 "or say it as docs/scene-format.md has it"
             )
         if isinstance(scene, Mapping):
-            yield _written(scene, Path(folder), Path(base).expanduser())
+            yield _write_scene(scene, Path(folder), Path(base).expanduser())
         elif hasattr(scene, "export") and type(scene).__module__.partition(".")[0] == "trimesh":
             kind = "ply" if type(scene).__name__ == "PointCloud" else "glb"  # its points are shown as spheres
             path = Path(folder) / f"scene.{kind}"
@@ -52,10 +52,10 @@ def as_files(scene: Any, base: str | Path = ".") -> Iterator[Path]:
             )
 
 
-def _written(scene: Mapping[str, Any], folder: Path, base: Path) -> Path:
+def _write_scene(scene: Mapping[str, Any], folder: Path, base: Path) -> Path:
     name = scene.get("name")
     path = folder / "scene.yaml"
-    document = _Writer(folder, base).plain(scene, "scene")
+    document = _Writer(folder, base).json_value(scene, "scene")
     document.setdefault("name", name or "scene")
     # JSON is valid YAML, except for Python's NaN and Infinity, which the reader refuses.
     path.write_text(json.dumps(document))
@@ -70,7 +70,7 @@ class _Writer:
         self._linked: dict[Path, str] = {}
         self._count = 0
 
-    def plain(self, value: Any, where: str) -> Any:
+    def json_value(self, value: Any, where: str) -> Any:
         """Returns a value as JSON data, with arrays replaced by files. where: location in the dict, for error messages."""
         if isinstance(value, Mapping):
             found = {str(key): each for key, each in value.items()}
@@ -81,13 +81,13 @@ class _Writer:
             return {
                 key: self._link(each, where)
                 if key in _NAMING and isinstance(each, str | Path)
-                else self.plain(each, f"{where}.{key}")
+                else self.json_value(each, f"{where}.{key}")
                 for key, each in found.items()
             }
         if isinstance(value, np.ndarray | np.generic):
             return value.tolist()
         if isinstance(value, list | tuple):
-            return [self.plain(each, f"{where}[{i}]") for i, each in enumerate(value)]
+            return [self.json_value(each, f"{where}[{i}]") for i, each in enumerate(value)]
         if value is None or isinstance(value, str | int | float | bool):
             return value
         if isinstance(value, Path):
@@ -97,7 +97,7 @@ class _Writer:
     def _mesh(self, shape: dict[str, Any], where: str) -> dict[str, Any]:
         arrays = {name: shape.pop(name) for name in (*ATTRIBUTES, "triangles") if name in shape}
         name = str(shape.get("name", where))
-        file = self._new(".glb")
+        file = self._new_file_name(".glb")
         (self._folder / file).write_bytes(mesh_as_glb(name, arrays))
         return {**shape, "file": self._folder / file}
 
@@ -112,12 +112,12 @@ class _Writer:
                 f"{where}: pixels are {pixels.shape} of {pixels.dtype}; they take (h, w), (h, w, 3) or, of uint8, (h, w, 4)"
             )
         if pixels.dtype == np.uint8:
-            file = self._new(".png")
+            file = self._new_file_name(".png")
             from PIL import Image
 
             Image.fromarray(np.ascontiguousarray(pixels)).save(self._folder / file)
         elif pixels.dtype.kind == "f" and pixels.shape[2] == 3:
-            file = self._new(".exr")
+            file = self._new_file_name(".exr")
             (self._folder / file).write_bytes(encode.encode(np.asarray(pixels, np.float32), "exr"))
         else:
             raise SceneError(f"{where}: pixels are of {pixels.dtype}; they take uint8 as a screen has them, or floats (h, w, 3)")
@@ -140,6 +140,6 @@ class _Writer:
             self._linked[path] = f"{inside}/{path.name}"
         return self._linked[path]
 
-    def _new(self, suffix: str) -> str:
+    def _new_file_name(self, suffix: str) -> str:
         self._count += 1
         return f"arrays-{self._count}{suffix}"

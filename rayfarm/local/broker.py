@@ -14,7 +14,7 @@ from pathlib import Path
 from rayfarm.errors import CommandError
 from service.access.redis_release import RedisRelease, parse_version_output
 
-__all__ = ["LOOPBACK", "find_server", "memory_limit", "release", "write_config"]
+__all__ = ["LOOPBACK", "find_server", "memory_limit", "server_release", "write_config"]
 
 ANYWHERE = ("0.0.0.0", "::", "")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -31,7 +31,7 @@ def find_server() -> Path:
 
     Raises CommandError if there is none.
     """
-    known = [(program, release(program)) for program in _programs()]
+    known = [(program, server_release(program)) for program in _programs()]
     usable = [(program, found) for program, found in known if not found.is_too_old]
     for program, found in usable:
         if found.flaw is None:
@@ -56,7 +56,7 @@ def _programs() -> Iterator[Path]:
 
 
 @cache
-def release(program: Path) -> RedisRelease:
+def server_release(program: Path) -> RedisRelease:
     """Returns the release of a server program; unknown if the program does not run."""
     try:
         told = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout

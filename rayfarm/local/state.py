@@ -61,9 +61,9 @@ def secrets_of(data: Path) -> Secrets:
         return made
 
 
-def save_secrets(data: Path, known: Secrets) -> None:
+def save_secrets(data: Path, secrets: Secrets) -> None:
     """Writes the secrets atomically."""
-    write_atomically(data / "secrets.json", json.dumps(asdict(known), indent=1).encode())
+    write_atomically(data / "secrets.json", json.dumps(asdict(secrets), indent=1).encode())
 
 
 def write_address(data: Path, farm: FarmAddress) -> None:

@@ -32,7 +32,7 @@ class Blocks:
         self._is_true_colour = is_true_colour
         self._rows: dict[int, str] = {}
 
-    def room(self, columns: int, rows: int) -> tuple[int, int]:
+    def size_in_pixels(self, columns: int, rows: int) -> tuple[int, int]:
         """Returns the size in pixels, (width, height), of an area of this many cells."""
         return columns, 2 * rows
 
@@ -40,7 +40,7 @@ class Blocks:
         """Returns the number of columns and rows that a picture of this size in pixels covers."""
         return size[0], (size[1] + 1) // 2
 
-    def forget(self) -> None:
+    def discard_drawn(self) -> None:
         """Resets the record of the drawn picture, since the screen was cleared."""
         self._rows.clear()
 
@@ -57,7 +57,7 @@ class Blocks:
                 out.append(text)
         return "".join(out).encode()
 
-    def clear(self) -> bytes:
+    def clearing_bytes(self) -> bytes:
         """Returns the bytes that delete what clearing the screen does not."""
         return b""
 
@@ -79,7 +79,7 @@ class Blocks:
             parts.append(f"\x1b[{';'.join(codes)}m{UPPER}" if codes else UPPER)
         return "".join(parts)
 
-    def _code(self, which: int, colour: int) -> str:
+    def _code(self, color: int, colour: int) -> str:
         if self._is_true_colour:
-            return f"{which};2;{colour >> 16};{colour >> 8 & 255};{colour & 255}"
-        return f"{which};5;{colour}"
+            return f"{color};2;{colour >> 16};{colour >> 8 & 255};{colour & 255}"
+        return f"{color};5;{colour}"

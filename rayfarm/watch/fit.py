@@ -13,9 +13,9 @@ __all__ = ["fitted_picture", "fitted_size"]
 F32 = npt.NDArray[np.float32]
 
 
-def fitted_size(size: tuple[int, int], room: tuple[int, int]) -> tuple[int, int]:
-    """Returns the size of a picture of `size` scaled to fit into `room`, at least 1 x 1. Enlarges only by integers."""
-    scale = min(room[0] / size[0], room[1] / size[1])
+def fitted_size(size: tuple[int, int], available: tuple[int, int]) -> tuple[int, int]:
+    """Returns the size of a picture of `size` scaled to fit into `available`, at least 1 x 1. Enlarges only by integers."""
+    scale = min(available[0] / size[0], available[1] / size[1])
     if scale >= 1:
         return size[0] * int(scale), size[1] * int(scale)
     return max(int(size[0] * scale), 1), max(int(size[1] * scale), 1)

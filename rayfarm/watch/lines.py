@@ -26,7 +26,7 @@ def print_progress(live: LiveJob, news: threading.Event) -> None:
         state = (job.state, job.message or "")
         if state != told or now - told_at >= EVERY_S:
             told_at, told = now, state
-            line = f"{frame_title(job, live.shown)} · {progress_text(job)}"
+            line = f"{frame_title(job, live.watched_frame)} · {progress_text(job)}"
             print(one_line(line), flush=True)
         if job.is_over:
             sys.stdout.flush()

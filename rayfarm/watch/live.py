@@ -68,7 +68,7 @@ class LiveJob:
         self._thread.join(5)
 
     @property
-    def shown(self) -> Frame | None:
+    def watched_frame(self) -> Frame | None:
         """Returns the frame that is shown, or None before it is known."""
         return self.frames.get(self.frame)
 
@@ -145,13 +145,13 @@ class LiveJob:
             return
         match read_service(message, FROM_SERVICE):
             case JobState(job):
-                self._state(read(Job, job))
+                self._update_job(read(Job, job))
             case Frames(frames):
                 found = [read(Frame, each) for each in frames]
                 self.frames |= {each.number: each for each in found}
                 self._follow_rendering()
 
-    def _state(self, job: Job) -> None:
+    def _update_job(self, job: Job) -> None:
         with self._lock:
             before, self.job = self.job, job
             if (job.width, job.height) != (before.width, before.height) or self.film is None:
@@ -161,7 +161,7 @@ class LiveJob:
 
     def _follow_rendering(self) -> None:
         """Switches to a frame of the shot that is being rendered, once the present one no longer is."""
-        shown = self.shown
+        shown = self.watched_frame
         if not self.follows or (shown is not None and shown.state in ACTIVE):
             return
         under_way = sorted(number for number, frame in self.frames.items() if frame.state == "running")

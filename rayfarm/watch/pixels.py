@@ -24,7 +24,7 @@ class Pixels:
     def __init__(self, cell: tuple[int, int]) -> None:
         self.cell = cell
 
-    def room(self, columns: int, rows: int) -> tuple[int, int]:
+    def size_in_pixels(self, columns: int, rows: int) -> tuple[int, int]:
         """Returns the size in pixels, (width, height), of an area of this many cells."""
         return min(columns * self.cell[0], MOST[0]), min(rows * self.cell[1], MOST[1])
 
@@ -32,10 +32,10 @@ class Pixels:
         """Returns the number of columns and rows that a picture of this size in pixels covers."""
         return -(-size[0] // self.cell[0]), -(-size[1] // self.cell[1])
 
-    def forget(self) -> None:
+    def discard_drawn(self) -> None:
         """Resets the record of the drawn picture, since the screen was cleared."""
 
-    def clear(self) -> bytes:
+    def clearing_bytes(self) -> bytes:
         """Returns the bytes that delete what clearing the screen does not."""
         return b""
 
@@ -66,7 +66,7 @@ class Kitty(Pixels):
             out.append(b"\x1b_G%sm=%d;%s\x1b\\" % ((head if number == 0 else "").encode(), more, piece))
         return b"".join([*out, _deleted(old)])
 
-    def clear(self) -> bytes:
+    def clearing_bytes(self) -> bytes:
         """Returns the bytes that delete what clearing the screen does not."""
         return _deleted(self.FIRST) + _deleted(self.FIRST + 1)
 

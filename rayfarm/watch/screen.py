@@ -30,13 +30,13 @@ LINES = 3  # beneath the picture
 KEYS = "q quit · +/- exposure · 0 reset · t curve · c cancel"
 
 
-def drawing_surface(graphics: Graphics, can: Abilities) -> Blocks | Kitty | Sixel:
+def drawing_surface(graphics: Graphics, abilities: Abilities) -> Blocks | Kitty | Sixel:
     """Returns the drawing object for a terminal: by pixels if the terminal supports it, otherwise half blocks."""
-    if graphics == "kitty" or (graphics == "auto" and can.kitty):
-        return Kitty(can.cell)
-    if graphics == "sixel" or (graphics == "auto" and can.sixel):
-        return Sixel(can.cell)
-    return Blocks(can.true_colour)
+    if graphics == "kitty" or (graphics == "auto" and abilities.kitty):
+        return Kitty(abilities.cell)
+    if graphics == "sixel" or (graphics == "auto" and abilities.sixel):
+        return Sixel(abilities.cell)
+    return Blocks(abilities.true_colour)
 
 
 class Screen:
@@ -73,7 +73,7 @@ class Screen:
                         return None
             return self._terminal.ended
         finally:
-            self._terminal.write(self._surface.clear())
+            self._terminal.write(self._surface.clearing_bytes())
 
     def _handle_key(self, key: str) -> bool:
         self._error = None
@@ -104,13 +104,13 @@ class Screen:
         self._exposure = min(max(stops, -EXPOSURE_MOST), EXPOSURE_MOST)
         self._is_dirty = True
 
-    def _change_frame(self, by: int) -> None:
+    def _change_frame(self, step: int) -> None:
         numbers = sorted(self._live.frames)
         if self._live.job.shot is None or not numbers:
             return
         at = min(range(len(numbers)), key=lambda i: abs(numbers[i] - self._live.frame))
         self._live.follows = False
-        self._live.watch_frame(numbers[(at + by) % len(numbers)])
+        self._live.watch_frame(numbers[(at + step) % len(numbers)])
 
     def _cancel(self) -> None:
         try:
@@ -126,16 +126,16 @@ class Screen:
         data = b""
         if self._terminal.resized or (film is not None and film.shape != self._shape):
             self._terminal.resized = False
-            self._surface.forget()
+            self._surface.discard_drawn()
             self._spoke = []
             self._is_dirty, self._not_before = True, 0.0
-            data = self._surface.clear() + b"\x1b[m\x1b[2J"
+            data = self._surface.clearing_bytes() + b"\x1b[m\x1b[2J"
         begun = time.monotonic()
         draws = self._is_dirty and begun >= self._not_before
         if draws:
             self._is_dirty = False
             data += self._picture(self._live.versions()[1], columns, rows - LINES)
-        data += self._words(columns, rows)
+        data += self._text_bytes(columns, rows)
         if data:
             self._terminal.draw(data)
         if draws:
@@ -146,12 +146,12 @@ class Screen:
         if film is None or rows < 1:
             return b""
         self._shape = film.shape
-        size = fitted_size((film.shape[1], film.shape[0]), self._surface.room(columns, rows))
+        size = fitted_size((film.shape[1], film.shape[0]), self._surface.size_in_pixels(columns, rows))
         wide, high = self._surface.cells(size)
         picture = fitted_picture(film, size, self._exposure, self._curve)
         return self._surface.draw(picture, (columns - wide) // 2 + 1, max((rows - high) // 2, 0) + 1)
 
-    def _words(self, columns: int, rows: int) -> bytes:
+    def _text_bytes(self, columns: int, rows: int) -> bytes:
         """Returns the bytes that draw the changed lines of text below the picture."""
         job = self._live.job
         if self._asks:
@@ -162,7 +162,7 @@ class Screen:
             keys = self._error or f"{KEYS}{turn} · {look}"
         lines = [
             fit_columns(self._live.trouble or job.error or progress_text(job, with_bar=columns >= 60), columns),
-            fit_columns(frame_title(job, self._live.shown), columns),
+            fit_columns(frame_title(job, self._live.watched_frame), columns),
             fit_columns(keys, columns),
         ][-rows:]
         if lines == self._spoke:

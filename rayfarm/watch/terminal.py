@@ -79,7 +79,7 @@ class Terminal:
             os.set_blocking(end, False)
 
     @staticmethod
-    def is_there() -> bool:
+    def is_terminal() -> bool:
         """Returns True if both standard input and output are a terminal."""
         return sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 

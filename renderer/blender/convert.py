@@ -87,11 +87,11 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
     return OUTPUT_FILES[0]
 
 
-def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, seconds: float) -> str:
+def _run(blender: Blender, folder: Path, work_folder: Path, job: Path, memory: int, seconds: float) -> str:
     """Runs the conversion; returns a sentence about how the process ended. Raises _SlowError at the time limit."""
     limits = {
         "reads": [*SYSTEM, *blender.reads, str(HERE), str(SCRIPT.parent), *map(str, _ADDONS), str(folder.resolve()), str(job)],
-        "writes": [str(room / "out"), str(room / "home"), "/dev/null"],
+        "writes": [str(work_folder / "out"), str(work_folder / "home"), "/dev/null"],
         "memory": memory,
         "seconds": int(seconds * (os.cpu_count() or 1)) + 1,
     }
@@ -102,7 +102,7 @@ def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, sec
         json.dumps(limits),
         *blender.command(SCRIPT, str(job)),
     ]
-    home = str(room / "home")
+    home = str(work_folder / "home")
     env = {
         "PATH": "/usr/bin:/bin",
         "LANG": "C.UTF-8",
@@ -110,7 +110,7 @@ def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, sec
         "PYTHONDONTWRITEBYTECODE": "1",
         "MALLOC_ARENA_MAX": "2",
     }
-    log = room / "log.txt"
+    log = work_folder / "log.txt"
     with log.open("wb") as said:
         child = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, env=env, cwd=home, start_new_session=True

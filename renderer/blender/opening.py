@@ -13,7 +13,7 @@ from renderer.errors import SceneError
 from renderer.formats import WITHOUT_BLENDER
 from renderer.sentences import Sentence
 
-__all__ = ["calls_of_reader", "open_in_blender"]
+__all__ = ["callable_functions", "open_in_blender"]
 
 MISSING = Sentence(
     "blender-required",
@@ -46,20 +46,20 @@ def open_in_blender(root: Path, name: str, out: Path) -> str:
     return convert(blender, root, name, out, _memory(), SECONDS)
 
 
-def calls_of_reader(scene: Path, room: Path) -> dict[str, Callable[..., Any]]:
+def callable_functions(scene: Path, reader_folder: Path) -> dict[str, Callable[..., Any]]:
     """Returns the functions of this process that a confined reader may call, by name.
 
     The only one, `blender`, converts a file with Blender, which has its own sandbox. scene: the folder of the scene's files.
-    room: the folder that contains all of the reader's files.
+    reader_folder: the folder that contains all of the reader's files.
     """
 
-    def blender(name: str, out: str) -> str:
+    def convert_with_blender(name: str, out: str) -> str:
         path, folder = (scene / name).resolve(), Path(out).resolve()
-        if not path.is_relative_to(scene.resolve()) or not folder.is_relative_to(room.resolve()):
+        if not path.is_relative_to(scene.resolve()) or not folder.is_relative_to(reader_folder.resolve()):
             raise SceneError(Sentence("file-not-in-scene", "{name}: is not among the scene's files; add it", name=name))
         return open_in_blender(scene, name, folder)
 
-    return {"blender": blender}
+    return {"blender": convert_with_blender}
 
 
 def _memory() -> int:

@@ -65,7 +65,7 @@ class _Launcher:
         self._poll.register(control, select.POLLIN)
         self._poll.register(self._woken, select.POLLIN)
 
-    def serve(self) -> None:
+    def answer_requests(self) -> None:
         """Handles requests until all callers have closed their ends of the socket."""
         while os.getppid() == self._parent:
             for descriptor, _ in self._poll.poll(_POLL_MS):
@@ -120,7 +120,7 @@ class _Launcher:
             gc.freeze()
         return ""
 
-    def _fork(self, asked: int, said: int, status: int) -> str | None:
+    def _fork(self, request_fd: int, reply_fd: int, status: int) -> str | None:
         system = _system()
         parent = os.getpid()
         try:
@@ -130,7 +130,7 @@ class _Launcher:
         if pid == 0:
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            keep = {asked, said}
+            keep = {request_fd, reply_fd}
             for descriptor in [int(path.name) for path in Path("/dev/fd").iterdir()]:
                 if descriptor > 2 and descriptor not in keep:
                     with contextlib.suppress(OSError):
@@ -139,9 +139,9 @@ class _Launcher:
             for standard in (0, 1, 2):
                 os.dup2(nothing, standard)
             os.close(nothing)
-            reader.run_reader(asked, said, parent, system)
-        self._running[asked] = _Running(pid, asked, status)
-        self._poll.register(asked, 0)  # reports only that the other end is closed
+            reader.run_reader(request_fd, reply_fd, parent, system)
+        self._running[request_fd] = _Running(pid, request_fd, status)
+        self._poll.register(request_fd, 0)  # reports only that the other end is closed
         return None
 
     def _reap_children(self) -> None:
@@ -196,5 +196,5 @@ def main() -> None:
             launcher.preload(name)
         except Exception:
             traceback.print_exc()
-    launcher.serve()
+    launcher.answer_requests()
     os._exit(0)

@@ -34,7 +34,7 @@ from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.library_messages import library_message
 from renderer.sentences import Sentence, decoded, encoded
 
-__all__ = ["Job", "Link", "Send", "call", "error_message", "is_of_machine", "is_reader", "run_reader"]
+__all__ = ["Job", "Link", "Send", "call_parent", "error_message", "is_of_machine", "is_reader", "run_reader"]
 
 Send = Callable[[dict[str, Any]], None]
 
@@ -73,8 +73,8 @@ class Job:
 class Link:
     """The reader's connection to its caller: one pipe in each direction."""
 
-    def __init__(self, asked: int, said: int) -> None:
-        self._asked, self._said = asked, said
+    def __init__(self, request_fd: int, reply_fd: int) -> None:
+        self._asked, self._said = request_fd, reply_fd
         self._buffer = b""
 
     def send(self, message: dict[str, Any]) -> None:
@@ -85,12 +85,12 @@ class Link:
 
     def job(self) -> Job:
         """Receives the job, which the caller sends first."""
-        size = int.from_bytes(self._exactly(8), "little")
-        job = pickle.loads(self._exactly(size))
+        size = int.from_bytes(self._read_exactly(8), "little")
+        job = pickle.loads(self._read_exactly(size))
         assert isinstance(job, Job)
         return job
 
-    def call(self, name: str, /, **arguments: Any) -> Any:
+    def call_parent(self, name: str, /, **arguments: Any) -> Any:
         """Calls the function `name` in the caller, for work that a reader may not do; returns its result.
 
         Raises SceneError with the caller's sentence if the function fails.
@@ -124,7 +124,7 @@ class Link:
         line, self._buffer = self._buffer.split(b"\n", 1)
         return line
 
-    def _exactly(self, size: int) -> bytes:
+    def _read_exactly(self, size: int) -> bytes:
         parts = bytearray()
         while len(parts) < size:
             data = os.read(self._asked, min(size - len(parts), 1 << 20))
@@ -137,9 +137,9 @@ class Link:
 _link: Link | None = None
 
 
-def call(name: str, /, **arguments: Any) -> Any:
+def call_parent(name: str, /, **arguments: Any) -> Any:
     """Calls a function in the caller of this reader, as `Link.call`; returns None if this process is not a reader."""
-    return None if _link is None else _link.call(name, **arguments)
+    return None if _link is None else _link.call_parent(name, **arguments)
 
 
 def is_reader() -> bool:
@@ -147,11 +147,11 @@ def is_reader() -> bool:
     return _link is not None
 
 
-def run_reader(asked: int, said: int, parent: int, system: Iterable[str]) -> NoReturn:
+def run_reader(request_fd: int, reply_fd: int, parent: int, system: Iterable[str]) -> NoReturn:
     """Runs the job in a forked child, and exits. system: paths of the interpreter, its libraries and the kernels."""
     global _link
     code = 1
-    _link = link = Link(asked, said)
+    _link = link = Link(request_fd, reply_fd)
     try:
         rules.die_with_parent(parent)
         os.setsid()

@@ -98,11 +98,12 @@ def _out_of_memory(bounds: Bounds) -> MachineError:
     )
 
 
-def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: int = 0) -> RayfarmError:
+def error_of_exit(status: int, bounds: Bounds, memory: int | None = None, needed: int = 0) -> RayfarmError:
     """Returns the exception for a reader that ended without a result. status: from `os.wait`.
 
-    room: bytes that it could allocate. needed: bytes that an importer may need. If `room` is less than that, a crash is taken for
-    a failed allocation, which importers seldom check: the result is a MachineError, so that a machine with more memory can try.
+    memory: bytes that it could allocate. needed: bytes that an importer may need. If `memory` is less than that, a crash is
+    taken for a failed allocation, which importers seldom check: the result is a MachineError, so that a machine with more
+    memory can try.
     """
     subject = bounds.subject
     if not os.WIFSIGNALED(status):
@@ -134,7 +135,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
             )
         )
     name = signal.Signals(number).name if number in set(signal.Signals) else ""
-    if number in _OF_ALLOCATION and room is not None and room < needed:
+    if number in _OF_ALLOCATION and memory is not None and memory < needed:
         limit = callers_limit_phrase("-v")
         return MachineError(
             Sentence(
@@ -144,7 +145,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
                 subject=subject,
                 number=number,
                 name=name,
-                granted=size_text(room),
+                granted=size_text(memory),
                 needed=size_text(needed),
                 advice=Sentence("advice-raise-limit", "Raise {limit}.", limit=limit) if limit else bounds.smaller,
             )

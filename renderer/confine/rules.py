@@ -165,32 +165,32 @@ def filter_calls() -> bool:
 def _program(machine: str) -> Iterable[bytes]:
     """Yields the seccomp filter as classic BPF, eight bytes per instruction."""
 
-    def do(code: int, value: int, if_true: int = 0, if_false: int = 0) -> bytes:
+    def instruction(code: int, value: int, if_true: int = 0, if_false: int = 0) -> bytes:
         return struct.pack("<HBBI", code, if_true, if_false, value)
 
-    refuse = do(_RETURN, _ERRNO | errno.EPERM)
-    yield do(_LOAD, _ARCHITECTURE)
-    yield do(_EQUAL, _ARCHITECTURES[machine], 1, 0)
+    refuse = instruction(_RETURN, _ERRNO | errno.EPERM)
+    yield instruction(_LOAD, _ARCHITECTURE)
+    yield instruction(_EQUAL, _ARCHITECTURES[machine], 1, 0)
     yield refuse
-    yield do(_LOAD, _NUMBER)
+    yield instruction(_LOAD, _NUMBER)
     if machine == "x86_64":
-        yield do(_AT_LEAST, _X32, 0, 1)
+        yield instruction(_AT_LEAST, _X32, 0, 1)
         yield refuse
     for number in DENIED[machine]:
-        yield do(_EQUAL, number, 0, 1)
+        yield instruction(_EQUAL, number, 0, 1)
         yield refuse
-    yield do(_EQUAL, CLONE_3, 0, 1)
-    yield do(_RETURN, _ERRNO | errno.ENOSYS)
-    yield do(_EQUAL, THREADS[machine], 0, 4)
-    yield do(_LOAD, _FIRST_ARGUMENT)
-    yield do(_HAS_BITS, _CLONE_THREAD, 0, 1)
-    yield do(_RETURN, _ALLOW)
+    yield instruction(_EQUAL, CLONE_3, 0, 1)
+    yield instruction(_RETURN, _ERRNO | errno.ENOSYS)
+    yield instruction(_EQUAL, THREADS[machine], 0, 4)
+    yield instruction(_LOAD, _FIRST_ARGUMENT)
+    yield instruction(_HAS_BITS, _CLONE_THREAD, 0, 1)
+    yield instruction(_RETURN, _ALLOW)
     yield refuse
     for number, itself in TO_ITSELF[machine].items():
-        yield do(_EQUAL, number, 0, 5)
-        yield do(_LOAD, _FIRST_ARGUMENT)
-        yield do(_EQUAL, os.getpid(), 1, 0)
-        yield do(_EQUAL, os.getpid() if itself is None else itself, 0, 1)
-        yield do(_RETURN, _ALLOW)
+        yield instruction(_EQUAL, number, 0, 5)
+        yield instruction(_LOAD, _FIRST_ARGUMENT)
+        yield instruction(_EQUAL, os.getpid(), 1, 0)
+        yield instruction(_EQUAL, os.getpid() if itself is None else itself, 0, 1)
+        yield instruction(_RETURN, _ALLOW)
         yield refuse
-    yield do(_RETURN, _ALLOW)
+    yield instruction(_RETURN, _ALLOW)

@@ -100,7 +100,7 @@ class _Launcher:
         if self._words is not None:
             self._words.close()
 
-    def why(self) -> str:
+    def error_output(self) -> str:
         """Returns the last line that the launcher wrote to its standard error."""
         if self._words is None:
             return ""
@@ -380,7 +380,7 @@ def _no_launcher(launcher: _Launcher, why: str) -> MachineError:
             Sentence(
                 "reader-not-startable",
                 "this machine cannot run the process that reads scenes ({error}).",
-                error=launcher.why() or why,
+                error=launcher.error_output() or why,
             )
         )
     )

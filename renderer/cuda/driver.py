@@ -97,9 +97,9 @@ class Driver:
         major, minor, processors = (self._attribute(which, handle) for which in (_MAJOR, _MINOR, _PROCESSORS))
         return Card(number, name.value.decode(errors="replace"), (major, minor), memory.value, processors)
 
-    def _attribute(self, which: int, handle: ctypes.c_int) -> int:
+    def _attribute(self, attribute: int, handle: ctypes.c_int) -> int:
         value = ctypes.c_int()
-        self.call("cuDeviceGetAttribute", ctypes.byref(value), ctypes.c_int(which), handle)
+        self.call("cuDeviceGetAttribute", ctypes.byref(value), ctypes.c_int(attribute), handle)
         return value.value
 
 
@@ -122,7 +122,7 @@ class Device:
         driver.call("cuDevicePrimaryCtxRetain", ctypes.byref(context), self._handle)
         self._context = context
 
-    def _call(self, function: str, *arguments: Any) -> None:
+    def _call_in_context(self, function: str, *arguments: Any) -> None:
         """Calls a function of the driver in the calling thread with this card's context. Raises DriverError if it fails."""
         self._driver.call("cuCtxSetCurrent", self._context)
         self._driver.call(function, *arguments)
@@ -130,23 +130,23 @@ class Device:
     def upload(self, array: npt.NDArray[Any]) -> int:
         """Copies a C-contiguous array to newly allocated memory of the card; returns its address."""
         address = _Pointer()
-        self._call("cuMemAlloc_v2", ctypes.byref(address), ctypes.c_size_t(max(array.nbytes, 1)))
+        self._call_in_context("cuMemAlloc_v2", ctypes.byref(address), ctypes.c_size_t(max(array.nbytes, 1)))
         self._allocated.add(address.value)
         if array.nbytes:
             source = ctypes.c_void_p(array.ctypes.data)
-            self._call("cuMemcpyHtoD_v2", address, source, ctypes.c_size_t(array.nbytes))
+            self._call_in_context("cuMemcpyHtoD_v2", address, source, ctypes.c_size_t(array.nbytes))
         return address.value
 
     def download(self, address: int, array: npt.NDArray[Any]) -> None:
         """Copies the card's memory at `address` into a C-contiguous array, after the kernels launched before have ended."""
         if array.nbytes:
             target = ctypes.c_void_p(array.ctypes.data)
-            self._call("cuMemcpyDtoH_v2", target, _Pointer(address), ctypes.c_size_t(array.nbytes))
+            self._call_in_context("cuMemcpyDtoH_v2", target, _Pointer(address), ctypes.c_size_t(array.nbytes))
 
     def free(self, address: int) -> None:
         """Frees memory allocated by `upload`."""
         self._allocated.discard(address)
-        self._call("cuMemFree_v2", _Pointer(address))
+        self._call_in_context("cuMemFree_v2", _Pointer(address))
 
     def load(self, ptx: str, name: str) -> Kernel:
         """Translates PTX for this card, or loads the translation from the driver's disk cache; returns the kernel."""
@@ -156,11 +156,11 @@ class Device:
         module, function = ctypes.c_void_p(), ctypes.c_void_p()
         text = ctypes.c_char_p(ptx.encode())
         try:
-            self._call("cuModuleLoadDataEx", ctypes.byref(module), text, ctypes.c_uint(2), options, values)
+            self._call_in_context("cuModuleLoadDataEx", ctypes.byref(module), text, ctypes.c_uint(2), options, values)
         except DriverError as error:
             details = log.value.decode(errors="replace").strip()
             raise DriverError(f"{error}: {details}" if details else str(error), error.code) from error
-        self._call("cuModuleGetFunction", ctypes.byref(function), module, ctypes.c_char_p(name.encode()))
+        self._call_in_context("cuModuleGetFunction", ctypes.byref(function), module, ctypes.c_char_p(name.encode()))
         kernel = Kernel(module, function)
         self._kernels.append(kernel)
         return kernel
@@ -170,16 +170,16 @@ class Device:
         buffers = [ctypes.create_string_buffer(argument, len(argument)) for argument in arguments]
         places = (ctypes.c_void_p * len(buffers))(*(ctypes.addressof(each) for each in buffers))
         sizes = (ctypes.c_uint(each) for each in (blocks, 1, 1, threads, 1, 1, 0))
-        self._call("cuLaunchKernel", kernel.function, *sizes, None, places, None)
+        self._call_in_context("cuLaunchKernel", kernel.function, *sizes, None, places, None)
 
     def synchronize(self) -> None:
         """Waits until all launched kernels have ended. Raises DriverError if one failed."""
-        self._call("cuCtxSynchronize")
+        self._call_in_context("cuCtxSynchronize")
 
     def close(self) -> None:
         """Frees all memory and kernels of the card."""
         for address in list(self._allocated):
             self.free(address)
         while self._kernels:
-            self._call("cuModuleUnload", self._kernels.pop().module)
+            self._call_in_context("cuModuleUnload", self._kernels.pop().module)
         self._driver.call("cuDevicePrimaryCtxRelease_v2", self._handle)

@@ -55,7 +55,7 @@ class CardRenderer:
         # The arrays in the card's memory by their place in the CPU's. They are kept, so that no other array takes their place.
         self._arrays: dict[tuple[int, int], tuple[npt.NDArray[Any], int]] = {}
 
-    def has(self, variant: str) -> bool:
+    def has_kernel(self, variant: str) -> bool:
         """Returns True if the kernel of a variant is loaded."""
         return variant in self._kernels
 
@@ -95,7 +95,7 @@ class CardRenderer:
         self._free_others(job)
         results: dict[int, int] = {}
 
-        def place(array: npt.NDArray[Any]) -> int:
+        def device_address(array: npt.NDArray[Any]) -> int:
             if array is job.film or array is job.counters:
                 if id(array) not in results:
                     results[id(array)] = self._device.upload(array)
@@ -112,7 +112,7 @@ class CardRenderer:
                 count = min(step, batch.first + batch.count - first)
                 pieces = min(count, max(1, _LEAST_THREADS // max(pixels, 1)))
                 part = job._replace(batch=batch._replace(first=first, count=count), pieces=np.int64(pieces))
-                data = packed(part, place)
+                data = packed(part, device_address)
                 if len(data) != size:
                     raise AssertionError(f"a job has {len(data)} bytes, and its kernel takes {size}")
                 threads = pixels * pieces
@@ -129,11 +129,11 @@ class CardRenderer:
         """Frees the arrays in the card's memory that the job does not use."""
         used = set()
 
-        def note(array: npt.NDArray[Any]) -> int:
+        def record_use(array: npt.NDArray[Any]) -> int:
             used.add((array.ctypes.data, array.nbytes))
             return 0
 
-        packed(job, note)
+        packed(job, record_use)
         for key in self._arrays.keys() - used:
             self._device.free(self._arrays.pop(key)[1])
 

@@ -74,10 +74,10 @@ def encode(
     )
 
 
-def encode_shown(shown: npt.NDArray[np.uint8], format: str) -> bytes:
+def encode_shown(pixels: npt.NDArray[np.uint8], format: str) -> bytes:
     """Returns a png or jpg file of display values, (h, w, 3) uint8 sRGB, as bytes."""
     out = io.BytesIO()
-    picture = Image.fromarray(np.ascontiguousarray(shown))
+    picture = Image.fromarray(np.ascontiguousarray(pixels))
     if format == "png":
         picture.save(out, "PNG", compress_level=4)
     else:

@@ -88,7 +88,7 @@ def through_openimageio(data: bytes, name: str, suffix: str, limits: Limits, str
 
 
 def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, straight: bool, path: Path) -> Decoded:
-    colour, spec = _chosen(source, name, suffix)
+    colour, spec = _select_part(source, name, suffix)
     notes: list[str] = []
     if colour.others:
         others = [f'"{other[:60]}"' for other in sorted(set(colour.others))[:8]]
@@ -157,7 +157,7 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
     return Decoded(straightened(rgba) if straight and is_associated else np.ascontiguousarray(rgba), notes)
 
 
-def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
+def _select_part(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
     """Chooses the channels to read and the part of the file that contains them; selects that part in `source`.
 
     Returns the channels and the part's ImageSpec.
@@ -255,11 +255,11 @@ def _smaller(source: Any, spec: Any, channels: tuple[int, int], kind: Any, facto
             band = source.read_scanlines(y, y + rows, spec.z, *channels, kind)
         if band is None:
             return None
-        bands.append(_means(np.asarray(band).reshape(rows, spec.width, -1), factor))
+        bands.append(_block_means(np.asarray(band).reshape(rows, spec.width, -1), factor))
     return np.concatenate(bands)
 
 
-def _means(pixels: npt.NDArray[Any], factor: int) -> npt.NDArray[Any]:
+def _block_means(pixels: npt.NDArray[Any], factor: int) -> npt.NDArray[Any]:
     """Returns the means of squares of `factor` x `factor` pixels, smaller at the right and lower edges."""
     rows, columns = (np.arange(0, length, factor) for length in pixels.shape[:2])
     total = np.add.reduceat(pixels.astype(np.float32), rows, axis=0)

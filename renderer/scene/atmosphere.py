@@ -149,7 +149,9 @@ def scattered(
     towards_sun = up * np.sin(sun) + np.cos(elevation) * np.cos(sun) * np.cos(azimuth)
     again = _scattered_again(air, ground)
     molecules, dust, more = (np.zeros((*up.shape, 18)) for _ in range(3))
-    for at in _along(np.full_like(up, start), up, np.sin(sun), towards_sun, _distance_to_top(np.full_like(up, start), up), steps):
+    for at in _integration_steps(
+        np.full_like(up, start), up, np.sin(sun), towards_sun, _distance_to_top(np.full_like(up, start), up), steps
+    ):
         seen = np.exp(-_thickness(air, at.passed)) * at.step[..., None]
         sunlight = seen * _sunlight(air, at.radius, at.cosine)
         molecules += sunlight * at.density[..., 0, None]
@@ -172,7 +174,7 @@ class _Step(NamedTuple):
     step: np.ndarray  # its length
 
 
-def _along(
+def _integration_steps(
     start: np.ndarray, up: np.ndarray, sun_up: np.ndarray, towards_sun: np.ndarray, length: np.ndarray, steps: int
 ) -> Iterator[_Step]:
     """Yields the integration steps of a ray; their length grows along it.
@@ -221,7 +223,7 @@ def _scattered_again(air: Air, ground: float, steps: int = 12) -> np.ndarray:
     lands = (up < 0) & (below > 0)
     length = np.where(lands, -radius * up - np.sqrt(np.maximum(below, 0)), _distance_to_top(radius, up))
     second, again = np.zeros((*up.shape, 18)), np.zeros((*up.shape, 18))
-    for at in _along(radius, up, np.sin(sun), towards_sun, length, steps):
+    for at in _integration_steps(radius, up, np.sin(sun), towards_sun, length, steps):
         scattering = np.exp(-_thickness(air, at.passed)) * _scattering(air, at.density) * at.step[..., None]
         second += scattering * _sunlight(air, at.radius, at.cosine) / (4 * np.pi)
         again += scattering

@@ -82,14 +82,14 @@ def _number_rows(columns: Sequence[npt.NDArray[np.generic]]) -> I64:
     return number.reshape(-1)
 
 
-def _has_opposite_face(place: I64, normal: npt.NDArray[np.float64], look: I64) -> npt.NDArray[np.bool_]:
+def _has_opposite_face(place: I64, normal: npt.NDArray[np.float64], appearance: I64) -> npt.NDArray[np.bool_]:
     """Returns a mask (N,) of triangles that coincide with one of opposite orientation and a different look."""
     count = int(place.max()) + 1
     first = np.full(count, len(place))
     np.minimum.at(first, place, np.arange(len(place)))
     side = np.einsum("ij,ij->i", normal, normal[first[place]]) > 0
     with_first = np.zeros(count, np.int64)
-    with_first[place[side]] = look[side]
+    with_first[place[side]] = appearance[side]
     meets = np.zeros(count, bool)
-    meets[place[~side][look[~side] != with_first[place[~side]]]] = True
+    meets[place[~side][appearance[~side] != with_first[place[~side]]]] = True
     return meets[place]

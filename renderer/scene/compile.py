@@ -51,35 +51,36 @@ def compile_scene(
     progress: Progress | None = None,
     brute: bool = False,
     threads: int | None = None,
-    kept: ShotCache | None = None,
+    shot_cache: ShotCache | None = None,
 ) -> CompiledScene:
     """Returns the compiled scene; every array is C-contiguous and read-only.
 
     progress: called with the name of each step and the fraction done, 0..1. brute: without a working BVH, see `build`. threads:
-    number of threads; None: one per core. kept: cache of compiled parts of another frame of the same shot, whose compiled scene
-    must no longer be in use. Neither threads nor kept changes the result. Raises SceneError if the scene is empty or too large.
+    number of threads; None: one per core. shot_cache: cache of compiled parts of another frame of the same shot, whose
+    compiled scene must no longer be in use. Neither threads nor shot_cache changes the result. Raises SceneError if the scene is
+    empty or too large.
     """
     with Team(threads) as team:
-        own = ShotCache() if kept is None or brute else kept
-        own.begin()
+        own = ShotCache() if shot_cache is None or brute else shot_cache
+        own.begin_frame()
         scene = _compiled(description, progress or (lambda step, fraction: None), brute, team, own)
-        if kept is not None:
-            kept.cuts = own.cuts
+        if shot_cache is not None:
+            shot_cache.cuts = own.cuts
         return scene
 
 
-def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, kept: ShotCache) -> CompiledScene:
+def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, shot_cache: ShotCache) -> CompiledScene:
     say(Sentence("progress-placing-meshes", "placing meshes"), 0.0)
-    origin = origin_of(description, kept)
-    whole, description = description, relative_to_origin(description, origin, kept)
-    stood = place_geometry(description, team, kept)
+    origin = origin_of(description, shot_cache)
+    whole, description = description, relative_to_origin(description, origin, shot_cache)
+    stood = place_geometry(description, team, shot_cache)
     sphere, joined, placement = stood.sphere, stood.joined, stood.placement
     geometry = joined.geometry
     say(Sentence("progress-packing-textures", "packing textures"), 0.25)
     packed = stood.packed
     say(Sentence("progress-listing-lights", "listing lights"), 0.4)
     maps = maps_of(description.lights)
-    emission = kept.recall("emission", lambda: maps, lambda: tabulate_emission(maps))
+    emission = shot_cache.get_or_make("emission", lambda: maps, lambda: tabulate_emission(maps))
     punctual = tabulate_punctual(description.lights, stood.bounds, maps, emission)
     double_sided = np.array([m.double_sided for m in description.materials], bool)
     all_emitters = emitting_triangles(packed, geometry)
@@ -98,7 +99,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, stood.bounds):
         light_studio(whole)
         whole.warnings.append(WEAK_LIGHTS_WARNING)
-    environment, search = kept.recall(
+    environment, search = shot_cache.get_or_make(
         "environment",
         lambda: (whole.environment, _image_of(whole)),
         lambda: _environment(whole),
@@ -109,7 +110,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     keys = motion_keys.instance_keys(description, placement)
     still_spheres = stood.still_spheres
     laid = build_scene_bvh(
-        stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, kept, keys, sphere_keys
+        stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, shot_cache, keys, sphere_keys
     )
     if (packed.material_flags & (UNSEEN | LAMP | SHADELESS)).any():
         laid = exclude_primitives(laid, _mask_by_flag(stood, UNSEEN), _mask_by_flag(stood, LAMP | SHADELESS))
@@ -126,7 +127,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         color=geometry.color,
         tangent=geometry.tangent,
         triangle=joined.triangle,
-        part=_parts(geometry, emitters.triangle),
+        part=_part_rows(geometry, emitters.triangle),
         triangle_light=lights.triangle_light,
         sphere=sphere,
         sphere_material=stood.sphere_material,
@@ -172,9 +173,9 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         key_texture=packed.key_texture,
         origin=origin,
     )
-    kept.lights_power = lights.power
-    kept.cuts = _part_offsets(stood, laid, (environment, search), emission)
-    scene = seal(arrays, _rows_to_check(stood, laid, arrays, kept))
+    shot_cache.lights_power = lights.power
+    shot_cache.cuts = _part_offsets(stood, laid, (environment, search), emission)
+    scene = seal(arrays, _rows_to_check(stood, laid, arrays, shot_cache))
     say("done", 1.0)
     return scene
 
@@ -206,12 +207,14 @@ def _part_offsets(stood: PlacedGeometry, laid: AssembledBvh, environment: tuple[
     return PartOffsets(joined.first_vertex, joined.first_triangle, laid.node, laid.packet, heads)
 
 
-def _rows_to_check(stood: PlacedGeometry, laid: AssembledBvh, scene: CompiledScene, kept: ShotCache) -> dict[str, np.ndarray]:
+def _rows_to_check(
+    stood: PlacedGeometry, laid: AssembledBvh, scene: CompiledScene, shot_cache: ShotCache
+) -> dict[str, np.ndarray]:
     """Returns array name -> rows that still have to be checked, since the others were checked for an earlier frame.
 
     Arrays that are not listed have to be checked in full.
     """
-    if not kept.is_unchanged(
+    if not shot_cache.is_unchanged(
         "checked", (*stood.sections[:2], *laid.node[1:4], *laid.packet[1:4], *stood.joined.first_triangle[:3])
     ):
         return {}
@@ -343,7 +346,7 @@ def _count_emitters_without_area(description: SceneDescription, emitted: np.ndar
     return count
 
 
-def _parts(geometry: Geometry, emitting: np.ndarray) -> I32:
+def _part_rows(geometry: Geometry, emitting: np.ndarray) -> I32:
     part = np.zeros((len(geometry.material), PART_COLUMNS), np.int32)
     part[:, PART_MATERIAL] = geometry.material
     part[:, PART_OBJECT] = geometry.object

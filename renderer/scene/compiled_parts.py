@@ -92,7 +92,7 @@ class Saver:
             if heads is not None and known is not None and _are(known[0], heads):
                 part = known[1]
             else:
-                part = _written(slices, folder)
+                part = _write_part(slices, folder)
             if heads is not None:
                 self._known[name] = heads, part
             at = 0
@@ -133,7 +133,7 @@ def save_changed(data: bytes, scene: CompiledScene, names: Collection[str], fold
             slices[name] = rows
             pieces[name][i] = (number, end, rows.nbytes)
             end += _paged(rows.nbytes)
-        parts[number] = _written(slices, folder)
+        parts[number] = _write_part(slices, folder)
     return _manifest(arrays, parts, pieces, folder)
 
 
@@ -149,7 +149,7 @@ def _manifest(arrays: dict[str, Array], parts: list[Part], pieces: dict[str, lis
     return path
 
 
-def _written(slices: dict[str, Array], folder: Path) -> Part:
+def _write_part(slices: dict[str, Array], folder: Path) -> Part:
     digest, size = hashlib.sha256(), 0
     temporary = folder / ".part"
     with temporary.open("wb") as file:
@@ -167,8 +167,10 @@ def _paged(size: int) -> int:
     return -(-size // PAGE) * PAGE
 
 
-def _are(known: tuple[object, ...], heads: tuple[object, ...]) -> bool:
-    return len(known) == len(heads) and all(a is b or (isinstance(a, int) and a == b) for a, b in zip(known, heads, strict=True))
+def _are(cached: tuple[object, ...], heads: tuple[object, ...]) -> bool:
+    return len(cached) == len(heads) and all(
+        a is b or (isinstance(a, int) and a == b) for a, b in zip(cached, heads, strict=True)
+    )
 
 
 def _slices(arrays: dict[str, Array], cuts: PartOffsets) -> dict[str, dict[str, Array]]:

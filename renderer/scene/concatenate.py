@@ -34,10 +34,10 @@ class Joined(NamedTuple):
     first_triangle: tuple[int, ...]
 
 
-def join(sections: Sequence[Section], has_uvs: bool, kept: ShotCache) -> Joined:
+def join(sections: Sequence[Section], has_uvs: bool, shot_cache: ShotCache) -> Joined:
     """Concatenates the sections. has_uvs: whether any material has a texture; otherwise UVs are omitted.
 
-    kept: cache, in which all sections but the last are reused from frame to frame.
+    shot_cache: cache, in which all sections but the last are reused from frame to frame.
     """
     parts = [section.geometry for section in sections]
     vertex, triangle = (_starts([len(getattr(p, name)) for p in parts]) for name in ("position", "triangle"))
@@ -51,11 +51,11 @@ def join(sections: Sequence[Section], has_uvs: bool, kept: ShotCache) -> Joined:
             arrays[name] = getattr(parts[0], name)
             continue
         count = vertex[-1] if wanted else 0
-        array, is_there = kept.room(name, count, (width,), np.float32, heads if wanted else ())
+        array, is_there = shot_cache.array_for(name, count, (width,), np.float32, heads if wanted else ())
         for at, part in list(zip(vertex, parts, strict=False))[len(heads) if is_there else 0 :] if wanted else ():
             array[at : at + len(part.position)] = _attribute_or_default(part, name)
         arrays[name] = array
-    corners, is_there = kept.room("triangle", triangle[-1], (4,), np.int32, heads)
+    corners, is_there = shot_cache.array_for("triangle", triangle[-1], (4,), np.int32, heads)
     for i in range(len(heads) if is_there else 0, len(parts)):
         at, end = triangle[i], triangle[i] + len(parts[i].triangle)
         np.add(parts[i].triangle, np.int32(vertex[i]), out=corners[at:end, :3])

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from renderer.scene.animation import DEFAULT_FPS, Clip
 from renderer.scene.material import AlphaMode, Material
-from renderer.scene.parameters import MaterialKind, choice, flag, number, parameters_of
+from renderer.scene.parameters import MaterialKind, choice_parameter, flag_parameter, number, parameters_of
 from renderer.sentences import Sentence
 from renderer.settings import Vec3, View
 
@@ -195,12 +195,12 @@ class Light:
     """Half angle within which a spot is full, degrees."""
     outer_cone: float = number(45.0, high=180.0, above=True, kinds=_CONES)
     """Half angle beyond which it is dark."""
-    falloff: Falloff = choice("squared", get_args(Falloff), _CONES)  # formulas: renderer/kernel/light/punctual.py
+    falloff: Falloff = choice_parameter("squared", get_args(Falloff), _CONES)  # formulas: renderer/kernel/light/punctual.py
     """How a spot falls off between its cones: as glTF has it, unless told; smooth as Cycles and pbrt; linear as Mitsuba; smooth
     angle as USD."""
-    facing: bool = flag(kinds=_PLACED)
+    facing: bool = flag_parameter(kinds=_PLACED)
     """Whether the radius is that of a disk which faces what it lights, as of Blender's lamps, not of a sphere."""
-    seen: Seen = choice("never", get_args(Seen), _DISTANT)
+    seen: Seen = choice_parameter("never", get_args(Seen), _DISTANT)
     """Whether rays meet the disk of a directional light that has an angle: none, all but the camera's, or all."""
     emission: EmissionMap | None = None
     up: Vec3 = (0.0, 1.0, 0.0)

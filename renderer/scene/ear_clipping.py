@@ -29,7 +29,7 @@ class EarClipper:
         self._left = float(_MOST_WORK)
         self.are_blunt = False
 
-    def cut(self, place: F64) -> npt.NDArray[np.int64]:
+    def triangulate(self, place: F64) -> npt.NDArray[np.int64]:
         """Returns the (n - 2, 3) triangles of one polygon. place: (n, 3) corners."""
         flat = flattened(place)
         count = len(flat)
@@ -37,11 +37,11 @@ class EarClipper:
         after, before = np.roll(np.arange(count), -1).tolist(), np.roll(np.arange(count), 1).tolist()
         points = flat.tolist()
 
-        def turn(k: int) -> float:
+        def signed_area(k: int) -> float:
             area: float = _area(points[before[k]], points[k], points[after[k]])
             return 0.0 if abs(area) <= noise else area
 
-        turns = [turn(k) for k in range(count)]
+        turns = [signed_area(k) for k in range(count)]
         reflex = np.array([t <= 0 for t in turns])
         found: list[tuple[int, int, int]] = []
         i = missed = 0
@@ -58,7 +58,7 @@ class EarClipper:
                 count -= 1
                 missed, strictness = 0, _CLEAN
                 for k in (a, c):
-                    turns[k] = turn(k)
+                    turns[k] = signed_area(k)
                     reflex[k] = turns[k] <= 0
             else:
                 missed += 1
@@ -79,7 +79,7 @@ def flattened(place: F64) -> F64:
     return flat * (-1.0, 1.0) if (normal[axis] < 0) != (axis == 1) else flat  # dropping y reverses the orientation
 
 
-def _is_ear(flat: F64, bends: npt.NDArray[np.int64], corners: tuple[int, int, int], turn: float, strictness: int) -> bool:
+def _is_ear(flat: F64, bends: npt.NDArray[np.int64], corners: tuple[int, int, int], signed_area: float, strictness: int) -> bool:
     """Returns True if a corner may be clipped as an ear.
 
     Strictness: by default no other corner may be inside the ear or on its edges; `_TOUCHING` allows corners on edges and ears
@@ -87,8 +87,8 @@ def _is_ear(flat: F64, bends: npt.NDArray[np.int64], corners: tuple[int, int, in
     """
     if strictness == _ANY:
         return True
-    if turn <= 0:
-        return strictness == _TOUCHING and turn == 0
+    if signed_area <= 0:
+        return strictness == _TOUCHING and signed_area == 0
     i, j, k = corners
     a, b, c = flat[i], flat[j], flat[k]
     others = flat[bends[(bends != i) & (bends != j) & (bends != k)]]

@@ -65,7 +65,7 @@ def tabulate_emission(maps: Sequence[EmissionMap]) -> EmissionTables:
         np.array([_window(each) for each in maps], np.float32),
         np.ascontiguousarray(np.concatenate([each.values.reshape(-1, 3) for each in maps]), np.float32),
         np.array([flux_of(each) for each in maps]),
-        np.array([_reach(each) for each in maps]),
+        np.array([_max_angle(each) for each in maps]),
     )
 
 
@@ -127,7 +127,7 @@ def _row_weights(emission: EmissionMap) -> F64:
     return np.asarray(before + after)
 
 
-def _reach(emission: EmissionMap) -> float:
+def _max_angle(emission: EmissionMap) -> float:
     left, right, top, bottom = emission.edges
     if emission.kind != "sphere":
         return math.atan(math.hypot(max(abs(left), abs(right)), max(abs(top), abs(bottom))))

@@ -70,7 +70,7 @@ class SceneFiles:
         self._found.clear()
         self._listed.clear()
 
-    def recall(self, key: Hashable, make: Callable[[], Made]) -> Made:
+    def get_or_make(self, key: Hashable, make: Callable[[], Made]) -> Made:
         """Returns the value cached under `key`, else the result of `make()`: data that is the same in all frames is read once.
 
         Callers must not modify the value. None is not cached.
@@ -84,12 +84,12 @@ class SceneFiles:
         found: Made = self._made[key]
         return found
 
-    def keep(self, key: Hashable, made: Any) -> None:
-        """Caches a value, to be retrieved by `known`."""
+    def store(self, key: Hashable, value: Any) -> None:
+        """Caches a value, to be retrieved by `stored`."""
         self._used.add(key)
-        self._made[key] = made
+        self._made[key] = value
 
-    def known(self, key: Hashable) -> Any:
+    def stored(self, key: Hashable) -> Any:
         """Returns the value cached under `key`, None if there is none.
 
         A hit preserves all other cached values for the next frame.

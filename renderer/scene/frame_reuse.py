@@ -52,12 +52,12 @@ class ShotCache:
         self.cuts: PartOffsets | None = None  # of the last compiled frame
         self.lights_power = 0.0  # its lights' total power, without the environment
 
-    def begin(self) -> None:
+    def begin_frame(self) -> None:
         """Begins compiling a frame: drops entries that the last frame did not use."""
         self._entries = {slot: entry for slot, entry in self._entries.items() if slot in self._used}
         self._used = set()
 
-    def recall(self, slot: Hashable, key: Callable[[], Any], make: Callable[[], Made], token: object | None = None) -> Made:
+    def get_or_make(self, slot: Hashable, key: Callable[[], Any], make: Callable[[], Made], token: object | None = None) -> Made:
         """Returns the value cached in `slot` if its key is equal, else the result of `make()`.
 
         token: if it is the same object as in the last call, the keys are taken as equal without comparing them. Callers must not
@@ -82,7 +82,9 @@ class ShotCache:
         known, self._heads[what] = self._heads.get(what), heads
         return known is not None and _are(known, heads)
 
-    def room(self, name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]) -> tuple[Array, bool]:
+    def array_for(
+        self, name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]
+    ) -> tuple[Array, bool]:
         """Returns an array of `length` rows, and whether it already holds the data made from `heads`.
 
         heads: cached objects and numbers. If False, the caller must fill the array.
@@ -97,8 +99,8 @@ class ShotCache:
         return buffer[:length], is_there
 
 
-def _are(known: tuple[object, ...], wanted: tuple[object, ...]) -> bool:
+def _are(cached: tuple[object, ...], current: tuple[object, ...]) -> bool:
     """Returns True if both hold the same objects (by identity) and equal numbers."""
-    return len(known) == len(wanted) and all(
-        a is b or (isinstance(a, int) and isinstance(b, int) and a == b) for a, b in zip(known, wanted, strict=True)
+    return len(cached) == len(current) and all(
+        a is b or (isinstance(a, int) and isinstance(b, int) and a == b) for a, b in zip(cached, current, strict=True)
     )

@@ -207,10 +207,10 @@ def _world_space_copy(description: SceneDescription, number: int, object: int, t
     instance = description.instances[number]
     mesh = description.meshes[instance.mesh]
     material = mesh.material if instance.material is None else instance.material
-    return _part(placed(description, mesh, instance.transform, [material], team, whole), material, object)
+    return _as_part(placed(description, mesh, instance.transform, [material], team, whole), material, object)
 
 
-def _part(found: Placed, material: int, object: int) -> _Part:
+def _as_part(found: Placed, material: int, object: int) -> _Part:
     return _Part(found, [material], [object], [len(found.triangle)])
 
 
@@ -278,7 +278,7 @@ def _group(description: SceneDescription, group: Group, team: Team) -> list[_Par
         mesh = description.meshes[m]
         used = sorted({mesh.material if number is None else number for number in own})
         material = mesh.material if mesh.material in used else used[0]
-        parts.append(_part(placed(description, mesh, np.eye(4), used, team), material, -1))
+        parts.append(_as_part(placed(description, mesh, np.eye(4), used, team), material, -1))
     return parts
 
 
@@ -301,7 +301,7 @@ def _concatenated(parts: Sequence[_Part]) -> Geometry:
         return Geometry(*only[:6], only.triangle, *parting)
     first = np.cumsum([0] + [len(part.placed.position) for part in parts])
 
-    def together(name: str, width: int, neutral: float) -> F32:
+    def concatenate(name: str, width: int, neutral: float) -> F32:
         arrays = [getattr(part.placed, name) for part in parts]
         if not any(len(a) for a in arrays):
             return np.zeros((0, width), np.float32)
@@ -310,19 +310,19 @@ def _concatenated(parts: Sequence[_Part]) -> Geometry:
             whole[at : at + len(array)] = array
         return whole
 
-    uv, uv1 = together("uv", 2, 0.0), together("uv1", 2, 0.0)
+    uv, uv1 = concatenate("uv", 2, 0.0), concatenate("uv1", 2, 0.0)
     for at, part in zip(first, parts, strict=False):
         if len(uv1) and not len(part.placed.uv1):
             uv1[at : at + len(part.placed.uv)] = part.placed.uv
     triangles = [np.zeros((0, 3), np.int32)]
     triangles += [part.placed.triangle + np.int32(at) for part, at in zip(parts, first, strict=False)]
     return Geometry(
-        together("position", 3, 0.0),
-        together("normal", 3, 0.0),
+        concatenate("position", 3, 0.0),
+        concatenate("normal", 3, 0.0),
         uv,
         uv1,
-        together("color", 4, 1.0),
-        together("tangent", 4, 0.0),
+        concatenate("color", 4, 1.0),
+        concatenate("tangent", 4, 0.0),
         np.concatenate(triangles),
         *parting,
     )
@@ -357,16 +357,16 @@ def _box_corners(corners: F64) -> F64:
     return np.array([np.where(which, corners[1], corners[0]) for which in np.ndindex(2, 2, 2)]) if len(corners) else corners
 
 
-def _transformed_bounds(shape: F64, shown: F64) -> list[F64]:
-    """Returns the bounds (2, 3) of the points `shape` under the transforms `shown` together; empty without points or transforms.
+def _transformed_bounds(shape: F64, points: F64) -> list[F64]:
+    """Returns the bounds (2, 3) of the points `shape` under the transforms `points` together; empty without points or transforms.
 
     Computed without BLAS, whose last bits depend on the processor.
     """
-    if not len(shape) or not len(shown):
+    if not len(shape) or not len(points):
         return []
     low, high = [], []
     for k in range(3):
-        m = shown[:, k, :, None]
+        m = points[:, k, :, None]
         along = m[:, 0] * shape[:, 0] + m[:, 1] * shape[:, 1] + m[:, 2] * shape[:, 2] + m[:, 3]
         low.append(along.min())
         high.append(along.max())

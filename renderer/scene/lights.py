@@ -48,7 +48,7 @@ def list_lights(
     emitted: np.ndarray,
     emitters: Emitters,
     double_sided: np.ndarray,
-    even: npt.NDArray[np.bool_],
+    is_uniform: npt.NDArray[np.bool_],
     geometry: Geometry,
     sphere: F32,
     sphere_material: I32,
@@ -57,14 +57,14 @@ def list_lights(
 ) -> LightList:
     """Lists the primitives with emissive materials and the punctual lights, in the order of the light tree if there is one.
 
-    emitted: (M,) mean luminance of all sides of each material. double_sided: (M,) bool. even: (M,) whether a material emits
+    emitted: (M,) mean luminance of all sides of each material. double_sided: (M,) bool. is_uniform: (M,) whether a material emits
     equally at every point; two such triangles that form a parallelogram are one light. sphere_keys: (K or 0, Z, 4) of the last
     spheres while the shutter is open; for moving lights, powers and bounds are the maxima.
 
     The cdf is by power (of a primitive: pi * area * radiance), mixed with a uniform choice of probability 0.01: otherwise float32
     would never choose a candle among a stadium's lamps.
     """
-    lamps = _lamps(emitters, even, geometry)
+    lamps = _lamps(emitters, is_uniform, geometry)
     emitters, pairs = lamps.emitters, lamps.pairs
     triangles, brightness = emitters.triangle, emitters.emitted
     spheres = np.flatnonzero(emitted[sphere_material] > 0) if len(sphere) else np.zeros(0, np.int64)
@@ -125,9 +125,9 @@ class _AreaLights(NamedTuple):
     shapes: np.ndarray  # (m, 4, 3) corners of these, from `pair`
 
 
-def _lamps(emitters: Emitters, even: npt.NDArray[np.bool_], geometry: Geometry) -> _AreaLights:
+def _lamps(emitters: Emitters, is_uniform: npt.NDArray[np.bool_], geometry: Geometry) -> _AreaLights:
     over = _over_the_shutter(geometry, emitters.triangle)
-    pairs, shapes = pair(over[0], _may_form_one_light(emitters, even, over))
+    pairs, shapes = pair(over[0], _may_form_one_light(emitters, is_uniform, over))
     most = 0.5 * np.linalg.norm(_area_normals(over), axis=2).max(axis=0)
     most[pairs] += most[pairs + 1]
     corners = np.concatenate([over, over[:, :, 2:]], axis=2)
@@ -169,12 +169,12 @@ def _area_normals(corners: np.ndarray) -> np.ndarray:
     return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
 
 
-def _may_form_one_light(emitters: Emitters, even: npt.NDArray[np.bool_], over: np.ndarray) -> npt.NDArray[np.bool_]:
+def _may_form_one_light(emitters: Emitters, is_uniform: npt.NDArray[np.bool_], starts_group: np.ndarray) -> npt.NDArray[np.bool_]:
     """Returns a mask (n - 1,): whether an emitting triangle and the next one may form one light.
 
     Both must be static and have the same material, which must emit equally at every point.
     """
-    still = (over == over[0]).all(axis=(0, 2, 3)) & even[emitters.material]
+    still = (starts_group == starts_group[0]).all(axis=(0, 2, 3)) & is_uniform[emitters.material]
     return still[:-1] & still[1:] & (emitters.material[:-1] == emitters.material[1:])
 
 

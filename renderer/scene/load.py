@@ -63,7 +63,7 @@ class Shot:
         """The first frame: 0, or for numbered files the first frame that exists."""
         return float(next(iter(self._files.frames_of(self._main)), 0))
 
-    def at(self, moment: Moment = _START) -> SceneDescription:
+    def scene_at(self, moment: Moment = _START) -> SceneDescription:
         """Returns the scene at a moment; the result does not depend on earlier calls.
 
         Raises SceneError under the conditions of `read`.
@@ -150,19 +150,19 @@ class Shot:
                 )
             )
 
-    def over_shutter(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
+    def over_shutter(self, moment: Moment = _START, requested: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
         """Returns the scene while the shutter is open, with keys for moving objects; without a shutter, the scene at the moment.
 
-        asked: the requested shutter settings; those that are missing are taken from the file. Raises SceneError if a moment
+        requested: the requested shutter settings; those that are missing are taken from the file. Raises SceneError if a moment
         cannot be read.
         """
-        if asked.get("shutter") == 0:
-            return self.at(moment)
-        first = self.at(moment)
-        shutter = Shutter.of(chosen({name: asked.get(name) for name in SHUTTER}, first.defaults))
+        if requested.get("shutter") == 0:
+            return self.scene_at(moment)
+        first = self.scene_at(moment)
+        shutter = Shutter.from_settings(chosen({name: requested.get(name) for name in SHUTTER}, first.defaults))
         if shutter.length == 0 or not first.moves:
             return first
-        moving = merge_over_shutter(lambda each: first if each == moment else self.at(each), moment, shutter)
+        moving = merge_over_shutter(lambda each: first if each == moment else self.scene_at(each), moment, shutter)
         if self._files.is_numbered:
             between_files(
                 moving, shutter, self._read_neighbouring_files(moment, -1.0), self._read_neighbouring_files(moment, 1.0)
@@ -178,14 +178,14 @@ class Shot:
         try:
             return self.over_shutter(moment, dict(zip(SHUTTER, (BETWEEN.length, BETWEEN.at, BETWEEN.keys), strict=True)))
         except SceneError:
-            return self.at(moment)
+            return self.scene_at(moment)
 
     def _read_neighbouring_files(self, moment: Moment, frames: float) -> SceneDescription | None:
         """Returns the scene at the moment, read from the files numbered `frames` frames later; None if these cannot be read."""
         if moment.frame + frames < 0:
             return None
         try:
-            return self.at(replace(moment, frame=moment.frame + frames, offset=moment.offset - frames))
+            return self.scene_at(replace(moment, frame=moment.frame + frames, offset=moment.offset - frames))
         except SceneError:
             return None
 
@@ -211,7 +211,7 @@ def read(
     accents (a car's tail lights), except in our own scene format, whose author specifies the lighting. Nothing outside the folder
     is opened. Raises SceneError with a sentence that names the file and a remedy.
     """
-    return Shot(folder, main, environment, variant, up, floor).at(moment)
+    return Shot(folder, main, environment, variant, up, floor).scene_at(moment)
 
 
 def environment_light(files: SceneFiles, name: str, description: SceneDescription) -> None:

@@ -19,9 +19,9 @@ from renderer.scene.parameters import (
     PRINCIPLED,
     SURFACES,
     MaterialKind,
-    choice,
+    choice_parameter,
     color,
-    flag,
+    flag_parameter,
     number,
     parameters_of,
     texture,
@@ -90,7 +90,7 @@ class Material:
     """
 
     name: str = "default"
-    kind: MaterialKind = choice("diffuse", EVERY_KIND, EVERY_KIND)
+    kind: MaterialKind = choice_parameter("diffuse", EVERY_KIND, EVERY_KIND)
     """Found by the other fields unless given."""
     base_color: Vec3 = color(0.8, rows.BASE, in_file="color", kinds=SURFACES)
     base_color_texture: int | None = texture(
@@ -98,7 +98,7 @@ class Material:
     )
     """Multiplies the colour; its alpha the opacity."""
     opacity: float = number(1.0, rows.OPACITY, kinds=SURFACES)  # times the base colour texture's alpha and the vertex colour's
-    alpha_mode: AlphaMode = choice("opaque", get_args(AlphaMode))
+    alpha_mode: AlphaMode = choice_parameter("opaque", get_args(AlphaMode))
     """blend where opacity is below 1, unless given."""
     alpha_cutoff: float = number(0.5, rows.ALPHA_CUTOFF, high=2.0, kinds=SURFACES, gltf="alphaCutoff")
     """What mask lets stand."""
@@ -107,15 +107,15 @@ class Material:
     emission: Vec3 = color(0.0, high=1e9, kinds=SURFACES, form="radiance")
     """Radiance: what has some is a light."""
     emission_texture: int | None = texture(None, kinds=SURFACES, srgb=True)
-    double_sided: bool = flag(rows.DOUBLE_SIDED, SURFACES, gltf="doubleSided")
+    double_sided: bool = flag_parameter(rows.DOUBLE_SIDED, SURFACES, gltf="doubleSided")
     """Whether the back shines too."""
-    lamp: bool = flag(kinds=SURFACES)
+    lamp: bool = flag_parameter(kinds=SURFACES)
     """A light and no body: what meets it takes its light and goes on, and it casts no shadow."""
-    unseen: bool = flag(kinds=SURFACES)
+    unseen: bool = flag_parameter(kinds=SURFACES)
     """The camera sees what is behind it; all else does see it."""
-    shadeless: bool = flag(kinds=SURFACES)
+    shadeless: bool = flag_parameter(kinds=SURFACES)
     """It casts no shadow on what lights shine on; all else does see it."""
-    facing: bool = flag(kinds=SURFACES)
+    facing: bool = flag_parameter(kinds=SURFACES)
     """A sphere's light is that of a disk through its middle which faces whoever looks: Cycles' soft falloff."""
     metallic: float = number(0.0, rows.METALLIC, gltf=_PBR + "metallicFactor", mtl="Pm")
     roughness: float | None = number(None, kinds=_ROUGH, gltf=_PBR + "roughnessFactor")
@@ -124,9 +124,9 @@ class Material:
         rows.METALLIC_ROUGHNESS_TEXTURE, _ROUGH, gltf=_PBR + "metallicRoughnessTexture"
     )
     """As glTF packs it: green is roughness, blue is metal."""
-    distribution: Distribution = choice("ggx", get_args(Distribution), _ROUGH)
+    distribution: Distribution = choice_parameter("ggx", get_args(Distribution), _ROUGH)
     """Of the slopes of microfacets; clearcoat is always ggx."""
-    nonlinear: bool = flag(kinds=("plastic",))
+    nonlinear: bool = flag_parameter(kinds=("plastic",))
     """Light that the coat throws back onto the paint takes its colour again."""
     ior: float = number(1.5, rows.IOR, 1.0, ALL_REFLECTING_IOR, (*_REFRACTS, "plastic"))
     specular: float = number(1.0, rows.SPECULAR, kinds=_COATED, gltf=_SPECULAR + "specularFactor")
@@ -159,7 +159,7 @@ class Material:
     transmission: float = number(0.0, rows.TRANSMISSION, gltf=_TRANSMISSION + "transmissionFactor")
     transmission_texture: int | None = texture(rows.TRANSMISSION_TEXTURE, gltf=_TRANSMISSION + "transmissionTexture")
     """Red."""
-    thin: bool = flag(kinds=_REFRACTS)
+    thin: bool = flag_parameter(kinds=_REFRACTS)
     """A pane, which does not refract."""
     attenuation_color: Vec3 = color(1.0, kinds=_BOUNDS, gltf=_VOLUME + "attenuationColor")
     """What is left of white after attenuation_distance."""

@@ -151,7 +151,7 @@ def _columns(materials: list[Material], emission: np.ndarray, absorbing: np.ndar
     """Returns the material table (M, COLUMNS). Filled column by column for speed: files have a hundred thousand materials."""
     found = np.zeros((len(materials), rows.COLUMNS), np.float32)
 
-    def put(column: int, values: list[Any] | np.ndarray) -> None:
+    def set_column(column: int, values: list[Any] | np.ndarray) -> None:
         given = np.array(values, np.float64).reshape(len(materials), -1)
         found[:, column : column + given.shape[1]] = given
 
@@ -159,13 +159,13 @@ def _columns(materials: list[Material], emission: np.ndarray, absorbing: np.ndar
         return found
     for parameter in PARAMETERS:
         if parameter.column is not None:
-            put(parameter.column, [getattr(m, parameter.name) for m in materials])
-    put(rows.EMISSION, emission)
-    put(rows.ROUGHNESS, [_own_roughness(m) for m in materials])
-    put(rows.ABSORPTION, absorbing)
+            set_column(parameter.column, [getattr(m, parameter.name) for m in materials])
+    set_column(rows.EMISSION, emission)
+    set_column(rows.ROUGHNESS, [_own_roughness(m) for m in materials])
+    set_column(rows.ABSORPTION, absorbing)
     turned = [m.anisotropy_rotation for m in materials]
-    put(rows.ROTATION, [(np.cos(angle), np.sin(angle)) if angle else (1.0, 0.0) for angle in turned])
-    put(rows.F0, [_at_normal_incidence(m) for m in materials])
+    set_column(rows.ROTATION, [(np.cos(angle), np.sin(angle)) if angle else (1.0, 0.0) for angle in turned])
+    set_column(rows.F0, [_at_normal_incidence(m) for m in materials])
     for row, m in zip(found, materials, strict=True):
         for column, values in derived_columns(m):
             row[column : column + len(values)] = values

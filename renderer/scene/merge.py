@@ -10,30 +10,32 @@ from renderer.scene.description import Instance, SceneDescription, SurfaceNote
 __all__ = ["merge"]
 
 
-def merge(part: SceneDescription, whole: SceneDescription, material: int | None = None) -> list[Instance]:
-    """Adds the meshes of `part` to `whole`, with all that they refer to; returns instances that place them as in `part`.
+def merge(part: SceneDescription, target: SceneDescription, material: int | None = None) -> list[Instance]:
+    """Adds the meshes of `part` to `target`, with all that they refer to; returns instances that place them as in `part`.
 
-    The instances are not added to `whole`. material: index of a material of `whole` that replaces the meshes' own. Lights,
+    The instances are not added to `target`. material: index of a material of `target` that replaces the meshes' own. Lights,
     cameras and environment of `part` are ignored.
     """
-    images, textures, materials, meshes = (len(x) for x in (whole.images, whole.textures, whole.materials, whole.meshes))
+    images, textures, materials, meshes = (len(x) for x in (target.images, target.textures, target.materials, target.meshes))
     idle = SurfaceNote if material is not None else ()
-    known = set(whole.warnings)
-    whole.warnings += [w for w in part.warnings if w not in known and not isinstance(w, idle)]
+    known = set(target.warnings)
+    target.warnings += [w for w in part.warnings if w not in known and not isinstance(w, idle)]
     if material is None:
 
-        def moved(index: int | None) -> int | None:
+        def shifted_texture(index: int | None) -> int | None:
             return None if index is None else index + textures
 
-        whole.images += part.images
+        target.images += part.images
         for t in part.textures:
             layers = tuple(replace(layer, texture=layer.texture + textures) for layer in t.layers)
-            whole.textures.append(replace(t, image=t.image + images, layers=layers))
+            target.textures.append(replace(t, image=t.image + images, layers=layers))
         for m in part.materials:
-            textured: dict[str, Any] = {f.name: moved(getattr(m, f.name)) for f in fields(m) if f.name.endswith("_texture")}
-            whole.materials.append(replace(m, **textured))
+            textured: dict[str, Any] = {
+                f.name: shifted_texture(getattr(m, f.name)) for f in fields(m) if f.name.endswith("_texture")
+            }
+            target.materials.append(replace(m, **textured))
     for mesh in part.meshes:
-        whole.meshes.append(replace(mesh, material=mesh.material + materials if material is None else material))
+        target.meshes.append(replace(mesh, material=mesh.material + materials if material is None else material))
     shown = []
     for instance in part.instances:
         own = instance.material

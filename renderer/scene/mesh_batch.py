@@ -61,10 +61,10 @@ def placed_together(
     return Placed(position, normal, uv, second, color, none, triangle, dropped), count
 
 
-def _joined_attribute(name: str, meshes: Sequence[Mesh], start: npt.NDArray[np.int64], whole: F32) -> F32:
-    """Returns an attribute of all meshes, (V, w): `whole`, the default values, overwritten for those meshes that have it."""
+def _joined_attribute(name: str, meshes: Sequence[Mesh], start: npt.NDArray[np.int64], defaults: F32) -> F32:
+    """Returns an attribute of all meshes, (V, w): `defaults`, the default values, overwritten for those meshes that have it."""
     for mesh, begin, end in zip(meshes, start.tolist(), start[1:].tolist(), strict=False):
         values = getattr(mesh, name)
         if values is not None:
-            whole[begin:end] = values
-    return finite(whole, *whole.shape)
+            defaults[begin:end] = values
+    return finite(defaults, *defaults.shape)

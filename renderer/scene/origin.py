@@ -51,18 +51,18 @@ def split_offset(points: npt.NDArray[Any]) -> tuple[F32, F64]:
     return (points - offset).astype(np.float32), offset
 
 
-def origin_of(description: SceneDescription, kept: ShotCache | None = None) -> F64:
+def origin_of(description: SceneDescription, shot_cache: ShotCache | None = None) -> F64:
     """Returns the origin (3,) of the compiled scene: the static geometry's centre if far away relative to its size, else zero.
 
-    Only scenes in which everything moves have different origins in different frames. kept: cache of the shot.
+    Only scenes in which everything moves have different origins in different frames. shot_cache: cache of the shot.
     """
-    kept = kept or ShotCache()
+    shot_cache = shot_cache or ShotCache()
 
     def of_still() -> F64 | None:
         points = _samples(description, False)
         return _origin(points) if len(points) else None
 
-    found = kept.recall("origin", object, of_still, description.still)
+    found = shot_cache.get_or_make("origin", object, of_still, description.still)
     if found is None:
         found = _origin(_samples(description, True))
     return found
@@ -83,8 +83,8 @@ def _origin(points: F64) -> F64:
         return _centre(np.percentile(some, (10.0, 90.0), axis=0), _STRAYS_FAR)
 
 
-def _centre(points: F64, far: float) -> F64:
-    """Returns the centre of the points' bounding box if it is more than `far` box sizes from the origin, else zero.
+def _centre(points: F64, limit: float) -> F64:
+    """Returns the centre of the points' bounding box if it is more than `limit` box sizes from the origin, else zero.
 
     It is rounded to about 1/256 of the box size.
     """
@@ -92,7 +92,7 @@ def _centre(points: F64, far: float) -> F64:
         return _WORLD
     low, high = points.min(axis=0), points.max(axis=0)
     centre, size = 0.5 * (low + high), float((high - low).max())
-    if not (np.isfinite(size) and np.isfinite(centre).all()) or not 0.0 < far * size < np.abs(centre).max():
+    if not (np.isfinite(size) and np.isfinite(centre).all()) or not 0.0 < limit * size < np.abs(centre).max():
         return _WORLD
     step = 2.0 ** (np.floor(np.log2(size)) - 8.0)
     return np.rint(centre / step) * step
@@ -127,16 +127,16 @@ def _corners(description: SceneDescription, instance: Instance, triangles: npt.N
     return found
 
 
-def relative_to_origin(description: SceneDescription, origin: F64, kept: ShotCache | None = None) -> SceneDescription:
+def relative_to_origin(description: SceneDescription, origin: F64, shot_cache: ShotCache | None = None) -> SceneDescription:
     """Returns the description relative to another origin: instances, spheres, lights, and meshes in float32.
 
-    Cameras are unchanged. kept: cache of the shot.
+    Cameras are unchanged. shot_cache: cache of the shot.
     """
     far = [n for n, mesh in enumerate(description.meshes) if mesh.positions.dtype != np.float32]
     if not origin.any() and not far:
         return description
     meshes, offsets = list(description.meshes), {}
-    points = (kept or ShotCache()).recall(
+    points = (shot_cache or ShotCache()).get_or_make(
         "points", lambda: [meshes[n].positions for n in far], lambda: [split_offset(meshes[n].positions) for n in far]
     )
     for n, (position, offset) in zip(far, points, strict=True):
@@ -153,26 +153,26 @@ def relative_to_origin(description: SceneDescription, origin: F64, kept: ShotCac
 
 
 def _instance(instance: Instance, origin: F64, offset: F64) -> Instance:
-    keys = tuple(_place(each, origin, offset) for each in instance.keys)
-    return replace(instance, transform=_place(instance.transform, origin, offset), keys=keys)
+    keys = tuple(_moved_transform(each, origin, offset) for each in instance.keys)
+    return replace(instance, transform=_moved_transform(instance.transform, origin, offset), keys=keys)
 
 
-def _place(transform: F64, origin: F64, offset: F64) -> F64:
+def _moved_transform(transform: F64, origin: F64, offset: F64) -> F64:
     found = np.array(transform, np.float64)
     found[:3, 3] += found[:3, 0] * offset[0] + found[:3, 1] * offset[1] + found[:3, 2] * offset[2] - origin
     return found
 
 
 def _sphere(sphere: Sphere, origin: F64) -> Sphere:
-    keys = tuple((_point(center, origin), radius) for center, radius in sphere.keys)
-    return replace(sphere, center=_point(sphere.center, origin), keys=keys)
+    keys = tuple((_moved_point(center, origin), radius) for center, radius in sphere.keys)
+    return replace(sphere, center=_moved_point(sphere.center, origin), keys=keys)
 
 
 def _light(light: Light, origin: F64) -> Light:
-    return replace(light, position=_point(light.position, origin), keys=tuple(_light(each, origin) for each in light.keys))
+    return replace(light, position=_moved_point(light.position, origin), keys=tuple(_light(each, origin) for each in light.keys))
 
 
-def _point(point: Sequence[float], origin: F64) -> Vec3:
+def _moved_point(point: Sequence[float], origin: F64) -> Vec3:
     x, y, z = (float(p) - float(o) for p, o in zip(point, origin, strict=True))
     return x, y, z
 
@@ -194,4 +194,4 @@ def fixed_point_origin(origin: F64, film_exponent: int) -> tuple[int, int, int]:
 
 
 def _view(view: View, origin: F64) -> View:
-    return replace(view, eye=_point(view.eye, origin), target=_point(view.target, origin))
+    return replace(view, eye=_moved_point(view.eye, origin), target=_moved_point(view.target, origin))

@@ -50,19 +50,22 @@ def _alternate(found: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
     return np.flatnonzero(found & ((number - start) % 2 == 1))
 
 
-def tabulate_parallelograms(which: npt.NDArray[np.int64], shapes: np.ndarray, lights: int) -> F32:
+def tabulate_parallelograms(light_indices: npt.NDArray[np.int64], shapes: np.ndarray, lights: int) -> F32:
     """Returns CompiledScene.light_parallelogram; no rows if no light is a parallelogram.
 
-    which: (m,) indices of the lights that are parallelograms. shapes: their corners from `pair`. lights: number of all lights.
+    light_indices: (m,) indices of the lights that are parallelograms. shapes: their corners from `pair`. lights: number of all
+    lights.
     """
-    if not len(which):
+    if not len(light_indices):
         return np.zeros((0, PARALLELOGRAM), np.float32)
     table = np.zeros((lights, PARALLELOGRAM))
     corner, u, v = shapes[:, 0], shapes[:, 1] - shapes[:, 0], shapes[:, 2] - shapes[:, 0]
     normal = np.cross(u, v)
     square = (normal * normal).sum(axis=1, keepdims=True)
-    table[which, CORNER : CORNER + 3] = corner
-    table[which, EDGES : EDGES + 6] = np.concatenate([u, v], axis=1)
-    table[which, RECIPROCAL : RECIPROCAL + 6] = np.concatenate([np.cross(v, normal), np.cross(normal, u)], axis=1) / square
-    table[which, CORNER_ERROR] = _ERROR * np.abs(shapes).max(axis=(1, 2))
+    table[light_indices, CORNER : CORNER + 3] = corner
+    table[light_indices, EDGES : EDGES + 6] = np.concatenate([u, v], axis=1)
+    table[light_indices, RECIPROCAL : RECIPROCAL + 6] = (
+        np.concatenate([np.cross(v, normal), np.cross(normal, u)], axis=1) / square
+    )
+    table[light_indices, CORNER_ERROR] = _ERROR * np.abs(shapes).max(axis=(1, 2))
     return table.astype(np.float32)

@@ -20,9 +20,9 @@ __all__ = [
     "SURFACES",
     "MaterialKind",
     "Parameter",
-    "choice",
+    "choice_parameter",
     "color",
-    "flag",
+    "flag_parameter",
     "number",
     "parameters_of",
     "texture",
@@ -127,12 +127,12 @@ def number(
     return _field(form, default, None, kinds, column=column, low=low, high=high, **more)
 
 
-def flag(column: int | None = None, kinds: tuple[str, ...] = PRINCIPLED, **more: Any) -> Any:
+def flag_parameter(column: int | None = None, kinds: tuple[str, ...] = PRINCIPLED, **more: Any) -> Any:
     """Declares a boolean, False by default."""
     return _field("flag", False, None, kinds, column=column, **more)
 
 
-def choice(default: str, choices: tuple[str, ...], kinds: tuple[str, ...] = SURFACES, **more: Any) -> Any:
+def choice_parameter(default: str, choices: tuple[str, ...], kinds: tuple[str, ...] = SURFACES, **more: Any) -> Any:
     """Declares a choice from a list of names."""
     return _field("choice", default, None, kinds, choices=choices, **more)
 
@@ -150,9 +150,9 @@ def color(
     return _field(form, (default,) * 3, in_file, kinds, column=column, low=0.0, high=high, **more)
 
 
-def values(low: float, high: float, column: int, most: float, **more: Any) -> Any:
-    """Declares a pair of numbers between which a texture interpolates; each is from 0 to `most`."""
-    return _field("pair", (low, high), None, PRINCIPLED, column=column, low=0.0, high=most, **more)
+def values(low: float, high: float, column: int, maximum: float, **more: Any) -> Any:
+    """Declares a pair of numbers between which a texture interpolates; each is from 0 to `maximum`."""
+    return _field("pair", (low, high), None, PRINCIPLED, column=column, low=0.0, high=maximum, **more)
 
 
 def texture(slot: int | None, kinds: tuple[str, ...] = PRINCIPLED, in_file: str | None = None, **more: Any) -> Any:

@@ -47,13 +47,13 @@ class PlacedGeometry(NamedTuple):
     bounds: F32  # (2, 3)
 
 
-def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -> PlacedGeometry:
-    """Places meshes and spheres, reusing sections cached in `kept`.
+def place_geometry(description: SceneDescription, team: Team, shot_cache: ShotCache) -> PlacedGeometry:
+    """Places meshes and spheres, reusing sections cached in `shot_cache`.
 
     Raises SceneError if there are none or too many, or positions exceed the range of float32.
     """
     token = description.still
-    numbers = kept.recall(
+    numbers = shot_cache.get_or_make(
         "objects",
         lambda: (
             [(i.name, "" if i.name else description.meshes[i.mesh].name) for i in description.instances],
@@ -63,22 +63,24 @@ def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -
         token,
     )
     objects = numbers.instance
-    standing = kept.recall("standing", lambda: _static_key(description), lambda: plan_static_instancing(description), token)
+    standing = shot_cache.get_or_make(
+        "standing", lambda: _static_key(description), lambda: plan_static_instancing(description), token
+    )
     sharing = Sharing(standing.copied, standing.groups, *plan_moving_instances(description, standing.movers))
     check_size(description, sharing)
-    still = kept.recall(
+    still = shot_cache.get_or_make(
         "still",
         lambda: _still_key(description, sharing, objects),
         lambda: build_static(description, sharing, objects, team),
         token,
     )
-    bodies = kept.recall(
+    bodies = shot_cache.get_or_make(
         "bodies",
         lambda: [_group_key(description, group) for group in sharing.bodies],
         lambda: build_bodies(description, sharing, team),
     )
     loose = build_per_frame(description, sharing, objects, team)
-    packed = kept.recall(
+    packed = shot_cache.get_or_make(
         "packed",
         lambda: (description.materials, description.medium, description.textures, [image.pixels for image in description.images]),
         lambda: pack(description),
@@ -90,7 +92,7 @@ def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -
     sections = still, bodies, loose
     return PlacedGeometry(
         sections,
-        join(sections, len(packed.texture) > 0, kept),
+        join(sections, len(packed.texture) > 0, shot_cache),
         placement,
         spheres,
         sum(not s.moves for s in description.spheres),
@@ -98,7 +100,7 @@ def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -
         np.array([description.spheres[n].material for n in spheres], np.int32),
         np.array([numbers.sphere[n] for n in spheres], np.int32),
         packed,
-        _bounds(description.name, sections, placement, sphere, kept),
+        _bounds(description.name, sections, placement, sphere, shot_cache),
     )
 
 
@@ -153,10 +155,12 @@ def _spheres(description: SceneDescription, order: list[int]) -> F32:
     return found.astype(np.float32)
 
 
-def _bounds(name: str, sections: tuple[Section, Section, Section], placement: Placement, sphere: F32, kept: ShotCache) -> F32:
+def _bounds(
+    name: str, sections: tuple[Section, Section, Section], placement: Placement, sphere: F32, shot_cache: ShotCache
+) -> F32:
     still, bodies, loose = sections
     places = placement.to_world[: placement.still]
-    standing = kept.recall("bounds", lambda: (still, places), lambda: still_corners(still, placement))
+    standing = shot_cache.get_or_make("bounds", lambda: (still, places), lambda: still_corners(still, placement))
     corners: list[np.ndarray] = [*standing, *moving_corners(still, bodies, loose, placement)]
     if len(sphere):
         corners += [sphere[:, :3] - sphere[:, 3:], sphere[:, :3] + sphere[:, 3:]]

@@ -50,7 +50,7 @@ def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Poi
     for k in _polygons_not_filled_by_fan(counts, corners, points):
         at, n = int(first[k]), int(counts[k])
         if not scissors.are_blunt:
-            cut = scissors.cut(points[corners[at : at + n]].astype(np.float64))
+            cut = scissors.triangulate(points[corners[at : at + n]].astype(np.float64))
             if not scissors.are_blunt:
                 fans[start[k] : start[k] + n - 2] = at + cut
         unfilled += scissors.are_blunt

@@ -86,7 +86,7 @@ def _dark_studio() -> np.ndarray:
     return _with_lamps(0.02 + 0.05 * np.exp(-np.square(np.sin(elevation) / 0.25)), _STRIPS)
 
 
-def _even() -> np.ndarray:
+def _uniform_radiance() -> np.ndarray:
     return np.ones((_HEIGHT, 2 * _HEIGHT))
 
 
@@ -104,7 +104,7 @@ def _overcast() -> np.ndarray:
 _IMAGES: dict[str, Callable[[], np.ndarray]] = {
     "studio": _studio,
     "dark-studio": _dark_studio,
-    "even-white": _even,
+    "even-white": _uniform_radiance,
     "overcast": _overcast,
 }
 

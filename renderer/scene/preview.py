@@ -46,12 +46,12 @@ class _Shape(NamedTuple):
     vertices: npt.NDArray[np.int64]  # of the mesh, for its colours and UVs
 
 
-def preview(description: SceneDescription, most: int = MOST_TRIANGLES) -> Preview | None:
-    """Returns the scene's triangles, decimated to about `most`; None if it has no surface."""
+def preview(description: SceneDescription, max_triangles: int = MOST_TRIANGLES) -> Preview | None:
+    """Returns the scene's triangles, decimated to about `max_triangles`; None if it has no surface."""
     shown = description.instances if description.subject is None else description.instances[:-1]  # without the studio's floor
     used = [each for each in shown if len(description.meshes[each.mesh].triangles)]
     used = used[:: -(-len(used) // MOST_INSTANCES) or 1]
-    share = most / max(sum(len(description.meshes[each.mesh].triangles) for each in used), 1)
+    share = max_triangles / max(sum(len(description.meshes[each.mesh].triangles) for each in used), 1)
     shapes: dict[int, _Shape] = {}
     colors: dict[tuple[int, int], U8] = {}
     parts: list[Preview] = []

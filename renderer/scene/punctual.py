@@ -71,14 +71,14 @@ def tabulate_punctual(
     row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
     scene_radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
     number = {id(each): k for k, each in enumerate(maps)}
-    sent = [None if light.emission is None else _sent(tables, number[id(light.emission)]) for light in lights]
+    sent = [None if light.emission is None else _flux_of(tables, number[id(light.emission)]) for light in lights]
     told = zip(lights, sent, strict=True)
     power = np.array([max(_power(each, scene_radius, s) for each in (light, *light.keys)) for light, s in told], np.float64)
     found = _bounds_over_shutter(lights, sent, _bounds(lights, sent))
     return Punctual(kind, row.astype(np.float32), emission_frames(lights, maps), power, found)
 
 
-def _sent(tables: EmissionTables, number: int) -> _MapFlux:
+def _flux_of(tables: EmissionTables, number: int) -> _MapFlux:
     return _MapFlux(tables.flux[number], float(tables.reach[number]))
 
 

@@ -33,7 +33,7 @@ def build_scene_bvh(
     still_spheres: int,
     brute: bool,
     team: Team,
-    kept: ShotCache,
+    shot_cache: ShotCache,
     keys: Sequence[Array] = (),
     sphere_keys: F32 = np.zeros((0, 0, 4), np.float32),
 ) -> AssembledBvh:
@@ -62,12 +62,12 @@ def build_scene_bvh(
     spheres = sphere[:still_spheres]
     shown = placement.to_world[: placement.still]
     first_sphere = triangles if still_spheres else None
-    base = kept.recall(
+    base = shot_cache.get_or_make(
         "still tree", lambda: (still, placement.group[: placement.still], shown, spheres, first_sphere), build_still
     )
     if not moves:
         return AssembledBvh(base, (0, 0, *[len(base.node)] * 3), (0, 0, *[len(base.packet)] * 3), (base, ()))
-    trees = kept.recall("body trees", lambda: bodies, lambda: _body_trees(bodies, team))
+    trees = shot_cache.get_or_make("body trees", lambda: bodies, lambda: _body_trees(bodies, team))
     lax = _NO_TREE
     loose_keys = max(len(loose.geometry.keys), len(sphere_keys), 1)
     if len(loose.geometry.triangle) or still_spheres < len(sphere):
@@ -83,7 +83,7 @@ def build_scene_bvh(
     begins = [first_body + a for a, _ in bodies.trees]
     which = placement.group[placement.still :] - len(still.trees)
     places = placement.to_world
-    return assemble_bvh(base, trees, begins, lax, first_loose, which, places, team, brute, kept.room, keys, loose_keys)
+    return assemble_bvh(base, trees, begins, lax, first_loose, which, places, team, brute, shot_cache.array_for, keys, loose_keys)
 
 
 def _body_trees(bodies: Section, team: Team) -> list[Tree]:

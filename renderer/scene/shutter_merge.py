@@ -177,33 +177,33 @@ def _has_same_topology(mesh: Mesh, other: Mesh) -> bool:
     )
 
 
-def _keys(over: Sequence[Any], middle: Any) -> tuple[Any, ...]:
+def _keys(values: Sequence[Any], middle: Any) -> tuple[Any, ...]:
     """Returns an object's values at all times as keys; empty if all equal the middle one."""
-    return tuple(over) if any(not are_equal(each, middle) for each in over) else ()
+    return tuple(values) if any(not are_equal(each, middle) for each in values) else ()
 
 
 def _matched(
-    things: Sequence[_Thing], others: Sequence[Sequence[_Thing]], name: Callable[[_Thing], Hashable]
+    objects: Sequence[_Thing], others: Sequence[Sequence[_Thing]], name: Callable[[_Thing], Hashable]
 ) -> list[tuple[_Thing, list[_Thing]]]:
     """Returns each object with its counterparts in the other lists; with an empty list if one of them has no counterpart.
 
     Objects are matched by name and by the number of earlier objects of that name.
     """
-    told = _occurrence_keys(things, name)
-    found: list[list[_Thing]] = [[] for _ in things]
+    told = _occurrence_keys(objects, name)
+    found: list[list[_Thing]] = [[] for _ in objects]
     for other in others:
         names = _occurrence_keys(other, name)
         by_name = dict(zip(names, other, strict=True))
         for at, key in zip(found, told, strict=True):
             if key in by_name:
                 at.append(by_name[key])
-    return [(thing, at if len(at) == len(others) else []) for thing, at in zip(things, found, strict=True)]
+    return [(thing, at if len(at) == len(others) else []) for thing, at in zip(objects, found, strict=True)]
 
 
-def _occurrence_keys(things: Iterable[_Thing], name: Callable[[_Thing], Hashable]) -> list[tuple[Hashable, int]]:
+def _occurrence_keys(objects: Iterable[_Thing], name: Callable[[_Thing], Hashable]) -> list[tuple[Hashable, int]]:
     count: Counter[Hashable] = Counter()
     told = []
-    for thing in things:
+    for thing in objects:
         told.append((name(thing), count[name(thing)]))
         count[name(thing)] += 1
     return told
@@ -222,7 +222,7 @@ def _has_small_rotations(moving: SceneDescription) -> bool:
             (straight if is_linearly_keyed(moving, instance) else free).append([each[:3] for each in instance.keys])
     straight += [[_as_3d_transform(key) for key in texture.keys] for texture in moving.textures if texture.keys]
     free += [[np.stack(axes_of(view), -1) for view in camera.keys] for camera in moving.cameras if camera.keys]
-    return _turn(free) <= _MOST_TURN and _turn(straight) <= _STRAIGHT_TURN
+    return _max_rotation(free) <= _MOST_TURN and _max_rotation(straight) <= _STRAIGHT_TURN
 
 
 def _as_3d_transform(transform: UvTransform) -> np.ndarray:
@@ -231,7 +231,7 @@ def _as_3d_transform(transform: UvTransform) -> np.ndarray:
     return np.array([(a, b, 0.0, c), (d, e, 0.0, f), (0.0, 0.0, 1.0, 0.0)])
 
 
-def _turn(places: list[list[np.ndarray]]) -> float:
+def _max_rotation(places: list[list[np.ndarray]]) -> float:
     if not places:
         return 0.0
     whole = np.array(places, np.float64)

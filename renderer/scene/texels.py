@@ -72,14 +72,14 @@ class Texels:
             row = len(self._rows)
             scale = self._append(texture, light)
             if texture.layers:
-                self._transforms[row] = (*texture.transform, 1.0, scale, _most(light))
+                self._transforms[row] = (*texture.transform, 1.0, scale, _max_value(light))
                 scale = 1.0
             for layer in texture.layers:
                 self._rows[-1][ABOVE] = len(self._rows)
                 other = self._description.textures[layer.texture]
                 gain = self._append(other, light)
                 self._rows[-1][BLEND] = OPERATIONS[layer.blend]
-                self._transforms[-1] = (*other.transform, layer.strength, gain, _most(light))
+                self._transforms[-1] = (*other.transform, layer.strength, gain, _max_value(light))
             self._textures[index, light] = (row, scale)
         return self._textures[index, light]
 
@@ -178,7 +178,7 @@ def _patches() -> tuple[F32, I32]:
     return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2), np.concatenate(halves).astype(np.int32)
 
 
-def _most(light: bool) -> float:
+def _max_value(light: bool) -> float:
     return MAX_EMISSION if light else 1.0
 
 

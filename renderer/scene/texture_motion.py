@@ -55,14 +55,14 @@ class _MovingTextures:
         self.changes = False
         self._numbers: dict[Texture, int] = {}
 
-    def number(self, over: _Over) -> int:
-        """Adds one texture and returns its index. over: its description and index at each time, the middle one first."""
-        textures = [scene.textures[number] for scene, number in over]
+    def number(self, keyed_textures: _Over) -> int:
+        """Adds a texture and returns its index. keyed_textures: description and index at each time, the middle first."""
+        textures = [scene.textures[number] for scene, number in keyed_textures]
         own = textures[0]
         if any(_kind(each) != _kind(own) for each in textures):
             self.changes = True
-            textures, over = [own], over[:1]
-        scenes = [scene for scene, _ in over]
+            textures, keyed_textures = [own], keyed_textures[:1]
+        scenes = [scene for scene, _ in keyed_textures]
         layers = []
         for i, layer in enumerate(own.layers):
             beneath = [each.layers[i].texture for each in textures]

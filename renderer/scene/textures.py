@@ -36,7 +36,7 @@ class TextureShelf:
 
     def warn_of_surface(self, sentence: str) -> None:
         """Adds a warning about a material's look, unless it is already present."""
-        self.warn(SurfaceNote.of(sentence))
+        self.warn(SurfaceNote.from_text(sentence))
 
     def warn(self, sentence: str) -> None:
         """Adds a warning, unless it is already present."""
@@ -93,7 +93,7 @@ class TextureShelf:
         return self._description.warnings[-1] if self._description.warnings else ""
 
     def _pixels(self, key: str, name: str, data: Callable[[], bytes], is_environment: bool = False) -> npt.NDArray[Any]:
-        decoded: read.Decoded = self._files.recall(("pixels", key), lambda: read.decode(data(), name, is_environment))
+        decoded: read.Decoded = self._files.get_or_make(("pixels", key), lambda: read.decode(data(), name, is_environment))
         for note in decoded.notes:
             self.warn_of_surface(with_full_stop(note))
         return decoded.pixels
@@ -146,10 +146,10 @@ class TextureShelf:
         if key not in self._images:
             pixels = [source.pixels for source in sources]
             known = ("calculated", what, *map(id, pixels))  # the pixels are stored with it, so that their ids are not reused
-            self._images[key] = self.add(self._files.recall(known, lambda: (make(), pixels))[0])
+            self._images[key] = self.add(self._files.get_or_make(known, lambda: (make(), pixels))[0])
         return self._images[key]
 
-    def stacked(self, texture: int | None, layers: tuple[TextureLayer, ...]) -> int | None:
+    def with_layers(self, texture: int | None, layers: tuple[TextureLayer, ...]) -> int | None:
         """Returns the index of the texture with these layers; unchanged if there are none."""
         if texture is None or not layers:
             return texture
@@ -201,28 +201,28 @@ class TextureShelf:
         if not is_tiled(reference):
             name = self._files.find(reference, beside)
             if name is None:
-                self.missing(reference, user)
+                self.warn_of_missing(reference, user)
                 return None, IDENTITY_UV_TRANSFORM
             return self.image_file(name, srgb), IDENTITY_UV_TRANSFORM
         tiles = tiles_of(reference, lambda name: self._files.find(name, beside))
         if not tiles:
-            self.missing(tile_name(reference, 1001), user)
+            self.warn_of_missing(tile_name(reference, 1001), user)
             return None, IDENTITY_UV_TRANSFORM
 
-        def make() -> npt.NDArray[Any]:
+        def read_tiles() -> npt.NDArray[Any]:
             return side_by_side({number: read.read(self._files.read(name), name) for number, name in tiles.items()}, srgb)
 
         key = (f"\0tiles {tiles}", srgb)
         if key not in self._images:
             try:
-                pixels = self._files.recall(("tiles", tuple(tiles.values()), srgb), make)
+                pixels = self._files.get_or_make(("tiles", tuple(tiles.values()), srgb), read_tiles)
                 self._images[key] = self.add(Image(reference, pixels, srgb))
             except SceneError as error:
                 self._images[key] = None
                 self.warn_of_surface(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
         return self._images[key], atlas_transform(tiles)
 
-    def missing(self, reference: str, user: str) -> None:
+    def warn_of_missing(self, reference: str, user: str) -> None:
         """Warns about a texture that is not among the files."""
         wanted = PurePosixPath(reference.strip().replace("\\", "/")).name or reference[:80]
         self.warn_of_surface(

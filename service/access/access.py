@@ -49,7 +49,7 @@ class Access:
 
     def owner_link(self) -> str:
         """Returns the secret of a new one-time login link for the farm's owner, valid for LINK_S seconds."""
-        return self.keys.make("link", OWNER, Role.ADMIN, lasts_s=LINK_S)[0]
+        return self.keys.create("link", OWNER, Role.ADMIN, lasts_s=LINK_S)[0]
 
     def cached_caller(self, secret: str) -> Caller | None:
         """Returns the caller who owns this secret, from memory only; None if the secret is not cached."""

@@ -51,13 +51,13 @@ class Attempts:
                 for _ in range(min(failed, len(self._tries.get(key, ())))):
                     self._tries[key].pop()
 
-    def _seconds_to_wait(self, key: tuple[str, str], most: int, now: float) -> float:
+    def _seconds_to_wait(self, key: tuple[str, str], max_attempts: int, now: float) -> float:
         tries = self._tries.get(key)
         while tries and now - tries[0] > WINDOW_S:
             tries.popleft()
         if tries is not None and not tries:
             del self._tries[key]
-        return WINDOW_S - (now - tries[0]) if tries and len(tries) >= most else 0.0
+        return WINDOW_S - (now - tries[0]) if tries and len(tries) >= max_attempts else 0.0
 
     @staticmethod
     def _keys(address: str, name: str) -> list[tuple[tuple[str, str], int]]:

@@ -37,9 +37,11 @@ class Audit:
         self._folder = folder
         self._lock = threading.Lock()
 
-    def add(self, who: str, what: str, *, kind: str = "", address: str = "", about: str = "", status: int | None = None) -> None:
+    def add(
+        self, actor: str, what: str, *, kind: str = "", address: str = "", about: str = "", status: int | None = None
+    ) -> None:
         """Appends a line to the audit log. If the file cannot be written, writes the line to the service's log instead."""
-        fields = {"at": round(time.time(), 3), "who": printable(who[:MAX_VALUE_LENGTH]), "kind": kind, "from": address}
+        fields = {"at": round(time.time(), 3), "who": printable(actor[:MAX_VALUE_LENGTH]), "kind": kind, "from": address}
         fields |= {"what": what[:MAX_VALUE_LENGTH], "about": printable(about[:MAX_VALUE_LENGTH]), "status": status}
         line = json.dumps(fields) + "\n"
         try:

@@ -51,7 +51,7 @@ class Keys:
         self._known: dict[str, _CachedKey] = {}
         self._version = 0
 
-    def make(self, kind: KeyKind, user: str, role: Role, name: str = "", lasts_s: float | None = None) -> tuple[str, Key]:
+    def create(self, kind: KeyKind, user: str, role: Role, name: str = "", lasts_s: float | None = None) -> tuple[str, Key]:
         """Creates a key; returns its secret, which is not stored, and its row.
 
         lasts_s: lifetime in seconds; None: unlimited. Raises NotFound if the user does not exist.
@@ -85,7 +85,7 @@ class Keys:
         hash, version = fingerprint(secret), self._version
         with self._sessions() as session:
             row = session.scalar(select(Key).where(Key.hash == hash, Key.kind != "link"))
-            caller = None if row is None or _has_expired(row.expires) else _caller(row, session)
+            caller = None if row is None or _has_expired(row.expires) else _caller_of(row, session)
         if row is None or caller is None:
             return None
         if row.seen is None or time.time() - row.seen > LAST_USE_INTERVAL_S:
@@ -115,10 +115,10 @@ class Keys:
     def listed(self, kind: KeyKind, user: str | None = None) -> list[Key]:
         """Returns the valid keys of one kind, newest first. user: only this user's keys; None: those of all users."""
         with self._sessions() as session:
-            return list(session.scalars(self.holding((kind,), user)))
+            return list(session.scalars(self.select_valid((kind,), user)))
 
     @staticmethod
-    def holding(kinds: tuple[KeyKind, ...], user: str | None = None) -> Select[Any]:
+    def select_valid(kinds: tuple[KeyKind, ...], user: str | None = None) -> Select[Any]:
         """Returns the query for the valid keys of the given kinds, newest first.
 
         user: only this user's keys and all worker keys; None: the keys of all users.
@@ -126,7 +126,7 @@ class Keys:
         wanted = select(Key).where(*_is_valid_clauses(*kinds)).order_by(Key.created.desc(), Key.id)
         return wanted if user is None else wanted.where((Key.user == user) | (Key.kind == "worker"))
 
-    def is_there(self, kind: KeyKind, id: str) -> bool:
+    def exists(self, kind: KeyKind, id: str) -> bool:
         """Returns True if a key with this kind and id exists."""
         with self._sessions() as session:
             return session.scalar(select(Key.id).where(Key.id == id, Key.kind == kind)) is not None
@@ -166,10 +166,10 @@ class Keys:
             self._known = {}
 
 
-def _caller(row: Key, session: Session) -> Caller | None:
+def _caller_of(row: Key, session: Session) -> Caller | None:
     if row.kind == "worker":
         return Caller(row.name, Role.NOBODY, "worker", row.id)
-    role = min(Role.of(row.role), _role_of(row.user, session))
+    role = min(Role.from_name(row.role), _role_of(row.user, session))
     if role is Role.NOBODY:
         return None
     return Caller(row.user, role, "session" if row.kind == "session" else "token", row.id)
@@ -179,7 +179,7 @@ def _role_of(user: str, session: Session) -> Role:
     if user == OWNER:
         return Role.ADMIN
     found = session.get(User, user)
-    return Role.NOBODY if found is None else Role.of(found.role)
+    return Role.NOBODY if found is None else Role.from_name(found.role)
 
 
 def _is_valid_clauses(*kinds: KeyKind) -> tuple[ColumnElement[bool], ...]:

@@ -113,7 +113,7 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
         return None
     if not settings.oidc_client:
         raise StartupError("RAYFARM_OIDC_DISCOVERY names a provider, but RAYFARM_OIDC_CLIENT no client. Set both.")
-    if (unknown := [role for role in settings.oidc_roles.values() if Role.of(role) is Role.NOBODY]) != []:
+    if (unknown := [role for role in settings.oidc_roles.values() if Role.from_name(role) is Role.NOBODY]) != []:
         raise StartupError(f"RAYFARM_OIDC_ROLES gives the role {unknown[0]!r}; there are view, submit and admin.")
     url = urlsplit(settings.oidc_discovery)
     if url.scheme != "https" and url.hostname not in ("127.0.0.1", "localhost", "::1"):
@@ -141,7 +141,7 @@ class Oidc:
         self._name_claim = settings.oidc_name_claim
         self._role_claim = settings.oidc_role_claim
         self._roles = settings.oidc_roles
-        self._usual = Role.of(settings.oidc_role)
+        self._usual = Role.from_name(settings.oidc_role)
         self._logs_out = settings.oidc_logout
         self._sessions = sessions
         self._key = OctKey.import_key(login_key)
@@ -319,6 +319,6 @@ class Oidc:
         told = claims.get(self._role_claim)
         values = told if isinstance(told, list) else str(told or "").split()
         return max(
-            (Role.of(self._roles[value]) for value in values if isinstance(value, str) and value in self._roles),
+            (Role.from_name(self._roles[value]) for value in values if isinstance(value, str) and value in self._roles),
             default=self._usual,
         )

@@ -71,8 +71,8 @@ def hashed(password: str) -> str:
         return _hasher().hash(password)
 
 
-def is_right(password: str, kept: str | None) -> bool:
-    """Returns True if the password matches the stored hash `kept`.
+def is_right(password: str, stored_hash: str | None) -> bool:
+    """Returns True if the password matches the stored hash `stored_hash`.
 
     None (no stored password) never matches, but takes as long to check.
     """
@@ -80,7 +80,7 @@ def is_right(password: str, kept: str | None) -> bool:
 
     with CONCURRENT_HASHES:
         try:
-            _hasher().verify(kept or _placeholder_hash(), password[:MAX_LENGTH])
+            _hasher().verify(stored_hash or _placeholder_hash(), password[:MAX_LENGTH])
         except (VerificationError, InvalidHashError):
             return False
-    return kept is not None
+    return stored_hash is not None

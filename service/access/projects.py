@@ -54,7 +54,7 @@ class ProjectVisibility:
     projects: frozenset[str] = frozenset()
     looks: frozenset[str] = frozenset()
 
-    def sees(self, project: str | None) -> bool:
+    def is_visible(self, project: str | None) -> bool:
         """Returns True if content of this project is visible.
 
         True also for "" (no project) and None (missing content: anyone may learn that).
@@ -66,7 +66,7 @@ class ProjectVisibility:
         return self.everything or project not in self.looks
 
     def clause(self, column: Any) -> ColumnElement[bool]:
-        """Returns the SQL condition equivalent to `sees`, for a table's `project` column."""
+        """Returns the SQL condition equivalent to `is_visible`, for a table's `project` column."""
         if self.everything:
             return true()
         found: ColumnElement[bool] = column.in_(["", *sorted(self.projects)])
@@ -133,10 +133,10 @@ class Projects:
             row = ROWS[kind]
             found = session.scalar(select(row.project).where(row.id == id)) if "\0" not in id else None
         if found is not None:
-            self.note(kind, id, found)
+            self.cache_project(kind, id, found)
         return found
 
-    def note(self, kind: Kind, id: str, project: str) -> None:
+    def cache_project(self, kind: Kind, id: str, project: str) -> None:
         """Caches which project an object belongs to."""
         with self._lock:
             if len(self._where) >= MAX_CACHED:
@@ -162,12 +162,12 @@ class Projects:
             ) from None
         return self.find(name)
 
-    def named(self, sight: ProjectVisibility) -> list[str]:
+    def visible_names(self, sight: ProjectVisibility) -> list[str]:
         """Returns the names of the visible projects in alphabetical order."""
         with self._sessions() as session:
             return list(session.scalars(select(Project.name).where(sight.clause(Project.name)).order_by(Project.name)))
 
-    def described(self, names: Collection[str]) -> list[Summary]:
+    def summaries(self, names: Collection[str]) -> list[Summary]:
         """Returns the summaries of the named projects, ordered by name. Skips projects that no longer exist."""
         with self._sessions() as session:
             rows = session.scalars(select(Project).where(Project.name.in_(names)).order_by(Project.name)).all()
@@ -184,7 +184,7 @@ class Projects:
 
     def find(self, name: str) -> Summary:
         """Returns the summary of a project. Raises NotFound."""
-        found = self.described([name]) if "\0" not in name else []
+        found = self.summaries([name]) if "\0" not in name else []
         if not found:
             raise project_not_found(name)
         return found[0]
@@ -198,7 +198,7 @@ class Projects:
             return name
         with self._sessions() as session:
             is_there = "\0" not in name and session.get(Project, name) is not None
-        if not (is_there and sight.sees(name)):
+        if not (is_there and sight.is_visible(name)):
             raise project_not_found(name)
         if not sight.changes(name):
             raise read_only_project(name)

@@ -72,16 +72,16 @@ class Quotas:
         """Returns the allowances that apply to a caller: the user's, and the token's if it has its own limits."""
         with self._sessions() as session:
             allowed = list(self._limits(caller, session))
-            return [Allowance(whose, limits, self._used(whose, session)) for whose, limits in allowed]
+            return [Allowance(whose, limits, self._usage_of(whose, session)) for whose, limits in allowed]
 
-    def named(self) -> list[str]:
+    def resource_names(self) -> list[str]:
         """Returns all users, and the tokens that have limits of their own, as sorted strings user:NAME and token:ID."""
         with self._sessions() as session:
             users = {f"user:{name}" for name in session.scalars(select(User.name))}
             return sorted(users | set(session.scalars(select(Quota.whose))))
 
-    def described(self, named: Collection[str]) -> list[Allowance]:
-        """Returns the allowances of the given users and tokens (as `named` returns them). A deleted one has no usage."""
+    def existing_allowances(self, named: Collection[str]) -> list[Allowance]:
+        """Returns the allowances of the given users and tokens (as `resource_names` returns them). A deleted one has no usage."""
         names: dict[Kind, list[str]] = {kind: [] for kind in get_args(Kind)}
         for kind, name in map(_kind_and_name, named):
             names[kind].append(name)
@@ -114,17 +114,17 @@ class Quotas:
             if limits is not None:
                 session.add(Quota(whose=whose, **{each.name: getattr(limits, each.name) for each in fields(Limits)}))
 
-    def check_bytes(self, caller: Caller | None, more: int = 0) -> None:
+    def check_bytes(self, caller: Caller | None, added: int = 0) -> None:
         """Checks the storage quota.
 
-        Raises OutOfSpace if `more` bytes would exceed the caller's limit, or if it is already reached.
+        Raises OutOfSpace if `added` bytes would exceed the caller's limit, or if it is already reached.
         """
         with self._sessions() as session:
             for whose, limits in self._limits(caller, session):
                 if limits.bytes is None:
                     continue
                 used = self._bytes_of(*_kind_and_name(whose), session)
-                if used + more > limits.bytes or used >= limits.bytes:
+                if used + added > limits.bytes or used >= limits.bytes:
                     raise OutOfSpace(
                         Sentence(
                             "quota-bytes-exceeded",
@@ -133,9 +133,9 @@ class Quotas:
                             owner=_possessive(whose),
                             used=_in_mb(used),
                             limit=_in_mb(limits.bytes),
-                            more=_in_mb(more),
+                            more=_in_mb(added),
                         )
-                        if more
+                        if added
                         else Sentence(
                             "quota-bytes-full",
                             "{owner} uploads and films use {used} of {limit}. Delete jobs or scenes, or ask who runs "
@@ -208,7 +208,7 @@ class Quotas:
             if (row := session.get(Quota, token)) is not None:
                 yield token, _limits_of(row)
 
-    def _used(self, whose: str, session: Session) -> Limits:
+    def _usage_of(self, whose: str, session: Session) -> Limits:
         kind, name = _kind_and_name(whose)
         return Limits(*(count(kind, session, [name])[name] for count in (self._bytes, _jobs, _samples)))
 

@@ -25,7 +25,7 @@ class Role(IntEnum):
     ADMIN = 3  # also manage workers and users
 
     @classmethod
-    def of(cls, name: str) -> Role:
+    def from_name(cls, name: str) -> Role:
         """Returns the role with this name in the API; NOBODY for an unknown name."""
         return {"view": cls.VIEW, "submit": cls.SUBMIT, "admin": cls.ADMIN}.get(name, cls.NOBODY)
 

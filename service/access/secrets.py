@@ -24,6 +24,6 @@ def fingerprint(secret: str) -> str:
     return hashlib.sha256(secret[:MOST].encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def is_same(shown: str, known: str) -> bool:
+def is_same(given: str, expected: str) -> bool:
     """Returns True if two secrets are equal, compared in constant time."""
-    return hmac.compare_digest(fingerprint(shown), fingerprint(known))
+    return hmac.compare_digest(fingerprint(given), fingerprint(expected))

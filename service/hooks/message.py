@@ -32,13 +32,13 @@ def job_message(job: Job, public_url: str) -> dict[str, Any]:
     return _event(f"job.{job.state}" if is_over else "job.late", (job.finished if is_over else job.late) or 0.0, told)
 
 
-def quarantine_message(at: float, told: dict[str, Any]) -> dict[str, Any]:
+def quarantine_message(time: float, details: dict[str, Any]) -> dict[str, Any]:
     """Returns the message about a worker that was quarantined because its samples differ from those of other workers.
 
-    at: Unix time. told: details of the event: the worker, the reason, the job in which it was found, and the jobs that are partly
-    rendered again.
+    time: Unix time. details: details of the event: the worker, the reason, the job in which it was found, and the jobs that
+    are partly rendered again.
     """
-    return _event("worker.set-aside", at, told)
+    return _event("worker.set-aside", time, details)
 
 
 def test_message(now: float) -> dict[str, Any]:
@@ -46,5 +46,5 @@ def test_message(now: float) -> dict[str, Any]:
     return _event("test", now, {"text": "This is a test: messages of this farm arrive here."})
 
 
-def _event(type: str, at: float, data: dict[str, Any]) -> dict[str, Any]:
-    return {"type": type, "timestamp": datetime.fromtimestamp(at, UTC).isoformat(), "data": data}
+def _event(type: str, time: float, data: dict[str, Any]) -> dict[str, Any]:
+    return {"type": type, "timestamp": datetime.fromtimestamp(time, UTC).isoformat(), "data": data}

@@ -60,7 +60,7 @@ class Outbox:
             if thread.is_alive():
                 thread.join(max(until - time.monotonic(), 0.0))
 
-    def tell(self, hook: str, id: str, message: dict[str, object]) -> None:
+    def send_now(self, hook: str, id: str, message: dict[str, object]) -> None:
         """Sends one message to a hook immediately. Raises UndeliveredError."""
         if hook == self._settings.job_hook:
             run_program(hook, id, message)
@@ -153,7 +153,7 @@ class Outbox:
                 return
             row.attempts += 1
             try:
-                self.tell(row.hook, row.id, row.message)
+                self.send_now(row.hook, row.id, row.message)
                 row.due, row.done, row.error = None, time.time(), None
                 self._rests.pop(hook, None)
             except Exception as error:  # a fault in one message must not block other hooks, and is not retried forever

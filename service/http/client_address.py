@@ -123,5 +123,5 @@ def _verified_origin(word: str, secret: str) -> tuple[str, str] | None:
     return (address.removeprefix(NO_ADDRESS), scheme) if scheme in SCHEMES else None
 
 
-def _signature(said: str, secret: str) -> str:
-    return hmac.new(secret.encode(), f"passed on: {said}".encode(), hashlib.sha256).hexdigest()
+def _signature(header: str, secret: str) -> str:
+    return hmac.new(secret.encode(), f"passed on: {header}".encode(), hashlib.sha256).hexdigest()

@@ -66,19 +66,19 @@ class OwnerClient:
             await self._http.aclose()
             self._http = None
 
-    async def is_ready(self, url: str, over: asyncio.Event) -> bool:
-        """Returns True if the service at this URL is ready. Returns False if `over` is set before it answers."""
+    async def is_ready(self, url: str, ended: asyncio.Event) -> bool:
+        """Returns True if the service at this URL is ready. Returns False if `ended` is set before it answers."""
         import httpx  # imported only if needed: the import takes a tenth of a second of a starting service
 
         asking = self._client().get(f"{url}/readyz", headers={"Host": "localhost", PASSED_ON: "1"}, timeout=CONNECT_S)
         try:
-            answer = await _result_unless(over, asking)
+            answer = await _result_unless(ended, asking)
         except httpx.HTTPError:
             return False
         return answer is not None and answer.is_success
 
-    async def request(self, url: str, over: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forwards an HTTP request; stops if `over` is set.
+    async def request(self, url: str, ended: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
+        """Forwards an HTTP request; stops if `ended` is set.
 
         Raises Unavailable if the owner does not respond; then nothing was sent to the client.
         """
@@ -100,20 +100,20 @@ class OwnerClient:
             await send_error(NO_PATH, scope, receive, send)
             return
         try:
-            answer = await _result_unless(over, self._client().send(request, stream=True))
+            answer = await _result_unless(ended, self._client().send(request, stream=True))
         except httpx.HTTPError as error:
             raise _unreachable_owner(type(error).__name__) from error
         if answer is None:
             raise _unreachable_owner("no answer")
         leaving = asyncio.create_task(_wait_for_disconnect(receive))
         try:
-            await _result_unless(over, _stream_back(answer, send), leaving)
+            await _result_unless(ended, _stream_back(answer, send), leaving)
         finally:
             leaving.cancel()
             await answer.aclose()
 
-    async def socket(self, url: str, over: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forwards a WebSocket connection until `over` is set. Raises Unavailable if the owner does not respond."""
+    async def socket(self, url: str, ended: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
+        """Forwards a WebSocket connection until `ended` is set. Raises Unavailable if the owner does not respond."""
         await receive()
         there, path = urlsplit(url), _path(scope)
         if not path.startswith("/"):
@@ -136,7 +136,7 @@ class OwnerClient:
         )
         try:
             async with connection as far:
-                await _relay(far, over, receive, send)
+                await _relay(far, ended, receive, send)
         except InvalidStatus as error:
             told = error.response
             await send_error(Problem(told.status_code, _text(bytes(told.body or b""))[:300]), scope, receive, send)
@@ -204,36 +204,36 @@ async def _wait_for_disconnect(receive: Receive) -> None:
         pass
 
 
-async def _relay(far: ClientConnection, over: asyncio.Event, receive: Receive, send: Send) -> None:
-    """Forwards WebSocket messages in both directions until either side disconnects or `over` is set."""
-    await send({"type": "websocket.accept", "subprotocol": far.subprotocol})
-    going = asyncio.create_task(_relay_to_owner(far, receive))
+async def _relay(owner_socket: ClientConnection, ended: asyncio.Event, receive: Receive, send: Send) -> None:
+    """Forwards WebSocket messages in both directions until either side disconnects or `ended` is set."""
+    await send({"type": "websocket.accept", "subprotocol": owner_socket.subprotocol})
+    going = asyncio.create_task(_relay_to_owner(owner_socket, receive))
     try:
         with suppress(ConnectionClosed):  # the owner died, and another service takes its place
-            await _result_unless(over, _relay_to_client(far, send), going)
+            await _result_unless(ended, _relay_to_client(owner_socket, send), going)
         if not going.done():
-            code = far.close_code if far.close_code not in NO_CLOSE_CODE else CLOSE_SERVICE_RESTART
-            await send({"type": "websocket.close", "code": code, "reason": far.close_reason or ""})
+            code = owner_socket.close_code if owner_socket.close_code not in NO_CLOSE_CODE else CLOSE_SERVICE_RESTART
+            await send({"type": "websocket.close", "code": code, "reason": owner_socket.close_reason or ""})
     finally:
         going.cancel()
-        far.transport.abort()  # without a closing handshake, since the owner may be suspended
+        owner_socket.transport.abort()  # without a closing handshake, since the owner may be suspended
 
 
-async def _relay_to_owner(far: ClientConnection, receive: Receive) -> None:
+async def _relay_to_owner(owner_socket: ClientConnection, receive: Receive) -> None:
     with suppress(ConnectionClosed, OSError):
         while (message := await receive())["type"] != "websocket.disconnect":
             text = message.get("text")
-            await far.send(text if text is not None else message["bytes"])
+            await owner_socket.send(text if text is not None else message["bytes"])
 
 
-async def _relay_to_client(far: ClientConnection, send: Send) -> None:
-    async for message in far:
+async def _relay_to_client(owner_socket: ClientConnection, send: Send) -> None:
+    async for message in owner_socket:
         await send({"type": "websocket.send", **({"text": message} if isinstance(message, str) else {"bytes": message})})
 
 
-async def _result_unless(over: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:
-    """Returns the result of a coroutine; None if `over` is set or another task ends first, which cancels it."""
-    task, ending = asyncio.create_task(doing), asyncio.create_task(over.wait())
+async def _result_unless(ended: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:
+    """Returns the result of a coroutine; None if `ended` is set or another task ends first, which cancels it."""
+    task, ending = asyncio.create_task(doing), asyncio.create_task(ended.wait())
     try:
         await asyncio.wait((task, ending, *others), return_when=asyncio.FIRST_COMPLETED)
         return task.result() if task.done() else None

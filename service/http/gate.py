@@ -114,7 +114,7 @@ class AuthorizationMiddleware:
             await self._app(scope, receive, _private_send(send) if needs_login else send)
         else:
             if pattern in UPLOADS:
-                receive = _ReauthorizedConnection(access, shown, need, visit, thing, receive, send).take
+                receive = _ReauthorizedConnection(access, shown, need, visit, thing, receive, send).next_upload_message
             await self._app(scope, receive, _recording_send(access, caller, address, f"{method} {pattern}", path, send))
 
 
@@ -162,8 +162,8 @@ def _warn_of_proxy() -> None:
     )
 
 
-async def _caller_of(access: Access, shown: str) -> Caller | None:
-    return access.cached_caller(shown) or await run_in_threadpool(access.find, shown)
+async def _caller_of(access: Access, token: str) -> Caller | None:
+    return access.cached_caller(token) or await run_in_threadpool(access.find, token)
 
 
 async def _visible_projects(access: Access, caller: Caller | None, needs_login: bool) -> ProjectVisibility:
@@ -184,7 +184,7 @@ async def _may_see(access: Access, sight: ProjectVisibility, thing: tuple[Kind, 
             project = await run_in_threadpool(access.projects.project_of, *thing)
         except FarmError:
             return False  # the database is away, so its project is unknown
-    return sight.sees(project) if project is not None else thing[0] == "environment"  # presets have no row
+    return sight.is_visible(project) if project is not None else thing[0] == "environment"  # presets have no row
 
 
 async def _not_found(thing: tuple[Kind, str], scope: Scope, receive: Receive, send: Send) -> None:
@@ -229,19 +229,19 @@ async def _record_action(access: Access, caller: Caller, address: str, what: str
 def _recording_send(access: Access, caller: Caller, address: str, what: str, path: str, send: Send) -> Send:
     """Wraps `send` so that the request and its status are added to the audit log."""
 
-    async def wrapped(message: Message) -> None:
+    async def send_and_record(message: Message) -> None:
         if message["type"] == "http.response.start":
             about = Headers(raw=message.get("headers", [])).get("location", path)
             await _record_action(access, caller, address, what, about, message["status"])
         await send(message)
 
-    return wrapped
+    return send_and_record
 
 
 def _private_send(send: Send) -> Send:
     """Wraps `send` so that cacheable responses are marked private: shared proxies then do not store them."""
 
-    async def wrapped(message: Message) -> None:
+    async def send_private(message: Message) -> None:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
             kept = headers.get("cache-control", "")
@@ -249,7 +249,7 @@ def _private_send(send: Send) -> Send:
                 headers["Cache-Control"] = f"private, {kept}"
         await send(message)
 
-    return wrapped
+    return send_private
 
 
 class _ReauthorizedConnection:
@@ -258,14 +258,14 @@ class _ReauthorizedConnection:
     def __init__(
         self,
         access: Access,
-        shown: str,
+        token: str,
         need: Need,
         visit: Visit,
         thing: tuple[Kind, str] | None,
         receive: Receive,
         send: Send,
     ) -> None:
-        self._access, self._shown, self._need, self._thing = access, shown, need, thing
+        self._access, self._shown, self._need, self._thing = access, token, need, thing
         self._receive, self._send = receive, send
         self._needs_login, self._saw_everything = visit.needs_login, visit.sight.everything
         self._looks = visit.caller is not None and visit.caller.is_known
@@ -280,12 +280,12 @@ class _ReauthorizedConnection:
         """Returns the next message from the client, or a disconnect message once the caller is no longer authorized."""
         message = await self._receive()
         if message["type"] == "websocket.receive" and not await self._is_still_authorized():
-            await self._end("websocket")
+            await self._disconnect("websocket")
         if self._is_over and message["type"] == "websocket.receive":
             return {"type": "websocket.disconnect", "code": self._why[0]}
         return message
 
-    async def take(self) -> Message:
+    async def next_upload_message(self) -> Message:
         """Returns the next part of an upload. Raises Problem once the caller is no longer authorized."""
         message = await self._receive()
         if message["type"] == "http.request" and not message.get("more_body"):
@@ -297,11 +297,11 @@ class _ReauthorizedConnection:
     async def send(self, message: Message) -> None:
         """Sends a message to the client; ends the connection instead if the caller is no longer authorized."""
         if message["type"] in ("websocket.send", "http.response.body") and not await self._is_still_authorized():
-            await self._end(message["type"].partition(".")[0])
+            await self._disconnect(message["type"].partition(".")[0])
         elif not self._is_over:
             await self._send(message)
 
-    async def _end(self, kind: str) -> None:
+    async def _disconnect(self, kind: str) -> None:
         if self._is_over:
             return
         self._is_over = True

@@ -25,10 +25,10 @@ class Page:
     offset: int
     response: Response
 
-    def slice_of(self, things: Sequence[T]) -> Sequence[T]:
+    def slice_of(self, items: Sequence[T]) -> Sequence[T]:
         """Returns the requested range of a list that is in memory."""
-        self.response.headers[TOTAL] = str(len(things))
-        return things[self.offset : self.offset + self.limit]
+        self.response.headers[TOTAL] = str(len(items))
+        return items[self.offset : self.offset + self.limit]
 
     def rows(self, query: Select[Any], session: Session, first: Sequence[T] = ()) -> tuple[Sequence[T], list[Any]]:
         """Returns the requested range of a list that consists of `first` followed by the rows of an ordered query.

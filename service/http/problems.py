@@ -188,7 +188,7 @@ def install(app: FastAPI) -> None:
         return response(422, with_full_stop(detail), errors=[_error(*each) for each in faults])
 
     @app.exception_handler(ClientDisconnect)
-    async def _gone(request: Request, error: ClientDisconnect) -> Response:
+    async def handle_disconnect(request: Request, error: ClientDisconnect) -> Response:
         return Response(status_code=400)  # never read: the client aborted the upload, which is no error of the service
 
     @app.exception_handler(Exception)

@@ -25,6 +25,6 @@ def redacted_slots(slots: list[dict[str, Any]], sight: ProjectVisibility, projec
 
     def is_seen(slot: dict[str, Any]) -> bool:
         named = ((kind, slot[name]) for name, kind in RESOURCE_FIELDS.items() if name in slot)
-        return all(isinstance(id, str) and sight.sees(projects.project_of(kind, id)) for kind, id in named)
+        return all(isinstance(id, str) and sight.is_visible(projects.project_of(kind, id)) for kind, id in named)
 
     return [slot if is_seen(slot) else REDACTED_SLOT for slot in slots]

@@ -136,19 +136,19 @@ def _head_as_get(scope: Scope) -> Scope:
 def _with_refusal(scope: Scope, send: Send) -> Send:
     """Wraps `send` so that a failed start reports its reason as one sentence instead of a traceback."""
 
-    async def wrapped(message: Message) -> None:
+    async def send_with_refusal(message: Message) -> None:
         refusal = getattr(scope["app"].state, "refusal", None)
         if message["type"] == "lifespan.startup.failed" and refusal is not None:
             message = {**message, "message": refusal}
         await send(message)
 
-    return wrapped
+    return send_with_refusal
 
 
 def _with_headers(scope: Scope, send: Send) -> Send:
     is_secure = scope["scheme"] in ("https", "wss") and name_of(Headers(scope=scope).get("host", "")) != "localhost"
 
-    async def wrapped(message: Message) -> None:
+    async def send_with_headers(message: Message) -> None:
         if message["type"].endswith("http.response.start"):
             headers = MutableHeaders(scope=message)
             for name, value in HEADERS.items():
@@ -159,7 +159,7 @@ def _with_headers(scope: Scope, send: Send) -> Send:
                 headers["Cache-Control"] = "no-store"
         await send(message)
 
-    return wrapped
+    return send_with_headers
 
 
 def _limited_receive(scope: Scope, receive: Receive) -> Receive:
@@ -168,7 +168,7 @@ def _limited_receive(scope: Scope, receive: Receive) -> Receive:
         return receive
     size = 0
 
-    async def wrapped() -> Message:
+    async def receive_limited() -> Message:
         nonlocal size
         message = await receive()
         size += len(message.get("body", b""))
@@ -176,7 +176,7 @@ def _limited_receive(scope: Scope, receive: Receive) -> Receive:
             raise HTTPException(413, _too_large().detail)  # the only exception that FastAPI passes on while reading a body
         return message
 
-    return wrapped
+    return receive_limited
 
 
 def _too_large() -> Problem:

@@ -37,7 +37,7 @@ class StandbyMiddleware:
             await self._forward.close()
             return
         life: ServiceLifecycle = scope["app"].state.life
-        if not life.stands_by:
+        if not life.is_standby:
             try:
                 await life.confirm()
             except NotOwner:
@@ -49,14 +49,16 @@ class StandbyMiddleware:
                 await self._app(scope, receive, send)
                 return
         try:
-            await self._answer(life, scope, receive, send)
+            await self._send_standby_response(life, scope, receive, send)
         except Unavailable as error:
-            if not life.stands_by and scope["type"] == "http" and scope["method"] in SAFE_METHODS:
+            if not life.is_standby and scope["type"] == "http" and scope["method"] in SAFE_METHODS:
                 await self._app(scope, receive, send)  # this service has become the owner meanwhile
             else:
-                await send_error(Problem(503, joined_sentences(life.why, str(error)), RETRY_HEADERS), scope, receive, send)
+                await send_error(
+                    Problem(503, joined_sentences(life.standby_reason, str(error)), RETRY_HEADERS), scope, receive, send
+                )
 
-    async def _answer(self, life: ServiceLifecycle, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _send_standby_response(self, life: ServiceLifecycle, scope: Scope, receive: Receive, send: Send) -> None:
         path = scope["path"] if scope["type"] == "http" else ""
         owner = life.owner_url if PASSED_ON not in Headers(scope=scope) else ""
         if path == "/healthz" and life.is_alive:
@@ -64,7 +66,7 @@ class StandbyMiddleware:
         elif path == "/metrics":
             await PlainTextResponse("rayfarm_owner 0\n")(scope, receive, send)
         elif not owner:
-            await send_error(Problem(503, life.why, RETRY_HEADERS), scope, receive, send)
+            await send_error(Problem(503, life.standby_reason, RETRY_HEADERS), scope, receive, send)
         elif path == "/readyz":
             if not await self._forward.is_ready(owner, life.taken):
                 raise Unavailable(Sentence("standby-not-ready", "The standby service is not ready."))

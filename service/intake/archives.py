@@ -165,20 +165,20 @@ def _extract(
     entry: zipfile.ZipInfo,
     name: str,
     store: BlobStore,
-    left: int,
+    bytes_left: int,
     max_ratio: float,
     check_disk: Callable[[int], None],
 ) -> BlobWriter:
     """Extracts one entry to a new blob and returns the blob's writer.
 
-    left: bytes that may still be extracted. The sizes in the directory can be wrong, so the extracted bytes are checked.
+    bytes_left: bytes that may still be extracted. The sizes in the directory can be wrong, so the extracted bytes are checked.
     """
     writer = store.writer()
     try:
         for piece in entry_chunks(file, entry):
             check_disk(len(piece))
             writer.write(piece)
-            if writer.size > left:
+            if writer.size > bytes_left:
                 raise TooLarge(
                     Sentence(
                         "archive-size-misdeclared",
@@ -198,7 +198,7 @@ def _extract(
                         advice=UNPACK_ADVICE,
                     )
                 )
-        writer.end()
+        writer.close_file()
     except BaseException:
         writer.discard()
         raise

@@ -43,18 +43,18 @@ def form_of(example: Example, path: Path, blobs: BlobStore) -> Form:
     """Returns an example as the form that a client would upload."""
     form = Form({"name": example.title, "main": path.name})
     try:
-        for part, file in _parts(path):
+        for part, file in _files_of(path):
             writer = blobs.writer()
             form.files.append((part, writer))
             writer.write(file.read_bytes())
-            writer.end()
+            writer.close_file()
     except BaseException:
         form.discard()
         raise
     return form
 
 
-def _parts(path: Path) -> list[tuple[str, Path]]:
+def _files_of(path: Path) -> list[tuple[str, Path]]:
     """Returns all files of an example as (name in the upload, path)."""
     if path.parent.name != path.stem:
         return [(path.name, path)]
@@ -64,10 +64,10 @@ def _parts(path: Path) -> list[tuple[str, Path]]:
 def _described(path: Path) -> Example:
     text = path.read_text(encoding="utf-8")
 
-    def told(pattern: re.Pattern[str]) -> str | None:
+    def first_match(pattern: re.Pattern[str]) -> str | None:
         found = pattern.search(text)
         return found.group(1) if found else None
 
-    frames = told(FRAMES)
-    fps = float(told(FPS) or 24) if frames else None
-    return Example(path.stem, told(TITLE) or path.stem, told(DESCRIPTION) or "", frames, fps)
+    frames = first_match(FRAMES)
+    fps = float(first_match(FPS) or 24) if frames else None
+    return Example(path.stem, first_match(TITLE) or path.stem, first_match(DESCRIPTION) or "", frames, fps)

@@ -22,7 +22,7 @@ from protocol.contract import BlobRef
 from renderer.sentences import Sentence
 from service.errors import Invalid, NotFound
 from service.events import Events, PreparationRequested, RowWritten
-from service.intake.projects import Owner, may_be_used_in
+from service.intake.projects import UploadOwner, may_be_used_in
 from service.intake.record import record
 from service.intake.uploads import Upload, changed_upload, light_text, sky_text
 from service.store.database import Sessions
@@ -77,14 +77,14 @@ class Lighting:
                 return
         self.row(row.scene, row.request)
 
-    def scene_for(self, scene: str, asked: Mapping[str, Any], kind: str) -> LitScene:
+    def scene_for(self, scene: str, request: Mapping[str, Any], kind: str) -> LitScene:
         """Returns the scene to render for a request. If it is not yet compiled for this worker kind, starts compiling it.
 
-        Call again later in that case. asked: fields of the job's request, of which `environment`, `variant`, `up` and `floor` are
-        used. To use the scene afterwards, callers must hold it (`held`). Raises NotFound if the scene or image does not exist,
-        Invalid if lighting or variant are invalid, or if `up` is given although the file states which axis is up.
+        Call again later in that case. request: fields of the job's request, of which `environment`, `variant`, `up` and
+        `floor` are used. To use the scene afterwards, callers must hold it (`holding`). Raises NotFound if the scene or image
+        does not exist, Invalid if lighting or variant are invalid, or if `up` is given although the file states which axis is up.
         """
-        found = self.row(scene, asked)
+        found = self.row(scene, request)
         ref = found.compiled.get(kind)
         is_elsewhere = ref is None and found.status == "ready"  # prepared for another worker kind only
         if is_elsewhere:
@@ -92,13 +92,13 @@ class Lighting:
         status = "preparing" if is_elsewhere else cast(Status, found.status)
         return LitScene(found.id, status, found.error, ref["sha256"] if ref else None, frozenset(found.blobs))
 
-    def row(self, scene: str, asked: Mapping[str, Any]) -> Scene:
+    def row(self, scene: str, request: Mapping[str, Any]) -> Scene:
         """Returns the row of the scene to render, created if needed; the uploaded scene's if the request changes nothing.
 
         Raises as `scene_for` does.
         """
         base = self._upload(scene)
-        stored = self._requested_upload(base, asked)
+        stored = self._requested_upload(base, request)
         if stored is None or stored.id == base.id:
             return base
         with self._sessions() as session:
@@ -106,24 +106,24 @@ class Lighting:
         if found is not None and found.status != "failed":
             self._record_use(found)
             return found
-        with self._garbage.pinned(ref.sha256 for ref in stored.files), self.held(stored.id):
+        with self._garbage.pinned(ref.sha256 for ref in stored.files), self.holding(stored.id):
             self._upload(scene)  # the scene may have been deleted meanwhile, with its files
-            self._requested_upload(base, asked)  # and so may the image
-            made = record(stored, self._sessions, self._events, of=base.of or base.id, owner=Owner(base.project))
-            self.clear()
+            self._requested_upload(base, request)  # and so may the image
+            made = record(stored, self._sessions, self._events, parent=base.of or base.id, owner=UploadOwner(base.project))
+            self.delete_unused()
         return made
 
-    def find_row(self, scene: str, asked: Mapping[str, Any]) -> Scene | None:
+    def find_row(self, scene: str, request: Mapping[str, Any]) -> Scene | None:
         """Returns the row that `row` would return, whether or not it failed; None if it does not exist. Creates nothing."""
         base = self._upload(scene)
-        stored = self._requested_upload(base, asked)
+        stored = self._requested_upload(base, request)
         if stored is None or stored.id == base.id:
             return base
         with self._sessions() as session:
             return session.get(Scene, stored.id)
 
     @contextmanager
-    def held(self, id: str) -> Iterator[None]:
+    def holding(self, id: str) -> Iterator[None]:
         """Prevents the deletion of a derived scene and its blobs inside the `with` block, for uses other than jobs."""
         self.hold(id)
         try:
@@ -145,17 +145,17 @@ class Lighting:
             self._held[id] -= 1
             self._held += Counter()
 
-    def clear(self, kept: int = MAX_UNUSED) -> None:
-        """Deletes unused derived scenes except the `kept` most recently used."""
+    def delete_unused(self, max_kept: int = MAX_UNUSED) -> None:
+        """Deletes unused derived scenes except the `max_kept` most recently used."""
         gone: list[str] = []
 
-        def forget(session: Session) -> set[str]:
+        def delete_rows(session: Session) -> set[str]:
             needed = set(session.scalars(select(Job.lit).where(Job.lit.is_not(None), Job.state.in_(ACTIVE_STATES))))
             blobs: set[str] = set()
             with self._lock:
                 rows = session.scalars(select(Scene).where(Scene.of.is_not(None)).order_by(Scene.created.desc()))
                 idle = [row for row in rows if row.id not in needed and row.id not in self._held]
-                for row in idle[kept:]:
+                for row in idle[max_kept:]:
                     gone.append(row.id)
                     blobs |= row.blobs
                     session.delete(row)
@@ -163,8 +163,8 @@ class Lighting:
 
         with self._sessions() as session:
             lit = len(session.scalars(select(Scene.id).where(Scene.of.is_not(None))).all())
-        if lit > kept:
-            self._garbage.collect(forget)
+        if lit > max_kept:
+            self._garbage.collect(delete_rows)
         for id in gone:
             self._events.publish(RowWritten("scene", id))
 
@@ -187,9 +187,9 @@ class Lighting:
             )
         return found
 
-    def _requested_upload(self, base: Scene, asked: Mapping[str, Any]) -> Upload | None:
+    def _requested_upload(self, base: Scene, request: Mapping[str, Any]) -> Upload | None:
         """Returns the upload with the requested changes applied; None if the request changes nothing."""
-        environment = asked.get("environment") or {}
+        environment = request.get("environment") or {}
         light: str | BlobRef | None = None
         if (sky := environment.get("sky")) is not None:
             light = sky_text(sky["elevation"], sky.get("azimuth") or 0.0)
@@ -197,7 +197,7 @@ class Lighting:
             light = light_text(preset)
         elif (image := environment.get("image")) is not None:
             light = self._image(image, base.project)
-        reading = {name: asked.get(name) for name in ("variant", "up", "floor")}
+        reading = {name: request.get(name) for name in ("variant", "up", "floor")}
         if light is None and all(value is None for value in reading.values()):
             return None
         return changed_upload(base, light, **reading)

@@ -62,7 +62,7 @@ async def read_form(
     try:
         parser = MultipartParser(options[b"boundary"], callbacks)
 
-        def take(piece: bytes) -> None:
+        def write_piece(piece: bytes) -> None:
             check_disk(len(piece))
             parser.write(piece)
 
@@ -76,7 +76,7 @@ async def read_form(
                         most=max_bytes,
                     )
                 )
-            await run_in_threadpool(take, piece)
+            await run_in_threadpool(write_piece, piece)
         if not reader.ended:
             raise Invalid(Sentence("upload-interrupted", "The upload was interrupted. Send it again."))
     except FormParserError as error:
@@ -171,7 +171,7 @@ class _Reader:
 
     def on_part_end(self) -> None:
         if self._writer is not None:
-            self._writer.end()
+            self._writer.close_file()
         else:
             try:
                 self.form.fields[self._field] = self._text.decode()

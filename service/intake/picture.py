@@ -27,8 +27,8 @@ def picture_hash(job: Job) -> str | None:
     """
     if job.settings is None or job.tile_size is None:
         return None
-    of = [job.stage, job.settings, job.tile_size]
-    if (shot := Shot.of(job.shot)) is not None:
+    of = [job.compiled_scene_id, job.settings, job.tile_size]
+    if (shot := Shot.parse(job.shot)) is not None:
         asked = {name: value for name, value in job.request.items() if name not in IGNORED_FIELDS}
         of += [shot.fps, shot.clip, shot.turntable, asked]
     return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()

@@ -8,11 +8,11 @@ from typing import Any
 
 from sqlalchemy import ColumnElement
 
-__all__ = ["NO_OWNER", "Owner", "id_in_project", "may_be_used_in", "usable_in"]
+__all__ = ["NO_OWNER", "UploadOwner", "id_in_project", "may_be_used_in", "usable_in"]
 
 
 @dataclass(frozen=True)
-class Owner:
+class UploadOwner:
     """Who an upload belongs to.
 
     project: name of the project; empty: visible to all users. user, key: name of the uploader and id of the token used, or None.
@@ -23,7 +23,7 @@ class Owner:
     key: str | None = None
 
 
-NO_OWNER = Owner()
+NO_OWNER = UploadOwner()
 
 
 def id_in_project(project: str, id: str) -> str:

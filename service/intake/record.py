@@ -9,7 +9,7 @@ from sqlalchemy.exc import IntegrityError
 
 from service.access.projects import lock_project
 from service.events import Events, RowWritten
-from service.intake.projects import NO_OWNER, Owner
+from service.intake.projects import NO_OWNER, UploadOwner
 from service.intake.uploads import Upload
 from service.store.database import Sessions
 from service.store.models import Scene
@@ -17,21 +17,21 @@ from service.store.models import Scene
 __all__ = ["record"]
 
 
-def record(stored: Upload, sessions: Sessions, events: Events, of: str | None = None, owner: Owner = NO_OWNER) -> Scene:
+def record(stored: Upload, sessions: Sessions, events: Events, parent: str | None = None, owner: UploadOwner = NO_OWNER) -> Scene:
     """Records an upload, whose blobs are pinned, as a scene and starts its preparation.
 
-    If the scene exists, it is unchanged, except that a failed one is prepared again. of: id of the uploaded scene, for a derived
-    scene.
+    If the scene exists, it is unchanged, except that a failed one is prepared again. parent: id of the uploaded scene, for a
+    derived scene.
     """
     try:
-        scene = _write(stored, sessions, of, owner)
+        scene = _write(stored, sessions, parent, owner)
     except IntegrityError:  # another thread recorded the same scene at the same time
-        scene = _write(stored, sessions, of, owner)
+        scene = _write(stored, sessions, parent, owner)
     events.publish(RowWritten("scene", scene.id))
     return scene
 
 
-def _write(stored: Upload, sessions: Sessions, of: str | None, owner: Owner) -> Scene:
+def _write(stored: Upload, sessions: Sessions, parent: str | None, owner: UploadOwner) -> Scene:
     with sessions.begin() as session:
         scene = session.get(Scene, stored.id)
         if scene is None:
@@ -46,7 +46,7 @@ def _write(stored: Upload, sessions: Sessions, of: str | None, owner: Owner) -> 
                 variant=stored.variant,
                 up=stored.up,
                 floor=stored.floor,
-                of=of,
+                of=parent,
                 files=[asdict(ref) for ref in stored.files],
                 bytes=stored.size,
                 notes=stored.notes,
@@ -58,7 +58,7 @@ def _write(stored: Upload, sessions: Sessions, of: str | None, owner: Owner) -> 
         elif scene.status == "failed":
             scene.status, scene.error = "preparing", None  # try again: the worker may have been at fault
             scene.notes = stored.notes
-        if of is None and scene.of is not None:
+        if parent is None and scene.of is not None:
             scene.of, scene.name = None, stored.name  # a derived scene that is uploaded becomes an independent one
             scene.user, scene.key = owner.user, owner.key
         return scene

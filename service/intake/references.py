@@ -16,7 +16,7 @@ from renderer.errors import MachineError, SceneError
 from renderer.sentences import Sentence, with_full_stop
 from service.access.projects import lock_project
 from service.errors import Failed, Invalid
-from service.intake.projects import NO_OWNER, Owner, id_in_project
+from service.intake.projects import NO_OWNER, UploadOwner, id_in_project
 from service.intake.read_reference import as_film
 from service.store.blobs import BlobStore
 from service.store.database import Sessions
@@ -34,14 +34,20 @@ PIECE = 1 << 20
 
 
 def keep_reference(
-    name: str, file: BlobWriter, sessions: Sessions, blobs: BlobStore, garbage: Garbage, temporary: Path, owner: Owner = NO_OWNER
+    name: str,
+    file: BlobWriter,
+    sessions: Sessions,
+    blobs: BlobStore,
+    garbage: Garbage,
+    temporary: Path,
+    owner: UploadOwner = NO_OWNER,
 ) -> Reference:
     """Stores an uploaded reference picture and returns its row; an existing row if the same content is stored already.
 
     Raises Invalid if the file is not a readable image, Failed if the process that reads it failed, and the errors of the stores.
     """
     id = id_in_project(owner.project, file.sha256[:20])
-    if (known := _known(id, sessions)) is not None:
+    if (known := _find_reference(id, sessions)) is not None:
         return known
     with tempfile.TemporaryDirectory(prefix="reference-", dir=temporary) as folder:
         packed = Path(folder) / "picture.film"
@@ -77,13 +83,13 @@ def _recorded(row: Reference, sessions: Sessions) -> Reference:
             session.add(row)
         return row
     except IntegrityError:  # another request stored the same content at the same time
-        known = _known(row.id, sessions)
+        known = _find_reference(row.id, sessions)
         if known is None:
             raise
         return known
 
 
-def _known(id: str, sessions: Sessions) -> Reference | None:
+def _find_reference(id: str, sessions: Sessions) -> Reference | None:
     with sessions() as session:
         return session.get(Reference, id)
 

@@ -149,7 +149,7 @@ def store_form(
         name = title[:200] or PurePosixPath(chosen.main).stem
         with translated_disk_errors(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
             refs = _committed(chosen.files)
-            up, floor = _axis(_choice("up", form, UPS), chosen.main), _floor(_choice("floor", form, FLOORS))
+            up, floor = _axis(_choice_field("up", form, UPS), chosen.main), _floor(_choice_field("floor", form, FLOORS))
             id = _scene_id(refs, chosen.main, environment, None, up, floor)
             upload = Upload(id, name, chosen.main, environment, refs, notes, up=up, floor=floor)
             return record(upload.as_strict() if is_strict else upload)
@@ -162,7 +162,7 @@ def store_form(
 def _record_added_files(
     find: Callable[[], Scene],
     files: dict[str, BlobWriter],
-    asked: str,
+    requested: str,
     is_strict: bool | None,
     garbage: Garbage,
     settings: Settings,
@@ -170,9 +170,9 @@ def _record_added_files(
 ) -> T:
     """Records a copy of a scene with added or replaced files or another main file, so that missing files can be sent later.
 
-    find: returns the scene; raises an error if it was deleted. asked: the main file in the form; empty: unchanged.
+    find: returns the scene; raises an error if it was deleted. requested: the main file in the form; empty: unchanged.
     """
-    if not asked and all(writer.size == 0 for writer in files.values()):
+    if not requested and all(writer.size == 0 for writer in files.values()):
         raise Invalid(Sentence("upload-without-files", "The upload is empty. Choose the files to add."))
     scene = find()
     kept = [ref for ref in (BlobRef(**ref) for ref in scene.files) if ref.path not in files]
@@ -198,8 +198,8 @@ def _record_added_files(
         find()  # the scene may have been deleted meanwhile, with its files
         refs = sorted((*kept, *_committed(files)), key=_path)
         main, notes, variant, up, name = scene.main, scene.notes, scene.variant, scene.up, scene.name
-        if asked:
-            main, notes = _choose_main_file([ref.path for ref in refs], asked)
+        if requested:
+            main, notes = _choose_main_file([ref.path for ref in refs], requested)
             variant, up = (variant, up) if main == scene.main else (None, None)
             name = PurePosixPath(main).stem if name == PurePosixPath(scene.main).stem else name
         id = _scene_id(refs, main, scene.environment, variant, up, scene.floor)
@@ -207,7 +207,7 @@ def _record_added_files(
         return record(upload.as_strict() if (scene.strict if is_strict is None else is_strict) else upload)
 
 
-def _choice(name: str, form: Form, among: Collection[str]) -> str | None:
+def _choice_field(name: str, form: Form, among: Collection[str]) -> str | None:
     """Returns a form field that has fixed values; None if it is absent or empty. Raises Invalid for any other value."""
     text = form.fields.get(name, "").strip().lower()
     if text and text not in among:
@@ -219,9 +219,9 @@ def _choice(name: str, form: Form, among: Collection[str]) -> str | None:
     return text or None
 
 
-def _axis(asked: str | None, main: str) -> str | None:
+def _axis(requested: str | None, main: str) -> str | None:
     """Returns an up axis in its stored form. Raises Invalid if files in the format of `main` state their up axis."""
-    if asked is None or asked == AUTO:
+    if requested is None or requested == AUTO:
         return None
     suffix = PurePosixPath(main).suffix.lower()
     if not any(format.suffix == suffix and format.up for format in FORMATS):
@@ -232,12 +232,12 @@ def _axis(asked: str | None, main: str) -> str | None:
                 format=suffix,
             )
         )
-    return asked
+    return requested
 
 
-def _floor(asked: str | None) -> str | None:
+def _floor(requested: str | None) -> str | None:
     """Returns the value of `floor` in its stored form."""
-    return None if asked == "off" else asked
+    return None if requested == "off" else requested
 
 
 def _boolean_field(name: str, form: Form) -> bool | None:
@@ -260,16 +260,16 @@ def _path(ref: BlobRef) -> str:
     return ref.path
 
 
-def _choose_main_file(names: list[str], asked: str) -> tuple[str, list[str]]:
+def _choose_main_file(names: list[str], requested: str) -> tuple[str, list[str]]:
     """Returns the main file among `names`, and notes about other scene files. Raises Invalid if there is no scene file.
 
-    asked: the main file in the form; it may include common folders, which are stripped from the names.
+    requested: the main file in the form; it may include common folders, which are stripped from the names.
     """
-    path = f"/{safe_name(asked)}"
+    path = f"/{safe_name(requested)}"
     known = max((name for name in names if path.endswith(f"/{name}")), key=len, default=None)
     main, notes = (None, []) if known is None else pick_main(names, known)
     if main is None or main != known:
-        raise Invalid(Sentence("main-file-not-in-scene", "main: the scene has no scene file {file}.", file=asked[:200]))
+        raise Invalid(Sentence("main-file-not-in-scene", "main: the scene has no scene file {file}.", file=requested[:200]))
     return main, notes
 
 
@@ -299,19 +299,19 @@ def changed_upload(
     return replace(upload, id=id_in_project(scene.project, upload.id))
 
 
-def _variant_of(scene: Scene, asked: str) -> str | None:
+def _variant_of(scene: Scene, name_or_number: str) -> str | None:
     """Returns the name of a material variant given by name or number, so that equivalent requests share a scene.
 
     A number is returned unchanged if the name at that index is not unique. Raises Invalid if there is no such variant.
     """
-    if not asked or scene.info is None or "variants" not in scene.info:
-        return asked or None  # not known yet; preparation checks it
+    if not name_or_number or scene.info is None or "variants" not in scene.info:
+        return name_or_number or None  # not known yet; preparation checks it
     names: list[str] = scene.info["variants"]
-    if asked in names:
-        return asked
-    if asked.isascii() and asked.isdigit() and len(asked) < 10 and int(asked) < len(names):
-        name = names[int(asked)]
-        return name if names.index(name) == int(asked) else asked
+    if name_or_number in names:
+        return name_or_number
+    if name_or_number.isascii() and name_or_number.isdigit() and len(name_or_number) < 10 and int(name_or_number) < len(names):
+        name = names[int(name_or_number)]
+        return name if names.index(name) == int(name_or_number) else name_or_number
     listed = ", ".join(f"{i}: {name[:60]}" for i, name in enumerate(names[:20]))
     sentence = (
         Sentence("scene-variants-are", "its variants are {variants}", variants=listed)
@@ -322,7 +322,7 @@ def _variant_of(scene: Scene, asked: str) -> str | None:
         Sentence(
             "variant-not-in-scene",
             "variant: the scene has no variant {variant}; {available}.",
-            variant=repr(asked[:60]),
+            variant=repr(name_or_number[:60]),
             available=sentence,
         )
     )

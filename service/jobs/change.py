@@ -35,7 +35,7 @@ def change(id: str, patch: JobPatch, visit: Visit, farm: Farm) -> JobOut:
     farm.lighting.restore(id)
     wish = ShotRequest(**patch.model_dump(include=set(ShotRequest.__dataclass_fields__)))
     for _ in range(TRIES):
-        of_shot = ShotChange.of(id, wish, farm)
+        of_shot = ShotChange.from_request(id, wish, farm)
         with farm.sessions.begin() as session:
             job = session.get(Job, id, with_for_update=True)
             if job is None:
@@ -72,7 +72,7 @@ def _apply(
     if of_shot is not None:
         if is_more or (state in FINAL_STATES and patch.state == "running"):  # before the job itself counts
             farm.quotas.check_job(visit.caller, session, of_shot.samples, is_new=state in FINAL_STATES)
-        is_long = of_shot.give(job, session)
+        is_long = of_shot.store(job, session)
     elif job.shot is None and patch.is_of_frames:
         raise Conflict(Sentence("job-has-no-frames", "The job is a still without frames. Make a new job with frames."))
     elif job.shot is None and (patch.spp is not None or patch.more is not None):

@@ -56,7 +56,7 @@ def create(
     asked = request.model_dump(mode="json", exclude=_omitted(request))
     if (first := job_with_key(idempotency_key, visit.user, farm)) is not None:
         return Created(repeated_answer(first, asked, farm, visit.sight), is_repeat=True)
-    if not visit.sight.sees(farm.access.projects.project_of("scene", request.scene)):
+    if not visit.sight.is_visible(farm.access.projects.project_of("scene", request.scene)):
         raise _no_scene(request.scene)
     farm.access.projects.check(farm.access.projects.project_of("scene", request.scene) or "", visit.sight)
     check_free_space(farm.settings.data, farm.settings.min_free_bytes)
@@ -108,19 +108,21 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
     return describe(made.id, farm)
 
 
-def _row(request: JobIn, keys: list[int], asked: dict[str, Any], idempotency_key: str | None, visit: Visit, farm: Farm) -> Job:
-    """Returns the row of a new job. keys: sorted frame keys. asked: the request as stored."""
-    rendered = _rendered(request, asked, farm)
+def _row(
+    request: JobIn, keys: list[int], stored_request: dict[str, Any], idempotency_key: str | None, visit: Visit, farm: Farm
+) -> Job:
+    """Returns the row of a new job. keys: sorted frame keys. stored_request: the request as stored."""
+    rendered = _rendered(request, stored_request, farm)
     return Job(
         id=uuid.uuid4().hex[:20],
         scene=request.scene,
         lit=None if rendered == request.scene else rendered,
-        light=farm.lighting.name_of(asked["environment"]),
+        light=farm.lighting.name_of(stored_request["environment"]),
         name=request.name or "",
         state="queued",
         priority=request.priority,
         created=time.time(),
-        request=asked,
+        request=stored_request,
         active_s=0.0,
         tile_size=request.tile_size,
         spp=request.spp,
@@ -139,7 +141,7 @@ def _row(request: JobIn, keys: list[int], asked: dict[str, Any], idempotency_key
 def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm) -> JobOut:
     """Stores a job with its frames and dependencies; returns its description for the API."""
     with (
-        farm.lighting.held(job.lit or job.scene),
+        farm.lighting.holding(job.lit or job.scene),
         _with_reused_samples(job, keys, request.fresh or bool(request.verify), farm) as begun,
         farm.sessions.begin() as session,
     ):
@@ -150,7 +152,7 @@ def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm)
         session.flush()
         add_dependencies(job, request.after, session)
         # Quotas count these frames from now on, even before they are rendered.
-        frames = [Step.of("add", keys, target=samples_of(job))]
+        frames = [Step.for_keys("add", keys, target=samples_of(job))]
         if fits_one_transaction(frames):
             apply_short_steps(job, frames, session, begun)
             return job_out(job, session, farm.engine)
@@ -161,7 +163,7 @@ def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm)
 def _current_request(job: Job) -> JobIn:
     """Returns a job's request with later changes of goals, frames, name and priority, without dependencies and queue options."""
     now: dict[str, Any] = {"name": job.name, "priority": job.priority, "spp": job.spp, "noise": job.noise, "seconds": job.seconds}
-    if job.shot is not None and (shot := Shot.of(job.shot)) is not None:
+    if job.shot is not None and (shot := Shot.parse(job.shot)) is not None:
         now |= {"frames": shot.frames, "order": shot.order}
     given = {name: value for name, value in job.request.items() if name not in ("after", "deadline", "needs", "max_slots")}
     return JobIn.model_validate({**given, **now, "fresh": True})
@@ -204,14 +206,14 @@ def _shot(request: JobIn, keys: list[int]) -> Shot:
     return Shot(request.fps, request.clip, request.turntable, order, request.every, frames=frames)
 
 
-def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
+def _rendered(request: JobIn, stored_request: dict[str, Any], farm: Farm) -> str:
     """Returns the id of the scene to render.
 
     If the request changes environment, material variant, up axis or floor, this is a derived scene, which is created if needed.
     """
-    if all(asked[name] is None for name in ("environment", "variant", "up", "floor")):
+    if all(stored_request[name] is None for name in ("environment", "variant", "up", "floor")):
         return request.scene
-    return farm.lighting.row(request.scene, asked).id
+    return farm.lighting.row(request.scene, stored_request).id
 
 
 def _no_scene(id: str) -> NotFound:

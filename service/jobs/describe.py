@@ -128,7 +128,7 @@ def _one_out(
 def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snapshot, waits: list[WaitOut]) -> JobOut:
     known = view.jobs.get(job.id)
     live = known if job.state in ACTIVE_STATES else None
-    shot = Shot.of(job.shot)
+    shot = Shot.parse(job.shot)
     about: ShotOut | None = None
     if shot is None or of_shot is None:
         frames = [one_frame(job, *each) for each in still_numbers(job, recorded, known, live is not None)]
@@ -142,10 +142,10 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         **dict(zip(_COPIED_COLUMNS, _copied_values(job), strict=True)),
         project=job.project or "",
         message=_message(job, view, waits) or _failed_frames_note(job, about),
-        stranded=job.state in ("queued", "running") and _is_stranded(job, view.roster) and bool(view.roster.ready()),
+        stranded=job.state in ("queued", "running") and _is_stranded(job, view.roster) and bool(view.roster.ready_reports()),
         after=job.request.get("after") or [],
         waits_for=waits,
-        needs=needs.texts if (needs := Needs.of(job.needs)) else [],
+        needs=needs.texts if (needs := Needs.from_json(job.needs)) else [],
         expected=live.expected if live else None,
         unforeseen=live.unforeseen if live else None,
         warning=warning_of(job, live.expected if live else None, time.time()),
@@ -188,7 +188,7 @@ class _Sums(NamedTuple):
     progress: float
 
 
-def _shot_out(job: Job, shot: Shot, now: ShotSums, known: JobNumbers | None) -> tuple[_Sums, ShotOut]:
+def _shot_out(job: Job, shot: Shot, now: ShotSums, live: JobNumbers | None) -> tuple[_Sums, ShotOut]:
     about = ShotOut(
         frames=now.frames,
         count=now.count,
@@ -197,7 +197,7 @@ def _shot_out(job: Job, shot: Shot, now: ShotSums, known: JobNumbers | None) -> 
         states=cast("dict[FrameState, int]", dict(now.states)),
         failed=frames_text(map(frame_number, now.failed)),
         noise=now.noise,
-        forecast=now.noise if job.state == "finished" else known.forecast if known is not None else None,
+        forecast=now.noise if job.state == "finished" else live.forecast if live is not None else None,
     )
     return _Sums(now.samples, now.bad_samples, now.progress), about
 
@@ -256,9 +256,9 @@ def _is_stranded(job: Job, roster: WorkerSnapshot) -> bool:
 
 def _unmet_requirements(job: Job, roster: WorkerSnapshot) -> str | None:
     """Returns why no connected worker meets a job's requirements; None if one does."""
-    needs = Needs.of(job.needs)
-    able = [report.name for report in roster.ready() if job.kind in (None, report.kind)]
-    return needs.lacking(map(roster.offers.get, able)) if needs else None
+    needs = Needs.from_json(job.needs)
+    able = [report.name for report in roster.ready_reports() if job.kind in (None, report.kind)]
+    return needs.unmet_reason(map(roster.offers.get, able)) if needs else None
 
 
 def _failed_frames_note(job: Job, shot: ShotOut | None) -> str | None:
@@ -277,7 +277,7 @@ def _failed_frames_note(job: Job, shot: ShotOut | None) -> str | None:
 
 def farm_stall_reason(roster: WorkerSnapshot) -> str | None:
     """Returns why no worker of the farm accepts work; None if one does."""
-    if roster.ready():
+    if roster.ready_reports():
         return None
     if not roster.reports:
         return Sentence("job-waits-for-worker", "Waits for a worker: none is connected.")

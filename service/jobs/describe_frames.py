@@ -41,7 +41,7 @@ Recorded = list[tuple[int, FrameNumbers]]  # frame keys and numbers of a job
 RECORDED = FrameNumbers._fields  # columns of a frame's row
 
 
-def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known: JobNumbers | None, is_live: bool) -> Recorded:
+def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], live: JobNumbers | None, is_live: bool) -> Recorded:
     """Returns the numbers of a still image's only frame; its state follows from the job's. is_live: it is being rendered."""
     state = job.state if job.state in ("running", "finished", "failed") else "queued"
     found = []
@@ -49,9 +49,9 @@ def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known:
         numbers = f._replace(state=state, error=None)
         # The engine stores its numbers once a second, and once more shortly after a cancellation: until then the
         # stored numbers of an ended job may be behind those sent to clients.
-        if known is not None and (is_live or known.samples > f.samples):
-            numbers = numbers._replace(samples=known.samples, bad_samples=known.bad_samples)
-            numbers = numbers._replace(progress=known.progress, noise=known.noise)
+        if live is not None and (is_live or live.samples > f.samples):
+            numbers = numbers._replace(samples=live.samples, bad_samples=live.bad_samples)
+            numbers = numbers._replace(progress=live.progress, noise=live.noise)
         found.append((key, numbers))
     return found
 
@@ -112,12 +112,12 @@ def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
     ]
 
 
-def latest_frame_numbers(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
-    """Returns the more recent numbers of a shot's frame: the engine's (`known`) or the stored ones.
+def latest_frame_numbers(job: Job, live_numbers: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
+    """Returns the more recent numbers of a shot's frame: the engine's (`live_numbers`) or the stored ones.
 
     For a job that has ended, the engine's are used only if they have more samples, as shortly after a cancellation.
     """
-    live = known.frames.get(key) if known is not None else None
+    live = live_numbers.frames.get(key) if live_numbers is not None else None
     if live is None or (job.state not in ACTIVE_STATES and live.samples <= recorded.samples):
         return recorded
     return live
@@ -162,7 +162,7 @@ def bad_samples_of(job: Job, frame: FrameOut, session: Session, engine: Engine) 
 
 def _scene_options(job: Job, session: Session) -> list[str]:
     """Returns the options of `rayfarm render` with which it reads the scene as the job does."""
-    scene = session.get(Scene, job.stage)
+    scene = session.get(Scene, job.compiled_scene_id)
     if scene is None:
         return []
     has_floor = scene.floor == "on" or (scene.floor is not None and bool((scene.info or {}).get("floor")))

@@ -40,9 +40,9 @@ def job_with_key(key: str | None, user: str | None, farm: Farm) -> Job | None:
         )
 
 
-def repeated_answer(found: Job, asked: dict[str, object], farm: Farm, sight: ProjectVisibility) -> JobOut:
+def repeated_answer(found: Job, request: dict[str, object], farm: Farm, sight: ProjectVisibility) -> JobOut:
     """Returns the current state of the job that the first request created. Raises Conflict if that request was different."""
-    if found.request != asked or not sight.sees(found.project):
+    if found.request != request or not sight.is_visible(found.project):
         raise Conflict(
             Sentence(
                 "idempotency-key-reused",

@@ -40,17 +40,17 @@ class JobFilter:
 
     def count(self, session: Session) -> int:
         """Returns the number of matching jobs."""
-        return session.scalar(self._of(select(func.count()).select_from(Job))) or 0
+        return session.scalar(self._apply(select(func.count()).select_from(Job))) or 0
 
     def tallies(self, session: Session) -> dict[str, int]:
         """Returns the number of matching jobs by state. The filter on states is not applied."""
         query: Any = select(Job.state, func.count()).group_by(Job.state)
-        query = replace(self, states=())._of(query)
+        query = replace(self, states=())._apply(query)
         return {row[0]: row[1] for row in session.execute(query)}
 
     def ids_in(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[str]:
         """Returns the ids of matching jobs, in order."""
-        query = self._of(select(Job.id)).order_by(*_ordered(order))
+        query = self._apply(select(Job.id)).order_by(*_ordered(order))
         return list(session.scalars(query.limit(limit).offset(offset)))
 
     def rows(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[Job]:
@@ -63,7 +63,7 @@ class JobFilter:
         found = {row[_ID]: _Row._make(row) for row in session.execute(query)}
         return cast("list[Job]", [found[id] for id in ids if id in found])
 
-    def _of(self, query: Select[Any]) -> Select[Any]:
+    def _apply(self, query: Select[Any]) -> Select[Any]:
         query = query.where(self.sight.clause(Job.project))
         if self.project is not None:
             query = query.where(Job.project == self.project)

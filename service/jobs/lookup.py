@@ -20,7 +20,7 @@ __all__ = [
     "find_picture",
     "find_scene",
     "frame_not_found",
-    "is_lit",
+    "is_derived_scene",
     "job_not_found",
     "no_scene",
     "reference_not_found",
@@ -47,7 +47,7 @@ def find_scene(id: str, farm: Farm) -> Scene:
     return scene
 
 
-def is_lit(id: str, session: Session) -> bool:
+def is_derived_scene(id: str, session: Session) -> bool:
     """Returns True if a scene is derived from an uploaded one with another environment or material variant."""
     scene = session.get(Scene, id)
     return scene is not None and scene.of is not None

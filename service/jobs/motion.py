@@ -39,7 +39,7 @@ def _vectors_request(job: Job, n: float, film: Film, farm: Farm) -> FrameVectors
         scene = session.get(Scene, job.scene)
     if scene is None or not scene.info:
         raise Conflict(Sentence("job-scene-preparing", "The job's scene is still being prepared. Try again later."))
-    shot = Shot.of(job.shot) or Shot()
+    shot = Shot.parse(job.shot) or Shot()
     return FrameVectors(
         work="",
         job=job.id,

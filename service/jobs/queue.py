@@ -70,7 +70,7 @@ def add_dependencies(job: Job, after: Sequence[str], session: Session) -> None:
                     "after: the job {id} ({name}) has {state}. Choose a job that is not over.",
                     id=id,
                     name=other.name,
-                    state=_ended(other.state),
+                    state=_ended_phrase(other.state),
                 )
             )
 
@@ -130,7 +130,7 @@ def _rounded_duration(seconds: float) -> str:
     return Sentence("duration-seconds", "{count} s", count=round(max(seconds, 1.0)))
 
 
-def _ended(state: str) -> str:
+def _ended_phrase(state: str) -> str:
     if state == "cancelled":
         return Sentence("job-state-cancelled", "been cancelled")
     return Sentence("job-state-failed", "failed")

@@ -33,14 +33,14 @@ class ShotChange:
     samples: int
 
     @classmethod
-    def of(cls, id: str, request: ShotRequest, farm: Farm) -> Self | None:
+    def from_request(cls, id: str, request: ShotRequest, farm: Farm) -> Self | None:
         """Computes the change that a request makes. None for a still image, a request without frame fields, and a missing job.
 
         Applies pending changes of the job first. Raises Invalid, Conflict, FarmError.
         """
         with farm.sessions() as session:
             job = session.get(Job, id)
-            shot = Shot.of(job.shot) if job is not None else None
+            shot = Shot.parse(job.shot) if job is not None else None
             if job is None or shot is None or not request.is_about_frames:
                 return None
             session.expunge(job)
@@ -61,7 +61,7 @@ class ShotChange:
         """Whether the change can still be stored: the job's row is unchanged since, and no change of its frames is pending."""
         return _columns(job) == self.before and session.get(FrameChange, job.id) is None
 
-    def give(self, job: Job, session: Session) -> bool:
+    def store(self, job: Job, session: Session) -> bool:
         """Stores the change inside a transaction. Returns True if changes of frames remain, which need further transactions."""
         for name, value in self.after.items():
             setattr(job, name, value)

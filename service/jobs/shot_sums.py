@@ -57,11 +57,11 @@ class _SumsCache:
     def get(self, job: Job) -> ShotSums | None:
         with self._lock:
             state, sums = self._known.get(job.id, ("", None))
-        return sums if state == _state(job) else None
+        return sums if state == _state_text(job) else None
 
     def put(self, job: Job, sums: ShotSums) -> None:
         with self._lock:
-            self._known[job.id] = _state(job), sums
+            self._known[job.id] = _state_text(job), sums
             while len(self._known) > MAX_CACHED:
                 self._known.popitem(last=False)
 
@@ -98,19 +98,19 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
     return found
 
 
-def live_numbers(job: Job, known: JobNumbers | None) -> JobNumbers | None:
+def live_numbers(job: Job, live: JobNumbers | None) -> JobNumbers | None:
     """Returns the engine's numbers of a shot, if it is rendering the current revision of the request; else None."""
-    shot = Shot.of(job.shot)
-    is_as_asked = known is not None and shot is not None and known.revision == shot.revision
-    return known if is_as_asked and known is not None and known.frames and job.state in ACTIVE_STATES else None
+    shot = Shot.parse(job.shot)
+    is_as_asked = live is not None and shot is not None and live.revision == shot.revision
+    return live if is_as_asked and live is not None and live.frames and job.state in ACTIVE_STATES else None
 
 
-def _engine_sums(job: Job, known: JobNumbers) -> ShotSums:
-    first = next(iter(known.frames))
-    shot = Shot.of(job.shot)
-    text = shot.frames if shot is not None and shot.frames is not None else frames_text(map(frame_number, known.frames))
-    about = (text, len(known.frames), (first, known.frames[first]), known.states, known.failed)
-    return ShotSums(*about, known.samples, known.bad_samples, known.progress * len(known.frames), known.noise)
+def _engine_sums(job: Job, live: JobNumbers) -> ShotSums:
+    first = next(iter(live.frames))
+    shot = Shot.parse(job.shot)
+    text = shot.frames if shot is not None and shot.frames is not None else frames_text(map(frame_number, live.frames))
+    about = (text, len(live.frames), (first, live.frames[first]), live.states, live.failed)
+    return ShotSums(*about, live.samples, live.bad_samples, live.progress * len(live.frames), live.noise)
 
 
 def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
@@ -159,7 +159,7 @@ def _texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
 
     Earlier releases did not store it: then it is derived from the frames.
     """
-    shots = {job.id: Shot.of(job.shot) for job in jobs}
+    shots = {job.id: Shot.parse(job.shot) for job in jobs}
     texts = {id: shot.frames for id, shot in shots.items() if shot is not None and shot.frames is not None}
     numbers: dict[str, list[int]] = {id: [] for id in shots if id not in texts}
     if numbers:
@@ -169,7 +169,7 @@ def _texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
     return texts | {id: frames_text(map(frame_number, each)) for id, each in numbers.items()}
 
 
-def _state(job: Job) -> str:
+def _state_text(job: Job) -> str:
     """Returns a text that differs whenever a job's request or progress has changed."""
     return json.dumps(
         [job.state, job.started, job.finished, job.active_s, job.spp, job.noise, job.seconds, job.shot, job.doubted]

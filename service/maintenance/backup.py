@@ -60,7 +60,7 @@ class Manifest:
     stamps: dict[str, list[int]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, text: bytes | str) -> Manifest:
+    def parse(cls, text: bytes | str) -> Manifest:
         """Parses a manifest file. Raises Invalid if it is malformed."""
         try:
             data = json.loads(text)
@@ -105,7 +105,7 @@ def back_up(data: Path, target: Target, progress: Progress = lambda done, total,
             )
         )
     before, manifest = target.manifest(MANIFEST), Manifest(made=time.time())
-    known = Manifest.of(before) if before else Manifest()
+    known = Manifest.parse(before) if before else Manifest()
     run = _Run(data, target, known, manifest, progress)
     for round in range(MAX_ROUNDS):
         with run.database() as (blobs, films):
@@ -116,15 +116,15 @@ def back_up(data: Path, target: Target, progress: Progress = lambda done, total,
     run.copy_optional_files()
     for name in SECRETS:
         if (data / name).is_file():
-            run.keep(name, data / name)
+            run.add_file(name, data / name)
     target.write(MANIFEST, manifest.to_json())
     target.prune(set(manifest.files) | {MANIFEST})
     return run.report
 
 
 class _Run:
-    def __init__(self, data: Path, target: Target, known: Manifest, manifest: Manifest, progress: Progress) -> None:
-        self.data, self.target, self.known, self.manifest, self.progress = data, target, known, manifest, progress
+    def __init__(self, data: Path, target: Target, previous: Manifest, manifest: Manifest, progress: Progress) -> None:
+        self.data, self.target, self.known, self.manifest, self.progress = data, target, previous, manifest, progress
         self.report = Report()
         self._done = 0
 
@@ -145,7 +145,7 @@ class _Run:
             finally:
                 engine.dispose()
             yield blobs, films
-            self.keep(DATABASE, copy)
+            self.add_file(DATABASE, copy)
 
     def copy(self, blobs: set[str], films: set[str]) -> list[str]:
         """Copies blobs and films to the backup; returns one sentence for each that is missing or damaged."""
@@ -180,9 +180,9 @@ class _Run:
                 with suppress(FileNotFoundError), self.target.scratch() as scratch:
                     if path.is_file():
                         shutil.copyfile(path, scratch / "copy")  # a fixed state for both size and hash, since the file may grow
-                        self.keep(path.relative_to(self.data).as_posix(), scratch / "copy")
+                        self.add_file(path.relative_to(self.data).as_posix(), scratch / "copy")
 
-    def keep(self, name: str, path: Path) -> None:
+    def add_file(self, name: str, path: Path) -> None:
         """Adds a file to the backup under this name, and to its manifest."""
         size, sha256 = _hash(path)
         self.target.put(name, path)
@@ -216,7 +216,7 @@ class _Run:
             with self.target.scratch() as folder:
                 copy = folder / path.name
                 _snapshot(path, copy)
-                self.keep(name, copy)
+                self.add_file(name, copy)
         self.manifest.stamps[name] = stamp
 
     def _report_progress(self, size: int, total: int, what: str) -> None:

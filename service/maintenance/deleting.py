@@ -79,7 +79,7 @@ class JobDeleter:
     def _delete_jobs(self, ids: Sequence[str]) -> list[DeletedJob]:
         deleted: list[DeletedJob] = []
 
-        def forget(session: Session) -> set[str]:
+        def delete_rows(session: Session) -> set[str]:
             deleted.clear()
             jobs = _rows(ids, session)
             record_spent_samples(jobs, session)
@@ -91,7 +91,7 @@ class JobDeleter:
             session.execute(delete(Job).where(Job.id.in_(ids)), execution_options=NO_SYNCHRONIZE)
             return own
 
-        self._reserve.run_deletion(lambda: self._garbage.collect(forget))
+        self._reserve.run_deletion(lambda: self._garbage.collect(delete_rows))
         for each in deleted:
             self._events.publish(RowWritten("job", each.id))  # the engine then deletes the film once it is unused
         return deleted

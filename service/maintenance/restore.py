@@ -64,7 +64,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
                     manifest=MANIFEST,
                 )
             )
-        manifest = Manifest.of(text)
+        manifest = Manifest.parse(text)
         for name, (_, sha256) in manifest.files.items():
             if name not in hashes:
                 raise Invalid(

@@ -99,7 +99,7 @@ class Run:
 class Retention:
     """Applies the rules once an hour. Skips a round after the clock was set forward, since deletion is final.
 
-    `plan` and `carry_out` are thread-safe.
+    `deletable_items` and `carry_out` are thread-safe.
     """
 
     def __init__(
@@ -143,7 +143,7 @@ class Retention:
                 log.warning("the clock was put forward by %.0f s: nothing goes by its age for an hour. Is it right?", ahead_s)
                 continue
             try:
-                self.carry_out(self.plan(self._rules))
+                self.carry_out(self.deletable_items(self._rules))
             except FarmError as error:
                 log.warning("what may go stays for now: %s", error)
             except Exception:
@@ -166,7 +166,7 @@ class Retention:
 
     def _carry_out(self, run: Run, rules: Rules) -> None:
         try:
-            items = self.plan(rules)
+            items = self.deletable_items(rules)
             run.planned = len(items)
             for item in items:
                 run.gone += self.carry_out([item])
@@ -184,7 +184,7 @@ class Retention:
                 "retention-failed", "The cleanup failed ({kind}). See the service's log.", kind=type(error).__name__
             )
 
-    def plan(self, rules: Rules) -> list[Item]:
+    def deletable_items(self, rules: Rules) -> list[Item]:
         """Returns the items that these rules allow to delete, oldest first. Deletes nothing."""
         now = time.time()
         with self._sessions() as session:
@@ -264,7 +264,7 @@ class Retention:
         return found
 
     def _drop_film(self, item: Item) -> bool:
-        def forget() -> bool:
+        def mark_samples_dropped() -> bool:
             with self._sessions.begin() as session:
                 job = session.get(Job, item.id, with_for_update=True)
                 if job is None or job.state not in FINAL_STATES or job.pinned:
@@ -280,14 +280,14 @@ class Retention:
                 self._films.delete(item.id)  # within the transaction, which blocks a concurrent change to running
             return True
 
-        done = self._reserve.run_deletion(forget)
+        done = self._reserve.run_deletion(mark_samples_dropped)
         self._events.publish(RowWritten("job", item.id))
         return done
 
     def _drop_compiled(self, item: Item) -> bool:
         done = []
 
-        def forget(session: Session) -> set[str]:
+        def clear_compiled(session: Session) -> set[str]:
             scene = session.get(Scene, item.id, with_for_update=True)
             if scene is None or scene.status != "ready" or scene.id in _needed_scenes(session):
                 return set()
@@ -296,14 +296,14 @@ class Retention:
             done.append(item)
             return before - scene.blobs
 
-        self._reserve.run_deletion(lambda: self._garbage.collect(forget))
+        self._reserve.run_deletion(lambda: self._garbage.collect(clear_compiled))
         self._events.publish(RowWritten("scene", item.id))
         return bool(done)
 
     def _drop_upload(self, item: Item) -> bool:
         gone: list[str] = []
 
-        def forget(session: Session) -> set[str]:
+        def delete_rows(session: Session) -> set[str]:
             gone.clear()
             if item.id in _needed_scenes(session):
                 return set()
@@ -314,7 +314,7 @@ class Retention:
                 session.delete(scene)
             return blobs
 
-        self._reserve.run_deletion(lambda: self._garbage.collect(forget))
+        self._reserve.run_deletion(lambda: self._garbage.collect(delete_rows))
         for scene in gone:
             self._events.publish(RowWritten("scene", scene))
         return bool(gone)

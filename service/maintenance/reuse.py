@@ -54,7 +54,7 @@ class _ReusableJob:
     samples: Mapping[int, int]
 
     @property
-    def end(self) -> tuple[str, int | None, float | None, float | None, str, str]:
+    def end_fields(self) -> tuple[str, int | None, float | None, float | None, str, str]:
         """The fields whose concurrent change makes the copied samples unusable."""
         job = self.job
         return job.state, job.spp, job.noise, job.seconds, json.dumps(job.shot, sort_keys=True), json.dumps(job.doubted)
@@ -77,7 +77,7 @@ class SampleReuse:
         keys: frame keys of the new job. Returns the initial columns of the frames with reused samples, by frame key; empty if
         there are none or the job's settings are not known yet. The caller deletes the film if it does not store the job.
         """
-        shot = Shot.of(job.shot)
+        shot = Shot.parse(job.shot)
         is_laid_out = shot is not None and shot.order == NOISIEST_FIRST
         if job.picture is None or job.settings is None or job.tile_size is None or job.seconds is not None or is_laid_out:
             return {}
@@ -159,45 +159,45 @@ class SampleReuse:
         """Returns True if an earlier job still exists with unchanged goals."""
         with self._sessions() as session:
             job = session.get(Job, source.job.id)
-        return job is not None and _ReusableJob(job, {}).end == source.end
+        return job is not None and _ReusableJob(job, {}).end_fields == source.end_fields
 
     def _initial_values(
-        self, job: Job, sources: Mapping[str, _ReusableJob], taken: Mapping[int, tuple[str, int]]
+        self, job: Job, sources: Mapping[str, _ReusableJob], reused: Mapping[int, tuple[str, int]]
     ) -> InitialValues:
         settings = job.settings or {}
         samples_of: dict[str, int] = defaultdict(int)
-        for id, samples in taken.values():
+        for id, samples in reused.values():
             samples_of[id] += samples
         main = sources[max(samples_of, key=lambda id: samples_of[id])].job
         samples = sum(samples_of.values())
         pixels = settings["width"] * settings["height"]
-        spp = samples / (pixels * len(taken))
+        spp = samples / (pixels * len(reused))
         job.kind = main.kind
         job.taken = {"job": main.id, "spp": round(spp, 3), "samples": samples}
         if job.shot is not None:
-            job.taken["frames"] = frames_text([frame_number(key) for key in sorted(taken)])
+            job.taken["frames"] = frames_text([frame_number(key) for key in sorted(reused)])
         history = History(events=[[round(time.time(), 2), "taken", main.id]])
         with self._sessions() as session:
-            of_source = History.of(session.scalar(select(Job.history).where(Job.id == main.id)))
+            of_source = History.parse(session.scalar(select(Job.history).where(Job.id == main.id)))
         last: list[Any] = of_source.points[-1] if of_source.points else []
         noise: float | None = last[2] if last and last[1] == samples else None
         if noise is not None:
             history.points.append([0.0, float(samples), noise])
         job.history = history.to_json()
-        log.info("job %s begins with %g samples a pixel of %d frame(s) of job %s", job.id, spp, len(taken), main.id)
+        log.info("job %s begins with %g samples a pixel of %d frame(s) of job %s", job.id, spp, len(reused), main.id)
         if job.shot is None:
-            return {key: {"samples": samples, "noise": noise} for key, (_, samples) in taken.items()}
-        rows = self._rows(taken)
-        return {key: _frame(job, sources[id].job, rows.get(key), samples, pixels) for key, (id, samples) in taken.items()}
+            return {key: {"samples": samples, "noise": noise} for key, (_, samples) in reused.items()}
+        rows = self._rows(reused)
+        return {key: _frame(job, sources[id].job, rows.get(key), samples, pixels) for key, (id, samples) in reused.items()}
 
-    def _rows(self, taken: Mapping[int, tuple[str, int]]) -> dict[int, Frame]:
+    def _rows(self, reused: Mapping[int, tuple[str, int]]) -> dict[int, Frame]:
         """Returns the database rows of the reused frames, by frame key."""
         found: dict[int, Frame] = {}
         with self._sessions() as session:
-            for id in {id for id, _ in taken.values()}:
-                keys = [key for key, (source, _) in taken.items() if source == id]
+            for id in {id for id, _ in reused.values()}:
+                keys = [key for key, (source, _) in reused.items() if source == id]
                 query = select(Frame).where(Frame.job == id, Frame.number.between(min(keys), max(keys)), Frame.samples > 0)
-                found |= {row.number: row for row in session.scalars(query) if taken.get(row.number, ("",))[0] == id}
+                found |= {row.number: row for row in session.scalars(query) if reused.get(row.number, ("",))[0] == id}
         return found
 
 

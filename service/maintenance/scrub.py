@@ -202,7 +202,7 @@ class Scrubber:
             row = session.get(Job, job.id, with_for_update=True)
             if row is None or not _is_ended(row):
                 return
-            if session.get(Scene, row.stage) is None:
+            if session.get(Scene, row.compiled_scene_id) is None:
                 row.error = Sentence(
                     "film-damaged-scene-deleted",
                     "{film} was damaged, and its scene was deleted: the missing samples cannot be rendered again.",
@@ -211,7 +211,7 @@ class Scrubber:
                 log.warning("%s: %s", row.id, row.error)
             else:
                 set_state(row, "running", is_anew)
-                history = History.of(row.history)
+                history = History.parse(row.history)
                 history.add_event("healed")
                 row.history = history.to_json()
                 log.warning("%s is rendered again, as far as it is missing: %s", row.id, why)

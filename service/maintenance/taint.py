@@ -55,13 +55,13 @@ class TaintMarker:
     def _run(self) -> None:
         while (worker := self._wanted.get()) is not None and not self._stopping.is_set():
             try:
-                self._mark(worker)
+                self._mark_jobs(worker)
             except FarmError as error:
                 log.warning("not all pictures with samples of %s are marked: %s", worker, error)
             except Exception:
                 log.exception("a defect while pictures with samples of %s were searched", worker)
 
-    def _mark(self, worker: str) -> None:
+    def _mark_jobs(self, worker: str) -> None:
         with self._sessions() as session:
             finished = select(Job.id).where(Job.state.in_(FINAL_STATES), Job.kind.is_not(None)).order_by(Job.created.desc())
             jobs = list(session.scalars(finished))

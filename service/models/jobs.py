@@ -17,7 +17,7 @@ from service.errors import Invalid
 from service.intake.names import plain_note, plain_title
 from service.models.coded import Coded
 from service.models.declared import with_fields
-from service.models.queue import QueueIn, QueueOut, QueuePatch
+from service.models.queue import QueueOptionsIn, QueueOut, QueuePatch
 from service.models.strict import Strict
 
 __all__ = [
@@ -123,7 +123,7 @@ class EnvironmentIn(Strict):
 @with_fields(SHOT)
 @with_fields(WORK)
 @with_fields({name: SETTINGS[name] for name in ("width", "height", *OPTIONAL)}, of_scene=True)
-class JobIn(QueueIn):
+class JobIn(QueueOptionsIn):
     """A request to render a picture. Goals: spp, noise or seconds; the job ends when the first of them is reached."""
 
     scene: str = Field(description="a scene's id", max_length=100)
@@ -259,7 +259,7 @@ class JobPatch(QueuePatch):
 
     @field_validator("name", "note")
     @classmethod
-    def _plain(cls, value: str | None, field: ValidationInfo) -> str | None:
+    def _check_plain_text(cls, value: str | None, field: ValidationInfo) -> str | None:
         return None if value is None else _plain_text(value, str(field.field_name))
 
     @field_validator("frames", "extend", "again")
@@ -269,7 +269,7 @@ class JobPatch(QueuePatch):
 
     @field_validator("order")
     @classmethod
-    def _order(cls, value: str | None) -> str | None:
+    def _check_order(cls, value: str | None) -> str | None:
         if value is not None and value not in ORDERS:
             raise ValueError(
                 Sentence("order-unknown", "there is no order {name}; known are {orders}", name=repr(value[:60]), orders=[*ORDERS])

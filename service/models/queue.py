@@ -12,7 +12,7 @@ from service.models.strict import Strict
 from service.scheduling.fleet.needs import Needs
 
 __all__ = [
-    "QueueIn",
+    "QueueOptionsIn",
     "QueueOut",
     "QueuePatch",
     "WaitOut",
@@ -54,7 +54,7 @@ Requirements = Annotated[
 ]
 
 
-class QueueIn(Strict):
+class QueueOptionsIn(Strict):
     """Queue options in a request for a picture."""
 
     after: JobIds = Field(

@@ -115,7 +115,7 @@ class WorkerOut(Coded):
 
 def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerOut:
     """Returns the API's model of a worker. why: the reason if it is paused, even while it still finishes its tasks."""
-    current = [{**doing, "frame": frame_number(doing["frame"])} if _counts(doing) else doing for doing in report.current]
+    current = [{**doing, "frame": frame_number(doing["frame"])} if _renders_frame(doing) else doing for doing in report.current]
     vitals = view.roster.vitals.get(report.name)
     offer = view.roster.offers.get(report.name)
     return WorkerOut(
@@ -134,6 +134,6 @@ def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerO
     )
 
 
-def _counts(doing: dict[str, Any]) -> bool:
+def _renders_frame(doing: dict[str, Any]) -> bool:
     """Returns True if a slot's current work is a frame of a job (frame keys are counted in halves of a frame)."""
     return isinstance(doing.get("frame"), int)

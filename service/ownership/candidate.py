@@ -25,7 +25,7 @@ from service.ownership.ownership import CHECK_EVERY_S, Ownership
 from service.ownership.process import is_gone, is_stopped, kill_process, this_process
 from service.settings import Settings
 from service.store.database import Sessions, open_database, translated_faults
-from service.store.models import Owner
+from service.store.models import FarmOwner
 from service.store.reserve import Reserve
 from service.store.upgrade import refuse_newer, upgrade
 
@@ -51,12 +51,12 @@ class Candidate:
         self._engine = open_database(settings.database)
         self._sessions = Sessions(self._engine, PATIENCE_S)
         place = f"{socket.gethostname()}:{settings.port}"
-        self._me = rows.Claimant(secrets.token_hex(8), place, settings.own_url, settings.instance(), this_process())
+        self._me = rows.Claimant(secrets.token_hex(8), place, settings.own_url, settings.instance_id(), this_process())
         self._silence = OwnerTimeout(settings.lease_s, clock)
         self._has_table = False
         self._looks_at = 0.0  # the row is not read again before this time
         self._stuck_since: float | None = None
-        self.known: Owner | None = None  # the row as last read
+        self.known: FarmOwner | None = None  # the row as last read
 
     def attempt(self) -> Ownership | None:
         """Returns the ownership if the farm is free or its owner dead; else None. Cheap enough to be called often.
@@ -118,10 +118,10 @@ class Candidate:
         return epoch
 
     def _has_owner_table(self) -> bool:
-        self._has_table = self._has_table or inspect(self._engine).has_table(Owner.__tablename__)
+        self._has_table = self._has_table or inspect(self._engine).has_table(FarmOwner.__tablename__)
         return self._has_table
 
-    def _is_free(self, row: Owner, has_lock: bool) -> bool:
+    def _is_free(self, row: FarmOwner, has_lock: bool) -> bool:
         # A database inside the folder may be a copy, whose row then describes the original farm.
         is_of_this_folder = row.folder == self._me.folder or not self._settings.database_url
         if row.owner is None or (has_lock and row.locked and is_of_this_folder) or is_gone(row.process):
@@ -135,15 +135,15 @@ class Candidate:
             self._request_answer(row)
         return self._silence.has_expired
 
-    def _request_answer(self, row: Owner) -> None:
+    def _request_answer(self, row: FarmOwner) -> None:
         try:
-            self._silence.asked(row.epoch, rows.request_answer(self._sessions, self._me.place))
+            self._silence.record_request(row.epoch, rows.request_answer(self._sessions, self._me.place))
         except Unavailable:
             self._kill_stopped_lock_holder(row)
             raise
         self._stuck_since = None
 
-    def _kill_stopped_lock_holder(self, row: Owner) -> None:
+    def _kill_stopped_lock_holder(self, row: FarmOwner) -> None:
         """Kills the owner's process if it is suspended while it holds SQLite's write lock."""
         now = self._clock()
         self._stuck_since = self._stuck_since if self._stuck_since is not None else now

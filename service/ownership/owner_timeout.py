@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from service.store.models import Owner
+from service.store.models import FarmOwner
 
 __all__ = ["MIN_CHECKS", "OwnerTimeout"]
 
@@ -26,16 +26,16 @@ class OwnerTimeout:
         self._since = math.inf
         self._looks = 0
 
-    def asked(self, epoch: int, number: int) -> None:
+    def record_request(self, epoch: int, number: int) -> None:
         """Records that request `number` was sent to the owner of this epoch just now."""
         self._epoch, self._number = epoch, number
         self._since, self._looks = self._clock(), 0
 
-    def has_answered(self, row: Owner) -> bool:
+    def has_answered(self, row: FarmOwner) -> bool:
         """Returns True if the owner has answered the recorded request."""
         return self._number is not None and row.epoch == self._epoch and row.answered >= self._number
 
-    def is_request_due(self, row: Owner) -> bool:
+    def is_request_due(self, row: FarmOwner) -> bool:
         """Whether a new request must be sent: the owner has answered the last one, or is a new owner. Call once per check."""
         if self._number is None or row.epoch != self._epoch or self.has_answered(row):
             return True

@@ -20,7 +20,7 @@ from service.errors import FarmError, NotOwner, Unavailable
 from service.ownership import rows
 from service.ownership.folder_lock import FolderLock
 from service.store.database import Sessions, close_database
-from service.store.models import Owner
+from service.store.models import FarmOwner
 
 __all__ = ["Ownership"]
 
@@ -105,7 +105,7 @@ class Ownership:
         if session.get_bind().dialect.name == "postgresql":
             found = session.execute(POSTGRES_FENCE, {"what": rows.FARM, "stuck": str(IDLE_TRANSACTION_TIMEOUT_MS)}).scalar()
         else:
-            found = session.scalar(select(Owner.epoch).where(Owner.what == rows.FARM))
+            found = session.scalar(select(FarmOwner.epoch).where(FarmOwner.what == rows.FARM))
         if found != self.epoch:
             self._handle_loss()
             raise NotOwner

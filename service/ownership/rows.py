@@ -10,7 +10,7 @@ from sqlalchemy import select, update
 from sqlalchemy.exc import IntegrityError
 
 from service.store.database import Sessions
-from service.store.models import Owner
+from service.store.models import FarmOwner
 
 __all__ = ["FARM", "Claimant", "current_owner", "give_up", "record_answer", "request_answer", "take_ownership"]
 
@@ -32,26 +32,26 @@ class Claimant:
     process: dict[str, Any] | None
 
 
-def current_owner(sessions: Sessions) -> Owner | None:
+def current_owner(sessions: Sessions) -> FarmOwner | None:
     """Returns the owner's row; None if the farm never had an owner."""
     with sessions() as session:
-        return session.get(Owner, FARM)
+        return session.get(FarmOwner, FARM)
 
 
-def take_ownership(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: bool) -> int | None:
+def take_ownership(sessions: Sessions, last_row: FarmOwner | None, claimant: Claimant, has_lock: bool) -> int | None:
     """Takes ownership. Returns the new epoch, or None if another service was faster.
 
-    seen: the owner's row that was found to be free; None if there was no row. has_lock: whether this service holds the folder's
-    lock.
+    last_row: the owner's row that was found to be free; None if there was no row. has_lock: whether this service holds the
+    folder's lock.
     """
     try:
         with sessions.begin() as session:
             # FOR UPDATE: waits for all transactions of the owner in progress; later ones see the new epoch.
-            row = session.get(Owner, FARM, with_for_update=True)
-            if (row and row.epoch) != (seen and seen.epoch):
+            row = session.get(FarmOwner, FARM, with_for_update=True)
+            if (row and row.epoch) != (last_row and last_row.epoch):
                 return None
             if row is None:
-                row = Owner(what=FARM, epoch=0, takeovers=0, asked=0, answered=0)
+                row = FarmOwner(what=FARM, epoch=0, takeovers=0, asked=0, answered=0)
                 session.add(row)
             row.takeovers += row.owner is not None
             # At least the clock's value: after restoring an older database, films with a later epoch must not stay foreign
@@ -72,16 +72,18 @@ def request_answer(sessions: Sessions, place: str) -> int:
     """
     with sessions.begin() as session:
         session.execute(
-            update(Owner).where(Owner.what == FARM).values(asked=Owner.asked + 1, asked_by=place, asked_at=time.time())
+            update(FarmOwner)
+            .where(FarmOwner.what == FARM)
+            .values(asked=FarmOwner.asked + 1, asked_by=place, asked_at=time.time())
         )
-        return session.scalar(select(Owner.asked).where(Owner.what == FARM)) or 0
+        return session.scalar(select(FarmOwner.asked).where(FarmOwner.what == FARM)) or 0
 
 
-def record_answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) -> bool:
-    """Records the owner's answer to request number `asked`. Returns False if this service is no longer the owner."""
+def record_answer(sessions: Sessions, epoch: int, number: int, has_lock: bool) -> bool:
+    """Records the owner's answer to request number `number`. Returns False if this service is no longer the owner."""
     with sessions.begin() as session:
         changed = session.execute(
-            update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(answered=asked, locked=has_lock)
+            update(FarmOwner).where(FarmOwner.what == FARM, FarmOwner.epoch == epoch).values(answered=number, locked=has_lock)
         )
         return bool(changed.rowcount)  # type: ignore[attr-defined]
 
@@ -89,4 +91,6 @@ def record_answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) ->
 def give_up(sessions: Sessions, epoch: int) -> None:
     """Records that this service has released the farm."""
     with sessions.begin() as session:
-        session.execute(update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(owner=None, process=None))
+        session.execute(
+            update(FarmOwner).where(FarmOwner.what == FARM, FarmOwner.epoch == epoch).values(owner=None, process=None)
+        )

@@ -83,7 +83,7 @@ def list_environments(
         seen = select(Environment).where(visit.sight.clause(Environment.project))
         seen = seen if project is None else seen.where(usable_in(Environment.project, project))
         here, rows = page.rows(seen.order_by(Environment.created.desc(), Environment.id), session, presets)
-        return [*here, *map(_out, rows)]
+        return [*here, *map(_environment_out, rows)]
 
 
 @router.post("", status_code=201, response_model=EnvironmentOut, openapi_extra=UPLOAD_FORM)
@@ -136,7 +136,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
     if id in PRESETS:
         raise Conflict(Sentence("environment-not-deletable", "This environment is built in and cannot be deleted."))
 
-    def forget(session: Session) -> set[str]:
+    def delete_row(session: Session) -> set[str]:
         found = session.get(Environment, id, with_for_update=True)
         if found is None:
             raise environment_not_found(id)
@@ -153,7 +153,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
         session.delete(found)
         return found.blobs
 
-    farm.reserve.run_deletion(lambda: farm.garbage.collect(forget))
+    farm.reserve.run_deletion(lambda: farm.garbage.collect(delete_row))
 
 
 async def _store_environment(id: str, name: str, file: BlobRef, owner: dict[str, Any], farm: Farm) -> EnvironmentOut:
@@ -174,7 +174,7 @@ async def _store_environment(id: str, name: str, file: BlobRef, owner: dict[str,
                         found = Environment(**row)
                         session.add(found)
                         session.flush()
-                    return _out(found)
+                    return _environment_out(found)
             except IntegrityError:  # concurrent upload of the same image
                 found_now = _existing_environment(id, farm)
                 if found_now is None:
@@ -187,10 +187,10 @@ async def _store_environment(id: str, name: str, file: BlobRef, owner: dict[str,
 def _existing_environment(id: str, farm: Farm) -> EnvironmentOut | None:
     with farm.sessions() as session:
         found = session.get(Environment, id)
-        return None if found is None else _out(found)
+        return None if found is None else _environment_out(found)
 
 
-def _out(row: Environment) -> EnvironmentOut:
+def _environment_out(row: Environment) -> EnvironmentOut:
     return EnvironmentOut(
         id=row.id,
         name=row.name,

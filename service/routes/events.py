@@ -19,7 +19,7 @@ from service.http.redaction import redacted_slots
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe import jobs_out
-from service.jobs.lookup import is_lit
+from service.jobs.lookup import is_derived_scene
 from service.models.workers import worker_out
 from service.scenes.describe import scene_out
 from service.store.models import Job, Scene
@@ -61,7 +61,7 @@ async def _stream(farm: Farm, visit: Visit) -> AsyncIterator[str]:
                 if listener.changed:
                     listener.wake()
             elif listener.changed:
-                await listener.pause(SEND_EVERY_S - (now - sent))
+                await listener.collect_for(SEND_EVERY_S - (now - sent))
             elif now - spoke > KEEP_ALIVE_S:
                 yield KEEP_ALIVE
                 spoke = now
@@ -71,7 +71,7 @@ def _event_texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> li
     view, projects = farm.engine.snapshot, farm.access.projects
     sight = visit.sight if visit.sight.everything else projects.visibility(visit.caller)  # re-evaluated: it may have changed
     with farm.sessions() as session:
-        seen = [(what, id) for what, id in changed if what != "scene" or not is_lit(id, session)]
+        seen = [(what, id) for what, id in changed if what != "scene" or not is_derived_scene(id, session)]
         rows = session.scalars(select(Job).where(Job.id.in_([id for what, id in changed if what == "job"])))
         jobs = {job.id: job.model_dump() for job in jobs_out(list(rows), session, farm.engine, view)}
         found = [(what, id, jobs.get(id) if what == "job" else _item_data(what, id, session, farm)) for what, id in seen]
@@ -80,8 +80,8 @@ def _event_texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> li
         if what == "worker" and data is not None:
             data = {**data, "current": redacted_slots(data["current"], sight, projects)}
         elif data is not None:
-            projects.note("job" if what == "job" else "scene", id, data["project"])
-        if what == "worker" or sight.sees(
+            projects.cache_project("job" if what == "job" else "scene", id, data["project"])
+        if what == "worker" or sight.is_visible(
             data["project"] if data else projects.cached_project("job" if what == "job" else "scene", id)
         ):
             told.append((what, id, data))

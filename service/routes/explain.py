@@ -174,7 +174,7 @@ def _explained_out(
 
 def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
     with farm.sessions() as session:
-        scene, row = session.get(Scene, job.stage), session.get(Frame, (job.id, key))
+        scene, row = session.get(Scene, job.compiled_scene_id), session.get(Frame, (job.id, key))
     if scene is None or not scene.compiled:
         raise Conflict(
             Sentence(
@@ -221,7 +221,7 @@ def _question(
     job: Job, scene: Scene, row: Frame | None, kind: str, x: int, y: int, count: int, sample: int | None
 ) -> ExplainPixel:
     base = str(scene.compiled[kind]["sha256"])
-    shot = Shot.of(job.shot)
+    shot = Shot.parse(job.shot)
     settings, compiled, moment = job.settings, base, None
     if shot is not None:
         if row is None or row.settings is None:

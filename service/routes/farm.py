@@ -124,11 +124,11 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
         )
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
 
-    def take(piece: bytes) -> None:
+    def write_piece(piece: bytes) -> None:
         check_disk(len(piece))
         writer.write(piece)
 
-    def keep() -> None:
+    def commit() -> None:
         farm.garbage.pin_until_recorded(sha256)
         writer.commit()
 
@@ -136,7 +136,7 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
         writer = await run_in_threadpool(farm.blobs.writer)
         try:
             async for piece in joined_chunks(request.stream()):
-                await run_in_threadpool(take, piece)
+                await run_in_threadpool(write_piece, piece)
                 if writer.size > farm.settings.max_blob_bytes:
                     raise TooLarge(
                         Sentence(
@@ -152,7 +152,7 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
                         "The uploaded bytes do not match their SHA-256. Send them again.",
                     )
                 )
-            await run_in_threadpool(keep)
+            await run_in_threadpool(commit)
         finally:
             with anyio.CancelScope(shield=True):
                 await run_in_threadpool(writer.discard)

@@ -166,7 +166,7 @@ async def image(
     motion = await motion_vectors_of(job, n, film, farm) if aovs.MOTION in planes else None
     wish = PictureRequest(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion)
     folder = farm.settings.data / "tmp"
-    made = await farm.pictures.make(
+    made = await farm.pictures.run(
         (id, n, headers["ETag"]), picture_memory(film, wish), picture_file, film, frame_key(n), wish, folder, user=visit.queue
     )
     headers["Content-Length"] = str(made.size)
@@ -181,7 +181,7 @@ async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit
 
     See docs/api.md.
     """
-    film, version, _ = await run_in_threadpool(_state, id, n, farm)
+    film, version, _ = await run_in_threadpool(_film_state, id, n, farm)
     gzip = "gzip" in request.headers.get("accept-encoding", "")
     headers = {"ETag": f'"{version}{"-gzip" if gzip else ""}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
     if headers["ETag"] in request.headers.get("if-none-match", ""):
@@ -193,7 +193,7 @@ async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit
     folder = farm.settings.data / "tmp"
     most = film_packet.packet_memory(film)
     key = (id, n, "film", headers["ETag"])
-    made = await farm.pictures.make(key, most, film_packet.film_packet, film, frame_key(n), folder, gzip, user=visit.queue)
+    made = await farm.pictures.run(key, most, film_packet.film_packet, film, frame_key(n), folder, gzip, user=visit.queue)
     headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type="application/octet-stream", headers=headers)
 
@@ -255,7 +255,7 @@ async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependenc
     """Returns the digest of a frame's sums. Equal requests give equal digests, whichever workers rendered them."""
     film, version, samples = await run_in_threadpool(_picture, id, n, farm)
     folder = farm.settings.data / "tmp"
-    made = await farm.pictures.make(
+    made = await farm.pictures.run(
         (id, n, "digest", version), bands.digest_memory(film), bands.digest, film, frame_key(n), folder, user=visit.queue
     )
     return Digest(digest=made, samples=samples)
@@ -278,7 +278,7 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
     return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (len(asked) > 1 or "all" in asked)
 
 
-def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
+def _film_state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
     """Returns a frame's film, the version of the film's content, and the frame's number of samples."""
     film, job = find_film(id, n, farm), find_job(id, farm)
     samples = film.samples(frame_key(n))
@@ -288,7 +288,7 @@ def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
 
 
 def _picture(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
-    """Like `_state`, but raises Conflict if the frame has no samples."""
+    """Like `_film_state`, but raises Conflict if the frame has no samples."""
     film = find_picture(id, n, farm)
     return film, film.version(frame_key(n)), film.samples(frame_key(n))
 

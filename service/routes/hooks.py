@@ -37,7 +37,7 @@ def test_hook(number: int, farm: FarmDependency) -> Response:
             Sentence("hook-not-found", "There is no such hook. Hooks are set by RAYFARM_WEBHOOKS and RAYFARM_JOB_HOOK.")
         )
     try:
-        farm.outbox.tell(farm.outbox.hooks[number], f"msg_{uuid.uuid4().hex}", test_message(time.time()))
+        farm.outbox.send_now(farm.outbox.hooks[number], f"msg_{uuid.uuid4().hex}", test_message(time.time()))
     except UndeliveredError as error:
         raise Unavailable(Sentence("hook-message-failed", "The message was not delivered. {error}", error=error)) from None
     return Response(status_code=204)

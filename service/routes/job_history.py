@@ -64,7 +64,7 @@ def job_history(id: str, farm: FarmDependency) -> HistoryOut:
     job = find_job(id, farm)
     size = job.settings or {}
     pixels = max(int(size.get("width", 1)) * int(size.get("height", 1)), 1)
-    history = History.of(farm.records.history(id))
+    history = History.parse(farm.records.history(id))
     return HistoryOut(
         points=[HistoryPoint(seconds=s or 0.0, spp=(n or 0.0) / pixels, noise=e) for s, n, e in history.points],
         events=[HistoryEvent(at=at, kind=kind, words=words) for at, kind, words in history.events],

@@ -182,14 +182,16 @@ class _Watcher:
     async def _send_state(self, now: float) -> bool:
         self._listener.changed.clear()
         self._state_at = self._spoke = now
-        state, text = await self._farm.shared.shared(self._job, "state", partial(_state, self._farm, self._job))
+        state, text = await self._farm.shared.shared_result(self._job, "state", partial(_job_state, self._farm, self._job))
         if state is None:
             return False
         await self._socket.send_text(text)
         if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE_STATES:
             self._listener.changed["job", self._job] = None  # send again later
         elif state["shot"] is not None:
-            job, frames, taken_s = await self._farm.shared.shared(self._job, "frames", partial(_frames, self._farm, self._job))
+            job, frames, taken_s = await self._farm.shared.shared_result(
+                self._job, "frames", partial(_frames, self._farm, self._job)
+            )
             self._frames_at = now + FRAMES_PAUSE_FACTOR * taken_s
             before, self._sent_frames = self._sent_frames, frames
             for text in await run_in_threadpool(_frame_messages, job, before, frames):
@@ -256,7 +258,7 @@ def _film(farm: Farm, id: str) -> Film | None:
         return None  # the reason is in the job's state
 
 
-def _state(farm: Farm, id: str) -> tuple[dict[str, Any] | None, str]:
+def _job_state(farm: Farm, id: str) -> tuple[dict[str, Any] | None, str]:
     """Returns a job's state as JSON data, and as an encoded message."""
     with farm.sessions() as session:
         job = session.get(Job, id)

@@ -82,17 +82,15 @@ def get_session(visit: VisitDependency, farm: FarmDependency) -> SessionOut:
 
 
 @router.post("/api/login", response_model=SessionOut)
-async def log_in(
-    asked: LoginIn, request: Request, response: Response, visit: VisitDependency, farm: FarmDependency
-) -> SessionOut:
+async def log_in(body: LoginIn, request: Request, response: Response, visit: VisitDependency, farm: FarmDependency) -> SessionOut:
     """Logs in. The response sets the session cookie."""
-    return await run_sync(_log_in, asked, request, response, visit, farm, limiter=farm.logins)
+    return await run_sync(_log_in, body, request, response, visit, farm, limiter=farm.logins)
 
 
-def _log_in(asked: LoginIn, request: Request, response: Response, visit: Visit, farm: Farm) -> SessionOut:
+def _log_in(body: LoginIn, request: Request, response: Response, visit: Visit, farm: Farm) -> SessionOut:
     access = farm.access
-    if asked.link:
-        name = access.keys.use_link(asked.link)
+    if body.link:
+        name = access.keys.use_link(body.link)
         if name is None:
             access.audit.add("", "login refused", kind="link", address=visit.address, status=401)
             raise Problem(
@@ -102,12 +100,12 @@ def _log_in(asked: LoginIn, request: Request, response: Response, visit: Visit, 
                     "This link was already used, is older than a day, or was withdrawn. Ask for a new one: `rayfarm user link`.",
                 ),
             )
-        role = Role.ADMIN if name == OWNER else Role.of(access.users.find(name).role)
+        role = Role.ADMIN if name == OWNER else Role.from_name(access.users.find(name).role)
         kind = "link"
     else:
-        name, role, kind = *_verify_password(asked.name, asked.password, farm, visit.address), "password"
+        name, role, kind = *_verify_password(body.name, body.password, farm, visit.address), "password"
     _end_session(request, farm)
-    secret, row = access.keys.make("session", name, Role.ADMIN, name=_user_agent(request), lasts_s=SESSION_S)
+    secret, row = access.keys.create("session", name, Role.ADMIN, name=_user_agent(request), lasts_s=SESSION_S)
     _set_cookie(request, response, farm, secret, SESSION_S)
     forget_login(request, response, farm)
     access.audit.add(name, "login", kind=kind, address=visit.address, status=200)
@@ -128,12 +126,12 @@ def log_out(request: Request, visit: VisitDependency, farm: FarmDependency) -> R
 
 
 @router.put("/api/session/password", status_code=204)
-async def change_password(asked: PasswordIn, visit: VisitDependency, farm: FarmDependency) -> None:
+async def change_password(body: PasswordIn, visit: VisitDependency, farm: FarmDependency) -> None:
     """Changes your own password. All your other sessions are ended."""
-    await run_sync(_change_password, asked, visit, farm, limiter=farm.logins)
+    await run_sync(_change_password, body, visit, farm, limiter=farm.logins)
 
 
-def _change_password(asked: PasswordIn, visit: Visit, farm: Farm) -> None:
+def _change_password(body: PasswordIn, visit: Visit, farm: Farm) -> None:
     access, caller = farm.access, visit.caller
     assert caller is not None
     if caller.kind != "session" or caller.name == OWNER:
@@ -144,8 +142,8 @@ def _change_password(asked: PasswordIn, visit: Visit, farm: Farm) -> None:
             )
         )
     if access.users.find(caller.name).password is not None:
-        _verify_password(caller.name, asked.old, farm, visit.address)
-    access.users.set_password(caller.name, asked.new, stays=caller.key)
+        _verify_password(caller.name, body.old, farm, visit.address)
+    access.users.set_password(caller.name, body.new, stays=caller.key)
 
 
 def _verify_password(name: str, password: str, farm: Farm, address: str) -> tuple[str, Role]:
@@ -171,7 +169,7 @@ def _verify_password(name: str, password: str, farm: Farm, address: str) -> tupl
         access.audit.add(name, "login refused", kind="password", address=address, status=401)
         raise Problem(401, Sentence("login-password-wrong", "The name or the password is wrong. Check both and try again."))
     access.attempts.succeeded(address, name)
-    return user.name, Role.of(user.role)
+    return user.name, Role.from_name(user.role)
 
 
 def _end_session(request: Request, farm: Farm) -> bool:

@@ -39,7 +39,7 @@ def begin(request: Request, farm: FarmDependency) -> RedirectResponse:
     try:
         begun = oidc.begin(f"{base_url(request, farm)}/api/login/openid/answer")
     except Refused as refusal:
-        return _refused(request, refusal)
+        return _refusal_redirect(request, refusal)
     answer = RedirectResponse(begun.url, 302, {"Cache-Control": "no-store"})
     for name in _pending(farm, request)[: 1 - MOST_PENDING]:  # browsers send the oldest first (RFC 6265, 5.4)
         set_cookie(request, answer, name, "", 0, same_site="lax")
@@ -64,12 +64,12 @@ def finish(
         found = oidc.finish(state, code, error, _cookies(request).get(cookie, ""))
     except Refused as refusal:
         access.audit.add("", "login refused", kind="openid", address=visit.address, status=401)
-        answer = _refused(request, refusal)
+        answer = _refusal_redirect(request, refusal)
     else:
         user = found.user
         access.keys.clear_cache()  # the role may have changed
         browser = printable(request.headers.get("user-agent", ""))[:255]
-        secret, _ = access.keys.make("session", user.name, Role.ADMIN, name=browser, lasts_s=SESSION_S)
+        secret, _ = access.keys.create("session", user.name, Role.ADMIN, name=browser, lasts_s=SESSION_S)
         access.audit.add(user.name, "login", kind="openid", address=visit.address, status=200)
         answer = RedirectResponse(f"{request.base_url.path}#/", 302, {"Cache-Control": "no-store"})
         set_cookie(request, answer, cookie_name(access, request.scope), secret, SESSION_S)
@@ -78,7 +78,7 @@ def finish(
     return answer
 
 
-def _refused(request: Request, refusal: Refused) -> RedirectResponse:
+def _refusal_redirect(request: Request, refusal: Refused) -> RedirectResponse:
     log.warning("a login by the OpenID provider is refused: %s", refusal)
     return RedirectResponse(f"{request.base_url.path}#/login?refused={refusal.why}", 302, {"Cache-Control": "no-store"})
 

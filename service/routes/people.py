@@ -89,25 +89,25 @@ def list_users(farm: FarmDependency, page: PageDependency) -> list[UserOut]:
     with farm.sessions() as session:
         _, rows = page.rows(select(User).order_by(User.name), session)
     sessions = farm.access.keys.count("session", [user.name for user in rows])
-    return [_out(user, sessions[user.name]) for user in rows]
+    return [_user_out(user, sessions[user.name]) for user in rows]
 
 
 @router.post("/api/users", status_code=201, response_model=UserOut)
-def add_user(asked: UserIn, farm: FarmDependency) -> UserOut:
+def add_user(body: UserIn, farm: FarmDependency) -> UserOut:
     """Creates a user."""
-    return _out(farm.access.users.add(asked.name, Role.of(asked.role), asked.password), 0)
+    return _user_out(farm.access.users.add(body.name, Role.from_name(body.role), body.password), 0)
 
 
 @router.patch("/api/users/{name}", response_model=UserOut)
-def change_user(name: str, asked: UserChange, farm: FarmDependency) -> UserOut:
+def change_user(name: str, body: UserChange, farm: FarmDependency) -> UserOut:
     """Changes a user's role, with immediate effect, or password, which ends all sessions of the user."""
     users = farm.access.users
     user = users.find(name)
-    if asked.password is not None:
-        user = users.set_password(name, asked.password)
-    if asked.role is not None:
-        user = users.set_role(name, Role.of(asked.role))
-    return _out(user, farm.access.keys.count("session", [name])[name])
+    if body.password is not None:
+        user = users.set_password(name, body.password)
+    if body.role is not None:
+        user = users.set_role(name, Role.from_name(body.role))
+    return _user_out(user, farm.access.keys.count("session", [name])[name])
 
 
 @router.delete("/api/users/{name}", status_code=204)
@@ -124,12 +124,12 @@ def remove_user(name: str, visit: VisitDependency, farm: FarmDependency) -> None
 
 
 @router.post("/api/links", status_code=201, response_model=LinkOut)
-def make_link(asked: LinkIn, farm: FarmDependency) -> LinkOut:
+def make_link(body: LinkIn, farm: FarmDependency) -> LinkOut:
     """Creates a link that logs a user in once, within a day."""
-    if asked.user != OWNER:
-        farm.access.users.find(asked.user)
-    code, row = farm.access.keys.make("link", asked.user, Role.ADMIN, lasts_s=LINK_S)
-    return LinkOut(user=asked.user, code=code, expires=row.expires)
+    if body.user != OWNER:
+        farm.access.users.find(body.user)
+    code, row = farm.access.keys.create("link", body.user, Role.ADMIN, lasts_s=LINK_S)
+    return LinkOut(user=body.user, code=code, expires=row.expires)
 
 
 @router.get("/api/audit", response_model=list[AuditLine])
@@ -138,6 +138,6 @@ def get_audit(farm: FarmDependency, limit: int = Query(100, ge=1, le=MOST_LINES)
     return farm.access.audit.latest(limit)
 
 
-def _out(user: User, sessions: int) -> UserOut:
+def _user_out(user: User, sessions: int) -> UserOut:
     has_password = user.password is not None
     return UserOut(name=user.name, role=user.role, has_password=has_password, created=user.created, sessions=sessions)

@@ -50,13 +50,13 @@ class ProjectOut(BaseModel):
 def list_projects(farm: FarmDependency, visit: VisitDependency, page: PageDependency) -> list[ProjectOut]:
     """Lists your projects by name; for administrators, all projects. The header X-Total-Count contains their number."""
     projects = farm.access.projects
-    return [_out(found) for found in projects.described(page.slice_of(projects.named(visit.sight)))]
+    return [_project_out(found) for found in projects.summaries(page.slice_of(projects.visible_names(visit.sight)))]
 
 
 @router.post("", status_code=201, response_model=ProjectOut)
-def add_project(asked: ProjectIn, farm: FarmDependency) -> ProjectOut:
+def add_project(body: ProjectIn, farm: FarmDependency) -> ProjectOut:
     """Creates a project. Until it has members, only administrators can see its content."""
-    return _out(farm.access.projects.add(asked.name))
+    return _project_out(farm.access.projects.add(body.name))
 
 
 @router.delete("/{name}", status_code=204)
@@ -66,16 +66,16 @@ def remove_project(name: str, farm: FarmDependency) -> None:
 
 
 @router.put("/{name}/members/{user}", response_model=ProjectOut)
-def let_in(name: str, user: str, farm: FarmDependency, asked: MemberIn | None = None) -> ProjectOut:
+def let_in(name: str, user: str, farm: FarmDependency, body: MemberIn | None = None) -> ProjectOut:
     """Adds a user to a project, or changes a member's role. With role `view`, the user can only read."""
-    return _out(farm.access.projects.add_member(name, user, (asked or MemberIn()).role))
+    return _project_out(farm.access.projects.add_member(name, user, (body or MemberIn()).role))
 
 
 @router.delete("/{name}/members/{user}", response_model=ProjectOut)
 def put_out(name: str, user: str, farm: FarmDependency) -> ProjectOut:
     """Removes a member from a project, with immediate effect, also on open connections."""
-    return _out(farm.access.projects.remove_member(name, user))
+    return _project_out(farm.access.projects.remove_member(name, user))
 
 
-def _out(found: Summary) -> ProjectOut:
+def _project_out(found: Summary) -> ProjectOut:
     return ProjectOut(**asdict(found))

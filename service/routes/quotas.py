@@ -48,20 +48,20 @@ class SetAllowanceOut(AllowanceOut):
 @router.get("/api/quota", response_model=list[AllowanceOut])
 def get_quota(farm: FarmDependency, visit: VisitDependency) -> list[AllowanceOut]:
     """Returns your limits and usage; also your token's, if it has limits of its own."""
-    return [_out(found) for found in farm.quotas.allowances_of(visit.caller)]
+    return [_allowance_out(found) for found in farm.quotas.allowances_of(visit.caller)]
 
 
 @router.get("/api/quotas", response_model=list[SetAllowanceOut])
 def list_quotas(farm: FarmDependency, page: PageDependency) -> list[SetAllowanceOut]:
     """Lists the limits of all users and of tokens with limits of their own. The header X-Total-Count contains their number."""
-    described = farm.quotas.described(page.slice_of(farm.quotas.named()))
-    return [SetAllowanceOut(**_out(found).model_dump(), is_own=found.is_own) for found in described]
+    described = farm.quotas.existing_allowances(page.slice_of(farm.quotas.resource_names()))
+    return [SetAllowanceOut(**_allowance_out(found).model_dump(), is_own=found.is_own) for found in described]
 
 
 @router.put("/api/quotas/{of}/{name}", status_code=204)
-def set_quota(of: Of, name: str, asked: LimitsIn, farm: FarmDependency) -> None:
+def set_quota(of: Of, name: str, body: LimitsIn, farm: FarmDependency) -> None:
     """Sets the limits of a user or token."""
-    farm.quotas.set(f"{of.removesuffix('s')}:{name}", Limits(**asked.model_dump()))
+    farm.quotas.set(f"{of.removesuffix('s')}:{name}", Limits(**body.model_dump()))
 
 
 @router.delete("/api/quotas/{of}/{name}", status_code=204)
@@ -70,5 +70,5 @@ def forget_quota(of: Of, name: str, farm: FarmDependency) -> None:
     farm.quotas.set(f"{of.removesuffix('s')}:{name}", None)
 
 
-def _out(found: Allowance) -> AllowanceOut:
+def _allowance_out(found: Allowance) -> AllowanceOut:
     return AllowanceOut(whose=found.whose, limits=LimitsIn(**asdict(found.limits)), used=LimitsIn(**asdict(found.used)))

@@ -25,7 +25,7 @@ from service.http.pagination import PageDependency
 from service.http.routers import api_router
 from service.http.single_upload import UPLOAD_FORM, check_upload_quota, only_file, read_single_upload
 from service.http.visit import InProject, IntoProject, VisitDependency
-from service.intake.projects import Owner, usable_in
+from service.intake.projects import UploadOwner, usable_in
 from service.intake.references import SUFFIXES, keep_reference
 from service.jobs.lookup import reference_not_found
 from service.store.models import Reference
@@ -69,7 +69,7 @@ def list_references(
     seen = seen if project is None else seen.where(usable_in(Reference.project, project))
     with farm.sessions() as session:
         _, rows = page.rows(seen.order_by(Reference.created.desc(), Reference.id), session)
-        return [_out(row) for row in rows]
+        return [_reference_out(row) for row in rows]
 
 
 @router.post("", status_code=201, response_model=ReferenceOut, openapi_extra=UPLOAD_FORM)
@@ -86,19 +86,19 @@ async def add_reference(
         )
         temporary = farm.settings.data / "tmp"
         await run_in_threadpool(farm.access.projects.recheck, project, visit.caller, visit.sight)
-        owner = Owner(project, visit.user, visit.token)
+        owner = UploadOwner(project, visit.user, visit.token)
         kept = partial(keep_reference, name, file, farm.sessions, farm.blobs, farm.garbage, temporary, owner)
         row = await anyio.to_thread.run_sync(kept, limiter=farm.reading)
     finally:
         form.discard()
     response.headers["Location"] = f"/api/references/{row.id}"
-    return _out(row)
+    return _reference_out(row)
 
 
 @router.get("/{id}", response_model=ReferenceOut)
 def get_reference(id: Id, farm: FarmDependency) -> ReferenceOut:
     """Returns one reference picture."""
-    return _out(_find(id, farm))
+    return _reference_out(_find(id, farm))
 
 
 @router.get("/{id}/film", response_class=Response, responses={200: FILM})
@@ -138,7 +138,7 @@ async def reference_image(
     headers = {**CACHE_HEADERS, "Content-Disposition": content_disposition(f"{row.name.rpartition('.')[0]}.{extension}")}
     if is_head(request):
         return headers_response(headers, MEDIA[extension])
-    made = await farm.pictures.make(
+    made = await farm.pictures.run(
         ("reference", id, extension, exposure, tonemap_curve),
         film_picture.film_picture_memory(row.width, row.height),
         lambda: film_picture.film_picture(
@@ -167,14 +167,14 @@ def reference_file(id: Id, farm: FarmDependency) -> Response:
 def delete_reference(id: Id, farm: FarmDependency) -> None:
     """Deletes a reference picture and its file."""
 
-    def forget(session: Session) -> set[str]:
+    def delete_row(session: Session) -> set[str]:
         found = session.get(Reference, id, with_for_update=True)
         if found is None:
             raise reference_not_found(id)
         session.delete(found)
         return found.blobs
 
-    farm.reserve.run_deletion(lambda: farm.garbage.collect(forget))
+    farm.reserve.run_deletion(lambda: farm.garbage.collect(delete_row))
 
 
 def _find(id: str, farm: Farm) -> Reference:
@@ -185,6 +185,6 @@ def _find(id: str, farm: Farm) -> Reference:
     return found
 
 
-def _out(row: Reference) -> ReferenceOut:
+def _reference_out(row: Reference) -> ReferenceOut:
     facts = {name: getattr(row, name) for name in ("id", "name", "created", "width", "height", "clipped", "project")}
     return ReferenceOut(**facts, bytes=row.file["size"], display_referred=row.is_display)

@@ -65,10 +65,10 @@ def let_go(wish: RetentionIn, farm: FarmDependency, response: Response) -> Reten
     rules = Rules(**wish.model_dump(exclude={"dry_run"}))
     rules = farm.rules if rules.is_empty else rules
     if wish.dry_run:
-        items = farm.retention.plan(rules)
-        return _out(Run("running", len(items), 0, items), "planned")
+        items = farm.retention.deletable_items(rules)
+        return _retention_out(Run("running", len(items), 0, items), "planned")
     response.status_code, response.headers["Location"] = 202, router.prefix
-    return _out(farm.retention.begin(rules))
+    return _retention_out(farm.retention.begin(rules))
 
 
 @router.get("", response_model=RetentionOut)
@@ -82,10 +82,10 @@ def retention_run(farm: FarmDependency) -> RetentionOut:
                 "No cleanup was started since the service started. POST /api/retention starts one.",
             )
         )
-    return _out(run)
+    return _retention_out(run)
 
 
-def _out(run: Run, state: Literal["planned"] | None = None) -> RetentionOut:
+def _retention_out(run: Run, state: Literal["planned"] | None = None) -> RetentionOut:
     now, items = state or run.state, list(run.gone)  # in this order, so that a finished state has all items
     shown = [ItemOut(**asdict(item)) for item in items]
     return RetentionOut(

@@ -64,14 +64,14 @@ def list_shares(farm: FarmDependency, visit: VisitDependency, page: PageDependen
         names = {share_of(user) for user in session.scalars(select(User.name))}
     told = page.slice_of([share for share in sorted(names | terms.keys() | jobs.keys()) if _may_see_share(share, visit)])
     slots = _slots(farm, terms)
-    return [_out(share, terms.get(share, Terms()), slots, jobs) for share in told]
+    return [_share_out(share, terms.get(share, Terms()), slots, jobs) for share in told]
 
 
 def _may_see_share(share: str, visit: Visit) -> bool:
     kind, _, name = share.partition(":")
     if visit.sight.everything or kind == EVERYBODY:
         return True
-    return name == visit.user if kind == "user" else visit.sight.sees(name)
+    return name == visit.user if kind == "user" else visit.sight.is_visible(name)
 
 
 def _terms(session: Session) -> dict[str, Terms]:
@@ -88,7 +88,7 @@ def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
 
 
 @router.put("/{share}", response_model=ShareOut)
-def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
+def set_share(share: Share, body: ShareIn, farm: FarmDependency) -> ShareOut:
     """Sets the terms of a share, which apply from the next batch on. Batches already dispatched are not withdrawn."""
     if not SHARE.fullmatch(share):
         raise Invalid(
@@ -100,7 +100,7 @@ def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
             )
         )
     with farm.sessions.begin() as session:
-        session.merge(ShareTerms(name=share, weight=asked.weight, max_slots=asked.max_slots))
+        session.merge(ShareTerms(name=share, weight=body.weight, max_slots=body.max_slots))
     return _updated_share(share, farm)
 
 
@@ -114,11 +114,11 @@ def reset_share(share: Share, farm: FarmDependency) -> ShareOut:
 
 
 def _updated_share(share: str, farm: Farm) -> ShareOut:
-    farm.engine.changed("terms", "")
+    farm.engine.record_change("terms", "")
     with farm.sessions() as session:
         terms = _terms(session)
         jobs = _jobs(session, terms)
-    return _out(share, terms.get(share, Terms()), _slots(farm, terms), jobs)
+    return _share_out(share, terms.get(share, Terms()), _slots(farm, terms), jobs)
 
 
 def _slots(farm: Farm, terms: Mapping[str, Terms]) -> Counter[str]:
@@ -132,6 +132,6 @@ def _slots(farm: Farm, terms: Mapping[str, Terms]) -> Counter[str]:
     return found
 
 
-def _out(share: str, terms: Terms, slots: Counter[str], jobs: Counter[str]) -> ShareOut:
+def _share_out(share: str, terms: Terms, slots: Counter[str], jobs: Counter[str]) -> ShareOut:
     now = {"slots": slots[share], "jobs": jobs[share]}
     return ShareOut(share=share, weight=terms.weight, max_slots=terms.max_slots, **now)

@@ -120,7 +120,7 @@ async def get_movie(
     if is_head(request):
         return headers_response(headers, MOVIE_MEDIA[extension])
     make = partial(movie, film, keys, wish, speed, farm.settings.data / "tmp")
-    made = await farm.pictures.make((id, "movie", wish, speed, content), movie_memory(film, wish), make, user=visit.queue)
+    made = await farm.pictures.run((id, "movie", wish, speed, content), movie_memory(film, wish), make, user=visit.queue)
     headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type=MOVIE_MEDIA[extension], headers=headers)
 
@@ -142,7 +142,7 @@ async def _zipped(
                 if aovs.MOTION in wish.planes:
                     wish = replace(wish, motion=await motion_vectors_of(now, frame_number(key), film, farm))
                 about = (job.id, "zip", key, film.version(key), wish)
-                made = await farm.pictures.make(
+                made = await farm.pictures.run(
                     about, picture_memory(film, wish), picture_file, film, key, wish, folder, user=user
                 )
                 name = frame_name(f"{_title(job)}.####.{wish.extension}", frame_number(key))
@@ -152,7 +152,7 @@ async def _zipped(
             if which != "coming" or is_over or farm.broadcast.closing:
                 break
             await listener.wait(CHECK_EVERY_S)
-    yield stream.end()
+    yield stream.final_bytes()
 
 
 def _is_selected(frame: FrameNumbers, which: str) -> bool:
@@ -208,7 +208,7 @@ def _film(job: Job, farm: Farm) -> Film:
 
 
 def _fps(job: Job, farm: Farm) -> float:
-    shot = Shot.of(job.shot)
+    shot = Shot.parse(job.shot)
     if shot is not None and shot.fps is not None:
         return shot.fps
     with farm.sessions() as session:

@@ -99,7 +99,7 @@ async def snapshot_image(
     if is_head(request):
         return headers_response(headers, MEDIA[extension])
     width, height = (int((job.settings or {}).get(name, 0)) for name in ("width", "height"))
-    made = await farm.pictures.make(
+    made = await farm.pictures.run(
         (id, "snapshot", headers["ETag"]),
         film_picture.film_picture_memory(width, height),
         lambda: film_picture.film_picture(

@@ -67,7 +67,7 @@ def list_tokens(
     everybody: Annotated[bool, Query(alias="all", description="for administrators: everybody's")] = False,
 ) -> list[TokenOut]:
     """Lists your tokens, newest first; for administrators also worker tokens. The header X-Total-Count contains their number."""
-    caller = _caller(visit.caller)
+    caller = _require_caller(visit.caller)
     is_admin = caller.role >= Role.ADMIN
     if everybody and not is_admin:
         raise Problem(
@@ -77,16 +77,16 @@ def list_tokens(
                 "Only administrators see others' tokens. Leave `all` out to see your own.",
             ),
         )
-    query = farm.access.keys.holding(("token", "worker") if is_admin else ("token",), None if everybody else caller.name)
+    query = farm.access.keys.select_valid(("token", "worker") if is_admin else ("token",), None if everybody else caller.name)
     with farm.sessions() as session:
         _, rows = page.rows(query, session)
-    return [_out(row) for row in rows]
+    return [_token_out(row) for row in rows]
 
 
 @router.post("", status_code=201, response_model=NewToken)
-def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> NewToken:
+def make_token(body: TokenIn, visit: VisitDependency, farm: FarmDependency) -> NewToken:
     """Creates a token. Requires a login by a user: a token cannot create tokens, so revoking a leaked one is enough."""
-    caller = _caller(visit.caller)
+    caller = _require_caller(visit.caller)
     if caller.kind == "token":
         raise Conflict(
             Sentence(
@@ -94,9 +94,9 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
                 "A token cannot create tokens. Log in on the page, or use `rayfarm token` on the farm's machine.",
             )
         )
-    name = plain_title(asked.name)
-    lasts_s = None if asked.days is None else asked.days * DAY_S
-    if asked.role == "worker":
+    name = plain_title(body.name)
+    lasts_s = None if body.days is None else body.days * DAY_S
+    if body.role == "worker":
         if caller.role < Role.ADMIN:
             raise Problem(
                 403,
@@ -105,9 +105,9 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
                     "Only administrators may add workers. Ask one of them for a worker's token.",
                 ),
             )
-        secret, row = farm.access.keys.make("worker", caller.name, Role.NOBODY, name, lasts_s)
+        secret, row = farm.access.keys.create("worker", caller.name, Role.NOBODY, name, lasts_s)
     else:
-        role = Role.of(asked.role)
+        role = Role.from_name(body.role)
         if role > caller.role:
             raise Problem(
                 403,
@@ -115,35 +115,35 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
                     "token-role-too-high",
                     "Your role is {own_role}: you cannot create a token with the role {role}.",
                     own_role=caller.role.api_name,
-                    role=asked.role,
+                    role=body.role,
                 ),
             )
-        secret, row = farm.access.keys.make("token", caller.name, role, name, lasts_s)
-    return NewToken(**_out(row).model_dump(), secret=secret)
+        secret, row = farm.access.keys.create("token", caller.name, role, name, lasts_s)
+    return NewToken(**_token_out(row).model_dump(), secret=secret)
 
 
 @router.delete("/{id}", status_code=204)
 def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> None:
     """Revokes a token at once. Administrators may revoke any; a token with role `view` only itself."""
-    caller = _caller(visit.caller)
+    caller = _require_caller(visit.caller)
     if caller.kind == "token" and caller.role < Role.SUBMIT and id != caller.key:
         raise Problem(
             403,
             Sentence("token-read-only", "This token is read-only: it can withdraw itself, but no other."),
         )
     is_admin = caller.role >= Role.ADMIN
-    if is_admin and farm.access.keys.is_there("worker", id):
+    if is_admin and farm.access.keys.exists("worker", id):
         farm.access.keys.withdraw("worker", id)
         farm.redis_users.refresh_now()
     else:
         farm.access.keys.withdraw("token", id, None if is_admin else caller.name)
 
 
-def _caller(caller: Caller | None) -> Caller:
+def _require_caller(caller: Caller | None) -> Caller:
     assert caller is not None  # service.http.access_requirements
     return caller
 
 
-def _out(row: Key) -> TokenOut:
+def _token_out(row: Key) -> TokenOut:
     role = "worker" if row.kind == "worker" else row.role
     return TokenOut(id=row.id, name=row.name, role=role, user=row.user, created=row.created, expires=row.expires, seen=row.seen)

@@ -76,7 +76,7 @@ async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
-        farm.views.leave(viewer.session)
+        farm.views.close_session(viewer.session)
         try:
             for task in tasks:
                 task.cancel()
@@ -188,7 +188,7 @@ class _Viewer:
                 )
                 self._rests_s = PREPARING_POLL_S
                 return False
-            self._farm.views.show(self.session, view)
+            self._farm.views.request_view(self.session, view)
             self._notice = None
         self._awaited = None
         return True
@@ -230,7 +230,7 @@ class _Viewer:
                 await self._socket.send_text(_encoded_message(self.session.picked.pop(0)))
             picture = None
             if not self.session.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.session.is_picture_due():
-                picture = await run_in_threadpool(self.session.take, self._seq + 1)
+                picture = await run_in_threadpool(self.session.take_packet, self._seq + 1)
             if picture is not None:
                 self._seq += 1
                 self._unacknowledged.append(self._seq)
@@ -248,7 +248,7 @@ class _Viewer:
             state = ViewState(None, message=self._notice)
         else:
             id, mean, message = session.request.id, round(session.mean_samples, 1), self._notice or session.message
-            progress = session.samples, session.bound, mean, session.noise, session.is_done, session.slots
+            progress = session.samples, session.max_samples, mean, session.noise, session.is_done, session.slots
             state = ViewState(id, *progress, message)
             if session.error is not None and self._told_error != (refused := Refused(id, session.error)):
                 self._told_error = refused

@@ -62,7 +62,7 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
     if change.state is not None:
         why = None if change.state == "running" else PAUSED_BY_USER
         try:
-            farm.engine.order(name, why)
+            farm.engine.set_paused(name, why)
         except redis.RedisError as error:
             raise redis_unavailable(error) from None
     return worker_out(report, why, farm.engine.snapshot)
@@ -73,7 +73,7 @@ def _request_terms(name: str, terms: dict[str, Any], farm: Farm) -> None:
         row = session.get(WorkerTerms, name, with_for_update=True)
         asked = {**(row.terms if row is not None else {}), **terms}
         session.merge(WorkerTerms(name=name, terms={key: value for key, value in asked.items() if value is not None}))
-    farm.engine.changed("terms", "")
+    farm.engine.record_change("terms", "")
 
 
 @router.get("/{name:path}/log")

@@ -19,7 +19,7 @@ def delete(id: str, farm: Farm) -> None:
     """Deletes a scene with its files and the scenes derived from it. Raises NotFound; Conflict if unfinished jobs need it."""
     derived: list[str] = []
 
-    def forget(session: Session) -> set[str]:
+    def delete_rows(session: Session) -> set[str]:
         scene = session.get(Scene, id, with_for_update=True)
         if scene is None or scene.of is not None:
             raise no_scene(id)
@@ -37,6 +37,6 @@ def delete(id: str, farm: Farm) -> None:
         session.delete(scene)
         return blobs
 
-    farm.reserve.run_deletion(lambda: farm.garbage.collect(forget))
+    farm.reserve.run_deletion(lambda: farm.garbage.collect(delete_rows))
     for each in (*derived, id):
         farm.events.publish(RowWritten("scene", each))

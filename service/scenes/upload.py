@@ -13,7 +13,7 @@ from service.access.visit import Visit
 from service.errors import NotFound
 from service.farm import Farm
 from service.intake.examples import examples, form_of
-from service.intake.projects import Owner, id_in_project
+from service.intake.projects import UploadOwner, id_in_project
 from service.intake.record import record
 from service.intake.uploads import Upload, receive_upload, store_form
 from service.jobs.lookup import find_scene, no_scene
@@ -49,7 +49,7 @@ async def upload(request: UploadRequest, visit: Visit, farm: Farm) -> Scene:
 
     def find_base(id: str) -> Scene:
         found = find_scene(id, farm)
-        if not visit.sight.sees(found.project):
+        if not visit.sight.is_visible(found.project):
             raise no_scene(id)
         bases[:] = [found]
         return found
@@ -85,11 +85,11 @@ def open_example(name: str, project: str, visit: Visit, farm: Farm) -> Scene:
     return store_form(form, farm.blobs, farm.garbage, farm.settings, lambda size: None, write)
 
 
-def _owner(project: str, visit: Visit, farm: Farm) -> Owner:
-    return Owner(farm.access.projects.check(project, visit.sight), visit.user, visit.token)
+def _owner(project: str, visit: Visit, farm: Farm) -> UploadOwner:
+    return UploadOwner(farm.access.projects.check(project, visit.sight), visit.user, visit.token)
 
 
-def _recorded(stored: Upload, owner: Owner, visit: Visit, farm: Farm) -> Scene:
+def _recorded(stored: Upload, owner: UploadOwner, visit: Visit, farm: Farm) -> Scene:
     farm.quotas.check_bytes(visit.caller, stored.size)
     return record(replace(stored, id=id_in_project(owner.project, stored.id)), farm.sessions, farm.events, owner=owner)
 

@@ -130,7 +130,7 @@ class Answers:
         Raises redis.RedisError.
         """
         self._gather()
-        with self._pace.busy():
+        with self._pace.measuring():
             entries = self._results.read(block_ms)
             begun = time.monotonic()
             self._handle_entries(entries)
@@ -147,7 +147,7 @@ class Answers:
         if self._results.size and is_due:
             self._looked = time.monotonic()
             unread = self._results.length() - sum(map(len, self._kept.values()))
-            self._pace.unread(max(unread, 0), self._results.size)
+            self._pace.record_unread(max(unread, 0), self._results.size)
 
     def _gather(self) -> None:
         """Waits before reading while results arrive at a high rate, so that results of the same tile are stored together."""
@@ -165,19 +165,21 @@ class Answers:
             if self._lifecycle.is_awaited(owner):
                 continue
             is_stored = self._bulkheads.run(owner, Step.RESULTS, partial(self._store_answers, owner), self._needs_database(owner))
-            if is_stored and (job := self._scheduler.jobs.get(owner)) is not None and job.done:
+            if is_stored and (job := self._scheduler.jobs.get(owner)) is not None and job.is_done:
                 self._lifecycle.record(job)
             if is_stored or owner in self._bulkheads.verdicts:
                 self._stored += [answer.entry for answer in self._kept.pop(owner)]
         self._results.delete(self._stored)
         self._stored = []
 
-    def review(self) -> None:
+    def reread_if_incomplete(self) -> None:
         """Reads the whole stream again if it has more entries than are pending in memory. Called once a second.
 
         That happens if Redis was unreachable during a deletion, or has lost data. Raises redis.RedisError.
         """
-        more = self._results.length() > sum(map(len, self._kept.values())) and self._results.has_read(self._results.end())
+        more = self._results.length() > sum(map(len, self._kept.values())) and self._results.has_read(
+            self._results.latest_position()
+        )
         if more and self._overlooked:
             self._results.reread()
         self._overlooked = more and not self._overlooked
@@ -186,7 +188,7 @@ class Answers:
         try:
             message = parse_message(entry)
         except Unusable as error:
-            self._put_aside.add(entry.where, str(error), entry.fields, error.__cause__)
+            self._put_aside.add(entry.location, str(error), entry.fields, error.__cause__)
             self._stored.append(entry)
             return
         if isinstance(message, Wake):
@@ -195,9 +197,9 @@ class Answers:
         if isinstance(message, BatchDone):
             self._batches += len(message.pieces)
             for piece in message.pieces:
-                self._scheduler.arrived(message.job, piece.batch)
+                self._scheduler.mark_answered(message.job, piece.batch)
         elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned):
-            self._errands.preparing.arrived(message.scene, message.kind)
+            self._errands.preparing.mark_answered(message.scene, message.kind)
         self._kept.setdefault(message.owner, []).append(_PendingAnswer(entry, message))
 
     def _needs_database(self, owner: str) -> bool:
@@ -231,7 +233,7 @@ class Answers:
         except Exception as error:
             if not is_message_fault(error):
                 raise
-            self._put_aside.add(entry.where, error, entry.fields, error)
+            self._put_aside.add(entry.location, error, entry.fields, error)
             if instead is not None:
                 instead()
             if message is not None:
@@ -292,9 +294,9 @@ class Answers:
                     with_bad.add(each.batch.frame)
         for frame in with_bad:
             job.frames[frame].bad_samples = job.film.bad_count(frame)
-            job.touch(job.frames[frame])
+            job.mark_changed(job.frames[frame])
         if arrived:
-            job.tick(job.state == "running")
+            job.advance_clock(job.state == "running")
             for frame, changed in tiles.items():
                 self._events.publish(TilesChanged(job.id, frame, changed))
             self._tell("job", job.id)
@@ -309,7 +311,7 @@ class Answers:
             assert each.batch is not None
             lease = self._scheduler.leases.end(piece.batch)
             card = lease.only if lease is not None and lease.is_of_card else ""
-            job.came_back(each.batch._replace(first=piece.first, count=piece.count), piece.seconds, card)
+            job.record_result(each.batch._replace(first=piece.first, count=piece.count), piece.seconds, card)
 
     def _record_batch(self, job: ActiveJob, each: ReceivedBatch, sums: bytes) -> None:
         if each.taken and each.batch is not None:
@@ -321,25 +323,25 @@ class Answers:
         self.counts["merged" if each.taken else "dropped"] += len(pieces)
         for piece in pieces:
             batch = each.batch and each.batch._replace(first=piece.first, count=piece.count)
-            self._scheduler.came_back(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
+            self._scheduler.end_batch(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
         self._log_batch(job, each)
 
-    def _reject_sums(self, job: ActiveJob, message: BatchDone, whole: Range | None, why: str) -> None:
+    def _reject_sums(self, job: ActiveJob, message: BatchDone, run: Range | None, why: str) -> None:
         """Handles sums that cannot be decoded or merged as a failed batch of their sender.
 
         A joint result counts as one failure, and against no worker if several contributed to it.
         """
         for number, piece in enumerate(message.pieces):
-            if whole is None:
-                self._scheduler.came_back(job, piece.batch, None, 0.0, piece.worker or message.worker)
+            if run is None:
+                self._scheduler.end_batch(job, piece.batch, None, 0.0, piece.worker or message.worker)
                 continue
             self.counts["failed"] += 1
-            batch = whole._replace(first=piece.first, count=piece.count)
+            batch = run._replace(first=piece.first, count=piece.count)
             sender, is_suspect = piece.worker or message.worker, number == 0 and len(message.senders) == 1
             said = Sentence(
                 "worker-message-unusable", "A message of {sender} about it cannot be used ({reason}).", sender=sender, reason=why
             )
-            trouble = self._scheduler.failed(job, piece.batch, batch, sender, said, None, is_suspect=is_suspect)
+            trouble = self._scheduler.handle_failure(job, piece.batch, batch, sender, said, None, is_suspect=is_suspect)
             if trouble is not None:
                 self._fail_batch(job, batch, trouble)
 
@@ -355,7 +357,7 @@ class Answers:
         if batch is not None:
             seconds = sum(piece.seconds for piece in said.pieces)
             text = tile_log_line(", ".join(said.senders), said.first, said.count, seconds, said.took, said.lines)
-            self._logs.tiles.note(job.id, batch.frame, batch.tile, text)
+            self._logs.tiles.add_line(job.id, batch.frame, batch.tile, text)
             for line in said.lines:
                 job.history.log.add_line(f"{said.worker}, {batch_description(batch)}: {line}")
 
@@ -371,14 +373,14 @@ class Answers:
                     handle(job, message.batch, batch, message.worker, message.error)
                     self._tell("job", job.id)
             case PrepareStarted():
-                self._errands.preparing.heard(message.scene, message.kind, message.worker, Progress("Reading", 0.0))
+                self._errands.preparing.handle_progress(message.scene, message.kind, message.worker, Progress("Reading", 0.0))
                 self._tell("scene", message.scene)
             case PrepareProgress():
                 progress = Progress(message.step, message.fraction, message.preview)
-                self._errands.preparing.heard(message.scene, message.kind, message.worker, progress)
+                self._errands.preparing.handle_progress(message.scene, message.kind, message.worker, progress)
                 self._tell("scene", message.scene)
             case PrepareDone():
-                self._lifecycle.prepared(message.scene, message.info)
+                self._lifecycle.handle_prepared(message.scene, message.info)
                 self._tell("scene", message.scene)
             case ThumbnailMade():
                 if self._lifecycle.add_thumbnail(message.scene, message.thumbnail):
@@ -410,7 +412,7 @@ class Answers:
             self._handle_misunderstood(job, batch, message)
             return
         self.counts["failed"] += 1
-        trouble = self._scheduler.failed(
+        trouble = self._scheduler.handle_failure(
             job, message.batch, batch, message.worker, message.error, message.reproduce, message.trace
         )
         if trouble is not None:

@@ -28,11 +28,11 @@ class Changes:
         """Adds low-priority changes, such as jobs left by a previous run. Used only by the engine's thread."""
         self._later |= dict.fromkeys((what, id) for id in ids)
 
-    def note(self, what: str, id: str) -> None:
+    def add(self, what: str, id: str) -> None:
         """Adds the change that an item was created, modified or deleted. what: job or scene."""
         self._new.put((what, id))
 
-    def open(self) -> list[Change]:
+    def pending(self) -> list[Change]:
         """Returns the pending changes, oldest first. If they are fewer than `AT_A_TIME`, adds low-priority ones."""
         while not self._new.empty():
             change = self._new.get()
@@ -48,7 +48,7 @@ class Changes:
         """Returns True if low-priority changes left by a previous run are still unprocessed."""
         return bool(self._later)
 
-    def is_open(self, change: Change) -> bool:
+    def is_pending(self, change: Change) -> bool:
         """Returns True if a change is pending, with normal or low priority."""
         return change in self._open or change in self._later
 

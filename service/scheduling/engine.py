@@ -95,7 +95,7 @@ class Engine:
         self._board = board
         self._changes = Changes()
         self._bulkheads = Bulkheads()
-        change = self._board.change
+        change = self._board.record_change
         self._put_aside = DeadLetters(settings.data / FILE)
         self._workers = Workers(self._redis, lambda name: change("worker", name), self._put_aside)
         self._errands = ArtifactTasks(settings, self._dispatcher, self._workers, blobs, events)
@@ -117,7 +117,7 @@ class Engine:
             put_aside=self._put_aside,
             tell=change,
             events=events,
-            settled=self._keeper.look,
+            settled=self._keeper.store_if_due,
         )
         self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # (scene, kind of workers)
         self._terms: dict[str, Terms] = {}  # terms of workers, by name
@@ -152,7 +152,7 @@ class Engine:
         """Returns True if the thread is running."""
         return self._thread.is_alive()
 
-    def moves(self) -> bool:
+    def makes_progress(self) -> bool:
         """Whether the thread completes its rounds. Always True during the start, which may take long after a previous run."""
         return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_TIMEOUT_S)
 
@@ -161,25 +161,25 @@ class Engine:
         """The latest snapshot of the engine's state."""
         return self._board.latest
 
-    def changed(self, what: str, id: str) -> None:
+    def record_change(self, what: str, id: str) -> None:
         """Notifies the engine that a job or another item was created, modified or deleted in the database, and wakes it."""
-        self._changes.note(what, id)
-        self._results.wake()
+        self._changes.add(what, id)
+        self._results.end_read()
 
     def _row_written(self, event: RowWritten) -> None:
-        self.changed(event.kind, event.id)
+        self.record_change(event.kind, event.id)
 
     def _preparation_requested(self, event: PreparationRequested) -> None:
         self._asked.put((event.scene, event.worker_kind))
-        self._results.wake()
+        self._results.end_read()
 
-    def order(self, worker: str, why: str | None) -> None:
+    def set_paused(self, worker: str, why: str | None) -> None:
         """Pauses a worker; `why`: the reason, shown to users. None: resumes the worker. Raises redis.RedisError."""
         if why is None:
             self._workers.resume(worker)
         else:
             self._workers.pause(worker, why)
-        self.changed("worker", worker)
+        self.record_change("worker", worker)
 
     def worker_log(self, worker: str) -> list[str] | None:
         """Returns the last lines of a worker's log, or None if the worker does not send them in time.
@@ -206,7 +206,7 @@ class Engine:
 
     def _with_wake_up(self, answer: Future[ArtifactResult]) -> Future[ArtifactResult]:
         if not answer.done():
-            self._results.wake()
+            self._results.end_read()
         return answer
 
     def _run(self) -> None:
@@ -265,27 +265,29 @@ class Engine:
             self._clean_up_previous_run()
         self._lifecycle.begin_round()
         self._apply_changes()
-        self._workers.look()
+        self._workers.refresh()
         if time.monotonic() - self._looked_around >= 1.0:
             self._looked_around = time.monotonic()
-            with self._pace.busy():
+            with self._pace.measuring():
                 self._run_periodic_tasks()
-        self._bulkheads.carry_out(self._lifecycle.end)
-        self.trust.carry_out(self._lifecycle.again)
+        self._bulkheads.end_failed_jobs(self._lifecycle.fail)
+        self.trust.apply_distrust(self._lifecycle.reload)
         self._step_fault = self._run_catching_errors(self._hand_out)
         self._answers.read_answers(1 if self._lifecycle.is_loading else BLOCK_MS)
 
     def _hand_out(self) -> None:
         while not self._asked.empty():
             self._errands.preparing.request(*self._asked.get())
-        self._errands.preparing.fill()
+        self._errands.preparing.hand_out()
         if shots := self._active_shots():
-            for job in self._errands.moments.fill(shots, self._lifecycle.automatic_view, self._scheduler.busy()):
+            for job in self._errands.moments.hand_out(
+                shots, self._lifecycle.automatic_view, self._scheduler.frames_with_batches()
+            ):
                 self._lifecycle.record(job)
         self._errands.fill_artifacts()
-        with self._pace.busy():
+        with self._pace.measuring():
             self._answers.count_unread()
-            self._scheduler.fill(self._lifecycle.start)
+            self._scheduler.hand_out(self._lifecycle.can_start)
 
     def _clean_up_previous_run(self) -> None:
         """Deletes queued messages, films and logs left by deleted jobs or a previous run; queues unfinished jobs and scenes."""
@@ -293,18 +295,18 @@ class Engine:
         self.trust.begin()
         self.films.sweep(jobs := self._records.all_jobs())
         self.logs.sweep(jobs)
-        self._changes.note("terms", "")
+        self._changes.add("terms", "")
         for scene in self._records.preparing_scenes():
-            self._changes.note("scene", scene)
+            self._changes.add("scene", scene)
         self._changes.add_low_priority("job", self._records.active_jobs())
         self._has_begun = True
 
     def _apply_changes(self) -> None:
-        changes = self._changes.open()
-        self._lifecycle.expect(id for what, id in changes if what == "job")
+        changes = self._changes.pending()
+        self._lifecycle.set_order(id for what, id in changes if what == "job")
         for what, id in changes:
             if what == "worker":
-                self._workers.look(now=True)
+                self._workers.refresh(now=True)
                 if id not in self._workers.roster.orders:
                     self._scheduler.suspicion.clear_failures(id)
                     self._scheduler.distrusted.discard(id)
@@ -319,7 +321,7 @@ class Engine:
                 continue
             self._changes.close((what, id))
             if what == "job" and (job := self._scheduler.jobs.get(id)) is not None:
-                self._keeper.look(job)  # the previous picture of a continued job becomes a snapshot
+                self._keeper.store_if_due(job)  # the previous picture of a continued job becomes a snapshot
 
     def _run_with_database(self, id: str, action: Callable[[], object]) -> bool:
         return self._bulkheads.run(id, Step.RECORD, action, needs_database=True)
@@ -337,36 +339,36 @@ class Engine:
         faults = [
             self._run_catching_errors(part)
             for part in (
-                *(self.logs.flush, self._maintain_keys, self._answers.review, self._errands.review_artifacts),
-                *(lambda: self._scheduler.review(self._results), self.trust.review, self._waiting.review),
+                *(self.logs.flush, self._maintain_keys, self._answers.reread_if_incomplete, self._errands.review_artifacts),
+                *(lambda: self._scheduler.review_leases(self._results), self.trust.advance_checks, self._waiting.settle_ended),
                 *(self._review_preparing, self._ask_workers, self._review_deadlines, self._review_jobs),
             )
         ]
         self._refused = self._refused or next(filter(None, faults), None)
 
     def _review_preparing(self) -> None:
-        for scene, kind in self._errands.preparing.review(self._results):
+        for scene, kind in self._errands.preparing.end_lost_leases(self._results):
             self._lifecycle.fail_lost_scene(scene, kind)
-        for scene, kind, sentence in self._errands.preparing.impossible():
+        for scene, kind, sentence in self._errands.preparing.impossible_requests():
             self._lifecycle.fail_impossible_scene(scene, kind, sentence)
-        for job, frame in self._errands.moments.review(self._scheduler.jobs, self._results):
+        for job, frame in self._errands.moments.end_lost_leases(self._scheduler.jobs, self._results):
             self._lifecycle.fail_lost_frame(job, frame)
-        for job, sentence in self._errands.moments.impossible(self._scheduler.jobs):
+        for job, sentence in self._errands.moments.impossible_jobs(self._scheduler.jobs):
             self._bulkheads.give_verdict(job.id, sentence)
 
     def _ask_workers(self) -> None:
         needs = [job.needs for job in self._scheduler.jobs.values() if job.needs is not None]
-        self._workers.send_terms(self._terms, [*needs, *self._scheduler.sites.needs()])
+        self._workers.send_terms(self._terms, [*needs, *self._scheduler.sites.site_requirements()])
 
     def _review_deadlines(self) -> None:
-        self._deadlines.review(list(self._scheduler.jobs.values()), self._forecaster.of, time.time())
+        self._deadlines.update(list(self._scheduler.jobs.values()), self._forecaster.forecast, time.time())
 
     def _review_jobs(self) -> None:
         for job in list(self._scheduler.jobs.values()):
-            job.tick(job.state == "running" and self._scheduler.leases.has(job.id))
-            if job.state == "running" or job.done:
+            job.advance_clock(job.state == "running" and self._scheduler.leases.has_any(job.id))
+            if job.state == "running" or job.is_done:
                 self._lifecycle.record(job)
-                self._board.change("job", job.id)
+                self._board.record_change("job", job.id)
 
     def _repair(self) -> None:
         """Deletes Redis keys of the wrong type. Ignores errors of Redis."""
@@ -391,7 +393,7 @@ class Engine:
     def _active_shots(self) -> list[tuple[ActiveJob, str | None]]:
         """Returns the active shots, by priority and age, each with the worker kind that renders it."""
         jobs = [job for job in self._scheduler.jobs.values() if job.shot is not None and job.state in ("queued", "running")]
-        jobs = [job for job in jobs if job.id not in self._bulkheads.verdicts and not job.done]
+        jobs = [job for job in jobs if job.id not in self._bulkheads.verdicts and not job.is_done]
         return [
             (job, self._scheduler.line_up.kind_for(job)) for job in sorted(jobs, key=lambda job: (-job.priority, job.created))
         ]
@@ -404,8 +406,8 @@ class Engine:
             fault=self._fault or self._bulkheads.database_fault,
             roster=self._workers.roster,
             jobs=numbers,
-            ahead=self._scheduler.line_up.ahead(),
-            waits={**self.trust.sentences(), **self._bulkheads.sentences()},
+            ahead=self._scheduler.line_up.jobs_ahead(),
+            waits={**self.trust.required_actions(), **self._bulkheads.waiting_reasons()},
             preparing=dict(self._errands.preparing.progress),
             counts={
                 **self._answers.counts,
@@ -415,7 +417,7 @@ class Engine:
                 "put_aside": self._put_aside.count,
             },
             batches_out=len(self._scheduler.leases),
-            results_unread=self._pace.waiting,
+            results_unread=self._pace.unread_results,
             batch_cost_s=self._pace.batch_cost_s,
             failures=dict(self._scheduler.suspicion.failures),
         )

@@ -85,9 +85,9 @@ class Lifecycle:
     def begin_round(self) -> None:
         """Starts a round of the engine, with a new time limit for loading jobs."""
         self._loading.begin_round()
-        self.expect(())
+        self.set_order(())
 
-    def expect(self, jobs: Iterable[str]) -> None:
+    def set_order(self, jobs: Iterable[str]) -> None:
         """Announces the jobs whose changes are applied next, in order, so that rows of jobs to load are read together."""
         self._expected = (id for id in jobs if id not in self._scheduler.jobs)
         self._pending.clear()
@@ -103,26 +103,26 @@ class Lifecycle:
 
     def is_awaited(self, id: str) -> bool:
         """Returns True if a job will be loaded as soon as its film and the database can be read."""
-        return id not in self._scheduler.jobs and self._changes.is_open(("job", id))
+        return id not in self._scheduler.jobs and self._changes.is_pending(("job", id))
 
     def _apply_job(self, id: str) -> bool:
         job = self._scheduler.jobs.get(id)
         pending = self._read_pending(id) if job is None else None
         row = self._records.job(id) if pending is None else pending.row
         if row is None or row.state not in ACTIVE_STATES:
-            self._loading.forget(id)
+            self._loading.discard(id)
             if job is not None:
                 job.history.log.add_line(row.state if row is not None else "deleted")
                 record_job_span(job, row.state if row is not None else "deleted")
-                self._drop(job)
+                self._close_job(job)
             self._unpin_film(id)
-            self._bulkheads.forget(id)
+            self._bulkheads.remove_id(id)
             if row is None:
                 self._logs.delete(id)
-                self._errands.forget(id)
+                self._errands.discard_job(id)
                 self._films.delete(id)
             elif job is not None:
-                self._records.progress(job)
+                self._records.store_progress(job)
                 self._release_frames(job)
         elif not (
             self._apply_user_changes(job, row) if job is not None else pending is not None and self._load_or_adjust(pending)
@@ -144,27 +144,27 @@ class Lifecycle:
         return self._pending.pop(id, None)
 
     def _load_or_adjust(self, pending: PendingJob) -> bool:
-        if not self._loading.go_on(pending):
+        if not self._loading.continue_loading(pending):
             return False
         job = self._scheduler.jobs.get(pending.row.id)
         return job is None or self._apply_user_changes(job, pending.row)  # changes made while it was being loaded
 
     def _apply_user_changes(self, job: ActiveJob, row: Job) -> bool:
         """Applies a user's changes to an active job. Returns whether all were applied."""
-        shot = Shot.of(row.shot)
+        shot = Shot.parse(row.shot)
         if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
-            self._records.progress(job)
-            self._drop(job)
+            self._records.store_progress(job)
+            self._close_job(job)
             pending = self._records.pending([row.id]).get(row.id)
             return pending is not None and self._load_or_adjust(pending)
-        job.agenda.first = shot.first if shot else None
+        job.agenda.first_key = shot.first if shot else None
         if row.state == "paused" != job.state:
             self._scheduler.withdraw(job)
-            self._records.progress(job)
+            self._records.store_progress(job)
         if row.state != job.state and "paused" in (row.state, job.state):
             job.history.add_event("paused" if row.state == "paused" else "resumed")
         job.state, job.priority, job.max_slots = row.state, row.priority, row.max_slots
-        if (needs := Needs.of(row.needs)) != job.needs:
+        if (needs := Needs.from_json(row.needs)) != job.needs:
             self._scheduler.withdraw(job)
             job.needs = needs
         if row.deadline != job.deadline:
@@ -187,21 +187,21 @@ class Lifecycle:
         ):
             self.record(job)  # otherwise its row is up to date
 
-    def again(self, job: ActiveJob) -> None:
+    def reload(self, job: ActiveJob) -> None:
         """Reloads a job after a worker was distrusted, so that the worker's samples are removed and rendered again."""
-        self._bulkheads.run(job.id, Step.RECORD, lambda: self._records.progress(job), needs_database=True)
-        self._drop(job)
-        self._changes.note("job", job.id)
+        self._bulkheads.run(job.id, Step.RECORD, lambda: self._records.store_progress(job), needs_database=True)
+        self._close_job(job)
+        self._changes.add("job", job.id)
 
-    def start(self, job: ActiveJob, kind: str) -> bool:
+    def can_start(self, job: ActiveJob, kind: str) -> bool:
         """Starts a job on workers of this kind if they can render it now; returns whether they can."""
         if kind not in job.compiled:
             self._errands.preparing.request(job.scene, kind)
             return False
-        if job.shot is not None and not job.started and job.agenda.next(kind) is None:
+        if job.shot is not None and not job.started and job.agenda.next_frame(kind) is None:
             return False  # its first frame is still being prepared
         if not job.started or job.kind is None or job.state == "queued":
-            if not self._records.started(job.id, kind):
+            if not self._records.mark_started(job.id, kind):
                 return False
             job.started, job.state = True, "running"
             job.history.add_event("begun", kind)
@@ -216,9 +216,9 @@ class Lifecycle:
     def _record_progress(self, job: ActiveJob) -> None:
         if job.agenda.new_goals:
             self.begin_next_round(job)
-        is_over = job.done and job.state in ("queued", "running")
+        is_over = job.is_done and job.state in ("queued", "running")
         if is_over:
-            job.tick(job.started)
+            job.advance_clock(job.started)
             job.finish_frames()
         if job.has_first_wave and not any(kind == "picture" for _, kind, _ in job.history.events):
             job.history.add_event("picture")
@@ -226,17 +226,17 @@ class Lifecycle:
         if job.shot is None:
             next(iter(job.frames.values())).update_noise()
         job.history.add_point(job.active_s, job.samples, job.current_noise, is_over)
-        gone = job.release()
-        self._records.progress(job)
+        gone = job.release_compiled()
+        self._records.store_progress(job)
         if gone:
             self._events.publish(BlobsReleased(gone))
-        if is_over and self._records.finished(job, measured(job)):
+        if is_over and self._records.mark_finished(job, measured(job)):
             job.history.log.add_line(f"finished: {job.samples:,} samples in {job.active_s:.2f} s")
             record_job_span(job, "finished")
             self._tell("scene", job.scene)
-            self._drop(job)
+            self._close_job(job)
             self._release_frames(job)
-            self._bulkheads.forget(job.id)
+            self._bulkheads.remove_id(job.id)
         self._tell("job", job.id)
 
     def begin_next_round(self, job: ActiveJob) -> None:
@@ -255,12 +255,12 @@ class Lifecycle:
         if job is None or job.shot is None or frame is None or message.kind not in job.compiled:
             return  # a still has no separately prepared frames
         found = message.info if isinstance(message, FramePrepared) else None
-        self._errands.moments.heard(job, message.work, message.frame, message.worker, found)
+        self._errands.moments.handle_answer(job, message.work, message.frame, message.worker, found)
         name = Sentence("label-frame", "frame {frame}", frame=frame_text(frame_number(message.frame)))
         if isinstance(message, FrameFailed):
             job.history.log.add_line(f"{name} could not be prepared by {message.worker}: {message.error}")
             if not frame.is_over:
-                job.fail(frame, message.error)
+                job.fail_frame(frame, message.error)
         else:
             info = message.info
             job.history.log.add_line(f"{name} was prepared by {message.worker} in {info.seconds:.2f} s")
@@ -269,9 +269,9 @@ class Lifecycle:
                     refuse_warnings(info.warnings, job.request)
                 settings = frame_settings(job.request, job.settings, info.view, info.defaults, info.views)
             except SettingsError as error:
-                job.fail(frame, with_full_stop(error))
+                job.fail_frame(frame, with_full_stop(error))
                 return
-            job.prepared(frame, message.kind, settings, asdict(info.compiled) if info.compiled else None)
+            job.mark_prepared(frame, message.kind, settings, asdict(info.compiled) if info.compiled else None)
         self._tell("job", job.id)
 
     def fail_lost_frame(self, job: ActiveJob, frame: ActiveFrame) -> None:
@@ -279,19 +279,19 @@ class Lifecycle:
         error = Sentence(
             "worker-lost-preparing-frame", "The worker was lost three times while it prepared this frame. It may be too large."
         )
-        self._bulkheads.run(job.id, Step.RECORD, lambda: job.fail(frame, error))
+        self._bulkheads.run(job.id, Step.RECORD, lambda: job.fail_frame(frame, error))
 
-    def end(self, id: str, verdict: Verdict) -> None:
+    def fail(self, id: str, verdict: Verdict) -> None:
         """Fails a job or a scene with the error in `verdict`. A job's samples are preserved."""
         job = self._scheduler.jobs.get(id)
         if job is not None:
             job.history.log.add_line(f"failed: {verdict.error}", verdict.reproduce or "")
             record_job_span(job, "failed", verdict.error)
-            self._drop(job)  # first, since it ends even if the database is away
+            self._close_job(job)  # first, since it ends even if the database is away
         command = reproduce(verdict.reproduce, job) if verdict.reproduce and job is not None else verdict.reproduce
-        if self._records.failed(id, verdict.error, command) or job is not None:
+        if self._records.mark_failed(id, verdict.error, command) or job is not None:
             if job is not None:
-                self._records.progress(job)
+                self._records.store_progress(job)
                 self._release_frames(job)
             self._tell("job", id)
             if FILM in verdict.error:
@@ -299,7 +299,7 @@ class Lifecycle:
         else:
             self.prepare_failed(id, None, verdict.error)
 
-    def prepared(self, scene: str, info: SceneInfo) -> None:
+    def handle_prepared(self, scene: str, info: SceneInfo) -> None:
         """Marks a scene as prepared for a worker kind, and continues its jobs."""
         self._errands.preparing.forget_kind(scene, info.kind)
         if (error := self._records.fail_if_strict(scene, info.warnings)) is not None:
@@ -308,14 +308,14 @@ class Lifecycle:
         if not self._records.prepared(scene, info):
             return
         for id in self._records.derived_scenes(scene):
-            self._changes.note("scene", id)
+            self._changes.add("scene", id)
         for id in self._records.jobs_of(scene):
             if id in self._scheduler.jobs:
                 job = self._scheduler.jobs[id]
                 job.add_compiled_kind(info.kind, info.compiled.sha256)
                 job.of_scene |= blobs_of([asdict(info.compiled)])
             else:
-                self._changes.note("job", id)
+                self._changes.add("job", id)
 
     def add_thumbnail(self, scene: str, thumbnail: BlobRef) -> bool:
         """Stores the thumbnail of a prepared scene. Returns False if it has one, or if the scene is deleted."""
@@ -324,7 +324,7 @@ class Lifecycle:
     def prepare_failed(self, scene: str, kind: str | None, error: str) -> None:
         """Fails the jobs that wait for a scene: all of them, or only those that require this worker kind."""
         if self._records.prepare_failed(scene, error):
-            self._errands.preparing.forget(scene)
+            self._errands.preparing.remove_scene(scene)
         elif kind is not None:
             self._errands.preparing.forget_kind(scene, kind)
         row = self._records.scene(scene)
@@ -335,7 +335,7 @@ class Lifecycle:
         for id in self._records.jobs_of(scene):
             job = self._scheduler.jobs.get(id)
             if job is None and row.status == "failed":
-                self._records.failed(id, error)
+                self._records.mark_failed(id, error)
             elif job is not None and kind not in job.compiled and job.kind in (None, kind):
                 self._bulkheads.give_verdict(id, error)
             self._tell("job", id)
@@ -357,7 +357,7 @@ class Lifecycle:
         self._pending.clear()  # data of jobs of this scene
         scene = self._records.scene(id)
         if scene is None:
-            self._errands.preparing.forget(id)
+            self._errands.preparing.remove_scene(id)
         elif scene.status == "preparing":
             base = self._records.scene(scene.of) if scene.of else None
             if base is None or base.status != "preparing":  # otherwise this scene is applied again once its base is prepared
@@ -365,19 +365,19 @@ class Lifecycle:
         self._tell("scene", id)
         return True
 
-    def _drop(self, job: ActiveJob) -> None:
+    def _close_job(self, job: ActiveJob) -> None:
         self._scheduler.withdraw(job)
         self._scheduler.jobs.pop(job.id, None)
-        self._errands.moments.forget(job.id)
+        self._errands.moments.discard_job(job.id)
         self._logs.close(job.id)
         self._autos.pop(job.id, None)
         self._unpin_film(job.id)
 
     def _release_frames(self, job: ActiveJob) -> None:
         """Releases the compiled frames of an ended job."""
-        gone = job.release(all_frames=True)
+        gone = job.release_compiled(all_frames=True)
         if gone:
-            self._records.progress(job)
+            self._records.store_progress(job)
             self._events.publish(BlobsReleased(gone))
 
     def _unpin_film(self, id: str) -> None:

@@ -70,7 +70,7 @@ class Loading:
         """Returns True if a job is partly loaded."""
         return bool(self._under_way)
 
-    def go_on(self, pending: PendingJob) -> bool:
+    def continue_loading(self, pending: PendingJob) -> bool:
         """Loads an unfinished job until the round's time is used up.
 
         Returns whether it is done: loaded, or not loadable at present.
@@ -88,23 +88,25 @@ class Loading:
                 return False
         return True
 
-    def forget(self, id: str) -> None:
+    def discard(self, id: str) -> None:
         """Discards the remaining steps of a job."""
         self._under_way.pop(id, None)
 
     def _steps(self, pending: PendingJob) -> Iterator[None]:
         """Loads a job; yields after each step. Does nothing while the scene is not ready or dependencies are unfinished."""
         row, scene, since = pending.row, pending.scene, self._rounds
-        self._waiting.note(row.id, pending.waits)
+        self._waiting.set_waiting(row.id, pending.waits)
         if pending.waits or pending.frames_change:
             return
         if scene is None:
-            self._records.failed(
+            self._records.mark_failed(
                 row.id,
                 Sentence("job-scene-deleted", "The scene of this job was deleted. Upload it again, and make a new job."),
             )
         elif scene.status == "failed":
-            self._records.failed(row.id, scene.error or Sentence("scene-preparation-failed", "The scene cannot be prepared."))
+            self._records.mark_failed(
+                row.id, scene.error or Sentence("scene-preparation-failed", "The scene cannot be prepared.")
+            )
         if scene is None or scene.status != "ready":
             return
         resolved = row if row.settings is not None else self._records.resolve(row.id, scene)
@@ -114,12 +116,12 @@ class Loading:
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
         job = ActiveJob(resolved, film, compiled, scene.blobs, partial(self._records.frame_settings, row.id))
         for frames in self._records.frames(row.id) if pending.frames is None else [pending.frames]:
-            job.take(frames)
+            job.add_frames(frames)
             yield
         if not job.frames:
             return  # deleted concurrently, which is applied next
-        yield from job.begin()
-        job.history = History.of(pending.history)
+        yield from job.prepare_in_steps()
+        job.history = History.parse(pending.history)
         self._add(job, row, scene, is_of_this_round=since == self._rounds)
 
     def _film(self, row: Job, resolved: Job) -> Film:
@@ -129,13 +131,13 @@ class Loading:
         """
         assert resolved.settings is not None and resolved.tile_size is not None
         film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
-        shot = Shot.of(row.shot)
+        shot = Shot.parse(row.shot)
         if shot is not None and (anew := shot.anew_keys):
             if film.has_only(set(anew)):
                 self._films.delete(row.id)  # fast for a film of any size
                 film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
             else:
-                film.forget(*anew)
+                film.delete_frames(*anew)
             self._records.record_removed_samples(row.id, anew)
         film.keeps_apart = self._verify(row) > 0
         for worker in self._scheduler.distrusted.union(row.doubted or ()):
@@ -153,11 +155,11 @@ class Loading:
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
         upload = self._records.scene(row.scene) if row.lit else scene
         job.foretold_s = float(((upload and upload.measured) or {}).get("sample_s") or 0.0)
-        job.history.log = self._logs.of(row.id)
+        job.history.log = self._logs.log_of(row.id)
         job.history.log.add_line(_summary(job, scene))
         self._scheduler.jobs[row.id] = job
         if not is_of_this_round:
-            self._add_missed_kinds(job, row.stage)
+            self._add_missed_kinds(job, row.compiled_scene_id)
         self._loaded(job, scene)
 
     def _verify(self, row: Job) -> float:

@@ -150,13 +150,13 @@ class Records:
         """Returns the data of those jobs that have a row, by id. Reads all together, since thousands may be submitted at once."""
         with self._sessions() as session:
             found = session.execute(_PENDING, {"ids": list(ids)}).all()
-            stages = {job.stage for job, *_ in found}
+            stages = {job.compiled_scene_id for job, *_ in found}
             scenes = {scene.id: scene for scene in session.scalars(_SCENES, {"ids": list(stages)})}
             frames: dict[str, list[FrameRow]] = {job.id: [] for job, *_ in found if job.shot is None}
             for job, *row in session.execute(_FRAMES, {"ids": list(frames)}):
                 frames[job].append(FrameRow._make(row))
         return {
-            job.id: PendingJob(job, scenes.get(job.stage), waits, frames_change, history, frames.get(job.id))
+            job.id: PendingJob(job, scenes.get(job.compiled_scene_id), waits, frames_change, history, frames.get(job.id))
             for job, waits, frames_change, history in found
         }
 
@@ -198,7 +198,7 @@ class Records:
         with self._sessions.begin() as session:
             session.execute(delete(Wait).where(Wait.other == other))
 
-    def late(self, id: str, since: float | None) -> bool:
+    def store_lateness(self, id: str, since: float | None) -> bool:
         """Stores the Unix time since which a job is late; None: it is not late.
 
         Returns False if the job has ended or is deleted.
@@ -260,7 +260,7 @@ class Records:
                     job.state, job.error, job.finished = "failed", with_full_stop(error), time.time()
             return job
 
-    def started(self, id: str, kind: str) -> bool:
+    def mark_started(self, id: str, kind: str) -> bool:
         """Marks a job as running on workers of this kind, before its first batch.
 
         Returns False if the job must not be rendered any more.
@@ -274,7 +274,7 @@ class Records:
             job.started = job.started or time.time()
             return True
 
-    def progress(self, job: ActiveJob) -> None:
+    def store_progress(self, job: ActiveJob) -> None:
         """Stores a job's progress; for a shot, the progress of its changed frames."""
         with self._sessions.begin() as session:
             told = {"active_s": job.active_s} | ({"history": job.history.to_json()} if job.history.has_changed else {})
@@ -290,7 +290,7 @@ class Records:
         """Records that the samples of these frames were removed from the job's film."""
         with self._sessions.begin() as session:
             row = session.get(Job, id, with_for_update=True)
-            shot = Shot.of(row.shot) if row is not None else None
+            shot = Shot.parse(row.shot) if row is not None else None
             if row is not None and shot is not None:
                 left = set(shot.anew_keys).difference(keys)
                 row.shot = replace(shot, anew=frames_text(map(frame_number, left))).to_json()
@@ -302,7 +302,7 @@ class Records:
             row = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))
             session.connection().execute(row.values(spp=bindparam("goal")), goals)
 
-    def finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
+    def mark_finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
         """Marks a job as finished, or as failed if all its frames failed.
 
         measured: measurements of its scene (service/scheduling/jobs/measurements.py). Returns False if the job has already ended
@@ -316,7 +316,7 @@ class Records:
                 or (row.spp, row.noise, row.seconds) != (job.spp, job.noise, job.seconds)
             ):
                 return False
-            shot = Shot.of(row.shot)
+            shot = Shot.parse(row.shot)
             if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
                 return False
             if measured is not None:
@@ -334,7 +334,7 @@ class Records:
                 session.execute(delete(Wait).where(Wait.other == job.id))
             return True
 
-    def failed(self, id: str, error: str, reproduce: str | None = None) -> bool:
+    def mark_failed(self, id: str, error: str, reproduce: str | None = None) -> bool:
         """Marks a job as failed. Returns False if it has already ended or is deleted."""
         with self._sessions.begin() as session:
             changed = session.execute(
@@ -398,15 +398,15 @@ def _write_still(session: Session, job: ActiveJob) -> None:
         session.execute(row.values(progress=job.progress, noise=frame.noise, **numbers), execution_options=NO_SYNCHRONIZE)
 
 
-def _write_shot(session: Session, job: ActiveJob, asked: Shot) -> None:
+def _write_shot(session: Session, job: ActiveJob, requested: Shot) -> None:
     """Stores the changed frames of a shot."""
     if not job.unwritten:
         return
     row = session.get(Job, job.id)
-    shot = Shot.of(row.shot) if row is not None else None
+    shot = Shot.parse(row.shot) if row is not None else None
     changed = list(job.unwritten)
     names: tuple[str, ...]
-    if shot is None or shot.revision != asked.revision:
+    if shot is None or shot.revision != requested.revision:
         # A user has changed the shot: the frames' states are those of the change, and frames rendered anew have no samples.
         anew = set(shot.anew_keys) if shot is not None else set()
         changed = [key for key in changed if key not in anew]

@@ -42,7 +42,7 @@ class JobNumbers:
     unforeseen: str | None = None  # why there is no expected completion
 
     @classmethod
-    def of(cls, job: ActiveJob) -> JobNumbers:
+    def from_job(cls, job: ActiveJob) -> JobNumbers:
         """Returns the current numbers of a job."""
         return cls(
             job.state,
@@ -56,7 +56,7 @@ class JobNumbers:
             *job.tally.states(),
             job.shot.revision if job.shot else 0,
             job.current_noise,
-            job.forecast if job.shot else None,
+            job.expected_noise if job.shot else None,
             job.handed_back,
             job.slots_wanted,
             job.expected,
@@ -114,7 +114,7 @@ class SnapshotHolder:
         """The workers in the latest snapshot."""
         return self.latest.roster
 
-    def change(self, what: ItemKind, id: str) -> None:
+    def record_change(self, what: ItemKind, id: str) -> None:
         """Notes that an item has changed. The event is published with the next snapshot."""
         self._changed[what, id] = None
 
@@ -130,7 +130,7 @@ class SnapshotHolder:
             made, known = self._numbers.get(id, (0.0, None))
             has_changed = ("job", id) in self._changed
             if known is None or (has_changed and (now - made > NUMBERS_EVERY_S or known.state != job.state)):
-                numbers[id] = (now, JobNumbers.of(job))
+                numbers[id] = (now, JobNumbers.from_job(job))
             else:
                 numbers[id] = (made, known)
                 if has_changed:

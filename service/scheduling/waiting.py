@@ -32,25 +32,25 @@ class DependencyTracker:
         self._changes = changes
         self._held: set[str] = set()
 
-    def note(self, job: str, waits: bool) -> None:
+    def set_waiting(self, job: str, waits: bool) -> None:
         """Records whether a job has unfinished dependencies."""
         if waits:
             self._held.add(job)
         else:
             self._held.discard(job)
 
-    def review(self) -> None:
+    def settle_ended(self) -> None:
         """Continues jobs whose dependencies are finished, and fails those with a failed predecessor. Called once a second."""
         if self._held:
-            self._bulkheads.run(ALL_WAITING_JOBS, Step.CHANGE, self._review, needs_database=True)
+            self._bulkheads.run(ALL_WAITING_JOBS, Step.CHANGE, self._settle_ended, needs_database=True)
 
-    def _review(self) -> None:
+    def _settle_ended(self) -> None:
         until = time.monotonic() + MAX_REVIEW_S
         while (ended := self._records.ended_dependencies()) and self._end_dependencies(ended) and time.monotonic() < until:
             pass  # a job that fails now may have dependents
         for job in self._held - self._records.waiting_jobs():
             self._held.discard(job)
-            self._changes.note("job", job)
+            self._changes.add("job", job)
 
     def _end_dependencies(self, waits: list[tuple[str, str, str | None, str | None]]) -> bool:
         """Removes dependencies on finished jobs, and fails jobs whose predecessor failed; returns whether any job failed."""
@@ -64,7 +64,7 @@ class DependencyTracker:
                 "cancelled": Sentence("job-was-cancelled", "was cancelled"),
             }.get(state, Sentence("job-state-failed", "failed"))
             called = f"{name} ({other})" if name else other
-            failed |= self._records.failed(
+            failed |= self._records.mark_failed(
                 job,
                 Sentence(
                     "after-job-failed",
@@ -74,5 +74,5 @@ class DependencyTracker:
                     state=ended,
                 ),
             )
-            self._changes.note("job", job)
+            self._changes.add("job", job)
         return failed

@@ -35,7 +35,7 @@ def bands(film: ReadableFilm, frame: int, names: Sequence[str]) -> Iterator[F32]
     size = sum(map(aovs.size, names))
 
     def values(sums: Sums) -> F32:
-        found = [_means(sums, film.film_exponent, name) for name in names]
+        found = [_channel_means(sums, film.film_exponent, name) for name in names]
         return np.dstack(found) if len(found) > 1 else found[0].reshape(*sums.shape[1:], -1)
 
     for row, sums_of in _rows(film, frame, wanted):
@@ -45,7 +45,7 @@ def bands(film: ReadableFilm, frame: int, names: Sequence[str]) -> Iterator[F32]
         yield band
 
 
-def _means(sums: Sums, film_exponent: int, name: str) -> F32:
+def _channel_means(sums: Sums, film_exponent: int, name: str) -> F32:
     return film_math.mean(sums, film_exponent) if name == "color" else aovs.values(sums, film_exponent, name)
 
 

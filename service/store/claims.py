@@ -30,17 +30,17 @@ class Claims:
         self,
         parts: Sequence[Part],
         fit: Sequence[bool],
-        known: Callable[[int, int], Coverage],
+        coverage_of: Callable[[int, int], Coverage],
         rows: Callable[[int, int], Sequence[Head]] | None,
     ) -> None:
         """Selects the parts to accept.
 
-        fit: whether each part is valid. known: returns a copy of the stored coverage of (frame, tile).
+        fit: whether each part is valid. coverage_of: returns a copy of the stored coverage of (frame, tile).
         rows: returns the stored rows of (frame, tile); None: rows must not be replaced.
         """
         self.coverage: dict[_FrameTile, Coverage] = {}
         self.replaced: list[Head] = []
-        self._known = known
+        self._known = coverage_of
         self._rows = rows
         self._new: dict[_FrameTile, list[Part]] = {}
         # The largest first: a part that lies within a larger one is the duplicate.

@@ -40,23 +40,23 @@ class Contents:
         """Returns True if the film has no samples in any frame."""
         return not self._coverage
 
-    def covered(self, frame: int, tile: int) -> Coverage:
+    def coverage_of(self, frame: int, tile: int) -> Coverage:
         """Returns a copy of the stored sample ranges of a tile."""
         known = self._coverage.get((frame, tile))
         return Coverage((a, b - a) for a, b in known.ranges) if known is not None else Coverage()
 
-    def has(self, frame: int, tile: int) -> bool:
+    def has_tile(self, frame: int, tile: int) -> bool:
         """Returns True if a tile has samples."""
         known = self._coverage.get((frame, tile))
         return known is not None and bool(known.ranges)
 
     def is_one_run(self, frame: int, tile: int) -> bool:
         """Returns True if a tile has samples and they form one contiguous range."""
-        return self.has(frame, tile) and len(self._coverage[frame, tile].ranges) == 1
+        return self.has_tile(frame, tile) and len(self._coverage[frame, tile].ranges) == 1
 
-    def copied(self) -> dict[FrameTile, Coverage]:
+    def copied_coverage(self) -> dict[FrameTile, Coverage]:
         """Returns copies of the stored sample ranges of all tiles, by (frame, tile)."""
-        return {where: self.covered(*where) for where in self._coverage}
+        return {where: self.coverage_of(*where) for where in self._coverage}
 
     def rows(self, frame: int, tile: int) -> Sequence[Head]:
         """Returns the heads of a tile's rows."""
@@ -85,7 +85,7 @@ class Contents:
         """Returns True if the film contains sums from this worker."""
         return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
 
-    def take(self, coverage: Mapping[FrameTile, Coverage], added: Iterable[Head], instead_of: Iterable[Head]) -> None:
+    def record_merge(self, coverage: Mapping[FrameTile, Coverage], added: Iterable[Head], instead_of: Iterable[Head]) -> None:
         """Updates the index after a merge: `added` rows were stored, and the rows `instead_of` were replaced.
 
         coverage: the sample ranges of the changed tiles after the merge.
@@ -96,6 +96,6 @@ class Contents:
         for head in added:
             self._rows.setdefault(head[:2], []).append(head)
 
-    def fold(self, heads: Collection[Head], made: Head) -> None:
-        """Updates the index after a fold: row `made` replaces the rows `heads` and has the same samples."""
-        self._rows[made[:2]] = [*(head for head in self._rows[made[:2]] if head not in heads), made]
+    def record_fold(self, heads: Collection[Head], merged: Head) -> None:
+        """Updates the index after a fold: row `merged` replaces the rows `heads` and has the same samples."""
+        self._rows[merged[:2]] = [*(head for head in self._rows[merged[:2]] if head not in heads), merged]

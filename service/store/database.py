@@ -86,7 +86,7 @@ class Sessions:
     @contextmanager
     def begin(self) -> Iterator[Session]:
         """Opens a writing transaction: commits on exit, rolls back if an exception leaves the block."""
-        turn = self._turns.turn(self._patience_s, self._is_urgent) if self._is_sqlite else nullcontext()
+        turn = self._turns.wait_for_turn(self._patience_s, self._is_urgent) if self._is_sqlite else nullcontext()
         with translated_faults(), turn, self._writers.begin() as session:
             if self._fence is not None:
                 self._fence(session)
@@ -132,14 +132,14 @@ def close_database(engine: Engine) -> None:
     def close(_: Any, record: Any) -> None:
         record.invalidate()
 
-    def refuse(*_: Any) -> None:
+    def raise_unavailable(*_: Any) -> None:
         raise Unavailable(
             Sentence("service-stopping", "The service is shutting down."),
             advice=Sentence("advice-retry-when-back", "Try again when it is back."),
         )
 
     event.listen(engine.pool, "checkin", close)
-    event.listen(engine, "do_connect", refuse)
+    event.listen(engine, "do_connect", raise_unavailable)
     engine.dispose()
 
 

@@ -59,12 +59,12 @@ class FilmCopy:
         finally:
             self._remove()
 
-    def take(self, source: Path, frames: Collection[int], most: int) -> dict[int, int]:
+    def copy_frames(self, source: Path, frames: Collection[int], sample_limit: int) -> dict[int, int]:
         """Copies frames of another film in one read transaction. Returns the number of samples of each copied frame, over all
         pixels.
 
-        most: skips frames with sample numbers >= `most`, and frames without samples. Raises FilmUnavailable, or FilmLost if the
-        source is missing or a row does not match its checksum; then none of these frames is copied.
+        sample_limit: skips frames with sample numbers >= `sample_limit`, and frames without samples. Raises FilmUnavailable,
+        or FilmLost if the source is missing or a row does not match its checksum; then none of these frames is copied.
         """
         if not source.exists():
             raise FilmLost(Sentence("film-missing", "{film} is missing.", film=FILM))
@@ -74,11 +74,11 @@ class FilmCopy:
                 database.execute("BEGIN")
                 for frame in frames:
                     parts = database.execute("SELECT first, count, ranges FROM part WHERE frame = ?", (frame,)).fetchall()
-                    if 0 < _highest_sample(parts) <= most:
+                    if 0 < _highest_sample(parts) <= sample_limit:
                         taken[frame] = self._copy(database, frame)
         except BaseException:
             for frame in frames:
-                self._file.forget([frame])
+                self._file.delete_frames([frame])
             raise
         self._has_any = self._has_any or bool(taken)
         return taken

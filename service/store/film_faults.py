@@ -99,9 +99,9 @@ def damaged_samples_error(first: int, tile: int) -> FilmDamaged:
     )
 
 
-def incomplete_film_error(has: int, recorded: int) -> FilmDamaged:
-    """Returns the error for a film with fewer samples (`has`) than the database records."""
-    if not has:
+def incomplete_film_error(found: int, recorded: int) -> FilmDamaged:
+    """Returns the error for a film with fewer samples (`found`) than the database records."""
+    if not found:
         return FilmDamaged(
             Sentence("film-emptied-advice", "{film} is missing or was emptied. {advice}", film=FILM, advice=RENDER_AGAIN_ADVICE)
         )
@@ -110,7 +110,7 @@ def incomplete_film_error(has: int, recorded: int) -> FilmDamaged:
             "film-samples-missing",
             "{film} has only {found} of its {recorded} samples. Set the job to running to render the rest.",
             film=FILM,
-            found=has,
+            found=found,
             recorded=recorded,
         )
     )

@@ -112,7 +112,7 @@ class FilmFile:
         except FarmError as error:
             log.info("a film keeps its log beside it: %s", error)
 
-    def heads(self) -> list[Head]:
+    def row_heads(self) -> list[Head]:
         """Returns the heads of all rows."""
         with film_faults():
             found = self._database.execute("SELECT frame, tile, first, count, bad, workers, ranges FROM part").fetchall()
@@ -175,7 +175,7 @@ class FilmFile:
                 (kept,) = self._database.execute("SELECT count(*) FROM bad_sample").fetchone()
                 self._database.executemany("INSERT INTO bad_sample VALUES (?, ?, ?, ?)", bad[: max(0, MAX_BAD_KEPT - kept)])
 
-    def fold(self, heads: Sequence[Head], row: Row, are_all: bool) -> bool:
+    def fold_rows(self, heads: Sequence[Head], row: Row, are_all: bool) -> bool:
         """Replaces rows by one row. Returns False, without any change, if the rows `heads` are not all stored.
 
         are_all: also requires that `heads` are all rows of the tile.
@@ -189,7 +189,7 @@ class FilmFile:
             self._database.execute(PART, (*row, checksum(row)))
         return True
 
-    def forget(self, frames: Iterable[int]) -> None:
+    def delete_frames(self, frames: Iterable[int]) -> None:
         """Deletes the rows and bad samples of these frames, FRAMES_PER_DELETION frames per transaction."""
         left = iter([(frame,) for frame in frames])
         while some := list(islice(left, FRAMES_PER_DELETION)):
@@ -207,7 +207,7 @@ class FilmFile:
             found = self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ? AND first = ?", where).fetchone()
         return found[:8] if found is not None and matches_checksum(found[:8], found[8]) else None
 
-    def remove(self, heads: Iterable[Head]) -> None:
+    def delete_rows(self, heads: Iterable[Head]) -> None:
         """Deletes the rows with these heads."""
         with film_faults(), self._transaction():
             self._delete_rows(heads)

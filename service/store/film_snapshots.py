@@ -59,13 +59,13 @@ class FilmSnapshots:
         """Returns True if snapshots are disabled."""
         return self._max_bytes <= 0
 
-    def begin(self, job: str) -> list[int]:
-        """Accepts snapshots of a job until `drop` is called. Returns the sample counts of existing ones, as `kept` does."""
+    def accept(self, job: str) -> list[int]:
+        """Accepts snapshots of a job until `drop` is called. Returns the sample counts of existing ones, as `stored_spp` does."""
         with self._lock:
             self._begun.add(job)
-        return self.kept(job)
+        return self.stored_spp(job)
 
-    def kept(self, job: str) -> list[int]:
+    def stored_spp(self, job: str) -> list[int]:
         """Returns the samples per pixel of each stored snapshot of a job, ascending."""
         try:
             names = [name.removesuffix(SUFFIX) for name in os.listdir(self._folder / job) if name.endswith(SUFFIX)]  # noqa: PTH208
@@ -75,7 +75,7 @@ class FilmSnapshots:
 
     def all_facts(self, job: str) -> list[FilmSnapshot]:
         """Returns the metadata of all readable snapshots of a job, ascending by samples."""
-        found = (self.find(job, spp) for spp in self.kept(job))
+        found = (self.find(job, spp) for spp in self.stored_spp(job))
         return [snapshot for snapshot in found if snapshot is not None]
 
     def find(self, job: str, spp: int) -> FilmSnapshot | None:
@@ -99,7 +99,7 @@ class FilmSnapshots:
 
         return size, pieces()
 
-    def keep(self, job: str, facts: FilmSnapshot, packed: Iterable[bytes]) -> bool:
+    def write(self, job: str, facts: FilmSnapshot, packed: Iterable[bytes]) -> bool:
         """Writes a snapshot; returns whether it was stored.
 
         If space is short, snapshots of other jobs are deleted first, beginning with the jobs whose latest snapshot is oldest.

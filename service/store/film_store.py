@@ -133,8 +133,8 @@ class FilmFolder:
                     on_use=self._record_use,
                 )
                 self._films[job] = film
-        film.load()  # slow, so outside the lock that all films share
-        film.check(recorded, frame)
+        film.open_file()  # slow, so outside the lock that all films share
+        film.check_samples(recorded, frame)
         with self._lock:
             if self._films.get(job) is film:
                 self._latest[job] = film
@@ -199,13 +199,13 @@ class FilmFolder:
     def copy(self, job: str, settings: RenderSettings, tile_size: int) -> Iterator[CopyFrames]:
         """Implements `FilmStore.copy`."""
 
-        def take(other: str, frames: Collection[int], most: int) -> Mapping[int, int]:
+        def copy_frames(other: str, frames: Collection[int], max_samples: int) -> Mapping[int, int]:
             self.open(other, settings, tile_size)  # migrates a film of an older release
             with film_faults():
-                return made.take(self._path(other), frames, most)
+                return made.copy_frames(self._path(other), frames, max_samples)
 
         with film_faults(), FilmCopy(self._path(job), self._film_shape(settings, tile_size)) as made:
-            yield take
+            yield copy_frames
 
     def size(self, job: str) -> int:
         """Implements `FilmStore.size`."""

@@ -121,6 +121,6 @@ def checksum(row: Row) -> int:
     return zlib.crc32(row[5], zlib.crc32(repr(told).encode()))
 
 
-def matches_checksum(row: Row, known: int | None) -> bool:
-    """Returns True if a part matches its checksum `known`. True if that is None, for parts written by an older release."""
-    return known is None or (isinstance(row[5], bytes) and checksum(row) == known)
+def matches_checksum(row: Row, expected: int | None) -> bool:
+    """Returns True if a part matches its checksum `expected`. True if that is None, for parts written by an older release."""
+    return expected is None or (isinstance(row[5], bytes) and checksum(row) == expected)

@@ -82,11 +82,11 @@ class Film:
         """Closes the film permanently."""
         with self._lock:
             self._is_closed = True
-            self._cache.forget(self._path.stem)
+            self._cache.evict_film(self._path.stem)
             if self._file is not None:
                 self._file.close()
 
-    def load(self, make: bool = False) -> None:
+    def open_file(self, make: bool = False) -> None:
         """Opens the file if it exists. make: opens it for writing, and creates it if needed."""
         with self._lock:
             if self._is_closed:
@@ -122,7 +122,7 @@ class Film:
         """Returns True if the film is known to have a file."""
         return self._is_known
 
-    def check(self, recorded: int, frame: int = 0) -> None:
+    def check_samples(self, recorded: int, frame: int = 0) -> None:
         """Raises FilmLost if a frame has fewer samples than `recorded`."""
         has = self.samples(frame)
         if has < recorded:
@@ -141,28 +141,28 @@ class Film:
     def coverage(self, frame: int, tile: int) -> Coverage:
         """Returns a copy of the stored sample ranges of a tile."""
         with self._lock:
-            return self._known().covered(frame, tile)
+            return self._open_contents().coverage_of(frame, tile)
 
     def samples(self, frame: int) -> int:
         """Returns the number of stored samples of a frame, summed over its pixels; includes bad samples."""
         with self._lock:
-            return self._known().samples(frame)
+            return self._open_contents().samples(frame)
 
     @property
     def is_empty(self) -> bool:
         """Returns True if the film has no samples in any frame."""
         with self._lock:
-            return self._known().is_empty
+            return self._open_contents().is_empty
 
     def version(self, frame: int) -> str:
         """Returns a hash of the frame's stored sample ranges. It changes whenever samples are added."""
         with self._lock:
-            return self._known().version(frame)
+            return self._open_contents().version(frame)
 
     def bad_samples(self, frame: int) -> tuple[int, list[BadSample]]:
         """Returns the number of samples of a frame that were discarded as NaN or infinite, and the first of them."""
         with self._lock:
-            self.load()
+            self.open_file()
             if self._file is None:
                 return 0, []
             count, first = self._file.bad_samples(frame)
@@ -181,7 +181,7 @@ class Film:
         """
         parts = list(parts)
         with self._lock:
-            self.load(make=True)
+            self.open_file(make=True)
             fit = [0 <= part.tile < len(self.tiles) and part.first >= 0 and part.count > 0 for part in parts]
             try:
                 claims, joined = self._accepted_parts(parts, fit)
@@ -195,7 +195,7 @@ class Film:
 
     def _accepted_parts(self, parts: list[Part], fit: list[bool]) -> tuple[Claims, list[tuple[Part, Sums | None]]]:
         """Selects the parts to accept, and joins adjacent ones. Raises ValueError if sums are damaged."""
-        claims = Claims(parts, fit, self._contents.covered, None if self.keeps_apart else self._contents.rows)
+        claims = Claims(parts, fit, self._contents.coverage_of, None if self.keeps_apart else self._contents.rows)
         return claims, joined_parts([*compress(parts, claims.taken)], self.tiles, self.keeps_apart)
 
     def _store_parts(self, claims: Claims, joined: list[tuple[Part, Sums | None]], bad: list[tuple[int, int, int, int]]) -> None:
@@ -207,27 +207,27 @@ class Film:
         except BaseException:
             self._in_doubt = True
             raise
-        self._contents.take(claims.coverage, heads, claims.replaced)
+        self._contents.record_merge(claims.coverage, heads, claims.replaced)
         for head in claims.replaced:
-            self._cache.drop((self._path.stem, *head[:2]))
+            self._cache.evict((self._path.stem, *head[:2]))
         for head, (part, _) in zip(heads, joined, strict=True):
             grow = partial(add_sums, data=part.sums, tile=self.tiles[part.tile])
-            self._cache.grow((self._path.stem, *head[:2]), grow, len(part.sums))
+            self._cache.add_samples((self._path.stem, *head[:2]), grow, len(part.sums))
         for key in claims.coverage:
             self._fold_tile(*key)
 
     def has_only(self, frames: Collection[int]) -> bool:
         """Returns True if all stored samples belong to the given frames."""
-        return self._known().has_only(frames)
+        return self._open_contents().has_only(frames)
 
-    def forget(self, *frames: int) -> None:
+    def delete_frames(self, *frames: int) -> None:
         """Deletes all samples of the given frames."""
         with self._lock:
-            self.load()
+            self.open_file()
             if self._file is None:
                 return
             self._in_doubt = True
-            self._file.forget(frames)
+            self._file.delete_frames(frames)
             self._read_index(self._file)
 
     def delete_damaged(self) -> int:
@@ -236,17 +236,17 @@ class Film:
         Returns the number of deleted samples, over all pixels.
         """
         with self._lock:
-            self.load()
+            self.open_file()
             if self._file is None:
                 return 0
             self._in_doubt = True
-            broken = [head for head in self._file.heads() if not self._is_decodable(self._file.row(*head[:3]), head.tile)]
+            broken = [head for head in self._file.row_heads() if not self._is_decodable(self._file.row(*head[:3]), head.tile)]
             return self._delete_rows(broken)
 
     def has_sent(self, worker: str) -> bool:
         """Returns True if the film contains sums from this worker."""
         with self._lock:
-            return self._known().has_sent(worker)
+            return self._open_contents().has_sent(worker)
 
     def delete_samples_of(self, worker: str) -> int:
         """Deletes all rows that contain a worker's sums, so that their samples are rendered again.
@@ -254,10 +254,10 @@ class Film:
         Sums of other workers in the same rows are lost too. Returns the number of deleted samples, over all pixels.
         """
         with self._lock:
-            self.load()
+            self.open_file()
             if self._file is None:
                 return 0
-            found = [head for head in self._file.heads() if worker in senders_of(head.workers)]
+            found = [head for head in self._file.row_heads() if worker in senders_of(head.workers)]
             if not found:
                 return 0
             self._in_doubt = True
@@ -266,7 +266,7 @@ class Film:
     def _delete_rows(self, heads: list[Head]) -> int:
         """Deletes rows; returns the number of their samples, over all pixels."""
         assert self._file is not None
-        self._file.remove(heads)
+        self._file.delete_rows(heads)
         for head in heads:
             for first, count in head_sample_ranges(head):
                 self._file.delete_bad_samples(head.frame, self.tiles[head.tile], first, count)
@@ -276,9 +276,9 @@ class Film:
     def add_recovered(self, rows: Iterable[Row]) -> None:
         """Adds rows that were recovered from a film that cannot be opened. Records of their bad samples are lost."""
         with self._lock:
-            self.load(make=True)
+            self.open_file(make=True)
             assert self._file is not None
-            taken = self._contents.copied()
+            taken = self._contents.copied_coverage()
             self._in_doubt = True
             for row in rows:
                 if 0 <= row[1] < len(self.tiles) and self._is_decodable(row, row[1]):
@@ -305,8 +305,8 @@ class Film:
         """Returns a tile's sums, (CHANNELS, h, w) int64, read-only; None if it has no samples."""
         key = (self._path.stem, frame, tile)
         with self._lock:
-            self.load()
-            if self._file is None or not self._contents.has(frame, tile):
+            self.open_file()
+            if self._file is None or not self._contents.has_tile(frame, tile):
                 return None
             sums = self._cache.get(key)
             if sums is None:
@@ -321,20 +321,20 @@ class Film:
         only while the file is read.
         """
         with self._lock:
-            self.load()
-            if self._file is None or not self._contents.has(frame, tile):
+            self.open_file()
+            if self._file is None or not self._contents.has_tile(frame, tile):
                 return None
             sums = self._cache.get((self._path.stem, frame, tile))
             packed = [] if sums is not None else list(self._file.sums(frame, tile))
         return sum_of_rows(packed, self.tiles[tile], planes) if sums is None else sums
 
-    def moment(self) -> FilmSnapshotView:
+    def snapshot(self) -> FilmSnapshotView:
         """Returns a snapshot of the film, which stays readable while the film grows.
 
         Raises FilmUnavailable, also if there is no file yet.
         """
         with self._lock:
-            self.load()
+            self.open_file()
             if self._file is None:
                 raise FilmUnavailable(Sentence("film-without-samples", "The film of this job has no samples yet."))
             return FilmSnapshotView(self._path, self.width, self.height, self.film_exponent, self.tiles)
@@ -343,16 +343,16 @@ class Film:
         with film_faults():
             return self._path.exists()
 
-    def _known(self) -> Contents:
+    def _open_contents(self) -> Contents:
         """Returns the index of the file. It stays valid while the file cannot be read."""
         if self._is_closed or not self._is_known:
-            self.load()
+            self.open_file()
         return self._contents
 
     def _read_index(self, file: FilmFile) -> None:
         """Reads the index from the file, and drops the film's tiles from the cache."""
-        self._contents = Contents(file.heads(), self.tiles)
-        self._cache.forget(self._path.stem)
+        self._contents = Contents(file.row_heads(), self.tiles)
+        self._cache.evict_film(self._path.stem)
         self._is_known, self._in_doubt = True, False
 
     def _has_valid_sums(self, part: Part) -> bool:
@@ -383,7 +383,7 @@ class Film:
         if sums is None:
             rows = self._file.sums(frame, tile) if is_whole_tile else self._file.sums_of(heads)
             sums = sum_of_rows(rows, self.tiles[tile])
-        if self._file.fold(heads, (*made[:5], pack_sums(sums), *made[5:]), is_whole_tile):
-            self._contents.fold(heads, made)
+        if self._file.fold_rows(heads, (*made[:5], pack_sums(sums), *made[5:]), is_whole_tile):
+            self._contents.record_fold(heads, made)
         else:
             self._in_doubt = True

@@ -58,9 +58,9 @@ class Step:
     more: int | None = None
 
     @classmethod
-    def of(cls, do: Any, keys: Sequence[int], **what: Any) -> Step:
+    def for_keys(cls, action: Any, keys: Sequence[int], **what: Any) -> Step:
         """Creates a step for frames given by their keys."""
-        return cls(do, frames_text([frame_number(key) for key in keys]), **what)
+        return cls(action, frames_text([frame_number(key) for key in keys]), **what)
 
     @property
     def keys(self) -> list[int]:
@@ -146,7 +146,7 @@ class FrameChanges:
     def _carry_out(self, job: str, given: FrameValues) -> None:
         while (change := self._pending_change(job)) is not None and not _is_drop(change):
             plan = [(step, keys) for step in map(_step, change.steps) for keys in _key_portions(step.keys)]
-            while self._next(change, plan, given):
+            while self._apply_next(change, plan, given):
                 pass
 
     def _drop_in_portions(self, job: str) -> None:
@@ -164,13 +164,13 @@ class FrameChanges:
         with self._sessions() as session:
             return session.get(FrameChange, job)
 
-    def _next(self, known: FrameChange, plan: list[tuple[Step, list[int]]], given: FrameValues) -> bool:
+    def _apply_next(self, pending: FrameChange, plan: list[tuple[Step, list[int]]], given: FrameValues) -> bool:
         """Applies the next portion of a change. Returns whether another is left. plan: (step, frame keys) of each portion."""
         began = time.monotonic()
         with self._sessions.begin() as session:
-            change = session.get(FrameChange, known.job, with_for_update=True)
-            job = session.get(Job, known.job)
-            if change is None or job is None or change.steps != known.steps:
+            change = session.get(FrameChange, pending.job, with_for_update=True)
+            job = session.get(Job, pending.job)
+            if change is None or job is None or change.steps != pending.steps:
                 return False
             before = 0
             for step, keys in plan:

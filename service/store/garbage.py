@@ -107,7 +107,7 @@ class Garbage:
             if left := self._promised.pop(sha256, [])[times:]:
                 self._promised[sha256] = left
 
-    def release(self, event: BlobsReleased) -> None:
+    def handle_release(self, event: BlobsReleased) -> None:
         """Handles BlobsReleased: removes pins as often as the event counts references, and deletes the blobs that became
         unreferenced.
         """

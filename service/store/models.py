@@ -18,12 +18,12 @@ __all__ = [
     "Base",
     "Delivery",
     "Environment",
+    "FarmOwner",
     "Frame",
     "FrameChange",
     "Job",
     "Key",
     "Member",
-    "Owner",
     "Project",
     "Quota",
     "Reference",
@@ -176,7 +176,7 @@ class Job(Base):
     note: Mapped[str | None] = mapped_column(Text)  # free text by a user
 
     @property
-    def stage(self) -> str:
+    def compiled_scene_id(self) -> str:
         """The id of the scene to render: the uploaded one, or one derived from it."""
         return self.lit or self.scene
 
@@ -388,7 +388,7 @@ class Delivery(Base):
     error: Mapped[str | None] = mapped_column(Text)  # of the latest attempt
 
 
-class Owner(Base):
+class FarmOwner(Base):
     """The service that owns the farm, when several were started for it. See service/ownership/."""
 
     __tablename__ = "owners"

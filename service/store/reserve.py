@@ -26,7 +26,7 @@ class Reserve:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def fill(self) -> None:
+    def refill(self) -> None:
         """Writes the reserve file if it is missing and the disk has space for it."""
         with contextlib.suppress(OSError):
             if self._path.exists() and self._path.stat().st_size == SIZE:
@@ -48,4 +48,4 @@ class Reserve:
             self._path.unlink(missing_ok=True)
             return deletion()
         finally:
-            self.fill()
+            self.refill()

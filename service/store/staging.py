@@ -34,7 +34,7 @@ class BlobWriter:
         self._hash.update(data)
         self.size += len(data)
 
-    def end(self) -> None:
+    def close_file(self) -> None:
         """Closes the file after the last write, so that an upload of thousands of files does not keep all of them open."""
         self._file.close()
 

@@ -51,12 +51,12 @@ class TileCache:
         """Caches sums, and evicts the least recently used tiles."""
         sums.flags.writeable = False
         with self._lock:
-            self._drop(key)
+            self._remove(key)
             self._items[key] = sums
             self._bytes += sums.nbytes
             self._evict()
 
-    def grow(self, key: Key, add: AddPending, size: int) -> None:
+    def add_samples(self, key: Key, add: AddPending, size: int) -> None:
         """Adds samples to a cached tile at its next `get`; does nothing if the tile is not cached.
 
         add: returns the increased sums. size: bytes of memory that `add` occupies.
@@ -67,24 +67,24 @@ class TileCache:
                 pending.append((add, size))
                 self._bytes += size
                 if len(pending) > MAX_PENDING:
-                    self._drop(key)
+                    self._remove(key)
                 self._evict()
 
-    def drop(self, key: Key) -> None:
+    def evict(self, key: Key) -> None:
         """Evicts one tile."""
         with self._lock:
-            self._drop(key)
+            self._remove(key)
 
-    def forget(self, film: str) -> None:
+    def evict_film(self, film: str) -> None:
         """Evicts all tiles of a film."""
         with self._lock:
             for key in [k for k in self._items if k[0] == film]:
-                self._drop(key)
+                self._remove(key)
 
     def _evict(self) -> None:
         while self._bytes > self.max_bytes and len(self._items) > 1:
-            self._drop(next(iter(self._items)))
+            self._remove(next(iter(self._items)))
 
-    def _drop(self, key: Key) -> None:
+    def _remove(self, key: Key) -> None:
         if (sums := self._items.pop(key, None)) is not None:
             self._bytes -= sums.nbytes + sum(size for _, size in self._pending.pop(key, ()))

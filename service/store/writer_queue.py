@@ -28,7 +28,7 @@ class WriterQueue:
         self._numbers = count()
 
     @contextmanager
-    def turn(self, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
+    def wait_for_turn(self, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
         """Context manager that waits for a turn and holds it during its block.
 
         patience_s: timeout in seconds. is_urgent: precede all waiting writers that are not urgent. Raises Unavailable after the

@@ -54,7 +54,7 @@ class PixelExplainer:
         Raises Unavailable if there is no such kind.
         """
         roster = self._board.roster
-        ready = roster.ready()
+        ready = roster.ready_reports()
         unable = {report.kind for report in ready if not report.explains}
         kinds = sorted({report.kind for report in ready} - unable, key=lambda kind: (-roster.slots(kind), kind))
         if not kinds and not ready:
@@ -90,10 +90,10 @@ class PixelExplainer:
                 if isinstance(answer, MachineFault):
                     unfit.add(work.job, answer)
                 if work.job in unfit:
-                    able = [report for report in self._board.roster.ready() if report.kind == kind and report.explains]
-                    place = unfit.next(work.job, able)
+                    able = [report for report in self._board.roster.ready_reports() if report.kind == kind and report.explains]
+                    place = unfit.next_destination(work.job, able)
                     if place is None:
-                        raise Failed(unfit.sentence(work.job, Sentence("task-explain-pixel", "explain this pixel")))
+                        raise Failed(unfit.error_message(work.job, Sentence("task-explain-pixel", "explain this pixel")))
                     queue = place.queue
             raise Unavailable(
                 Sentence("pixel-worker-lost", "The worker was lost while it traced the pixel's paths. Try again."),
@@ -116,7 +116,7 @@ class PixelExplainer:
         deadline = time.monotonic() + START_TIMEOUT_S
         while not self._stop.is_set():
             if time.monotonic() > deadline:
-                self._dispatcher.take_back(queue, {work.message})
+                self._dispatcher.withdraw(queue, {work.message})
                 if is_compiling:
                     raise Unavailable(
                         Sentence(

@@ -42,7 +42,7 @@ class FrameCache:
         names = [name for name, (scene, _) in self._infos.items() if scene not in scenes]
         self.delete_unused_blobs(*[self._infos.pop(name)[1] for name in names])
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Evicts all frames, so that workers prepare them again."""
         self.keep_only(set())
 

@@ -76,7 +76,7 @@ class Passes:
         self._held: Piece | None = None
         self._ended: set[tuple[int, int]] = set()
 
-    def next(self) -> list[Piece]:
+    def next_message(self) -> list[Piece]:
         """Returns the pieces of the next message, all from one level; an empty list if no pieces remain."""
         chosen: list[Piece] = []
         expected = 0.0
@@ -92,7 +92,7 @@ class Passes:
         """Puts pieces that were lost back at the front of the order."""
         self._lost.extend(pieces)
 
-    def end(self, level: int, tile: int) -> None:
+    def complete_tile(self, level: int, tile: int) -> None:
         """Removes the remaining pieces of a complete tile."""
         self._ended.add((level, tile))
 

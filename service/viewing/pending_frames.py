@@ -23,17 +23,17 @@ class PendingFrames:
         """Adds a request. name: FrameRequest.cache_key of the frame."""
         self._asked[message] = name, scene, time.monotonic()
 
-    def about(self, message: str) -> tuple[str, str]:
+    def key_and_scene(self, message: str) -> tuple[str, str]:
         """Returns the cache key and the scene of the requested frame; two empty strings for an unknown message."""
         return self._asked.get(message, ("", "", 0.0))[:2]
 
-    def forget(self, messages: Iterable[str]) -> None:
+    def remove(self, messages: Iterable[str]) -> None:
         """Removes requests that were answered or withdrawn."""
         for message in messages:
             self._asked.pop(message, None)
 
-    def review(self, *alive: Container[str]) -> None:
+    def remove_expired(self, *alive: Container[str]) -> None:
         """Removes requests older than ANSWER_TIMEOUT_S seconds, except those whose message ids are in one of `alive`."""
         too_old = time.monotonic() - ANSWER_TIMEOUT_S
         gone = [id for id, (*_, at) in self._asked.items() if at < too_old and not any(id in each for each in alive)]
-        self.forget(gone)
+        self.remove(gone)

@@ -24,7 +24,7 @@ class SampleCosts:
         known = self._known.get(_name(request))
         if known is not None:
             return known
-        speeds = [report.samples_per_s for report in roster.ready() if report.kind == kind and report.samples_per_s > 0]
+        speeds = [report.samples_per_s for report in roster.ready_reports() if report.kind == kind and report.samples_per_s > 0]
         return max(ASSUMED_S, len(speeds) / sum(speeds)) if speeds else ASSUMED_S
 
     def update(self, request: ViewRequest, cost_s: float) -> None:

@@ -76,7 +76,7 @@ class ViewSession:
             self.begun, self.has_picture = time.monotonic(), False
             self._canvases, self._shown, self._shown_samples = [], -1, 0
 
-    def forget(self) -> None:
+    def free_pictures(self) -> None:
         """Frees the pictures of a closed session even while other objects still refer to it."""
         with self._lock:
             self.settings, self.passes, self._canvases = None, None, []
@@ -93,7 +93,7 @@ class ViewSession:
             self.switch_to(self.request, self.view)
             self.wanted = wanted
 
-    def begin(self, settings: RenderSettings, compiled: str, kind: str, cost_s: float, slots: int) -> None:
+    def begin_rendering(self, settings: RenderSettings, compiled: str, kind: str, cost_s: float, slots: int) -> None:
         """Sets what to render, and creates the view's levels."""
         assert self.request is not None
         levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1))
@@ -118,7 +118,7 @@ class ViewSession:
             canvas.add(piece.tile, piece.first, piece.count, sums)
             self.has_picture = self.has_picture or canvas.samples > 0
         if self.passes is not None and canvas.tile_is_complete(piece.tile):
-            self.passes.end(piece.level, piece.tile)
+            self.passes.complete_tile(piece.level, piece.tile)
 
     @property
     def samples(self) -> int:
@@ -145,7 +145,7 @@ class ViewSession:
             return bool(self._canvases) and self._canvases[-1].is_complete
 
     @property
-    def bound(self) -> int:
+    def max_samples(self) -> int:
         """Number of samples per pixel at which the view ends."""
         return self.request.samples if self.request else 0
 
@@ -154,7 +154,7 @@ class ViewSession:
         with self._lock:
             return self._due_level() is not None
 
-    def take(self, seq: int) -> bytes | None:
+    def take_packet(self, seq: int) -> bytes | None:
         """Returns the changed tiles of the picture as a packet with sequence number `seq`; None if no picture is due."""
         with self._lock:
             level = self._due_level()

@@ -61,7 +61,7 @@ class ViewRequest:
     noise: float | None = None  # relative noise at which a tile is complete before it has all samples
     frame_request: FrameRequest | None = None  # None: the scene's first frame
 
-    def at(self, info: FrameInfo) -> RenderSettings:
+    def settings_at_frame(self, info: FrameInfo) -> RenderSettings:
         """Returns the render settings at a frame with this information. Raises SettingsError."""
         return frame_settings(self.job_request, self.settings, info.view, info.defaults, info.views)
 

@@ -98,10 +98,10 @@ class ViewScheduler:
         sessions = list(self._sessions.values())
         return any(each.request is not None and not each.is_paused and not each.is_done for each in sessions)
 
-    def show(self, session: ViewSession, request: ViewRequest) -> None:
+    def request_view(self, session: ViewSession, request: ViewRequest) -> None:
         """Requests a view for a session."""
 
-        def order() -> None:
+        def set_view() -> None:
             if not session.is_closed:
                 self._sessions[session.id] = session
                 current = session.request
@@ -110,43 +110,43 @@ class ViewScheduler:
                 else:
                     session.wanted = request
 
-        self._queue_order(order)
+        self._queue_order(set_view)
 
     def pick(self, session: ViewSession, x: int, y: int) -> None:
         """Requests the surface under a pixel of the view; the session receives the answer."""
 
-        def order() -> None:
+        def set_pick() -> None:
             session.pick = (x, y)
 
-        self._queue_order(order)
+        self._queue_order(set_pick)
 
     def pause(self, session: ViewSession, is_paused: bool) -> None:
         """Pauses a session while its page is hidden (is_paused), or resumes it."""
 
-        def order() -> None:
+        def set_paused() -> None:
             session.is_paused = is_paused
             if is_paused:
                 self._withdraw_messages(session)
             elif session.view:  # slots drop the messages of a view whose key has expired
                 self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
 
-        self._queue_order(order)
+        self._queue_order(set_paused)
 
-    def leave(self, session: ViewSession) -> None:
+    def close_session(self, session: ViewSession) -> None:
         """Ends a session and discards its view."""
         session.is_closed = True
 
-        def order() -> None:
+        def end_session() -> None:
             self._sessions.pop(session.id, None)
             self._withdraw_messages(session)
-            session.forget()
+            session.free_pictures()
             self._lingers_until = time.monotonic() + (ANSWER_TIMEOUT_S if self._frames else ANSWERS_GRACE_S)
             self._losses.pop(session.id, None)
-            self._unfit.forget(session.id)
+            self._unfit.remove_owner(session.id)
             self._redis.delete(view_key(session.id))
             self._frame_cache.keep_only({each.request.scene for each in self._sessions.values() if each.request is not None})
 
-        self._queue_order(order)
+        self._queue_order(end_session)
 
     @property
     def _is_active(self) -> bool:
@@ -187,7 +187,7 @@ class ViewScheduler:
             self._read_answers()
         if time.monotonic() - self._reviewed >= REVIEW_EVERY_S:
             self._reviewed = time.monotonic()
-            self._review()
+            self._maintain_sessions()
 
     def _switch_view(self, session: ViewSession) -> None:
         """Switches a session to its requested view, and resolves what to render."""
@@ -196,7 +196,7 @@ class ViewScheduler:
             self._views += 1
             self._losses.pop(session.id, None)
             if session.request is not None and session.request.scene != session.wanted.scene:
-                self._unfit.forget(session.id)
+                self._unfit.remove_owner(session.id)
             session.switch_to(session.wanted, self._views)
             self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
         if session.request is None or session.settings is not None or session.error is not None or session.is_paused:
@@ -213,7 +213,7 @@ class ViewScheduler:
                 self._send_frame(session, kind)
                 return
             try:
-                settings = session.request.at(info)
+                settings = session.request.settings_at_frame(info)
             except SettingsError as error:
                 self._fail_session(session, with_full_stop(error))
                 return
@@ -222,7 +222,7 @@ class ViewScheduler:
             self._set_message(session, MEMORY_LIMIT_REACHED)
             return
         slots = self._workers.slots(kind)
-        session.begin(settings, compiled, kind, self._costs.estimate(session.request, kind, self._board.roster), slots)
+        session.begin_rendering(settings, compiled, kind, self._costs.estimate(session.request, kind, self._board.roster), slots)
         self._set_message(session, None, slots)
 
     def _send_pieces(self) -> None:
@@ -236,7 +236,7 @@ class ViewScheduler:
             session = min(waiting.values(), key=lambda each: each.served)
             ahead = 1 if session.kind in self._shared and session.samples else 2  # leaves room for the other work
             room = ahead * self._workers.slots(session.kind) - sum(out.kind == session.kind for out in self._out.values())
-            pieces = session.passes.next() if room > 0 and session.passes is not None else []
+            pieces = session.passes.next_message() if room > 0 and session.passes is not None else []
             if not pieces:
                 del waiting[session.id]
                 continue
@@ -263,10 +263,10 @@ class ViewScheduler:
             return
         queue = ""
         if session.id in self._unfit:
-            able = [report for report in self._board.roster.ready() if report.kind == kind and report.views]
-            place = self._unfit.next(session.id, able)
+            able = [report for report in self._board.roster.ready_reports() if report.kind == kind and report.views]
+            place = self._unfit.next_destination(session.id, able)
             if place is None:
-                self._fail_session(session, self._unfit.sentence(session.id, "prepare this frame"))
+                self._fail_session(session, self._unfit.error_message(session.id, "prepare this frame"))
                 return
             queue = place.queue
         out = PendingMessage(session, session.view, kind, is_frame=True, queue=queue)
@@ -292,7 +292,7 @@ class ViewScheduler:
             del self._out[out.id]
             out.requeue()
         for queue in {out.queue for out in gone}:
-            self._frames.forget(self._dispatcher.take_back(queue, {out.id for out in gone}))
+            self._frames.remove(self._dispatcher.withdraw(queue, {out.id for out in gone}))
 
     def _read_answers(self) -> None:
         found: Any = None if self._ordered.is_set() else self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
@@ -312,7 +312,7 @@ class ViewScheduler:
         if answer.type == "frame":
             self._handle_frame(answer)
         elif answer.type in ("over", "failed", "returned"):
-            self._frames.forget([answer.message])
+            self._frames.remove([answer.message])
         if out is None or out.view != answer.view:
             return
         session = out.session
@@ -361,7 +361,7 @@ class ViewScheduler:
     def _handle_frame(self, answer: ViewAnswer) -> None:
         """Caches the frame in an answer, even if its session shows another view now: the viewer may return to it."""
         info = FrameInfo.from_json(answer.more["info"])
-        name, scene = self._frames.about(answer.message)
+        name, scene = self._frames.key_and_scene(answer.message)
         if any(each.request is not None and each.request.scene == scene for each in self._sessions.values()):
             self._frame_cache.put(name, scene, info)
         else:
@@ -377,14 +377,14 @@ class ViewScheduler:
         self._losses[out.session.id] += bool(error)
         if self._losses[out.session.id] >= FAILURES_ALLOWED:
             if out.session.request is not None and out.session.request.frame_request is not None:
-                self._frame_cache.forget()  # the scene compiled for the frame may be deleted
+                self._frame_cache.clear()  # the scene compiled for the frame may be deleted
             self._fail_session(out.session, error)
 
-    def _review(self) -> None:
+    def _maintain_sessions(self) -> None:
         """Renews the sessions' Redis keys, sends lost messages again, and reports to viewers why pictures are missing."""
         now = time.monotonic()
         in_hand = {str(doing["message"]) for doing in self._board.roster.current() if "view" in doing and "message" in doing}
-        self._frames.review(self._out, in_hand)
+        self._frames.remove_expired(self._out, in_hand)
         with self._redis.pipeline(transaction=False) as keys:
             for session in self._sessions.values():
                 if session.view and not session.is_paused:

@@ -19,7 +19,7 @@ class ViewWorkers:
 
     def slots(self, kind: str) -> int:
         """Returns the number of slots of this worker kind that can render views."""
-        return sum(report.slots for report in self._board.roster.ready() if report.kind == kind and report.views)
+        return sum(report.slots for report in self._board.roster.ready_reports() if report.kind == kind and report.views)
 
     def best_kind(self, request: ViewRequest) -> str | None:
         """Returns the worker kind with most slots for which the scene is compiled; None if no such worker is ready."""
@@ -31,10 +31,10 @@ class ViewWorkers:
 
         If workers of another kind are ready, requests compilation for them.
         """
-        ready = [report for report in self._board.roster.ready() if report.views]
+        ready = [report for report in self._board.roster.ready_reports() if report.views]
         if ready:
             self._events.publish(PreparationRequested(request.scene, ready[0].kind))
             return Sentence("view-scene-preparing", "The scene is being prepared for the connected workers.")
-        if self._board.roster.ready():
+        if self._board.roster.ready_reports():
             return Sentence("view-workers-too-old", "The workers are of an older release, which cannot show live views.")
         return Sentence("view-waits-for-worker", "Waits for a worker.")

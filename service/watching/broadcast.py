@@ -37,7 +37,7 @@ class Listener:
             await asyncio.wait_for(self._wake.wait(), seconds)
         self._wake.clear()
 
-    async def pause(self, seconds: float) -> None:
+    async def collect_for(self, seconds: float) -> None:
         """Waits this many seconds while changes accumulate. The next `wait` returns at once."""
         await asyncio.sleep(seconds)
         self._wake.set()
@@ -54,7 +54,7 @@ class _JobListeners:
 
 
 class Broadcast:
-    """All listeners. `tell` and `report_tiles` are thread-safe, and cheap if there are no listeners."""
+    """All listeners. `report_change` and `report_tiles` are thread-safe, and cheap if there are no listeners."""
 
     def __init__(self, events: Events) -> None:
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -63,8 +63,8 @@ class Broadcast:
         self._lives = count(1)
         self.watchers = 0  # listeners of jobs
         self.closing = False
-        events.subscribe(RowWritten, lambda event: self.tell(event.kind, event.id))
-        events.subscribe(ItemChanged, lambda event: self.tell(event.kind, event.id))
+        events.subscribe(RowWritten, lambda event: self.report_change(event.kind, event.id))
+        events.subscribe(ItemChanged, lambda event: self.report_change(event.kind, event.id))
         events.subscribe(TilesChanged, lambda event: self.report_tiles(event.job, event.frame, event.tiles))
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -107,7 +107,7 @@ class Broadcast:
         of = self._of_job[job]
         return of.life, of.changes
 
-    def tell(self, what: str, id: str) -> None:
+    def report_change(self, what: str, id: str) -> None:
         """Notifies listeners that a job, a scene or a worker has changed. what: which of them."""
         if self._everything or (what == "job" and id in self._of_job):
             self._call_in_loop(self._deliver, what, id)

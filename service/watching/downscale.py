@@ -11,9 +11,9 @@ import numpy.typing as npt
 __all__ = ["reduced_bands", "square_side"]
 
 
-def square_side(wanted: int | None, width: int, height: int) -> int:
-    """Returns the side of the averaged squares in pixels, so that the copy is at least `wanted` pixels wide; 1: original size."""
-    return max(1, min(width // (wanted or width), height))
+def square_side(min_width: int | None, width: int, height: int) -> int:
+    """Returns the side of the averaged squares in pixels, for a copy at least `min_width` pixels wide; 1: original size."""
+    return max(1, min(width // (min_width or width), height))
 
 
 def reduced_bands(bands: Iterable[npt.NDArray[Any]], side: int) -> Iterator[npt.NDArray[Any]]:

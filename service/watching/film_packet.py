@@ -34,14 +34,14 @@ def film_packet(film: ReadableFilm, frame: int, folder: Path, gzip: bool) -> Pic
         y += len(band)
     pieces = encode_film(frame // 2, (film.width, film.height), max(film.tiles[0][2:]), samples, planes)
     if not gzip:
-        return PictureBody.of(b"".join(pieces), folder)
+        return PictureBody.from_bytes(b"".join(pieces), folder)
 
     def write(path: Path) -> None:
         with path.open("wb") as file:
             for piece in _compressed(pieces):
                 file.write(piece)
 
-    return PictureBody.written(write, folder, ".gz")
+    return PictureBody.from_writer(write, folder, ".gz")
 
 
 def picture_packet(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:

@@ -35,7 +35,7 @@ def film_picture(packed: Iterable[bytes], extension: str, exposure: float, curve
     """Returns a picture file made from a packet. extension: its format. folder: for temporary files."""
     from renderer.image.encode import encode  # imported only if needed: OpenImageIO is large
 
-    return PictureBody.of(encode(radiance_of(packed), extension, exposure, curve), folder)
+    return PictureBody.from_bytes(encode(radiance_of(packed), extension, exposure, curve), folder)
 
 
 def film_picture_memory(width: int, height: int) -> int:

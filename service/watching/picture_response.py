@@ -31,15 +31,15 @@ class PictureBody:
             weakref.finalize(self, os.close, file)
 
     @classmethod
-    def of(cls, data: bytes, folder: Path) -> PictureBody:
+    def from_bytes(cls, data: bytes, folder: Path) -> PictureBody:
         """Returns a body with these bytes: in a temporary file in `folder`, or in memory if they are few or the disk is full."""
         if len(data) > MAX_IN_MEMORY:
             with contextlib.suppress(OSError):
-                return cls.written(lambda path: path.write_bytes(data), folder, "")
+                return cls.from_writer(lambda path: path.write_bytes(data), folder, "")
         return cls(data)
 
     @classmethod
-    def written(cls, write: Callable[[Path], object], folder: Path, suffix: str) -> PictureBody:
+    def from_writer(cls, write: Callable[[Path], object], folder: Path, suffix: str) -> PictureBody:
         """Returns a body with the file that `write` writes to a path with this suffix in `folder`. Raises what `write` raises."""
         with tempfile.TemporaryDirectory(prefix="picture-", dir=folder) as own:
             path = Path(own) / f"picture{suffix}"

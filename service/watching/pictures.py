@@ -95,20 +95,20 @@ def picture_file(film: Film, frame: int, wish: PictureRequest, folder: Path) -> 
         else:
             names = aovs.channels(aovs.MOTION) if wish.planes == (aovs.MOTION,) else RGB
         parts = (_grey_to_rgb(band) for band in reduced_bands(_values(film, frame, wish), side))
-        return PictureBody.written(lambda path: write_bands(path, parts, width, height, names), folder, f".{wish.extension}")
+        return PictureBody.from_writer(lambda path: write_bands(path, parts, width, height, names), folder, f".{wish.extension}")
     if wish.extension == "rgb9e5":
         words = _filled_from_top(
             np.empty((height, width), "<u4"), map(rgbe9995.pack, reduced_bands(_values(film, frame, wish), side))
         )
-        return PictureBody.of(words.tobytes(), folder)
+        return PictureBody.from_bytes(words.tobytes(), folder)
     if not wish.planes:
-        return PictureBody.of(encode_shown(display_picture(film, frame, wish), wish.extension), folder)
+        return PictureBody.from_bytes(encode_shown(display_picture(film, frame, wish), wish.extension), folder)
     (name,) = wish.planes
     values = _whole_plane(film, frame, wish)
     between = aovs.span(name, values)
     shown_rows = (aovs.visible(name, values[y : y + ROWS], between) for y in range(0, film.height, ROWS))
     plane = _filled_from_top(np.empty((height, width, 3), np.uint8), reduced_bands(shown_rows, side))
-    made = PictureBody.of(encode_shown(plane, wish.extension), folder)
+    made = PictureBody.from_bytes(encode_shown(plane, wish.extension), folder)
     if between is not None and name in HEAT_MAP_PLANES:
         made.span = float(between[0]), float(between[1])
     return made

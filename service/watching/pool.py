@@ -58,7 +58,7 @@ class Pool:
         """Number of different keys that are queued or being computed."""
         return len(self._made)
 
-    async def make(self, key: Hashable, memory: int, function: Callable[..., T], *arguments: Any, user: Hashable = None) -> T:
+    async def run(self, key: Hashable, memory: int, function: Callable[..., T], *arguments: Any, user: Hashable = None) -> T:
         """Runs `function` in a thread when the user's turn comes, and returns its result.
 
         memory: estimated peak in bytes. user: whose queue to wait in. Raises Unavailable if that queue is full.
@@ -68,7 +68,7 @@ class Pool:
             self._check_queue_length(user)
             self._asked_by[user] += 1
             task = self._made[key] = asyncio.create_task(self._run_in_turn(user, memory, function, *arguments))
-            task.add_done_callback(lambda task: self._done(key, user, task))
+            task.add_done_callback(lambda task: self._remove_task(key, user, task))
         return await asyncio.shield(task)  # a client that leaves does not cancel it for others
 
     def _check_queue_length(self, user: Hashable) -> None:
@@ -90,17 +90,17 @@ class Pool:
             )
 
     async def _run_in_turn(self, user: Hashable, memory: int, function: Callable[..., T], *arguments: Any) -> T:
-        taken = await self._turns.take(user, memory)
+        taken = await self._turns.acquire(user, memory)
         begun = time.monotonic()
         try:
             return await anyio.to_thread.run_sync(function, *arguments, limiter=self._limiter)
         finally:
-            self._turns.give(taken)
+            self._turns.release(taken)
             self._seconds += (time.monotonic() - begun - self._seconds) / 4
             if self.pending_count == 1:  # the queue is empty after it
                 await anyio.to_thread.run_sync(trim_heap, limiter=self._limiter)
 
-    def _done(self, key: Hashable, user: Hashable, task: asyncio.Task[Any]) -> None:
+    def _remove_task(self, key: Hashable, user: Hashable, task: asyncio.Task[Any]) -> None:
         del self._made[key]
         self._asked_by[user] -= 1
         if not self._asked_by[user]:
@@ -117,22 +117,22 @@ class _FairQueue:
         self._memory = self._all = memory
         self._waiting: OrderedDict[Hashable, deque[tuple[int, asyncio.Future[None]]]] = OrderedDict()  # the next user first
 
-    async def take(self, user: Hashable, memory: int) -> int:
-        """Waits for a free thread and for memory. Returns the number of bytes to pass to `give`."""
+    async def acquire(self, user: Hashable, memory: int) -> int:
+        """Waits for a free thread and for memory. Returns the number of bytes to pass to `release`."""
         memory = min(memory, self._all)
         turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._waiting.setdefault(user, deque()).append((memory, turn))
-        self._next()
+        self._start_next()
         await turn
         return memory
 
-    def give(self, memory: int) -> None:
+    def release(self, memory: int) -> None:
         """Frees a thread and `memory` bytes."""
         self._threads += 1
         self._memory += memory
-        self._next()
+        self._start_next()
 
-    def _next(self) -> None:
+    def _start_next(self) -> None:
         while self._waiting and self._threads:
             user, own = next(iter(self._waiting.items()))
             memory, turn = own[0]

@@ -107,7 +107,7 @@ class SharedResults:
             found.update((tile, made[tile]) for tile in wanted)
         return [body for body in found.values() if body is not None]
 
-    async def shared(self, job: str, what: str, make: Callable[[], T]) -> T:
+    async def shared_result(self, job: str, what: str, make: Callable[[], T]) -> T:
         """Returns the result of `make`, cached until the job changes, at most STATE_TTL_S seconds."""
         changes, now = self._broadcast.changes(job), time.monotonic()
         known = self._cached_results.get((job, what))

@@ -27,18 +27,18 @@ class ZipStream:
         self._out = _Pipe()
         self._zip = zipfile.ZipFile(self._out, "w", zipfile.ZIP_STORED)
 
-    def file(self, name: str, made: PictureBody) -> Iterator[bytes]:
+    def file(self, name: str, picture: PictureBody) -> Iterator[bytes]:
         """Adds a file and yields the bytes to append to the stream."""
-        with self._zip.open(zipfile.ZipInfo(name), "w", force_zip64=made.size >= 1 << 31) as file:
-            for piece in made.pieces():
+        with self._zip.open(zipfile.ZipInfo(name), "w", force_zip64=picture.size >= 1 << 31) as file:
+            for piece in picture.pieces():
                 file.write(piece)
-                yield self._out.take()
-        yield self._out.take()
+                yield self._out.take_written()
+        yield self._out.take_written()
 
-    def end(self) -> bytes:
+    def final_bytes(self) -> bytes:
         """Returns the final bytes of the zip archive."""
         self._zip.close()
-        return self._out.take()
+        return self._out.take_written()
 
 
 class _Pipe(io.RawIOBase):
@@ -58,7 +58,7 @@ class _Pipe(io.RawIOBase):
         self._written += view
         return view.nbytes
 
-    def take(self) -> bytes:
+    def take_written(self) -> bytes:
         """Returns the bytes written since the last call, and empties the buffer."""
         taken = bytes(self._written)
         self._written.clear()
@@ -69,7 +69,7 @@ def movie(film: Film, frames: Sequence[int], wish: PictureRequest, fps: float, f
     """Returns a movie of the frames, in the format of `wish.extension`. Raises Conflict if it cannot be written."""
     pictures = (display_picture(film, frame, wish) for frame in frames)
     try:
-        return PictureBody.written(lambda path: write_movie(path, pictures, fps), folder, f".{wish.extension}")
+        return PictureBody.from_writer(lambda path: write_movie(path, pictures, fps), folder, f".{wish.extension}")
     except SettingsError as error:
         raise Conflict(with_full_stop(error)) from None
 

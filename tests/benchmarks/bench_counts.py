@@ -115,7 +115,7 @@ def main() -> int:
             service = Service(folder / str(scenes), server)
             fill(service, scenes)
             service.http.timeout = 300
-            service.http.headers["Authorization"] = f"Bearer {service.farm.access.keys.make('token', OWNER, Role.ADMIN)[0]}"
+            service.http.headers["Authorization"] = f"Bearer {service.farm.access.keys.create('token', OWNER, Role.ADMIN)[0]}"
 
             def ask(path: str, service: Service = service, scenes: int = scenes) -> None:
                 service.http.get(path.format(last=scenes - 100)).raise_for_status()

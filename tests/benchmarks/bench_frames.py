@@ -157,7 +157,7 @@ def costs(folder: Path, frames: int) -> list[Cost]:
     found = []
     for frame in range(frames + 1):
         begun = time.process_time()
-        compiled, _ = stage.at(Moment(frame))
+        compiled, _ = stage.scene_at(Moment(frame))
         is_compiled = time.process_time()
         is_written = is_mapped = is_compiled
         size = 0

@@ -42,7 +42,7 @@ def read(folder: Path, main: str) -> dict[str, Any]:
     begun = time.process_time()
     try:
         shot = Shot(folder, main)
-        description = shot.at()
+        description = shot.scene_at()
         half = time.process_time()
         compiled = compile_scene(description, threads=1)
         summarise(description, compiled)

@@ -65,7 +65,7 @@ def read(folder: Path, main: str) -> dict[str, Any]:
         if main.endswith(".zip"):
             folder, main = _expanded(folder / main, folder)
         shot = Shot(folder, main)
-        compile_scene(shot.at(Moment(shot.start)))
+        compile_scene(shot.scene_at(Moment(shot.start)))
         found = {"outcome": "read"}
     except (SceneError, FarmError) as error:
         sentence = str(error)

@@ -112,7 +112,7 @@ def prepared(folder: Path, count: int) -> list[tuple[CompiledScene, RenderSettin
     found: list[tuple[CompiledScene, RenderSettings]] = []
     shown: CompiledScene | None = None
     for frame in range(count):
-        compiled, summary = stage.at(Moment(frame))
+        compiled, summary = stage.scene_at(Moment(frame))
         if compiled is not shown:
             assert stage._kept is not None
             assert stage._kept.cuts is not None

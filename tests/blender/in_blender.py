@@ -271,14 +271,14 @@ def cancelled() -> dict:
     use("RAYFARM", scene, 1 << 16)
     from rayfarm_addon.ui import engine
 
-    whole, shown = engine.RayfarmEngine._show, []
+    whole, shown = engine.RayfarmEngine._copy_tile, []
 
     def counted(self, *args):
         shown.append(args)
         return whole(self, *args)
 
     # Without a window there is no Esc key: `test_break` returns True once a tile has arrived.
-    engine.RayfarmEngine._show = counted
+    engine.RayfarmEngine._copy_tile = counted
     engine.RayfarmEngine._is_cancelled = lambda self: bool(shown)
     bpy.ops.render.render()
     return {"tiles": len(shown)}
@@ -308,15 +308,15 @@ def viewport() -> dict:
         while time.monotonic() < until:
             begun = time.monotonic()
             view.read(depsgraph)
-            view.look(region, depsgraph)
+            view.send_view(region, depsgraph)
             longest[0] = max(longest[0], time.monotonic() - begun)
             rests = view._reading is None and not view._waits and view._watching.is_up_to_date
-            shown, text = view._watching.state  # read after checking that the picture is of the newest scene
+            shown, text = view._watching.picture_and_status  # read after checking that the picture is of the newest scene
             if rests and shown is not None and shown.id == view._watching.number and text.endswith("done"):
                 sent.append(sent_bytes())
                 return shown.rgb
             time.sleep(0.02)
-        raise SystemExit(f"no picture came: {view._watching.state[1]}")
+        raise SystemExit(f"no picture came: {view._watching.picture_and_status[1]}")
 
     first = seen()
     scene.camera.location[0] += 0.7
@@ -329,7 +329,7 @@ def viewport() -> dict:
     bpy.data.objects["Cube"].location[2] += 1
     bpy.context.view_layer.update()
     lifted = seen()
-    view.end()
+    view.close()
     assert not bpy.app.timers.is_registered(view._ticking), "Blender would call it, or free it when Python has ended"
     bpy.app.handlers.depsgraph_update_post.clear()
     picture("viewport.exr", scene, "RAYFARM")

@@ -144,7 +144,9 @@ def test_a_scene_that_somebody_deleted_is_sent_anew(server: Answering) -> None:
     said: list[str] = []
 
     def ready() -> str:
-        found = uploads.ready({"scene.yaml": b"{}"}, "scene.yaml", "t", lambda done, size: None, lambda: False, said.append)
+        found = uploads.upload_and_prepare(
+            {"scene.yaml": b"{}"}, "scene.yaml", "t", lambda done, size: None, lambda: False, said.append
+        )
         return str(found["id"])
 
     server.answers["POST /api/scenes"] = 201, {"id": "one"}

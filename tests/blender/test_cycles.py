@@ -139,9 +139,9 @@ def test_flags_of_many_objects_are_one_sentence() -> None:
     flags = cycles.Flags(found, layer)
     for i in range(8):
         still = SimpleNamespace(use_motion_blur=False, use_deform_motion=True, use_adaptive_subdivision=True)
-        flags.look_at(SimpleNamespace(name=f"thing {i // 2}", cycles=still))
+        flags.inspect(SimpleNamespace(name=f"thing {i // 2}", cycles=still))
     said: list[str] = []
-    flags.tell(said.append)
+    flags.warn_of_found(said.append)
     assert said == ["thing 0, thing 1, thing 2, thing 3: is blurred as it moves, though not in Blender"]
 
 

@@ -70,11 +70,11 @@ def test_what_moves_is_where_it_was_at_each_key(tmp_path) -> None:
     written(scene, tmp_path)
     shot = Shot(tmp_path, MAIN)
     for i, offset in enumerate((-0.25, 0.0, 0.25)):
-        found = shot.at(Moment(64, offset=offset))
+        found = shot.scene_at(Moment(64, offset=offset))
         by_name = {instance.name: instance for instance in found.instances}
         np.testing.assert_allclose(by_name[f"{NAME}/hard"].transform, TO_Y_UP @ places[i], atol=1e-5)
         np.testing.assert_allclose(found.meshes[by_name[f"{NAME}/soft"].mesh].positions, keys[i], atol=1e-5)
-    moving = merge_over_shutter(shot.at, Moment(64), Shutter(0.5))
+    moving = merge_over_shutter(shot.scene_at, Moment(64), Shutter(0.5))
     assert any(instance.keys for instance in moving.instances)
 
 

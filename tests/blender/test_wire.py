@@ -53,14 +53,14 @@ def test_a_view_grows_tile_by_tile() -> None:
     left, right = Tile(0, 0, 21, 37), Tile(21, 0, 32, 37)
     tiles = [ViewTile(left, planes[:, :, :21], 4, False), ViewTile(right, planes[:, :, 21:], 64, True)]
     view = packets.ProgressiveView()
-    view.take(encode_view(tiles, (53, 37), (53, 37), 9, 3))
+    view.add_packet(encode_view(tiles, (53, 37), (53, 37), 9, 3))
     assert (view.id, view.seq, view.whole) == (9, 3, (53, 37))
     np.testing.assert_array_equal(view.rgb[:, 21:], rgbe9995.unpack(rgbe9995.pack(LIGHT[:, 21:])))
     coarse, truth = view.rgb[:, :21].sum(-1), LIGHT[:, :21].sum(-1)
     np.testing.assert_allclose(coarse, truth, rtol=0.03)
-    view.take(encode_view([ViewTile(left, planes[:, :, :21], 64, True)], (53, 37), (53, 37), 9, 4))
+    view.add_packet(encode_view([ViewTile(left, planes[:, :, :21], 64, True)], (53, 37), (53, 37), 9, 4))
     np.testing.assert_array_equal(view.rgb, rgbe9995.unpack(rgbe9995.pack(LIGHT)))
-    view.take(encode_view([ViewTile(Tile(0, 0, 7, 5), planes[:, :5, :7], 64, True)], (7, 5), (53, 37), 10, 5))
+    view.add_packet(encode_view([ViewTile(Tile(0, 0, 7, 5), planes[:, :5, :7], 64, True)], (7, 5), (53, 37), 10, 5))
     assert view.rgb.shape == (5, 7, 3)
 
 

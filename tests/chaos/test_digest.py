@@ -126,7 +126,7 @@ def stills_of(shot: Path, spp: int) -> dict[float, str]:
     """Returns the frames' digests, each rendered in this process as a still."""
     found: dict[float, str] = {}
     for frame in FRAMES:
-        compiled, summary = OpenScene(Shot(shot.parent, shot.name)).at(Moment(frame))
+        compiled, summary = OpenScene(Shot(shot.parent, shot.name)).scene_at(Moment(frame))
         view = View.from_json(summary["cameras"][0]["view"])
         settings = RenderSettings(SHOT["width"], SHOT["height"], view, environment=(1.0, 1.0, 1.0))
         found[frame] = digest(render_frame(compiled, settings, spp, threads=2))

@@ -159,7 +159,7 @@ def test_the_end_of_a_job_is_told_where_one_wants_it(many: Service, watched: Wat
             for id in ids:
                 session.get_one(Job, id).state = state
         for id in ids:
-            many.farm.broadcast.tell("job", id)
+            many.farm.broadcast.report_change("job", id)
 
     page.goto(f"{many.url}/#/jobs")
     bell = page.get_by_role("button", name="Tell me when a job ends")

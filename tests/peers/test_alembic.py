@@ -34,7 +34,7 @@ def test_what_moves_and_bends_is_where_blender_has_it(name: str, made: Path) -> 
     shot = Shot(made, name)
     sheets = []
     for frame, said in told.items():
-        found = shot.at(Moment(int(frame)))
+        found = shot.scene_at(Moment(int(frame)))
         assert list(meshes_apart(found, said)) == [], f"frame {frame}"
         eye = TO_Y_UP @ np.array(said["eye"])[:3, 3]
         np.testing.assert_allclose(found.cameras[0].view.eye, eye, atol=NEAR * 10)

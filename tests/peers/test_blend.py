@@ -106,7 +106,7 @@ def test_a_process_that_is_confined_can_neither_read_write_nor_connect(made: Pat
 @pytest.mark.parametrize("frame", [1, 6, 12])
 def test_vertices_cameras_and_lights_are_where_blender_has_them(made: Path, shot: Shot, frame: int) -> None:
     told = json.loads((made / "told.json").read_text())[str(frame)]
-    found = shot.at(Moment(frame))
+    found = shot.scene_at(Moment(frame))
     names = [instance.name for instance in found.instances]
     assert all(m.lamp and m.unseen for m in found.materials if m.name.startswith("light "))
     assert sorted(names) == sorted(["Scene/tube", "Scene/round", *(f"Scene/crowd {i} instance" for i in range(3)), "area"])
@@ -134,7 +134,7 @@ def shot(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Shot:
 
 
 def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
-    found = shot.at(Moment(1))
+    found = shot.scene_at(Moment(1))
     said = " ".join(found.warnings)
     assert "Material odd: its displacement is left out" in said
     assert "Noise" not in said
@@ -143,7 +143,7 @@ def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
 
 def test_what_nodes_make_is_baked(shot: Shot) -> None:
     """Procedural nodes are baked by Cycles to an image, on UVs made for it."""
-    found = shot.at(Moment(1))
+    found = shot.scene_at(Moment(1))
     odd = next(material for material in found.materials if material.name == "odd")
     assert odd.base_color_texture is not None
     pixels = found.images[found.textures[odd.base_color_texture].image].pixels[..., :3] / 255
@@ -157,10 +157,10 @@ def test_what_nodes_make_is_baked(shot: Shot) -> None:
 
 def test_the_world_is_a_picture_of_what_cycles_sees(shot: Shot) -> None:
     """The world becomes an image of what Cycles sees; in blend_kit.py's world, each direction's colour is its coordinates."""
-    environment = shot.at(Moment(1)).environment
+    environment = shot.scene_at(Moment(1)).environment
     assert environment is not None
     assert environment.image is not None
-    pixels = shot.at(Moment(1)).images[environment.image].pixels
+    pixels = shot.scene_at(Moment(1)).images[environment.image].pixels
     height, width = pixels.shape[:2]
     for row, column, expected in (
         (height // 2, width // 2, (0, 1, 0)),  # ahead: our -Z

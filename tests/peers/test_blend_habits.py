@@ -46,7 +46,7 @@ def test_what_is_shown_is_where_blender_has_it(name: str, made: Path) -> None:
     told = json.loads((made / "told.json").read_text())[name]
     shot = Shot(made, f"{name}.blend")
     for frame, expected in told.items():
-        found = shot.at(Moment(int(frame)))
+        found = shot.scene_at(Moment(int(frame)))
         ours = bodies(found)
         assert len(ours) == len(expected), (frame, [each[0] for each in ours], [each[0] for each in expected], found.warnings)
         for what, least, most, count in expected:
@@ -73,7 +73,7 @@ def bodies(found: SceneDescription) -> list[tuple[str, Any, int]]:
 
 def test_colours_of_points_and_corners_are_those_of_blender(made: Path) -> None:
     """Colours of points and corners equal Blender's in bytes and floats: red rises, green is 0.25 and blue 0.5."""
-    found = Shot(made, "colors.blend").at(Moment(1))
+    found = Shot(made, "colors.blend").scene_at(Moment(1))
     colors = [mesh.colors for mesh in found.meshes if mesh.colors is not None]
     assert len(colors) == 4
     for each in colors:
@@ -84,7 +84,7 @@ def test_colours_of_points_and_corners_are_those_of_blender(made: Path) -> None:
 
 
 def test_pictures_that_came_along_are_there_whatever_their_kind(made: Path) -> None:
-    found = Shot(made, "textures.blend").at(Moment(1))
+    found = Shot(made, "textures.blend").scene_at(Moment(1))
     shown = {material.name: material.base_color_texture for material in found.materials}
     assert shown["packed"] is not None
     assert shown["sequence"] is not None
@@ -94,7 +94,7 @@ def test_pictures_that_came_along_are_there_whatever_their_kind(made: Path) -> N
 
 def test_what_goes_past_the_exporter_has_its_materials_and_uvs(made: Path) -> None:
     """A mesh too large for the exporter has its materials and both UV sets: one covers the unit square, one is a point."""
-    found = Shot(made, "large.blend").at(Moment(1))
+    found = Shot(made, "large.blend").scene_at(Moment(1))
     parts = [mesh for mesh in found.meshes if len(mesh.triangles) > 1000]
     assert sorted(found.materials[mesh.material].name for mesh in parts) == ["left", "right"]
     for mesh in parts:

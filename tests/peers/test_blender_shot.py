@@ -62,7 +62,7 @@ def shot(folder: Path) -> tuple[Shot, dict[str, Any]]:
 
 @pytest.mark.parametrize("frame", [0, 7, 13, 24, 40])
 def test_vertices_cameras_and_lights_are_where_blender_has_them(shot: tuple[Shot, dict[str, Any]], frame: int) -> None:
-    ours, theirs = shot[0].at(Moment(frame)), shot[1][str(frame)]
+    ours, theirs = shot[0].scene_at(Moment(frame)), shot[1][str(frame)]
     numbers = {instance.name: i for i, instance in enumerate(ours.instances)}
     assert set(numbers) == set(theirs["vertices"]) == {"mast", "yard", "flag", "tube", "floor"}
     for name, vertices in theirs["vertices"].items():
@@ -84,14 +84,14 @@ def test_vertices_cameras_and_lights_are_where_blender_has_them(shot: tuple[Shot
 
 @pytest.mark.parametrize("frame", [0, 7, 13, 24, 40])
 def test_what_blender_writes_as_pointers_is_what_it_shows(shot: tuple[Shot, dict[str, Any]], frame: int) -> None:
-    ours, theirs = shot[0].at(Moment(frame)), shot[1][str(frame)]["numbers"]
+    ours, theirs = shot[0].scene_at(Moment(frame)), shot[1][str(frame)]["numbers"]
     assert not [warning for warning in ours.warnings if "animated" in warning]
     paint = next(material for material in ours.materials if material.name == "paint")
     np.testing.assert_allclose(paint.base_color, theirs["color"], rtol=1e-5)
     assert paint.roughness == pytest.approx(theirs["roughness"], rel=1e-5)
     np.testing.assert_allclose(paint.emission, theirs["emission"] * np.array([1, 0.5, 0.25]), rtol=1e-5)
     # Relative to the first frame, since Blender 4.5 writes an animated spot 4 pi times as strong as a static one.
-    begin, energy = shot[0].at(Moment(0)).lights[0].intensity, shot[1]["0"]["numbers"]["energy"]
+    begin, energy = shot[0].scene_at(Moment(0)).lights[0].intensity, shot[1]["0"]["numbers"]["energy"]
     np.testing.assert_allclose(
         np.divide(ours.lights[0].intensity, begin), theirs["energy"] / energy * np.array(theirs["light"]), rtol=1e-5
     )
@@ -105,7 +105,7 @@ def test_the_picture_of_cycles(shot: tuple[Shot, dict[str, Any]], folder: Path, 
     job |= {"size": SIZE, "samples": SPP, "max_depth": DEPTH, "sky": SKY}
     (folder / "jobs.json").write_text(json.dumps([job]))
     run("cycles_render.py", folder / "jobs.json")
-    description = Shot(folder, "shot-plain.glb").at(Moment(frame))
+    description = Shot(folder, "shot-plain.glb").scene_at(Moment(frame))
     settings = RenderSettings(SIZE, SIZE, description.cameras[0].view, max_depth=DEPTH, environment=SKY, filter="box")
     ours = blocks(mean(render_frame(compile_scene(description), settings, SPP), settings.film_exponent))
     theirs = blocks(read_image((folder / f"{frame}.exr").read_bytes(), f"{frame}.exr"))
@@ -138,7 +138,7 @@ def test_the_motion_blur_of_cycles(
     settings = RenderSettings(SIZE, SIZE, camera.view, max_depth=DEPTH, environment=SKY, filter="box", views=camera.keys)
     ours = blocks(mean(render_frame(compile_scene(moving), settings, 2 * SPP), settings.film_exponent))
     theirs = blocks(read_image((folder / name).read_bytes(), name))
-    still = Shot(folder, file).at(Moment(frame))
+    still = Shot(folder, file).scene_at(Moment(frame))
     sharp = blocks(mean(render_frame(compile_scene(still), replace(settings, views=()), SPP), settings.film_exponent))
     difference, blur = (float(np.abs(other - theirs).mean() / theirs.mean()) for other in (ours, sharp))
     figures = f"{kind}, frame {frame}, shutter {shutter:g}: differs by {difference:.2%}, the still by {blur:.2%}"

@@ -105,7 +105,7 @@ def test_places_lenses_and_lights_are_blenders(scene: str, kind: str, made: tupl
     for frame, said in told[scene].items():
         if frame == "materials":
             continue
-        found = shot.at(Moment(int(frame) + FIRST[form]))
+        found = shot.scene_at(Moment(int(frame) + FIRST[form]))
         apart = unexplained(meshes_apart(found, said), lost)
         apart += unexplained(cameras_apart(found, said), lost) + unexplained(lights_apart(found, said), lost)
         assert apart == [], f"frame {frame}"
@@ -118,7 +118,7 @@ def test_collada_has_the_places_and_lenses(scene: str, made: tuple[Path, dict[st
     lost = LOST.get((scene, "dae"), {})
     for frame, said in told[scene].items():
         if frame != "materials":
-            found = shot.at(Moment(int(frame)))
+            found = shot.scene_at(Moment(int(frame)))
             apart = unexplained(meshes_apart(found, said), lost)
             assert apart + unexplained(cameras_apart(found, said), lost) + unexplained(lights_apart(found, said), lost) == []
 
@@ -126,13 +126,13 @@ def test_collada_has_the_places_and_lenses(scene: str, made: tuple[Path, dict[st
 @grid(("scene", "kind"), [(scene, kind) for scene in SCENES for kind in AS_SOUP if (scene, kind) != ("rig", "ply.ply")])
 def test_corners_are_blenders(scene: str, kind: str, made: tuple[Path, dict[str, Any]]) -> None:
     folder, told = made
-    assert list(soup_apart(Shot(folder, f"{scene}-{kind}").at(), told[scene]["1"], AS_SOUP[kind])) == []
+    assert list(soup_apart(Shot(folder, f"{scene}-{kind}").scene_at(), told[scene]["1"], AS_SOUP[kind])) == []
 
 
 @pytest.mark.parametrize("kind", KNOWN)
 def test_materials_are_blenders(kind: str, made: tuple[Path, dict[str, Any]]) -> None:
     """Materials have Blender's values, except the two that its glTF exporter omits: sheen weight, and index of transmission."""
     folder, told = made
-    found = Shot(folder, f"paints-{kind}").at()
+    found = Shot(folder, f"paints-{kind}").scene_at()
     lost = {"velvet: ": "its physical extension has one number"} if kind == "obj-physical.obj" else {}
     assert unexplained(materials_apart(found, told["paints"]["materials"], KNOWN[kind]), lost) == []

@@ -28,7 +28,7 @@ def test_the_servers_own_wheel_is_taken_where_the_path_has_only_flawed_ones(
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
     found = broker.find_server()
     assert found.parent != tmp_path
-    assert broker.release(found).flaw is None
+    assert broker.server_release(found).flaw is None
     newer = program(tmp_path, "valkey-server", "Valkey server v=9.9.9")
     assert broker.find_server() == newer
 

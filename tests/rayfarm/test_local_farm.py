@@ -16,7 +16,7 @@ def test_any_address_of_ipv6_is_any_of_ipv4_too(tmp_path: Path, monkeypatch: pyt
     started: list[Part] = []
     farm = LocalFarm(tmp_path, host, 0, 0, lambda sentence: None)
     monkeypatch.setattr(farm, "_start", started.append)
-    monkeypatch.setattr(farm, "wait", lambda *arguments: True)
+    monkeypatch.setattr(farm, "wait_until", lambda *arguments: True)
     farm.start(lambda: False)
     service = next(part for part in started if part.name == "service")
     assert service.arguments is not None
@@ -49,6 +49,6 @@ def warnings(data: Path, monkeypatch: pytest.MonkeyPatch, host: str, tls: Tls | 
     data.mkdir(exist_ok=True)
     farm = LocalFarm(data, host, 0, 0, said.append, tls=tls)
     monkeypatch.setattr(farm, "_start", lambda part: None)
-    monkeypatch.setattr(farm, "wait", lambda *arguments: True)
+    monkeypatch.setattr(farm, "wait_until", lambda *arguments: True)
     farm.start(lambda: False)
     return said

@@ -102,14 +102,14 @@ def test_a_frame_that_fails_is_named_and_the_others_are_rendered(
     from rayfarm.reading import ConfinedScene
     from renderer.errors import SceneError
 
-    whole = ConfinedScene.at
+    whole = ConfinedScene.scene_at
 
     def at(self: ConfinedScene, moment: Moment) -> object:
         if moment.frame in (1, 2):
             raise SceneError("smoke.0001.obj: is not among the scene's files; add it")
         return whole(self, moment)
 
-    monkeypatch.setattr(ConfinedScene, "at", at)
+    monkeypatch.setattr(ConfinedScene, "scene_at", at)
     common = ["render", shot, "-o", tmp_path / "out.#.png", *SMALL]
     done = rayfarm(*common, "--frames", "0-3", "--stats", tmp_path / "stats.json")
     assert done.returncode == 1
@@ -165,7 +165,7 @@ def test_only_what_moved_is_built_anew(tmp_path: Path, monkeypatch: pytest.Monke
         built.clear()
         with open_stage(tmp_path / name, Env()) as stage:
             for frame in (0, 12, 24):
-                compiled, summary = stage.at(Moment(frame))
+                compiled, summary = stage.scene_at(Moment(frame))
                 alone = compile_scene(read(tmp_path, name, moment=Moment(frame)))
                 for key, array in flat(alone).items():
                     assert flat(compiled)[key].tobytes() == array.tobytes(), key
@@ -179,9 +179,9 @@ def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: 
     del g.root["nodes"][2]["camera"]
     (tmp_path / "bare.glb").write_bytes(g.glb())
     with open_stage(tmp_path / "bare.glb", Env()) as stage:
-        start, later = (stage.at(Moment(frame))[1]["cameras"][-1] for frame in (0, 18))
+        start, later = (stage.scene_at(Moment(frame))[1]["cameras"][-1] for frame in (0, 18))
     with open_stage(tmp_path / "bare.glb", Env()) as stage:
-        alone = stage.at(Moment(18))[1]["cameras"][-1]
+        alone = stage.scene_at(Moment(18))[1]["cameras"][-1]
     assert start == later == alone
 
 

@@ -117,7 +117,7 @@ def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
     stage = OpenScene(Shot(folder, name), threads=1)
     seen = set()
     for frame in (5, 0, 9, 17, 9, 24, 0.5):
-        compiled, summary = stage.at(Moment(frame))
+        compiled, summary = stage.scene_at(Moment(frame))
         alone = compile_scene(read(folder, name, moment=Moment(frame)), threads=1)
         for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
@@ -131,7 +131,7 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
     asked = {"shutter": 0.5}
     stage = OpenScene(Shot(folder, name), threads=1, shutter=asked)
     for frame in (5, 0, 9, 9, 0.5):
-        compiled, summary = stage.at(Moment(frame))
+        compiled, summary = stage.scene_at(Moment(frame))
         description = Shot(folder, name).over_shutter(Moment(frame), asked)
         alone = compile_scene(description, threads=1)
         for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):
@@ -147,14 +147,14 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
 def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
     stage = OpenScene(Shot(folder, name), threads=1)
     for frame in (5, 6):
-        between, summary = stage.between(Moment(frame))
+        between, summary = stage.between_neighbours(Moment(frame))
         alone = compile_scene(Shot(folder, name).between_frames(Moment(frame)), threads=1)
         for (part, ours), theirs in zip(flat(between).items(), flat(alone).values(), strict=True):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} between {frame}")
         if name.endswith(".glb"):
-            eyes = [stage.at(Moment(frame + k))[1]["cameras"][0]["view"]["eye"] for k in (-1, 0, 1)]
+            eyes = [stage.scene_at(Moment(frame + k))[1]["cameras"][0]["view"]["eye"] for k in (-1, 0, 1)]
             assert [view["eye"] for view in summary["cameras"][0]["views"]] == eyes
-        compiled, _ = stage.at(Moment(frame))
+        compiled, _ = stage.scene_at(Moment(frame))
         alone = compile_scene(read(folder, name, moment=Moment(frame)), threads=1)
         for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
@@ -167,7 +167,7 @@ def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
     (tmp_path / "gone.glb").write_bytes(clip(g, "go", (visible, "pointer", [0, 1], np.uint8([1, 0]), "STEP")).glb())
     shot = Shot(tmp_path, "gone.glb")
     with pytest.raises(SceneError, match="has no surface"):
-        shot.at(Moment(24))
+        shot.scene_at(Moment(24))
     assert shot.between_frames(Moment(23)).keys == 0
 
 
@@ -183,7 +183,7 @@ def test_what_stands_still_is_made_once(folder, monkeypatch):
         made.clear()
         stage = OpenScene(Shot(folder, name), threads=1)
         for frame in range(5):
-            stage.at(Moment(frame))
+            stage.scene_at(Moment(frame))
         assert sorted(made) == ["make_bodies", "make_still", "pack"], name
 
 
@@ -197,7 +197,7 @@ def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):
     known = compiling.compile_scene
     monkeypatch.setattr(compiling, "compile_scene", lambda *args, **more: calls.append(1) or known(*args, **more))
     stage = OpenScene(Shot(tmp_path, "fly.glb"), threads=1)
-    eyes = [stage.at(Moment(frame))[1]["cameras"][0]["view"]["eye"][0] for frame in (0, 8, 16)]
+    eyes = [stage.scene_at(Moment(frame))[1]["cameras"][0]["view"]["eye"][0] for frame in (0, 8, 16)]
     np.testing.assert_allclose(eyes, [0, 1, 2], atol=1e-6)
     assert len(calls) == 1
 
@@ -205,6 +205,6 @@ def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):
 @pytest.mark.long
 def test_the_camera_that_frames_a_scene_does_so_at_its_beginning(folder):
     late, soon = OpenScene(Shot(folder, "all.yaml"), threads=1), OpenScene(Shot(folder, "all.yaml"), threads=1)
-    first = soon.at(Moment(0))[1]["cameras"][-1]
-    assert late.at(Moment(20))[1]["cameras"][-1] == first
-    assert soon.at(Moment(20))[1]["cameras"][-1] == first
+    first = soon.scene_at(Moment(0))[1]["cameras"][-1]
+    assert late.scene_at(Moment(20))[1]["cameras"][-1] == first
+    assert soon.scene_at(Moment(20))[1]["cameras"][-1] == first

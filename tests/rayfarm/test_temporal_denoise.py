@@ -15,7 +15,7 @@ def run(frames: list[float], missing: list[float], fails: tuple[float, ...] = ()
         if frame not in fails:
             log.append(f"{frame:g}")
             if steadying.has_neighbours(frame):
-                steadying.take(frame, STILLS[frame], lambda picture, frame=frame: pictures.update({frame: picture}))
+                steadying.add_frame(frame, STILLS[frame], lambda picture, frame=frame: pictures.update({frame: picture}))
         for number, write in steadying.mark_done(frame):
             write()
             log.append(f"w{number:g}")

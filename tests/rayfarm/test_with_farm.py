@@ -175,7 +175,7 @@ def digest_here(scene: Path, frame: float, picture: Picture, turntable: float | 
     """Returns the digest of the frame rendered by `rayfarm render --frame`."""
     moment = Moment(frame)
     with open_stage(scene, picture.environment(), shutter=picture.shutter()) as stage:
-        compiled, summary = stage.at(moment)
+        compiled, summary = stage.scene_at(moment)
     settings = PictureOrder(picture, [], False, 0.0, "neutral", None, 0, turntable, None).settings(summary, moment)
     return film.digest(render_frame(compiled, settings, 4))
 

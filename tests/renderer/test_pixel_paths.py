@@ -26,7 +26,7 @@ def test_the_samples_add_up_to_the_film_and_three_are_shown(made):
     asked = replace(settings(*VIEW, size=40, max_depth=6), view=View((0, 2, 6), (0, 0.5, 0), fov=40, aperture=0.2))
     film = render_batch(made, asked, Tile(16, 16, 8, 8), 0, 24).sums
     for x, y in ((16, 16), (20, 22), (23, 23)):
-        found = pixel_paths(made, asked, x, y, 24, asked=5)
+        found = pixel_paths(made, asked, x, y, 24, sample_number=5)
         assert list(found.sums) == film[COLOR, y - 16, x - 16].tolist()
         assert found.finite == film[SAMPLES, y - 16, x - 16] == found.samples == 24
         assert {role for path in found.paths for role in path.chosen} == {"asked", "first", "median", "brightest"}

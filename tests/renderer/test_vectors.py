@@ -202,7 +202,7 @@ def test_every_vertex_of_a_file_that_turns_morphs_and_bends(tmp_path: Path) -> N
     """
     (tmp_path / "all.glb").write_bytes(everything())
     shot = Shot(tmp_path, "all.glb")
-    found = [shot.at(Moment(frame)) for frame in (8, 9, 10)]
+    found = [shot.scene_at(Moment(frame)) for frame in (8, 9, 10)]
     views = [replace(each.cameras[0].view, fov=50.0) for each in found]
     corners = [np.concatenate([world(each, n) for n in range(len(each.instances))]).astype(np.float64) for each in found]
     o, d = rays(views[1])

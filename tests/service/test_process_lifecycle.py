@@ -36,11 +36,11 @@ def test_a_service_that_starts_while_the_database_is_away_waits_for_it(tmp_path:
     async def begun() -> None:
         life = ServiceLifecycle(Settings(data=tmp_path), lambda farm: None)
         await life.begin()
-        assert life.stands_by
+        assert life.is_standby
         assert life.is_alive
-        assert life.why == "This service has not begun: The database does not answer."
+        assert life.standby_reason == "This service has not begun: The database does not answer."
         await asyncio.wait_for(was_owned.wait(), 20)
-        await life.end()
+        await life.stop()
 
     monkeypatch.setattr(Candidate, "attempt", attempt)
     monkeypatch.setattr(ServiceLifecycle, "_start_farm", own)

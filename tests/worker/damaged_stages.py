@@ -81,7 +81,7 @@ def said(folder: Path, suffix: str, tries: int) -> list[str]:
     tried.mkdir()
 
     def work(send: Any) -> dict[str, Any]:
-        found = Shot(tried, f"a.{suffix}").at(Moment(2))
+        found = Shot(tried, f"a.{suffix}").scene_at(Moment(2))
         assert all(m.triangles.max(initial=-1) < len(m.positions) for m in found.meshes)
         return {"instances": len(found.instances)}
 

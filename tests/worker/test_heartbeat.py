@@ -25,17 +25,17 @@ def report(name: str, pid: int, host: str = "here") -> WorkerReport:
 def test_a_report_expires_and_can_be_taken_away(redis_url: str, store: redis.Redis) -> None:
     reporter = Reporter(redis_url)
     mine = report("a", 1)
-    assert reporter.beat(mine)
+    assert reporter.write_report(mine)
     assert WorkerReport.from_bytes(store.get(worker_key("a"))) == mine  # type: ignore[arg-type]
     assert 0 < store.ttl(worker_key("a")) <= HEARTBEAT_TTL_S
-    reporter.leave("a")
+    reporter.delete_report("a")
     assert store.get(worker_key("a")) is None
 
 
 def test_a_worker_outlives_a_redis_that_is_away() -> None:
     reporter = Reporter("redis://127.0.0.1:9/0")
-    assert not reporter.beat(report("a", 1))
-    reporter.leave("a")
+    assert not reporter.write_report(report("a", 1))
+    reporter.delete_report("a")
 
 
 def test_what_is_told_and_asked_at_a_beat_is_one_message(redis_url: str, store: redis.Redis) -> None:

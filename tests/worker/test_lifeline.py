@@ -16,7 +16,7 @@ def test_a_worker_lives_as_long_as_its_connection(redis_url: str, store: redis.R
     name = "a name with spaces, ümläuts\nand lines"
     reporter = Reporter(redis_url)
     assert connected(store, {name}) == set()
-    assert reporter.beat(WorkerReport(name, "host", 1, 2, "cpu", "kind", "ready", time.time()))
+    assert reporter.write_report(WorkerReport(name, "host", 1, 2, "cpu", "kind", "ready", time.time()))
     store.delete(worker_key(name))
     assert connected(store, {name, "another"}) == {name}
     reporter.redis.close()

@@ -31,5 +31,5 @@ def test_it_reports_until_it_is_gone(redis_url: str, store: redis.Redis) -> None
     assert (first.state, first.current) == ("paused", [{"batch": "b"}])
     store.delete(worker_key("attic"))
     wait_until(lambda: said() is not None, 20, "and again")
-    leaving.end()
+    leaving.stop()
     assert said() is None

@@ -33,11 +33,9 @@ def is_loopback(url: str) -> bool:
         return False
 
 
-def not_a_farm(url: str, came: str) -> str:
-    """Returns the error sentence. came: description of the response, from `describe_answer`."""
-    return (
-        f"{url} answers, but it is not a Rayfarm service: {came}. Give the address that `rayfarm up` shows, as http://host:8000."
-    )
+def not_a_farm(url: str, description: str) -> str:
+    """Returns the error sentence. description: description of the response, from `describe_answer`."""
+    return f"{url} answers, but it is not a Rayfarm service: {description}. Give the address that `rayfarm up` shows, as http://host:8000."
 
 
 def describe_answer(body: bytes, content_type: str = "") -> str:

@@ -52,8 +52,8 @@ class HeartbeatConnection:
         self._connection: ConnectionInterface | None = None
         self._sent: deque[tuple[float, int]] = deque()  # pending messages: time sent, and number of commands
 
-    def send(self, report: WorkerReport, offer: Offer | None, more: list[tuple[Any, ...]]) -> None:
-        """Sends a report. offer: the worker's offer, or None. more: further commands, whose replies are ignored."""
+    def send(self, report: WorkerReport, offer: Offer | None, more_commands: list[tuple[Any, ...]]) -> None:
+        """Sends a report. offer: the worker's offer, or None. more_commands: further commands, whose replies are ignored."""
         name, kind = report.name, report.kind
         commands: list[tuple[Any, ...]] = [
             ("CLIENT", "SETNAME", lifeline(name)),  # repeated, since the connection may be new
@@ -67,7 +67,7 @@ class HeartbeatConnection:
         ]
         if offer is not None:
             commands.append(("SET", offer_key(name), offer.to_bytes(), "EX", OFFER_TTL_S))
-        commands += more
+        commands += more_commands
         if self._sent and time.monotonic() - self._sent[0][0] > ANSWER_S:
             self.close()
         try:
@@ -85,7 +85,7 @@ class HeartbeatConnection:
         heard: HeartbeatReply | None = None
         try:
             while self._connection is not None and self._sent and self._connection.can_read(0.0 if heard else patience_s):
-                answers = [self._answer(self._connection) for _ in range(self._sent[0][1])]
+                answers = [self._read_answer(self._connection) for _ in range(self._sent[0][1])]
                 self._sent.popleft()
                 heard = _parse_reply(answers)
         except _UNREACHABLE:
@@ -100,7 +100,7 @@ class HeartbeatConnection:
             connection.disconnect()
 
     @staticmethod
-    def _answer(connection: ConnectionInterface) -> Any:
+    def _read_answer(connection: ConnectionInterface) -> Any:
         try:
             return connection.read_response(disable_decoding=True)
         except redis.ResponseError as error:  # Redis is full, or a key has another type

@@ -178,7 +178,7 @@ class Link:
                 self._body(response)
         return BlobRef(path="", sha256=sha256, size=size)
 
-    def has(self, sha256: str) -> bool:
+    def has_blob(self, sha256: str) -> bool:
         """Returns True if the service has a blob. Also renews the time for which the service keeps it without a reference."""
         try:
             with self._stream("POST", f"/api/farm/blobs/{sha256}/keep"):

@@ -66,7 +66,7 @@ class Pieces:
         shutil.rmtree(self.root, ignore_errors=True)
         self._lock.close()
 
-    def begin(self, message: str, about: bytes, pieces: Iterable[int], hold_s: float) -> None:
+    def add_message(self, message: str, about: bytes, pieces: Iterable[int], hold_s: float) -> None:
         """Adds the pieces with these numbers of a message. Raises ValueError if the message's id cannot be a file name."""
         if not _MESSAGE.fullmatch(message):
             raise ValueError(f"{message!r} is no id of a message")
@@ -76,7 +76,7 @@ class Pieces:
             (new / f"todo-{number:04}").touch()
         new.rename(self.root / f"{time.time_ns():020}.{int(1000 * hold_s)}.{message}")
 
-    def take(self) -> ClaimedPiece | None:
+    def claim(self) -> ClaimedPiece | None:
         """Claims the free piece that has waited longest; None if there is none."""
         for folder in self._groups():
             for name in sorted(_names(folder, "todo-")):
@@ -86,17 +86,17 @@ class Pieces:
                     return ClaimedPiece(folder, number, (folder / "about").read_bytes())
         return None
 
-    def put(self, taken: ClaimedPiece, result: Result) -> None:
+    def store_result(self, piece: ClaimedPiece, result: Result) -> None:
         """Stores the sums of a claimed piece; any slot may send them."""
-        written = taken.folder / f"written-{taken.number}-{os.getpid()}"
+        written = piece.folder / f"written-{piece.number}-{os.getpid()}"
         written.write_bytes(result_bytes(result))
-        written.rename(taken.folder / f"done-{taken.number:04}")
-        self.release(taken)
+        written.rename(piece.folder / f"done-{piece.number:04}")
+        self.release(piece)
 
-    def release(self, taken: ClaimedPiece) -> None:
+    def release(self, piece: ClaimedPiece) -> None:
         """Removes the claim on a piece that is rendered or abandoned."""
         with contextlib.suppress(FileNotFoundError):
-            (taken.folder / f"doing-{taken.number}-{os.getpid()}").unlink()
+            (piece.folder / f"doing-{piece.number}-{os.getpid()}").unlink()
 
     def due_results(self, at_once: bool = False) -> Iterator[list[Result]]:
         """Yields the results that are due, one list per message, in the order of the pieces. Advancing the iterator marks them as
@@ -121,7 +121,7 @@ class Pieces:
         """Returns the ids of messages that have pieces or unsent sums here."""
         return sorted({_message(folder) for folder in [*self._groups(), *self._sending_folders()]})
 
-    def waiting(self) -> int:
+    def free_count(self) -> int:
         """Returns the number of free pieces."""
         return sum(len(_names(folder, "todo-")) for folder in self._groups())
 

@@ -52,12 +52,12 @@ def frame_answerer(
     stage = OpenScene(shot, work, base, out)
     opened_s = time.monotonic() - begun
 
-    def answer(frames: list[int], send: Send) -> None:
+    def answer_frames(frames: list[int], send: Send) -> None:
         nonlocal opened_s
         for frame in frames:
             begun = time.monotonic()
             try:
-                found = stage.at(Moment(frame_number(frame), work.fps, work.clip))
+                found = stage.frame_message(Moment(frame_number(frame), work.fps, work.clip))
             except MachineError:
                 raise
             except RayfarmError as error:
@@ -65,7 +65,7 @@ def frame_answerer(
             send({"frame": frame, "seconds": time.monotonic() - begun + opened_s, **found})
             opened_s = 0.0
 
-    return answer
+    return answer_frames
 
 
 class OpenScene:
@@ -80,12 +80,12 @@ class OpenScene:
         self._out = out
         # Each moment has a separate folder: an equal moment may be written while these files are being deleted.
         self._rooms = (out / str(number) for number in itertools.count())
-        self._start = shot.at(Moment(shot.start))
+        self._start = shot.scene_at(Moment(shot.start))
         self._last: tuple[SceneDescription, CompiledScene, Path] | None = None  # valid until another moment is compiled
         self._auto: View | None = View.from_json(_without_none(work.base_auto)) if work.clip is None else None
         self._still: SceneDescription | None = None  # the description of a static scene, read once
 
-    def at(self, moment: Moment) -> dict[str, Any]:
+    def frame_message(self, moment: Moment) -> dict[str, Any]:
         """Compiles a frame and returns the message about it. Raises SceneError, and SettingsError if its view is invalid."""
         read = self._still or self._shot.over_shutter(moment, self._work.shutter)
         self._still = None if read.moves else read
@@ -93,7 +93,7 @@ class OpenScene:
         view, views = self._views(described, compiled)
         if self._work.turntable is not None:
             fps, up = described.fps, described.up
-            shutter = Shutter.of(chosen(self._work.shutter, described.defaults))
+            shutter = Shutter.from_settings(chosen(self._work.shutter, described.defaults))
             views = orbit_over(view, views, moment, shutter, fps, self._work.turntable, up)
             view = orbit(view, moment.seconds(fps) / self._work.turntable, up)
         return {
@@ -113,7 +113,7 @@ class OpenScene:
         untouched = _copied_description(read)
         self._last = None
         kept, self._kept = self._kept, ShotCache()  # discard the cache if compiling fails
-        compiled = compile_scene(read, kept=kept)
+        compiled = compile_scene(read, shot_cache=kept)
         assert kept.cuts is not None
         room = next(self._rooms)
         room.mkdir()
@@ -137,7 +137,7 @@ class OpenScene:
     def _auto_view(self) -> View:
         """Returns the view of the automatic camera, which frames the scene at the start of the clip and does not move."""
         if self._auto is None:
-            read = self._shot.at(Moment(self._shot.start, self._work.fps, self._work.clip))
+            read = self._shot.scene_at(Moment(self._shot.start, self._work.fps, self._work.clip))
             if compiles_alike(read, self._start):
                 self._auto = View.from_json(_without_none(self._work.base_auto))
             else:

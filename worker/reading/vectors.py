@@ -48,7 +48,7 @@ def _views(shot: Shot, described: SceneDescription, compiled: CompiledScene, wor
         return cameras[number].view, cameras[number].keys
     if work.clip is None:
         return _view(work.auto), ()
-    start = shot.at(replace(Moment(shot.start), fps=work.fps, clip=work.clip))
+    start = shot.scene_at(replace(Moment(shot.start), fps=work.fps, clip=work.clip))
     return View.from_json(summarise(start, compile_scene(start))["cameras"][-1]["view"]), ()
 
 

@@ -81,16 +81,18 @@ class Reducer:
         self._coming = [0, 0]  # bytes being received: from unidentified senders, and from workers
         self._count = threading.Lock()
 
-    def is_signed(self, body: bytes, said: str) -> bool:
-        """Returns True if `said` is a valid signature of this body by a worker of the farm."""
-        return any(secrets.compare_digest(signature(secret, body).encode(), said.encode()) for _, secret in self._secrets)
+    def is_signed(self, body: bytes, claimed: str) -> bool:
+        """Returns True if `claimed` is a valid signature of this body by a worker of the farm."""
+        return any(secrets.compare_digest(signature(secret, body).encode(), claimed.encode()) for _, secret in self._secrets)
 
-    def is_announced(self, size: int, said: str) -> bool:
-        """Returns True if `said` is a valid signature of this size by a worker of the farm."""
-        return any(secrets.compare_digest(size_signature(secret, size).encode(), said.encode()) for _, secret in self._secrets)
+    def is_announced(self, size: int, signature: str) -> bool:
+        """Returns True if `signature` is a valid signature of this size by a worker of the farm."""
+        return any(
+            secrets.compare_digest(size_signature(secret, size).encode(), signature.encode()) for _, secret in self._secrets
+        )
 
     @contextlib.contextmanager
-    def room(self, size: int, is_ours: bool = False) -> Iterator[bool]:
+    def reserve_memory(self, size: int, is_ours: bool = False) -> Iterator[bool]:
         """Context manager that reserves memory for a body; yields False if there is not enough.
 
         is_ours: the sender is a worker of the farm.
@@ -104,9 +106,9 @@ class Reducer:
             with self._count:
                 self._coming[is_ours] -= size if is_there else 0
 
-    def take(self, body: bytes) -> None:
+    def store(self, body: bytes) -> None:
         """Stores sums. Raises ValueError if they are invalid, SumsFullError if there is no room, or OSError."""
-        self.sums.take(result_of(body))
+        self.sums.store(result_of(body))
         with self._count:
             self.results += 1
             self.bytes_in += len(body)
@@ -125,13 +127,13 @@ class Reducer:
         if not self._secrets or now - self._secrets[0][0] > SECRET_S:
             self._secrets = [(now, secrets.token_bytes(32)), *self._secrets[:1]]
         counts = (self.results, self.sent, self.bytes_in, self.bytes_out)
-        about = (self.name, socket.gethostname(), os.getpid(), address, port, self._started, self.sums.in_hand(), *counts)
+        about = (self.name, socket.gethostname(), os.getpid(), address, port, self._started, self.sums.batches_in_hand(), *counts)
         with self._store.pipeline(transaction=False) as both:
             both.set(secret_key(self.name), self._secrets[0][1], ex=HEARTBEAT_TTL_S)
             both.set(site_key(self.name), SiteReport(*about).to_bytes(), ex=HEARTBEAT_TTL_S)
             both.execute()
 
-    def leave(self) -> None:
+    def withdraw(self) -> None:
         """Withdraws what `report` published, so that workers send to the service."""
         with contextlib.suppress(redis.RedisError):
             self._store.delete(site_key(self.name), secret_key(self.name))
@@ -182,32 +184,32 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             size = int(self.headers.get("Content-Length", ""))
         except ValueError:
-            return self._answer(HTTPStatus.LENGTH_REQUIRED)
+            return self._send_status(HTTPStatus.LENGTH_REQUIRED)
         if self.path != SUMS_PATH or not 0 <= size <= MAX_RESULT_BYTES:
-            return self._answer(HTTPStatus.NOT_FOUND if self.path != SUMS_PATH else HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+            return self._send_status(HTTPStatus.NOT_FOUND if self.path != SUMS_PATH else HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
         is_ours = self.server.reducer.is_announced(size, self.headers.get(ANNOUNCED_HEADER, ""))
-        with self.server.reducer.room(size, is_ours) as is_there:
+        with self.server.reducer.reserve_memory(size, is_ours) as is_there:
             if not is_there:
-                return self._answer(HTTPStatus.SERVICE_UNAVAILABLE)
+                return self._send_status(HTTPStatus.SERVICE_UNAVAILABLE)
             self._timed.set_deadline(PATIENCE_S + size / MIN_RATE)
-            return self._take(self.rfile.read(size), size)
+            return self._store_body(self.rfile.read(size), size)
 
-    def _take(self, body: bytes, size: int) -> None:
+    def _store_body(self, body: bytes, size: int) -> None:
         if len(body) != size:
             return None
         if not self.server.reducer.is_signed(body, self.headers.get(SIGNATURE_HEADER, "")):
-            return self._answer(HTTPStatus.FORBIDDEN)
+            return self._send_status(HTTPStatus.FORBIDDEN)
         try:
-            self.server.reducer.take(body)
+            self.server.reducer.store(body)
         except ValueError as error:
             log.debug("sums are left to the service: %s", error)
-            return self._answer(HTTPStatus.CONFLICT)
+            return self._send_status(HTTPStatus.CONFLICT)
         except (SumsFullError, OSError) as error:
             log.warning("sums are not taken: %s", error or "too many wait")
-            return self._answer(HTTPStatus.SERVICE_UNAVAILABLE)
-        return self._answer(HTTPStatus.NO_CONTENT)
+            return self._send_status(HTTPStatus.SERVICE_UNAVAILABLE)
+        return self._send_status(HTTPStatus.NO_CONTENT)
 
-    def _answer(self, status: HTTPStatus) -> None:
+    def _send_status(self, status: HTTPStatus) -> None:
         self.close_connection = True
         self.connection.settimeout(PATIENCE_S)
         self.send_response(status)
@@ -287,7 +289,7 @@ def _report_until_stopped(reducer: Reducer, address: str, port: int, stop: threa
                 said = str(error)
                 log.warning("Redis does not answer: %s", error)
         if stop.wait(HEARTBEAT_EVERY_S):
-            reducer.leave()
+            reducer.withdraw()
             return
 
 

@@ -77,12 +77,12 @@ class SiteSums:
         """Total size of the stored sums in bytes."""
         return sum(group.size for group in [*self._groups.values(), *self._sending.values()])
 
-    def in_hand(self) -> list[str]:
+    def batches_in_hand(self) -> list[str]:
         """Returns the ids of the batches whose sums are stored."""
         with self._lock:
             return [batch for group in [*self._groups.values(), *self._sending.values()] for batch in group.batches]
 
-    def take(self, result: Result) -> None:
+    def store(self, result: Result) -> None:
         """Stores sums until those of their run are complete.
 
         Raises ValueError for malformed or conflicting sums, SumsFullError if they do not fit, and OSError.
@@ -151,19 +151,19 @@ class SiteSums:
         folder.mkdir(mode=0o700)
         return _Group(folder, run, self._clock(), missing)
 
-    def _load_left_sums(self, left: Path) -> None:
+    def _load_left_sums(self, left_folder: Path) -> None:
         """Loads the sums in a folder left by an earlier process, to be sent unchanged. Deletes folders that are too old."""
-        name = left.name.removeprefix(SENDING_PREFIX)
+        name = left_folder.name.removeprefix(SENDING_PREFIX)
         try:
             is_stale = time.time() - int(name.partition("-")[0]) / 1e9 > STALE_S
         except ValueError:
             is_stale = True
-        found = [] if is_stale else _results_in(left)
+        found = [] if is_stale else _results_in(left_folder)
         if not found:
-            shutil.rmtree(left, ignore_errors=True)
+            shutil.rmtree(left_folder, ignore_errors=True)
             return
-        folder = left.with_name(SENDING_PREFIX + name)
-        left.rename(folder)
+        folder = left_folder.with_name(SENDING_PREFIX + name)
+        left_folder.rename(folder)
         batches = [part[0] for result in found for part in batches_of_event(result.event)]
         size = sum(len(result.sums or b"") for result in found)
         self._sending[folder] = _Group(folder, Run("", 0, 0, 0.0), self._clock(), 0, size, {}, batches)

@@ -32,11 +32,11 @@ class LogTail(logging.Handler):
         with contextlib.suppress(OSError, ValueError):
             self._file.write(self.format(record).encode(errors="replace")[:LONGEST] + b"\n")
 
-    def lines(self, most: int = 200) -> list[str]:
-        """Returns the last lines, at most `most`, oldest first."""
+    def lines(self, max_lines: int = 200) -> list[str]:
+        """Returns the last lines, at most `max_lines`, oldest first."""
         with contextlib.suppress(OSError, ValueError):
             text = self._last_bytes().decode(errors="replace")
-            return text.splitlines()[-most:]
+            return text.splitlines()[-max_lines:]
         return []
 
     def trim(self) -> None:

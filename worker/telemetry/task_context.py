@@ -35,7 +35,7 @@ class Steps:
         self._name: str | None = None
         self._begun = 0.0
 
-    def now(self, name: str | None) -> None:
+    def begin_step(self, name: str | None) -> None:
         """Ends the current step and begins the next. None: begins no step."""
         if name != self._name:
             if self._name is not None:

@@ -48,7 +48,7 @@ class _OpenScene:
             place_files(worker, manifest, self.room.scene)
             folder, base, out = (os.fsencode(each) for each in (self.room.scene, self.room.base, self.room.out))
             job = partial(serve_requests, folder, manifest, work, base, out, IDLE_S)
-            self.reader = self.room.begin(job, manifest.main, SECONDS)
+            self.reader = self.room.begin_reader(job, manifest.main, SECONDS)
         except BaseException:
             self.room.close()
             raise
@@ -65,7 +65,7 @@ class _OpenScene:
         if self._spent > SECONDS:  # the reader's CPU time limit covers all its requests
             self.reader.close()
 
-    def keep(self, files: Path) -> None:
+    def keep_only(self, files: Path) -> None:
         """Deletes the compiled files of earlier frames, except the folder `files`, which the next frame may reuse."""
         if self._latest not in (None, files):
             shutil.rmtree(self._latest, ignore_errors=True)
@@ -94,7 +94,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
     left = list(work.frames)
     opened: _OpenScene
 
-    def take(message: dict[str, Any]) -> None:
+    def handle_message(message: dict[str, Any]) -> None:
         frame = message.get("frame")
         if frame not in left:
             raise WorkError(
@@ -112,7 +112,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
             if message["file"] is not None:
                 path = opened.room.compiled(message["file"])
                 ref = store_scene(worker, path, opened.of_scene)
-                opened.keep(path.parent)
+                opened.keep_only(path.parent)
             known = (message[name] for name in ("view", "defaults", "warnings", "seconds", "views"))
             info = FrameInfo(ref, *known)
             answer("frame-prepared", frame=frame, info=asdict(info))
@@ -127,7 +127,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
                 _open[key] = _OpenScene(worker, manifest, work)
             opened = _open[key]
             try:
-                opened.request(left, take)
+                opened.request(left, handle_message)
             finally:
                 if opened.reader.is_over:
                     forget_frames()
@@ -155,7 +155,7 @@ def compiled_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
     """
     found: list[str | None] = []
 
-    def take(message: dict[str, Any]) -> None:
+    def handle_message(message: dict[str, Any]) -> None:
         if "failed" in message:
             raise WorkError(message["failed"])
         found.append(message.get("file"))
@@ -163,7 +163,7 @@ def compiled_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
     forget_frames()  # earlier requests may have removed files of an open reader
     opened = _OpenScene(worker, manifest, work)
     try:
-        opened.request(work.frames[:1], take)
+        opened.request(work.frames[:1], handle_message)
         opened.reader.close()  # ends the reader, which could modify the validated files
         return load(opened.room.compiled(found[0])) if found and found[0] else None
     finally:

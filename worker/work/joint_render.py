@@ -44,7 +44,7 @@ def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message:
         return False
     most = max(2, worker.slots)
     try:
-        worker.pieces.begin(message, json.dumps(joint.to_json()).encode(), range(most)[: len(joint.pieces)], joint.hold_s)
+        worker.pieces.add_message(message, json.dumps(joint.to_json()).encode(), range(most)[: len(joint.pieces)], joint.hold_s)
     except (OSError, ValueError) as error:
         log.warning("slots cannot share a batch, one renders it alone: %s", error)
         return False
@@ -81,7 +81,7 @@ def render_waiting_piece(worker: WorkerContext) -> None:
     if worker.pieces is None:
         return
     try:
-        taken = worker.pieces.take()
+        taken = worker.pieces.claim()
         if taken is not None:
             _render(worker, taken)
         for results in worker.pieces.due_results():
@@ -111,22 +111,22 @@ def _requeue(app: Celery, worker: WorkerContext, joint: JointBatch, pieces: tupl
     app.send_task(RENDER_JOINTLY, kwargs={"joint": rest.to_json()}, queue=queue, **options)
 
 
-def _render(worker: WorkerContext, taken: ClaimedPiece) -> None:
+def _render(worker: WorkerContext, piece: ClaimedPiece) -> None:
     assert worker.pieces is not None
-    joint = JointBatch.from_json(json.loads(taken.about))
-    work = joint.batch(taken.number)
+    joint = JointBatch.from_json(json.loads(piece.about))
+    work = joint.batch(piece.number)
     with about(**message_ids(vars(work))), rendering_batch(worker, work, joint.whole.batch) as do:
         result = do()
         if result.sums is not None:
             if joint.run is not None:
                 result.event["run"] = list(joint.run)
             try:
-                worker.pieces.put(taken, result)
+                worker.pieces.store_result(piece, result)
                 return
             except OSError as error:
                 log.warning("sums are sent by themselves, as they cannot be kept for others: %s", error)
         worker.results.send(result)
-        worker.pieces.release(taken)
+        worker.pieces.release(piece)
 
 
 def _send(worker: WorkerContext, results: list[Result]) -> None:

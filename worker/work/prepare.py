@@ -83,15 +83,15 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, sho
 
         preview: BlobRef | None = None
 
-        def take(message: dict[str, Any]) -> None:
+        def handle_message(message: dict[str, Any]) -> None:
             nonlocal preview
-            if isinstance(shown := message.get("preview"), dict) and preview is None and room.has(room.out / PREVIEW):
+            if isinstance(shown := message.get("preview"), dict) and preview is None and room.has_file(room.out / PREVIEW):
                 preview = store(worker, room.out / PREVIEW)
                 show(ScenePreview(preview, shown.get("cameras", []), shown.get("bounds", []), shown.get("defaults", {})))
             progress(str(message.get("step")), float(message.get("fraction", 0.0)))
 
         job = partial(prepare, os.fsencode(folder), read, os.fsencode(room.out))
-        summary = room.run(job, manifest.main, SECONDS, take, reads=[folder])
+        summary = room.run(job, manifest.main, SECONDS, handle_message, reads=[folder])
         _compile_kernel(summary.get("variant"), progress)
         progress("storing", 0.95)
         compiled = store_scene(worker, room.compiled(summary.get("compiled")))
@@ -144,12 +144,12 @@ def _compile_kernel(variant: Any, progress: Progress) -> None:
         warm_up(variant=variant, prepares=False)  # if several slots need the kernel, only one compiles it
 
 
-def _convert_with_blender(manifest: Manifest, room: ReaderFolder) -> list[str]:
+def _convert_with_blender(manifest: Manifest, folder: ReaderFolder) -> list[str]:
     """Converts the scene with Blender into the room's folder WRITTEN. Returns the names of the written files, main file first.
 
     Raises WorkError.
     """
-    written = room.folder / CONVERTED_FOLDER
+    written = folder.folder / CONVERTED_FOLDER
     written.mkdir()
     with translated_errors():
         if (blender := find()) is None:
@@ -160,10 +160,10 @@ def _convert_with_blender(manifest: Manifest, room: ReaderFolder) -> list[str]:
                     file=manifest.main,
                 )
             )
-        main = convert(blender, room.scene, manifest.main, written, memory_budget(), SECONDS - RESERVED_S)
+        main = convert(blender, folder.scene, manifest.main, written, memory_budget(), SECONDS - RESERVED_S)
     files = [main, *sorted(path.name for path in written.iterdir() if path.name != main)]
-    if manifest.environment is not None and (room.scene / manifest.environment).is_file():
+    if manifest.environment is not None and (folder.scene / manifest.environment).is_file():
         light = written / manifest.environment
         light.parent.mkdir(parents=True, exist_ok=True)
-        os.link(room.scene / manifest.environment, light)
+        os.link(folder.scene / manifest.environment, light)
     return files

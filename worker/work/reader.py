@@ -16,7 +16,7 @@ from typing import Any, Self
 
 from renderer import errors as faults
 from renderer import jit
-from renderer.blender.opening import calls_of_reader
+from renderer.blender.opening import callable_functions
 from renderer.confine import running
 from renderer.confine.job_folder import temporary_folder
 from renderer.confine.reader import Link
@@ -114,11 +114,11 @@ class ReaderFolder:
         """
         with (
             translated_errors(),
-            self.begin(job, subject, seconds, memory=memory, preload=preload, calls=calls, reads=reads) as reader,
+            self.begin_reader(job, subject, seconds, memory=memory, preload=preload, calls=calls, reads=reads) as reader,
         ):
             return reader.result(on_message)
 
-    def begin(
+    def begin_reader(
         self,
         job: Job,
         subject: str,
@@ -138,7 +138,7 @@ class ReaderFolder:
             Sentence("advice-shrink-or-split", "Make it smaller, or split it into several."),
         )
         more = [_ALL_PREPARING] if jit.is_cached(kernel_name(variant=FULL)) else []  # do not wait while it is compiled
-        calls = {**calls_of_reader(self.scene, self.folder), **(calls or {})}
+        calls = {**callable_functions(self.scene, self.folder), **(calls or {})}
         with translated_errors():
             return running.Reader(
                 job,
@@ -165,14 +165,14 @@ class ReaderFolder:
                     )
                 )
             path /= part
-        if not self.has(path):
+        if not self.has_file(path):
             raise WorkError(
                 Sentence("reader-file-missing", "the scene's reader wrote no file {name}", name=repr(str(name)[:100]))
             )
         return path
 
     @staticmethod
-    def has(path: Path) -> bool:
+    def has_file(path: Path) -> bool:
         """Returns True if `path` is a regular file."""
         try:
             return stat.S_ISREG(path.lstat().st_mode)
@@ -196,7 +196,7 @@ class ReaderFolder:
         with translated_errors():
             for part in parts_of(path):
                 beside = path.parent / part.sha256
-                if os.path.lexists(beside) and not self.has(beside):
+                if os.path.lexists(beside) and not self.has_file(beside):
                     raise WorkError(
                         Sentence(
                             "reader-part-not-file",

@@ -30,18 +30,18 @@ def store(worker: WorkerContext, path: Path) -> BlobRef:
     return retry_on_trouble(lambda: worker.link.store(path), STORE_TIMEOUT_S)
 
 
-def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) -> BlobRef:
+def store_scene(worker: WorkerContext, path: Path, stored_parts: Collection[str] = ()) -> BlobRef:
     """Uploads a compiled scene written by `renderer.scene.compiled.save` or a Saver; only parts that the service lacks.
 
-    there: hashes of parts that the service certainly has; they are not checked. The parts are also added to this machine's cache,
-    for later frames that share them, since the service may delete them. Raises TemporaryError if a part of an earlier frame no
-    longer exists.
+    stored_parts: hashes of parts that the service certainly has; they are not checked. The parts are also added to this
+    machine's cache, for later frames that share them, since the service may delete them. Raises TemporaryError if a part of an
+    earlier frame no longer exists.
     """
     parts = parts_of(path)
     for part in parts:
-        if part.sha256 not in there:
+        if part.sha256 not in stored_parts:
             _store_part(worker, path.parent / part.sha256, part)
-    is_there: bool = bool(parts) and retry_on_trouble(lambda: worker.link.has(path.name), STORE_TIMEOUT_S)
+    is_there: bool = bool(parts) and retry_on_trouble(lambda: worker.link.has_blob(path.name), STORE_TIMEOUT_S)
     if is_there:
         ref = BlobRef("", path.name, path.stat().st_size)
     else:
@@ -51,7 +51,7 @@ def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) 
 
 
 def _store_part(worker: WorkerContext, path: Path, part: Part) -> None:
-    if not retry_on_trouble(lambda: worker.link.has(part.sha256), STORE_TIMEOUT_S):
+    if not retry_on_trouble(lambda: worker.link.has_blob(part.sha256), STORE_TIMEOUT_S):
         store(worker, path if path.is_file() else _from_cache(worker, part))
     if path.is_file():
         worker.cache.add_copy(path, part.sha256)

@@ -55,7 +55,7 @@ def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> I
     about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
     with SlotTask(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
 
-        def do() -> Result:
+        def render_and_send() -> Result:
             # A piece shared by another slot comes without a trace context from the service.
             parent = tracing.current_span() or tracing.root_span("job", work.job)
             with collect_warnings() as heard, tracing.span("batch", parent, **message_ids(vars(work))):
@@ -70,4 +70,4 @@ def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> I
                 log.debug("%s", result.event["type"], extra=about_it)
             return result
 
-        yield do
+        yield render_and_send

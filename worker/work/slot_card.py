@@ -176,7 +176,7 @@ def _ready(
         raise _UnusableError(_failed(card))
     scene = retry_on_trouble(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
     variant = variant_for(batch.settings, scene)
-    if not renderer.has(variant):
+    if not renderer.has_kernel(variant):
         compiling(True)
         _load(worker, renderer, variant)
         compiling(False)

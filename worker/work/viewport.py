@@ -135,12 +135,12 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         return
     answering.send("begun")
 
-    def answer(kind: str, **more: Any) -> None:
+    def send_answer(kind: str, **more: Any) -> None:
         answering.send({"frame-prepared": "frame", "frame-failed": "failed"}.get(kind, "returned"), **more)
 
     try:
         manifest = retry_on_trouble(lambda: worker.link.manifest(work.work.scene), PATIENCE_S)
-        prepare_frames(worker, manifest, work.work, answer)
+        prepare_frames(worker, manifest, work.work, send_answer)
         answering.send("over")
     except (UnfitError, MachineError) as error:
         answering.send("returned", error=str(error), unfit=True)

@@ -57,7 +57,7 @@ class Client:
         """The authentication headers of a request."""
         return {"Authorization": f"Bearer {self.token}"} if self.token else {}
 
-    def call(
+    def request(
         self,
         method: str,
         path: str,
@@ -81,17 +81,17 @@ class Client:
             raise
         except (urllib.error.URLError, http.client.HTTPException, OSError, ValueError) as error:
             raise FarmError(
-                f"No farm answers at {self.url} ({_reason(error)}). Is it running, and is the address right?"
+                f"No farm answers at {self.url} ({_connection_error_text(error)}). Is it running, and is the address right?"
             ) from None
 
-    def json(self, method: str, path: str, said: Any = None, **headers: str) -> Any:
-        """Sends a request with JSON content `said` (None: no content) and returns the decoded response; None if that is empty.
+    def json(self, method: str, path: str, payload: Any = None, **headers: str) -> Any:
+        """Sends a request with JSON content `payload` (None: no content) and returns the decoded response; None if that is empty.
 
         headers: further headers, with _ instead of -. Raises FarmError if the request fails.
         """
-        data = None if said is None else json.dumps(said).encode()
+        data = None if payload is None else json.dumps(payload).encode()
         known = {"Content-Type": "application/json"} if data is not None else {}
-        _, _, body = self.call(
+        _, _, body = self.request(
             method, path, data, {**known, **{name.replace("_", "-"): value for name, value in headers.items()}}
         )
         if not body:
@@ -114,7 +114,7 @@ class Client:
         """
         kind, size, chunks = body_of(parts, fields)
 
-        def counted() -> Iterator[bytes]:
+        def chunks_with_progress() -> Iterator[bytes]:
             done = 0
             for chunk in chunks:
                 progress(done, size)
@@ -124,7 +124,7 @@ class Client:
             progress(done, size)
 
         headers = {"Content-Type": kind, "Content-Length": str(size)}
-        _, _, body = self.call("POST", path, counted(), headers, patience_s=120.0)
+        _, _, body = self.request("POST", path, chunks_with_progress(), headers, patience_s=120.0)
         return json.loads(body)
 
     def check(self) -> str:
@@ -152,7 +152,7 @@ def _sentence(error: urllib.error.HTTPError) -> str:
     return str(detail or f"The farm answered {error.code} ({error.reason}).")
 
 
-def _reason(error: Exception) -> str:
+def _connection_error_text(error: Exception) -> str:
     reason = getattr(error, "reason", None) or error
     if isinstance(reason, TimeoutError):
         return "it does not answer in time"

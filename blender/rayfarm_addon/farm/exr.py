@@ -50,7 +50,7 @@ def _read(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
         rows = min(lines, y1 + 1 - y)
         whole = sum(kind.itemsize for _, kind in channels) * width * rows
         block = data[offset + 8 : offset + 8 + size]
-        _place(_unzipped(block) if compression and size < whole else block, channels, found, y - y0, rows, width)
+        _copy_rows(_unzipped(block) if compression and size < whole else block, channels, found, y - y0, rows, width)
     return found
 
 
@@ -79,7 +79,7 @@ def _unzipped(block: bytes) -> bytes:
     return whole.tobytes()
 
 
-def _place(
+def _copy_rows(
     block: bytes,
     channels: list[tuple[str, np.dtype]],
     found: dict[str, npt.NDArray[np.float32]],

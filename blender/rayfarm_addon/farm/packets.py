@@ -28,7 +28,7 @@ class ProgressiveView:
         self.rgb: F32 = np.zeros((0, 0, 3), np.float32)
         self.whole = (0, 0)
 
-    def take(self, packet: bytes) -> None:
+    def add_packet(self, packet: bytes) -> None:
         """Updates the picture by a packet. Raises ValueError if the packet is malformed.
 
         If it belongs to another view or has another size, it begins a new picture; until all its tiles have arrived, the old

@@ -52,9 +52,9 @@ def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None
 class Rendering:
     """The rendering of one picture, started on creation. `events` is a queue; the last event is FinishedPicture or Failed."""
 
-    def __init__(self, client: Client, uploads: Uploads, asked: RenderRequest) -> None:
+    def __init__(self, client: Client, uploads: Uploads, request: RenderRequest) -> None:
         self.events: queue.SimpleQueue[Event] = queue.SimpleQueue()
-        self._client, self._uploads, self._asked = client, uploads, asked
+        self._client, self._uploads, self._asked = client, uploads, request
         self._cancelled = threading.Event()
         self._job: str | None = None
         self._thread = threading.Thread(target=self._run, name="rayfarm picture", daemon=True)
@@ -76,7 +76,7 @@ class Rendering:
             self.events.put(Failed(None))
         except FarmError as error:
             if error.status == 404:
-                self._uploads.forget()  # the farm no longer has the earlier uploads: everything is sent next time
+                self._uploads.clear()  # the farm no longer has the earlier uploads: everything is sent next time
             self.events.put(Failed(str(error)))
         except Exception as error:
             self.events.put(Failed(f"The add-on failed: {error!r}."))
@@ -84,7 +84,9 @@ class Rendering:
     def _picture(self) -> FinishedPicture:
         asked, uploads = self._asked, self._uploads
         self._report("Sending the scene")
-        found = uploads.ready(asked.files, asked.main, asked.title, self._report_upload, self._cancelled.is_set, self._report)
+        found = uploads.upload_and_prepare(
+            asked.files, asked.main, asked.title, self._report_upload, self._cancelled.is_set, self._report
+        )
         scene, sent = found["id"], uploads.sent_bytes
         environment = light_of(asked.light, uploads, self._report_upload)
         request = {**asked.request, "scene": scene, "name": asked.title}
@@ -93,24 +95,24 @@ class Rendering:
         job = self._client.json("POST", "/api/jobs", request, Idempotency_Key=secrets.token_hex(16))
         self._job = job["id"]
         number = job["frames"][0]["number"] if job.get("frames") else 0
-        self._watch(number)
+        self._watch_job(number)
         return FinishedPicture(self._channels(number), self._job or "", sent, list(found["warnings"]))
 
     def _report(self, text: str, progress: float | None = None) -> None:
         self.events.put(StatusMessage(text, progress))
 
-    def _report_upload(self, done: int, size: int) -> None:
+    def _report_upload(self, sent: int, size: int) -> None:
         if self._cancelled.is_set():
             raise Cancelled
         if size > 1 << 20:
-            self._report(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
+            self._report(f"Sending the scene: {sent / 1e6:.0f} of {size / 1e6:.0f} MB")
 
     def _cancel_job(self) -> None:
         if self._job is not None:
             with contextlib.suppress(FarmError):  # it has already ended, or the farm is unavailable
                 self._client.json("PATCH", f"/api/jobs/{self._job}", {"state": "cancelled"})
 
-    def _watch(self, number: float) -> None:
+    def _watch_job(self, number: float) -> None:
         """Emits the job's progress until it ends.
 
         Requests to an unreachable farm are repeated for a while, then FarmError is raised.
@@ -195,7 +197,7 @@ class Rendering:
     def _exr(self, path: str) -> dict[str, Any]:
         if self._cancelled.is_set():
             raise Cancelled
-        _, _, body = self._client.call("GET", path, patience_s=300.0)
+        _, _, body = self._client.request("GET", path, patience_s=300.0)
         try:
             return dict(exr.read(body))
         except ValueError as error:

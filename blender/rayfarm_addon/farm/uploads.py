@@ -58,12 +58,12 @@ class Uploads:
         files: Mapping[str, bytes | Path],
         names: list[str],
         fields: dict[str, str],
-        there: dict[str, tuple[str, int]],
+        known_blobs: dict[str, tuple[str, int]],
         progress: Callable[[int, int], None],
     ) -> str:
         parts = [Part("files", name, files[name]) for name in names]
         scene = self.client.send_files("/api/scenes" + self._into, parts, fields, progress)
-        self.scene, self._there = str(scene["id"]), there
+        self.scene, self._there = str(scene["id"]), known_blobs
         self.sent_bytes = sum(part.size for part in parts)
         return self.scene
 
@@ -80,19 +80,19 @@ class Uploads:
                 self._images[digest] = str(found["environment"]["image"])
             return self._images[digest]
 
-    def let_go(self, scene: str) -> None:
+    def delete_viewed(self, scene: str) -> None:
         """Deletes a scene from the farm unless a job has rendered it. Raises FarmError if the request fails."""
         if scene in self.rendered:
             return
         if scene == self.scene:
-            self.forget()
+            self.clear()
         self.client.json("DELETE", f"/api/scenes/{scene}")
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Forgets all uploads, because the farm no longer has them: the next scene is uploaded in full."""
         self.scene, self._there, self._images = None, {}, {}
 
-    def ready(
+    def upload_and_prepare(
         self,
         files: Mapping[str, bytes | Path],
         main: str,
@@ -107,14 +107,14 @@ class Uploads:
         fails, Cancelled if the user cancels.
         """
         try:
-            return self.wait(self.send(files, main, title, progress), is_over, say)
+            return self.wait_until_prepared(self.send(files, main, title, progress), is_over, say)
         except FarmError as error:
             if error.status != 404:
                 raise
-        self.forget()
-        return self.wait(self.send(files, main, title, progress), is_over, say)
+        self.clear()
+        return self.wait_until_prepared(self.send(files, main, title, progress), is_over, say)
 
-    def wait(self, scene: str, is_over: Callable[[], bool], say: Callable[[str], None]) -> dict[str, Any]:
+    def wait_until_prepared(self, scene: str, is_over: Callable[[], bool], say: Callable[[str], None]) -> dict[str, Any]:
         """Waits until the scene is prepared; returns it as in GET /api/scenes/{id}. is_over: whether the caller has cancelled.
 
         Raises FarmError if the farm cannot read the scene; Cancelled.

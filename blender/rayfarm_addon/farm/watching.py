@@ -57,13 +57,13 @@ class LiveView:
         self._thread = threading.Thread(target=self._run, name="rayfarm view", daemon=True)
         self._thread.start()
 
-    def show(self, files: dict[str, Any], main: str, light: Light) -> None:
+    def set_scene(self, files: dict[str, Any], main: str, light: Light) -> None:
         """Sets the scene to be shown."""
         with self._lock:
             self._scene = files, main, light
         self._wake.set()
 
-    def look(self, view: dict[str, Any]) -> int:
+    def set_view(self, view: dict[str, Any]) -> int:
         """Sets the view, a request without scene and light. Returns its number, which its pictures have as their id."""
         with self._lock:
             self._number += 1
@@ -71,7 +71,7 @@ class LiveView:
             return self._number
 
     @property
-    def state(self) -> tuple[ViewPicture | None, str]:
+    def picture_and_status(self) -> tuple[ViewPicture | None, str]:
         """Returns the newest picture and a status line."""
         with self._lock:
             return self._shown, self._text
@@ -86,7 +86,7 @@ class LiveView:
         """True if the newest picture shows the newest scene."""
         return self._looks_at is not None and self._looks_at is self._scene
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Ends the view and its thread."""
         self._ended = True
         self._wake.set()
@@ -117,11 +117,11 @@ class LiveView:
                 self._wake.wait(AGAIN_S)
                 self._wake.clear()
 
-    def _report_upload(self, done: int, size: int) -> None:
+    def _report_upload(self, sent: int, size: int) -> None:
         if self._ended:
             raise Cancelled
         if size > 1 << 20:
-            self._report(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
+            self._report(f"Sending the scene: {sent / 1e6:.0f} of {size / 1e6:.0f} MB")
 
     def _show_scene(self) -> None:
         """Shows one scene until it is replaced by another.
@@ -137,7 +137,7 @@ class LiveView:
         files, main, light = wanted
         before = self._uploads.scene
         title = f"{self._title} (viewport)"
-        found = self._uploads.ready(
+        found = self._uploads.upload_and_prepare(
             files, main, title, self._report_upload, lambda: self._ended or self._scene is not wanted, self._report
         )
         scene = str(found["id"])
@@ -150,10 +150,10 @@ class LiveView:
         finally:
             socket.close()
 
-    def _receive(self, socket: Socket, wanted: Any, environment: dict[str, Any] | None) -> None:
+    def _receive(self, socket: Socket, requested_view: Any, environment: dict[str, Any] | None) -> None:
         sent, picture = 0, ProgressiveView()
         samples, done = 0.0, False
-        while not self._ended and self._scene is wanted:
+        while not self._ended and self._scene is requested_view:
             with self._lock:
                 view = self._view
             if view is not None and view["id"] != sent:
@@ -162,9 +162,9 @@ class LiveView:
                 socket.send(Look(view if environment is None else {**view, "environment": environment}).to_text())
             message = socket.receive(WAIT_S)
             if isinstance(message, bytes):
-                picture.take(message)
+                picture.add_packet(message)
                 socket.send(Acknowledge(picture.seq).to_text())
-                self._keep(ViewPicture(picture.rgb.copy(), picture.id, picture.whole, samples, done), wanted)
+                self._store_picture(ViewPicture(picture.rgb.copy(), picture.id, picture.whole, samples, done), requested_view)
             elif message is not None:
                 told = read_service(message, (ViewState, Refused))
                 if isinstance(told, Refused):
@@ -173,11 +173,11 @@ class LiveView:
                     samples, done = told.mean, told.done
                     self._report(told.message or f"{samples:.0f} samples" + (", done" if done else ""))
 
-    def _keep(self, shown: ViewPicture, scene: Any) -> None:
+    def _store_picture(self, picture: ViewPicture, scene: Any) -> None:
         with self._lock:
-            self._shown, self._looks_at = shown, scene
+            self._shown, self._looks_at = picture, scene
         self.is_fresh.set()
 
     def _delete_scene(self, scene: str) -> None:
         with contextlib.suppress(FarmError):  # a job uses it, or the farm is unavailable
-            self._uploads.let_go(scene)
+            self._uploads.delete_viewed(scene)

@@ -92,7 +92,7 @@ class Socket:
         Raises Closed if the connection is closed.
         """
         while True:
-            message = self._next()
+            message = self._next_message()
             if message is not None:
                 return message
             self._socket.settimeout(wait_s)
@@ -103,7 +103,7 @@ class Socket:
             except OSError as error:
                 raise Closed(str(error)) from None
 
-    def _next(self) -> str | bytes | None:
+    def _next_message(self) -> str | bytes | None:
         while (frame := self._frame()) is not None:
             is_last, kind, data = frame
             if kind == PING:

@@ -68,18 +68,18 @@ def shot_of_camera(
 def with_keys(
     scene: Scene,
     shot: Shot,
-    over: list[tuple[float, F64, F64, Lens]],
+    samples: list[tuple[float, F64, F64, Lens]],
     size: tuple[int, int],
     border: tuple[int, int, int, int] | None = None,
 ) -> bool:
     """Adds the camera, with keys while the shutter is open, to the exported scene; returns True if it moves.
 
-    over: for each key the time in seconds, transform, projection and lens. size, border: as for `shot_of`. Raises ValueError if
-    the lens is not supported.
+    samples: for each key the time in seconds, transform, projection and lens. size, border: as for `shot_of`. Raises
+    ValueError if the lens is not supported.
     """
-    views = [(time, shot_of(place, projection, size, lens, border).view) for time, place, projection, lens in over]
+    views = [(time, shot_of(place, projection, size, lens, border).view) for time, place, projection, lens in samples]
     names = {name: value for view in (shot.view, *(view for _, view in views)) for name, value in view.items()}
-    if all(_same(view, views[0][1], names) for _, view in views):
+    if all(_have_equal_values(view, views[0][1], names) for _, view in views):
         return False
     told = {**shot.view, "name": NAME}
     for name, value in names.items():
@@ -90,6 +90,6 @@ def with_keys(
     return True
 
 
-def _same(a: dict[str, Any], b: dict[str, Any], names: dict[str, Any]) -> bool:
+def _have_equal_values(a: dict[str, Any], b: dict[str, Any], names: dict[str, Any]) -> bool:
     numbers = [name for name, value in names.items() if not isinstance(value, str)]
     return all(np.allclose(a.get(name, 0.0), b.get(name, 0.0), rtol=1e-7, atol=1e-7) for name in numbers)

@@ -31,15 +31,15 @@ class _CheckedSetting(NamedTuple):
     sentence: str
 
 
-def _above(most: float) -> Callable[[Any], bool]:
-    return lambda value: value > most + NEAR
+def _greater_than(limit: float) -> Callable[[Any], bool]:
+    return lambda value: value > limit + NEAR
 
 
-def _below(least: float) -> Callable[[Any], bool]:
-    return lambda value: value < least
+def _less_than(limit: float) -> Callable[[Any], bool]:
+    return lambda value: value < limit
 
 
-def _off(value: Any) -> bool:
+def _is_off(value: Any) -> bool:
     return not value
 
 
@@ -50,14 +50,20 @@ def _other_than(*usual: Any) -> Callable[[Any], bool]:
 ROWS = (
     # Light Paths
     _CheckedSetting(
-        "cycles", "transparent_max_bounces", _below(1), "Light passes one transparent surface, where Blender lets it pass {}"
+        "cycles", "transparent_max_bounces", _less_than(1), "Light passes one transparent surface, where Blender lets it pass {}"
     ),
-    _CheckedSetting("cycles", "sample_clamp_direct", _above(0.0), "Light that comes straight from lights is not clamped at {:g}"),
-    _CheckedSetting("cycles", "blur_glossy", _above(1.0), "Caustics are sharp, not blurred (Filter Glossy is {:g} in Blender)"),
     _CheckedSetting(
-        "cycles", "caustics_reflective", _off, "Mirrors light what is around them (reflective caustics are off in Blender)"
+        "cycles", "sample_clamp_direct", _greater_than(0.0), "Light that comes straight from lights is not clamped at {:g}"
     ),
-    _CheckedSetting("cycles", "caustics_refractive", _off, "Light comes through glass (refractive caustics are off in Blender)"),
+    _CheckedSetting(
+        "cycles", "blur_glossy", _greater_than(1.0), "Caustics are sharp, not blurred (Filter Glossy is {:g} in Blender)"
+    ),
+    _CheckedSetting(
+        "cycles", "caustics_reflective", _is_off, "Mirrors light what is around them (reflective caustics are off in Blender)"
+    ),
+    _CheckedSetting(
+        "cycles", "caustics_refractive", _is_off, "Light comes through glass (refractive caustics are off in Blender)"
+    ),
     _CheckedSetting("cycles", "use_fast_gi", bool, "Light between surfaces is followed, not approximated (Fast GI)"),
     # Film
     _CheckedSetting(
@@ -72,9 +78,9 @@ ROWS = (
     # Output
     _CheckedSetting("render", "use_multiview", bool, "Stereoscopy: one picture is rendered, as the camera sees it with one eye"),
     # View Layer
-    _CheckedSetting("layer", "use_sky", _off, "The world is seen, though the view layer leaves it out (Environment)"),
-    _CheckedSetting("layer", "use_solid", _off, "Surfaces are shown, though the view layer leaves them out"),
-    _CheckedSetting("layer", "use_strand", _off, "Hair is shown, though the view layer leaves it out"),
+    _CheckedSetting("layer", "use_sky", _is_off, "The world is seen, though the view layer leaves it out (Environment)"),
+    _CheckedSetting("layer", "use_solid", _is_off, "Surfaces are shown, though the view layer leaves them out"),
+    _CheckedSetting("layer", "use_strand", _is_off, "Hair is shown, though the view layer leaves it out"),
 )
 MOVING = (
     _CheckedSetting(
@@ -172,14 +178,14 @@ class Flags:
             self._asked = (*self._asked, DICED)
         self._names: dict[str, dict[str, None]] = {}
 
-    def look_at(self, thing: Any) -> None:
+    def inspect(self, thing: Any) -> None:
         """Records the flags of an object, which may be passed repeatedly. It need not be from the dependency graph."""
         own = getattr(thing, "cycles", None) if self._asked else None
         for name, value, words in self._asked if own is not None else ():
             if getattr(own, name, not value) == value:
                 self._names.setdefault(words, {})[thing.name] = None
 
-    def tell(self, warn: Warn) -> None:
+    def warn_of_found(self, warn: Warn) -> None:
         """Calls `warn` once for each kind of recorded flag, with the names of the objects."""
         for words, names in self._names.items():
             more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""

@@ -36,28 +36,34 @@ SPACES = ("sRGB", "Non-Color", "Linear Rec.709", "Raw")
 Warn = Callable[[str], None]
 
 
-def warn_of_surface(look: Any, warn: Warn) -> None:
+def warn_of_surface(surface: Any, warn: Warn) -> None:
     """Warns about differences from Cycles of a principled surface, or of a shader expressed as one."""
 
     def number(name: str, default: float) -> float:
-        found = constant_value(look.input(name))
+        found = constant_value(surface.input(name))
         return found if isinstance(found, float) else default
 
-    is_within = constant_value(look.input("Subsurface Weight")) not in (None, 0.0) or _is_fed(look.input("Subsurface Weight"))
+    is_within = constant_value(surface.input("Subsurface Weight")) not in (None, 0.0) or _is_fed(
+        surface.input("Subsurface Weight")
+    )
     for name, words in (NUMBERS | WITHIN if is_within else NUMBERS).items():
-        at = look.input(name)
+        at = surface.input(name)
         if at is not None and constant_value(at) is None:
             warn(f"what feeds its {words} is not taken over; a plain number stands for it")
     if number("Coat Weight", 1.0) > 0 and abs(number("Coat IOR", 1.5) - 1.5) > NEAR:
         warn("its coat refracts as 1.5")
-    if number("Sheen Weight", 1.0) > 0 and look.input("Sheen Weight") is not None:
+    if number("Sheen Weight", 1.0) > 0 and surface.input("Sheen Weight") is not None:
         warn("its sheen is glTF's, which is brighter towards the rim than Cycles'")
-    if number("Metallic", 1.0) > 0 and look.input("Metallic") is not None and _is_tinted(look.input("Specular Tint"), 1 - NEAR):
+    if (
+        number("Metallic", 1.0) > 0
+        and surface.input("Metallic") is not None
+        and _is_tinted(surface.input("Specular Tint"), 1 - NEAR)
+    ):
         warn("the tint of its metal's edge (specular tint) is not taken over")
-    is_half = 0 < number("Transmission Weight", 0.5) < 1 and look.input("Transmission Weight") is not None
-    if is_half and _is_tinted(look.input("Base Color"), PALE):
+    is_half = 0 < number("Transmission Weight", 0.5) < 1 and surface.input("Transmission Weight") is not None
+    if is_half and _is_tinted(surface.input("Base Color"), PALE):
         warn("what it lets through is of its base colour, and darker than in Cycles")
-    base = constant_value(look.input("Base Color"))
+    base = constant_value(surface.input("Base Color"))
     if isinstance(base, list) and max(base) > 1:
         warn("its base colour is cut at 1")
     if number("IOR", 1.5) < 1:
@@ -91,9 +97,9 @@ def warn_of_pictures(tree: Any, warn: Warn) -> None:
             warn(f"the colours of the picture {image.name} are not known as {image.colorspace_settings.name}")
 
 
-def has_film(look: Any) -> bool:
+def has_film(surface: Any) -> bool:
     """Returns True if the surface has a visible thin film. Before Blender 5, films on metals are invisible."""
-    if constant_value(look.input("Metallic")) != 1.0:
+    if constant_value(surface.input("Metallic")) != 1.0:
         return True
     try:
         import bpy
@@ -102,12 +108,12 @@ def has_film(look: Any) -> bool:
     return bool(bpy.app.version[:2] >= FILMS_ON_METALS)
 
 
-def _is_fed(at: Any) -> bool:
-    return at is not None and constant_value(at) is None
+def _is_fed(socket: Any) -> bool:
+    return socket is not None and constant_value(socket) is None
 
 
-def _is_tinted(at: Any, least: float) -> bool:
-    if at is None:
+def _is_tinted(socket: Any, threshold: float) -> bool:
+    if socket is None:
         return False
-    found = constant_value(at)
-    return found is None or (min(found) if isinstance(found, list) else found) < least
+    found = constant_value(socket)
+    return found is None or (min(found) if isinstance(found, list) else found) < threshold

@@ -24,7 +24,7 @@ def hair_color(source: Source) -> Any:
     beta = beta if isinstance(beta, float) else 0.3
     if kind == "ABSORPTION":
         absorbed = constant_value(source.input("Absorption Coefficient"))
-        return source.input("Color") if absorbed is None else ConstantValue(_seen(absorbed, beta))
+        return source.input("Color") if absorbed is None else ConstantValue(_reflectance_from_absorption(absorbed, beta))
     if kind != "MELANIN":
         return source.input("Color")
     melanin, redness, tint = (constant_value(source.input(name)) for name in ("Melanin", "Melanin Redness", "Tint"))
@@ -33,16 +33,20 @@ def hair_color(source: Source) -> Any:
     pigment = -math.log(max(1 - max(melanin, 0.0), LEAST))
     brown, red = pigment * (1 - redness), pigment * redness
     dyed = [_absorbed(c, beta) for c in tint] if isinstance(tint, list) else [0.0] * 3
-    return ConstantValue(_seen([brown * e + red * p + d for e, p, d in zip(EUMELANIN, PHEOMELANIN, dyed, strict=True)], beta))
+    return ConstantValue(
+        _reflectance_from_absorption(
+            [brown * e + red * p + d for e, p, d in zip(EUMELANIN, PHEOMELANIN, dyed, strict=True)], beta
+        )
+    )
 
 
-def _spread(beta: float) -> float:
+def _roughness_polynomial(beta: float) -> float:
     return 5.969 - 0.215 * beta + 2.532 * beta**2 - 10.73 * beta**3 + 5.574 * beta**4 + 0.245 * beta**5
 
 
-def _seen(absorbed: list[float], beta: float) -> list[float]:
-    return [math.exp(-math.sqrt(max(a, 0.0)) * _spread(beta)) for a in absorbed]
+def _reflectance_from_absorption(absorbed: list[float], beta: float) -> list[float]:
+    return [math.exp(-math.sqrt(max(a, 0.0)) * _roughness_polynomial(beta)) for a in absorbed]
 
 
 def _absorbed(color: float, beta: float) -> float:
-    return (math.log(min(max(color, LEAST), 1.0)) / _spread(beta)) ** 2
+    return (math.log(min(max(color, LEAST), 1.0)) / _roughness_polynomial(beta)) ** 2

@@ -66,9 +66,9 @@ class _Density:
 
 
 class _SceneExport:
-    def __init__(self, scene: Scene, known: ExportedMeshes, changed: Callable[[Any, Any], bool], graph: Any) -> None:
+    def __init__(self, scene: Scene, exported: ExportedMeshes, changed: Callable[[Any, Any], bool], graph: Any) -> None:
         layer = graph.view_layer
-        self.scene, self.known, self._changed, self._layer = scene, known, changed, layer
+        self.scene, self.known, self._changed, self._layer = scene, exported, changed, layer
         self.flags = Flags(graph.scene, layer)
         self._override = getattr(layer, "material_override", None)  # replaces all materials of the view layer
         self._keys: dict[int, str] = {}  # by the mesh's address in memory
@@ -98,7 +98,7 @@ class _SceneExport:
         seen = self._rays(found, thing)
         if not any(seen.values()):
             return False
-        self.flags.look_at(thing)
+        self.flags.inspect(thing)
         place = _matrix(found.matrix_world)
         made, key = self._mesh(thing, place)
         known = self.known.get(key)
@@ -110,7 +110,7 @@ class _SceneExport:
             self.scene.warn(f"{thing.name}: hair of its particles is left out; convert it to hair curves.")
         density = _Density(known[0], place)
         shown = [self._override or slot.material for slot in thing.material_slots] or [self._override]
-        materials = tuple(self._plain() if each is None else self.surfaces.add(each, density) for each in shown)
+        materials = tuple(self._default_material() if each is None else self.surfaces.add(each, density) for each in shown)
         hidden = {"unseen": not seen["camera"], "shadeless": not seen["shadow"]}
         node = Node(self._unique(thing.name), key, materials, place, number=thing.pass_index, **hidden)
         self.scene.nodes.append(node)
@@ -135,7 +135,7 @@ class _SceneExport:
             self.scene.warn(f"{thing.name}: is seen {' and '.join(others)}, though not in Blender.")
         return seen
 
-    def _plain(self) -> str:
+    def _default_material(self) -> str:
         """Returns the key of the grey material for objects without one."""
         key = "\0none"
         if key not in self.scene.materials:
@@ -158,7 +158,7 @@ class _SceneExport:
         key = self._keys[pointer] = name if count == 1 else f"{name}#{count}"
         if key in self.known and not self._changed(thing, data):
             self._note_uvs(data if is_mesh else None)
-            self._keep(key)
+            self._add_known_mesh(key)
             return False, key
         source = data if is_mesh or is_hair else thing.to_mesh()
         try:
@@ -170,10 +170,10 @@ class _SceneExport:
             if not (is_mesh or is_hair):
                 thing.to_mesh_clear()
         self.made.add(key)
-        self._keep(key)
+        self._add_known_mesh(key)
         return True, key
 
-    def _keep(self, key: str) -> None:
+    def _add_known_mesh(self, key: str) -> None:
         found = self.known[key]
         if found is not None:
             self.scene.meshes[key] = found[0]
@@ -200,17 +200,17 @@ class _SceneExport:
 
 def export_scene(
     depsgraph: Any,
-    known: ExportedMeshes,
+    exported: ExportedMeshes,
     changed: Callable[[Any, Any], bool] = lambda thing, data: True,
     bake: Bake | None = None,
 ) -> Iterator[_SceneExport]:
     """Exports the scene step by step: yields the unfinished export, and finally the complete one.
 
-    known: meshes of earlier exports by key; unchanged ones are reused. changed: returns whether an object's mesh has changed,
+    exported: meshes of earlier exports by key; unchanged ones are reused. changed: returns whether an object's mesh has changed,
     given the object and its data. bake: as for `read_world`.
     """
     scene = Scene()
-    found = _SceneExport(scene, known, changed, depsgraph)
+    found = _SceneExport(scene, exported, changed, depsgraph)
     for number, instance in enumerate(depsgraph.object_instances):
         if found.instance(instance) or number % 256 == 255:
             yield found
@@ -218,13 +218,13 @@ def export_scene(
     scene.world = read_world(scene, getattr(depsgraph.view_layer, "world_override", None) or blender.world, bake)
     own = blender.rayfarm
     taken = {"is_clamped": own.clamp > 0, "has_filter": own.filter != FILTER}
-    warn_of_settings(blender, depsgraph.view_layer, scene.tell, **taken)
+    warn_of_settings(blender, depsgraph.view_layer, scene.add_warning, **taken)
     if has_volumes(scene):
-        warn_of_volumes(blender, scene.tell)
-    warn_of_passes(depsgraph.view_layer, scene.tell)
-    found.flags.tell(scene.tell)
-    for key in [key for key in known if key not in scene.meshes and key not in found.made]:
-        del known[key]
+        warn_of_volumes(blender, scene.add_warning)
+    warn_of_passes(depsgraph.view_layer, scene.add_warning)
+    found.flags.warn_of_found(scene.add_warning)
+    for key in [key for key in exported if key not in scene.meshes and key not in found.made]:
+        del exported[key]
     yield found
 
 
@@ -277,17 +277,17 @@ def over_the_shutter(found: _SceneExport, keys: Sequence[tuple[float, Callable[[
             mesh.shapes = tuple(over)
 
 
-def _shape_of(thing: Any, known: tuple[Mesh, Corners] | None) -> Any:
-    if known is None:
+def _shape_of(thing: Any, exported: tuple[Mesh, Corners] | None) -> Any:
+    if exported is None:
         return None
     if thing.type == "CURVES":
-        made = hair(thing.data, known[0].key)
-        return None if made is None or made[1].counts != known[1].counts else (made[0].positions, made[0].normals)
+        made = hair(thing.data, exported[0].key)
+        return None if made is None or made[1].counts != exported[1].counts else (made[0].positions, made[0].normals)
     if thing.type == "MESH":
-        return shape(thing.data, known[1])
+        return shape(thing.data, exported[1])
     source = thing.to_mesh()
     try:
-        return None if source is None else shape(source, known[1])
+        return None if source is None else shape(source, exported[1])
     finally:
         thing.to_mesh_clear()
 

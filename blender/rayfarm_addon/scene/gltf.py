@@ -48,7 +48,7 @@ def _groups(scene: Scene) -> list[list[Node]]:
     alike: dict[Any, list[Node]] = defaultdict(list)
     for node in scene.nodes:
         if not node.places and not scene.meshes[node.mesh].shapes:
-            alike[_look(node)].append(node)
+            alike[_appearance_key(node)].append(node)
     many = {key: nodes for key, nodes in alike.items() if len(nodes) >= MANY}
     straight: dict[int, bool] = {}
     for nodes in many.values():
@@ -57,7 +57,7 @@ def _groups(scene: Scene) -> list[list[Node]]:
     groups: list[list[Node]] = []
     first: dict[Any, list[Node]] = {}
     for node in scene.nodes:
-        key = _look(node)
+        key = _appearance_key(node)
         if not straight.get(id(node), False):
             groups.append([node])
         elif key in first:
@@ -68,7 +68,7 @@ def _groups(scene: Scene) -> list[list[Node]]:
     return groups
 
 
-def _look(node: Node) -> Any:
+def _appearance_key(node: Node) -> Any:
     return node.mesh, node.materials, node.unseen, node.shadeless
 
 
@@ -124,7 +124,7 @@ class _Writer:
             return said
         shapes = self._scene.meshes[node.mesh].shapes
         if shapes:
-            self._animate(number, "weights", _turns(len(shapes)).ravel()[:, None])
+            self._animate(number, "weights", _morph_weights(len(shapes)).ravel()[:, None])
         if node.places:
             t, r, s, straight = decompose(np.stack(node.places))
             if straight.all():
@@ -144,15 +144,17 @@ class _Writer:
         self._samplers.append({"input": self._times, "output": self._array(f"{path} of {node}", values)})
 
     def _mesh(self, mesh: Mesh, materials: tuple[str, ...], numbers: dict[str, int]) -> int:
-        return self._once(("mesh", mesh.key, materials), lambda: self._add("meshes", self._made(mesh, materials, numbers)))
+        return self._get_or_create(
+            ("mesh", mesh.key, materials), lambda: self._add("meshes", self._mesh_json(mesh, materials, numbers))
+        )
 
-    def _made(self, mesh: Mesh, materials: tuple[str, ...], numbers: dict[str, int]) -> dict[str, Any]:
+    def _mesh_json(self, mesh: Mesh, materials: tuple[str, ...], numbers: dict[str, int]) -> dict[str, Any]:
         found = []
         attributes, targets = self._attributes(mesh)
         for slot, corners in mesh.parts:
             key = materials[min(slot, len(materials) - 1)] if materials else ""
             primitive: dict[str, Any] = {"attributes": attributes}
-            primitive["indices"] = self._once(
+            primitive["indices"] = self._get_or_create(
                 ("corners", mesh.key, slot), lambda corners=corners: self._array(mesh.key, corners, mesh)
             )
             if key in numbers:
@@ -169,7 +171,7 @@ class _Writer:
         arrays: dict[str, npt.NDArray[Any] | None] = {"POSITION": mesh.positions, "NORMAL": mesh.normals, "COLOR_0": mesh.colors}
         arrays.update((f"TEXCOORD_{i}", uv) for i, uv in enumerate(mesh.uvs[:2]))
         found = {
-            name: self._once((name, mesh.key), lambda array=array: self._array(mesh.key, array, mesh))
+            name: self._get_or_create((name, mesh.key), lambda array=array: self._array(mesh.key, array, mesh))
             for name, array in arrays.items()
             if array is not None
         }
@@ -182,29 +184,29 @@ class _Writer:
                 more["NORMAL"] = normals - mesh.normals
             targets.append(
                 {
-                    name: self._once((name, i, mesh.key), lambda array=array: self._array(mesh.key, array, mesh))
+                    name: self._get_or_create((name, i, mesh.key), lambda array=array: self._array(mesh.key, array, mesh))
                     for name, array in more.items()
                 }
             )
         return found, targets
 
-    def _textured(self, said: Any) -> Any:
+    def _textured(self, data: Any) -> Any:
         """Returns a material's JSON with each TextureUse replaced by a glTF texture reference."""
-        if isinstance(said, TextureUse):
-            return self._texture(said)
-        if isinstance(said, list):
-            return [self._textured(each) for each in said]
-        if not isinstance(said, dict):
-            return said
-        self._used |= set(said.get("extensions", ()))
-        return {key: self._textured(value) for key, value in said.items()}
+        if isinstance(data, TextureUse):
+            return self._texture(data)
+        if isinstance(data, list):
+            return [self._textured(each) for each in data]
+        if not isinstance(data, dict):
+            return data
+        self._used |= set(data.get("extensions", ()))
+        return {key: self._textured(value) for key, value in data.items()}
 
     def _texture(self, use: TextureUse) -> dict[str, Any]:
-        image = self._once(("image", use.image), lambda: self._add("images", {"uri": use.image}))
+        image = self._get_or_create(("image", use.image), lambda: self._add("images", {"uri": use.image}))
         filter = 9728 if use.nearest else 9729
         sampler = {"wrapS": WRAPS[use.wrap[0]], "wrapT": WRAPS[use.wrap[1]], "magFilter": filter}
-        lies = self._once(("sampler", *sampler.values()), lambda: self._add("samplers", sampler))
-        number = self._once(("texture", image, lies), lambda: self._add("textures", {"source": image, "sampler": lies}))
+        lies = self._get_or_create(("sampler", *sampler.values()), lambda: self._add("samplers", sampler))
+        number = self._get_or_create(("texture", image, lies), lambda: self._add("textures", {"source": image, "sampler": lies}))
         said: dict[str, Any] = {"index": number}
         if use.uv_set:
             said["texCoord"] = use.uv_set
@@ -216,13 +218,13 @@ class _Writer:
             said["extensions"] = {"KHR_texture_transform": lies_as}
         return said
 
-    def _once(self, key: Any, make: Callable[[], int]) -> int:
+    def _get_or_create(self, key: Any, make: Callable[[], int]) -> int:
         if key not in self._known:
             self._known[key] = make()
         return self._known[key]
 
-    def _add(self, name: str, said: dict[str, Any]) -> int:
-        self._root[name].append(said)
+    def _add(self, name: str, data: dict[str, Any]) -> int:
+        self._root[name].append(data)
         return len(self._root[name]) - 1
 
     def _array(self, key: str, array: npt.NDArray[Any], mesh: Mesh | None = None) -> int:
@@ -242,7 +244,7 @@ class _Writer:
         return self._add("accessors", said)
 
 
-def _turns(count: int) -> npt.NDArray[np.float64]:
+def _morph_weights(count: int) -> npt.NDArray[np.float64]:
     """Returns the morph target weights at each key, (keys, keys - 1).
 
     Each key but the middle one has a target, with weight 1 at that key and 0 at all others; the middle key is the mesh itself.

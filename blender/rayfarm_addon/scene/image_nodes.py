@@ -74,14 +74,14 @@ class Painter:
         self._name, self._use_of = name, use_of
         self._left = MOST_NODES
 
-    def paint(self, at: Any, what: str) -> tuple[Painted, TextureUse] | list[float] | None:
+    def paint(self, socket: Any, what: str) -> tuple[Painted, TextureUse] | list[float] | None:
         """Evaluates a socket: returns an image and its mapping, or a constant colour; None if a node is not supported.
 
         what: the last part of the image's name.
         """
         self._left = MOST_NODES
         try:
-            found = self._plane(at)
+            found = self._plane(socket)
         except _UnknownError:
             return None
         values = np.nan_to_num(found.values.astype(np.float32), posinf=1e9, neginf=-1e9)
@@ -91,14 +91,14 @@ class Painter:
         texels[..., :3] = values
         return Painted(f"{self._name} {what}", texels), found.use
 
-    def bumps(self, at: Any, bump: Bump, length: Callable[[Any], tuple[float, float] | None]) -> tuple[Painted, Any] | None:
+    def bumps(self, socket: Any, bump: Bump, length: Callable[[Any], tuple[float, float] | None]) -> tuple[Painted, Any] | None:
         """Returns the normal map for a socket that gives heights, and its mapping; None if it is not an image or not supported.
 
         length: returns the surface's length across and up an image for its mapping, in the unit of the heights; None if unknown.
         """
         self._left = MOST_NODES
         try:
-            found = self._number(at)
+            found = self._number(socket)
         except _UnknownError:
             return None
         size = None if found.use is None else length(found.use)
@@ -108,25 +108,25 @@ class Painter:
         texels[..., :3] = 0.5 + 0.5 * _slopes(found.values[..., 0], size, bump)
         return Painted(f"{self._name} bumps", texels), found.use
 
-    def _plane(self, at: Any) -> _Plane:
+    def _plane(self, socket: Any) -> _Plane:
         self._left -= 1
-        if at is None or self._left < 0:
+        if socket is None or self._left < 0:
             raise _UnknownError
-        if isinstance(at, Blend):
-            return self._mixed(at.share, at.first, at.second, "MIX")
-        if isinstance(at, Product):
-            return self._with(lambda a, b: a * b, self._plane(at.first), self._number(at.second))
-        if isinstance(at, SquareRoot):
-            return self._with(lambda c: np.sqrt(np.maximum(c, 0)), self._plane(at.of))
-        plain = constant_value(at)
+        if isinstance(socket, Blend):
+            return self._blend_planes(socket.share, socket.first, socket.second, "MIX")
+        if isinstance(socket, Product):
+            return self._combine_planes(lambda a, b: a * b, self._plane(socket.first), self._number(socket.second))
+        if isinstance(socket, SquareRoot):
+            return self._combine_planes(lambda c: np.sqrt(np.maximum(c, 0)), self._plane(socket.of))
+        plain = constant_value(socket)
         if plain is not None:
             return _Plane(np.atleast_1d(np.array(plain, np.float32)))
-        source, _ = source_of(at)
+        source, _ = source_of(socket)
         if source is None:
             raise _UnknownError
-        return self._of(source)
+        return self._evaluate(source)
 
-    def _of(self, source: Source) -> _Plane:
+    def _evaluate(self, source: Source) -> _Plane:
         kind = source.node.type
         make = {
             "TEX_IMAGE": self._image,
@@ -153,14 +153,14 @@ class Painter:
             raise _UnknownError
         return make(source)
 
-    def _number(self, at: SocketInGroups | None) -> _Plane:
+    def _number(self, socket: SocketInGroups | None) -> _Plane:
         """Evaluates a socket as a number; a colour is converted to its luminance, as in Blender."""
-        found = self._plane(at)
+        found = self._plane(socket)
         if found.values.shape[-1] == 3:
             found = _Plane(found.values @ LUMINANCE[:, None], found.use)
         return found
 
-    def _with(self, make: Callable[..., Any], *planes: _Plane) -> _Plane:
+    def _combine_planes(self, make: Callable[..., Any], *planes: _Plane) -> _Plane:
         """Returns `make` of the planes' values, each resampled to the largest size.
 
         Raises _UnknownError if their mappings differ.
@@ -189,39 +189,39 @@ class Painter:
     def _mix(self, source: Source) -> _Plane:
         node = source.node
         if node.type == "MIX_RGB":
-            share, first, second = source.at(0), source.at(1), source.at(2)
+            share, first, second = source.input_at(0), source.input_at(1), source.input_at(2)
         elif node.data_type == "RGBA":
-            share, first, second = source.at(0), source.at(6), source.at(7)
+            share, first, second = source.input_at(0), source.input_at(6), source.input_at(7)
         elif node.data_type == "FLOAT":
-            return self._mixed(source.at(0), source.at(2), source.at(3), "MIX", bool(node.clamp_factor))
+            return self._blend_planes(source.input_at(0), source.input_at(2), source.input_at(3), "MIX", bool(node.clamp_factor))
         else:
             raise _UnknownError
-        found = self._mixed(share, first, second, node.blend_type, getattr(node, "clamp_factor", True))
+        found = self._blend_planes(share, first, second, node.blend_type, getattr(node, "clamp_factor", True))
         is_clamped = getattr(node, "clamp_result", False) or getattr(node, "use_clamp", False)
         return _Plane(np.clip(found.values, 0, 1), found.use) if is_clamped else found
 
-    def _mixed(self, share: Any, first: Any, second: Any, how: str, clamped: bool = True) -> _Plane:
-        if how not in BLENDS:
+    def _blend_planes(self, share: Any, first: Any, second: Any, blend_mode: str, clamped: bool = True) -> _Plane:
+        if blend_mode not in BLENDS:
             raise _UnknownError
-        blend = BLENDS[how]
+        blend = BLENDS[blend_mode]
 
-        def make(t: F32, a: F32, b: F32) -> F32:
+        def mix(t: F32, a: F32, b: F32) -> F32:
             return blend(np.clip(t, 0, 1) if clamped else t, a, b)
 
-        return self._with(make, self._number(share), self._plane(first), self._plane(second))
+        return self._combine_planes(mix, self._number(share), self._plane(first), self._plane(second))
 
     def _math(self, source: Source) -> _Plane:
         make = MATH.get(source.node.operation)
         if make is None:
             raise _UnknownError
         count = make.__code__.co_argcount
-        found = self._with(make, *(self._number(source.at(i)) for i in range(count)))
+        found = self._combine_planes(make, *(self._number(source.input_at(i)) for i in range(count)))
         return _Plane(np.clip(found.values, 0, 1), found.use) if source.node.use_clamp else found
 
     def _ramp(self, source: Source) -> _Plane:
         ramp, channels = source.node.color_ramp, slice(3, 4) if source.output.name == "Alpha" else slice(0, 3)
         table = np.array([list(ramp.evaluate(i / (STEPS - 1))) for i in range(STEPS)], np.float32)[:, channels]
-        return self._with(lambda x: table[_step(x[..., 0])], self._number(source.at(0)))
+        return self._combine_planes(lambda x: table[_step(x[..., 0])], self._number(source.input_at(0)))
 
     def _curves(self, source: Source) -> _Plane:
         mapping = source.node.mapping
@@ -233,15 +233,15 @@ class Painter:
         first = np.array(whole, np.float32)
         tables = [np.array(each, np.float32) for each in of_channels]
 
-        def make(t: F32, c: F32) -> F32:
+        def apply_curves(t: F32, c: F32) -> F32:
             c = np.broadcast_to(c, (*c.shape[:-1], 3))
             curved = np.stack([table[_step(first[_step(c[..., k])])] for k, table in enumerate(tables)], axis=-1)
             return c + np.clip(t, 0, 1) * (curved - c)
 
-        return self._with(make, self._number(source.at(0)), self._plane(source.at(1)))
+        return self._combine_planes(apply_curves, self._number(source.input_at(0)), self._plane(source.input_at(1)))
 
     def _hue(self, source: Source) -> _Plane:
-        def make(h: F32, s: F32, v: F32, t: F32, c: F32) -> F32:
+        def shift_hue(h: F32, s: F32, v: F32, t: F32, c: F32) -> F32:
             found = hsv(np.broadcast_to(c, (*c.shape[:-1], 3)))
             turned = (found[..., :1] + h + 0.5) % 1.0
             changed = rgb(np.concatenate([turned, np.clip(found[..., 1:2] * s, 0, 1), found[..., 2:] * v], axis=-1))
@@ -249,27 +249,31 @@ class Painter:
 
         names = ("Hue", "Saturation", "Value")
         numbers = [self._number(source.input(name)) for name in names]
-        return self._with(make, *numbers, self._number(source.input("Fac", "Factor")), self._plane(source.input("Color")))
+        return self._combine_planes(
+            shift_hue, *numbers, self._number(source.input("Fac", "Factor")), self._plane(source.input("Color"))
+        )
 
     def _contrast(self, source: Source) -> _Plane:
-        def make(c: F32, bright: F32, contrast: F32) -> F32:
+        def adjust_contrast(c: F32, bright: F32, contrast: F32) -> F32:
             return np.maximum((1 + contrast) * c + (bright - 0.5 * contrast), 0)
 
         bright = self._number(source.input("Bright", "Brightness"))
-        return self._with(make, self._plane(source.input("Color")), bright, self._number(source.input("Contrast")))
+        return self._combine_planes(
+            adjust_contrast, self._plane(source.input("Color")), bright, self._number(source.input("Contrast"))
+        )
 
     def _gamma(self, source: Source) -> _Plane:
-        def make(c: F32, gamma: F32) -> F32:
+        def apply_gamma(c: F32, gamma: F32) -> F32:
             return np.where(c > 0, np.power(np.maximum(c, 1e-12), gamma), c)
 
-        return self._with(make, self._plane(source.input("Color")), self._number(source.input("Gamma")))
+        return self._combine_planes(apply_gamma, self._plane(source.input("Color")), self._number(source.input("Gamma")))
 
     def _invert(self, source: Source) -> _Plane:
         share, color = self._number(source.input("Fac", "Factor")), self._plane(source.input("Color"))
-        return self._with(lambda t, c: c + t * (1 - 2 * c), share, color)
+        return self._combine_planes(lambda t, c: c + t * (1 - 2 * c), share, color)
 
     def _grey(self, source: Source) -> _Plane:
-        return self._number(source.at(0))
+        return self._number(source.input_at(0))
 
     def _separate(self, source: Source) -> _Plane:
         mode = getattr(source.node, "mode", "RGB")
@@ -278,22 +282,22 @@ class Painter:
         if channel is None or mode not in ("RGB", "HSV"):
             raise _UnknownError
 
-        def make(c: F32) -> F32:
+        def select_channel(c: F32) -> F32:
             c = np.broadcast_to(c, (*c.shape[:-1], 3))
             return (hsv(c) if mode == "HSV" else c)[..., channel : channel + 1]
 
-        return self._with(make, self._plane(source.at(0)))
+        return self._combine_planes(select_channel, self._plane(source.input_at(0)))
 
     def _combine(self, source: Source) -> _Plane:
         mode = getattr(source.node, "mode", "RGB")
         if mode not in ("RGB", "HSV"):
             raise _UnknownError
 
-        def make(*channels: F32) -> F32:
+        def join_channels(*channels: F32) -> F32:
             whole = np.concatenate(np.broadcast_arrays(*channels), axis=-1)
             return rgb(whole) if mode == "HSV" else whole
 
-        return self._with(make, *(self._number(source.at(i)) for i in range(3)))
+        return self._combine_planes(join_channels, *(self._number(source.input_at(i)) for i in range(3)))
 
     def _map_range(self, source: Source) -> _Plane:
         node = source.node
@@ -301,21 +305,21 @@ class Painter:
             raise _UnknownError
         is_smooth, is_clamped = node.interpolation_type == "SMOOTHSTEP", node.clamp
 
-        def make(x: F32, a: F32, b: F32, low: F32, high: F32) -> F32:
+        def map_range(x: F32, a: F32, b: F32, low: F32, high: F32) -> F32:
             t = np.where(b != a, (x - a) / np.where(b != a, b - a, 1), 0)
             t = np.clip(t, 0, 1) if is_clamped or is_smooth else t
             return low + (t * t * (3 - 2 * t) if is_smooth else t) * (high - low)
 
-        return self._with(make, *(self._number(source.at(i)) for i in range(5)))
+        return self._combine_planes(map_range, *(self._number(source.input_at(i)) for i in range(5)))
 
     def _clamp(self, source: Source) -> _Plane:
         is_range = getattr(source.node, "clamp_type", "MINMAX") == "RANGE"
 
-        def make(x: F32, low: F32, high: F32) -> F32:
+        def clamp(x: F32, low: F32, high: F32) -> F32:
             least, most = (np.minimum(low, high), np.maximum(low, high)) if is_range else (low, high)
             return np.minimum(np.maximum(x, least), most)
 
-        return self._with(make, *(self._number(source.at(i)) for i in range(3)))
+        return self._combine_planes(clamp, *(self._number(source.input_at(i)) for i in range(3)))
 
     def _checker(self, source: Source) -> _Plane:
         """Evaluates a Checker Texture in the UV plane (z = 0): an image of 2 x 2 squares, repeated according to the scale."""

@@ -36,7 +36,7 @@ def register(scene: Scene, image: Any, as_color: bool) -> str | None:
     content = _content(image) if fits and not image.is_dirty and image.source == "FILE" else None
     if content is not None:
         suffix = AS_THEY_ARE[image.file_format]
-        return _keep(scene, image.name, suffix, content)
+        return _add_image(scene, image.name, suffix, content)
     found = pixels(image)
     if found is None:
         scene.warn(f"Image {image.name}: it has no pixels; is its file there?")
@@ -52,7 +52,7 @@ def add_pixels(scene: Scene, name: str, found: Pixels, encoding: str = "") -> st
     if encoding:
         found = found.copy()
         found[..., :3] = encoded(found[..., :3], encoding)
-    return _keep(scene, name, ".png", png((np.clip(found, 0, 1) * 255 + 0.5).astype(np.uint8)))
+    return _add_image(scene, name, ".png", png((np.clip(found, 0, 1) * 255 + 0.5).astype(np.uint8)))
 
 
 def encoded(values: F32, encoding: str) -> F32:
@@ -115,7 +115,7 @@ def pixels(image: Any) -> Pixels | None:
     return found
 
 
-def _keep(scene: Scene, name: str, suffix: str, content: bytes | Path) -> str:
+def _add_image(scene: Scene, name: str, suffix: str, content: bytes | Path) -> str:
     stem = "".join(c if c.isalnum() else "-" for c in Path(name).stem)[:40] or "image"
     told = hashlib.sha256(name.encode()).hexdigest()[:8]
     found = f"textures/{stem}-{told}{suffix}"

@@ -46,8 +46,8 @@ def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = Fal
     uvs = [_uv(layer, len(vertex_of)) for layer in (source.uv_layers if all_uvs else _uv_layers(source))]
     colors, of_corners = _colors(source, color, len(vertex_of)) if color else (None, False)
     split = [*uvs, *([_corner_normals(source)] if domain == "CORNER" else []), *([colors] if of_corners else [])]
-    vertex, corner, of_corner = _split(vertex_of, len(positions), [each for each in split if each is not None])
-    mesh = Mesh(key, positions[vertex], _parts(source, of_corner[corners].view(np.uint32), count))
+    vertex, corner, of_corner = _split_vertices(vertex_of, len(positions), [each for each in split if each is not None])
+    mesh = Mesh(key, positions[vertex], _triangles_by_material(source, of_corner[corners].view(np.uint32), count))
     mesh.normals = _normals(source, domain, vertex, corner)
     mesh.uvs = tuple(uv[corner] for uv in uvs)
     if colors is not None:
@@ -87,12 +87,12 @@ def stretched(mesh: Mesh, uv_set: int) -> tuple[float, float] | None:
     return spans(mesh.positions[corners].astype(np.float64), mesh.uvs[uv_set][corners].astype(np.float64))
 
 
-def spans(at: npt.NDArray[np.float64], uv: npt.NDArray[np.float64]) -> tuple[float, float] | None:
+def spans(corners: npt.NDArray[np.float64], uv: npt.NDArray[np.float64]) -> tuple[float, float] | None:
     """Returns the mean length of triangles per UV unit, across and up, weighted by area; None if undefined.
 
-    at: corners (T, 3, 3). uv: (T, 3, 2).
+    corners: corners (T, 3, 3). uv: (T, 3, 2).
     """
-    p, q = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]
+    p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     covered = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
     area = np.linalg.norm(np.cross(p, q), axis=1)
@@ -198,11 +198,11 @@ def _colors(source: Any, name: str, count: int) -> tuple[F32 | None, bool]:
     return _read_attribute(found.data, "color", 4 * rows, np.float32).reshape(-1, 4), of_corners
 
 
-def _split(vertex_of: I32, vertices: int, told: list[F32]) -> tuple[I32, I32, I32]:
+def _split_vertices(vertex_of: I32, vertices: int, attributes: list[F32]) -> tuple[I32, I32, I32]:
     """Splits vertices for glTF, which has no attributes per corner: adds a vertex for each corner whose attributes differ.
 
-    told: the corners' attributes, (C, n) each. Returns for each new vertex its old vertex and its corner, and for each corner its
-    new vertex.
+    attributes: the corners' attributes, (C, n) each. Returns for each new vertex its old vertex and its corner, and for each
+    corner its new vertex.
     """
     corners = np.arange(len(vertex_of), dtype=np.int32)
     first = np.zeros(vertices, np.int32)
@@ -211,7 +211,7 @@ def _split(vertex_of: I32, vertices: int, told: list[F32]) -> tuple[I32, I32, I3
     used[vertex_of] = True
     differs = np.zeros(len(vertex_of), bool)
     beside = first[vertex_of]
-    for values in told:
+    for values in attributes:
         for column in _columns(values):
             differs |= column != column[beside]
     number = np.cumsum(used, dtype=np.int32) - 1
@@ -229,7 +229,7 @@ def _columns(values: F32) -> list[npt.NDArray[Any]]:
     return [np.ascontiguousarray(column) for column in np.ascontiguousarray(values).view(np.uint64).T]
 
 
-def _parts(source: Any, corners: npt.NDArray[np.uint32], count: int) -> list[tuple[int, npt.NDArray[np.uint32]]]:
+def _triangles_by_material(source: Any, corners: npt.NDArray[np.uint32], count: int) -> list[tuple[int, npt.NDArray[np.uint32]]]:
     """Returns (material slot, corners of its triangles) for each slot that has triangles."""
     if len(source.materials) < 2:
         return [(0, corners)]

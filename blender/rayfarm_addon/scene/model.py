@@ -121,7 +121,7 @@ class Scene:
     times: tuple[float, ...] = ()
     warnings: list[str] = field(default_factory=list)
 
-    def tell(self, what: str) -> None:
+    def add_warning(self, what: str) -> None:
         """Adds the warning `what` followed by a full stop."""
         self.warn(f"{what}.")
 

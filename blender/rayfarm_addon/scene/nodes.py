@@ -48,7 +48,7 @@ class Source(NamedTuple):
         """Returns the node's input with the first of these names that it has; None if it has none."""
         return SocketInGroups(self.output, self.groups).input(self.node, *names)
 
-    def at(self, number: int) -> SocketInGroups:
+    def input_at(self, number: int) -> SocketInGroups:
         """Returns the node's input with this number."""
         return SocketInGroups(self.node.inputs[number], self.groups)
 
@@ -80,38 +80,38 @@ class SquareRoot(NamedTuple):
     of: Any
 
 
-def source_of(at: Any) -> tuple[Source | None, SocketInGroups | None]:
+def source_of(socket: Any) -> tuple[Source | None, SocketInGroups | None]:
     """Returns (the source connected to an input, None), or (None, the socket whose own value is used)."""
-    if isinstance(at, ConstantValue | Blend | Product | SquareRoot):
+    if isinstance(socket, ConstantValue | Blend | Product | SquareRoot):
         return None, None
     for _ in range(DEEPEST):
-        if at is None or not at.socket.is_linked:
-            return None, at
-        link = at.socket.links[0]
+        if socket is None or not socket.socket.is_linked:
+            return None, socket
+        link = socket.socket.links[0]
         node, output = link.from_node, link.from_socket
         if not link.is_valid or link.is_muted:
-            return None, at
+            return None, socket
         if node.type in PASSED:
-            at = SocketInGroups(node.inputs[0], at.groups)
+            socket = SocketInGroups(node.inputs[0], socket.groups)
         elif node.mute:
             through = next((each.from_socket for each in node.internal_links if each.to_socket == output), None)
             if through is None:
                 return None, None
-            at = SocketInGroups(through, at.groups)
+            socket = SocketInGroups(through, socket.groups)
         elif node.type == "GROUP" and node.node_tree is not None:
             inner = next((each for each in node.node_tree.nodes if each.type == "GROUP_OUTPUT" and each.is_active_output), None)
             found = None if inner is None else next((s for s in inner.inputs if s.identifier == output.identifier), None)
             if found is None:
                 return None, None
-            at = SocketInGroups(found, (*at.groups, node))
-        elif node.type == "GROUP_INPUT" and at.groups:
-            outer = at.groups[-1]
+            socket = SocketInGroups(found, (*socket.groups, node))
+        elif node.type == "GROUP_INPUT" and socket.groups:
+            outer = socket.groups[-1]
             found = next((s for s in outer.inputs if s.identifier == output.identifier), None)
             if found is None:
                 return None, None
-            at = SocketInGroups(found, at.groups[:-1])
+            socket = SocketInGroups(found, socket.groups[:-1])
         else:
-            return Source(node, output, at.groups), None
+            return Source(node, output, socket.groups), None
     return None, None
 
 
@@ -124,23 +124,23 @@ def output_of(tree: Any) -> Source | None:
     return None
 
 
-def constant_value(at: Any) -> Any:
+def constant_value(socket: Any) -> Any:
     """Returns the value of a socket, a number or a list of three, if it depends on constants only; else None."""
-    if isinstance(at, ConstantValue):
-        return at.value
-    if isinstance(at, Blend):
-        return _blended(*(constant_value(each) for each in at))
-    if isinstance(at, Product):
-        return _product(constant_value(at.first), constant_value(at.second))
-    if isinstance(at, SquareRoot):
-        return _root(constant_value(at.of))
-    source, last = source_of(at)
+    if isinstance(socket, ConstantValue):
+        return socket.value
+    if isinstance(socket, Blend):
+        return _blended(*(constant_value(each) for each in socket))
+    if isinstance(socket, Product):
+        return _product(constant_value(socket.first), constant_value(socket.second))
+    if isinstance(socket, SquareRoot):
+        return _root(constant_value(socket.of))
+    source, last = source_of(socket)
     if source is not None:
         if source.node.type in ("VALUE", "RGB"):
-            return _plain(source.output.default_value)
+            return _number_or_list(source.output.default_value)
         kelvin = constant_value(source.input("Temperature")) if source.node.type == "BLACKBODY" else None
         return blackbody(kelvin) if isinstance(kelvin, float) else None
-    return None if last is None else _plain(getattr(last.socket, "default_value", None))
+    return None if last is None else _number_or_list(getattr(last.socket, "default_value", None))
 
 
 def _product(first: Any, second: Any) -> Any:
@@ -169,7 +169,7 @@ def _blended(share: Any, first: Any, second: Any) -> Any:
     return first + share * (second - first)
 
 
-def _plain(value: Any) -> Any:
+def _number_or_list(value: Any) -> Any:
     if value is None or isinstance(value, str | bool):
         return None
     if isinstance(value, int | float):

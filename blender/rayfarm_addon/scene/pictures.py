@@ -25,21 +25,21 @@ class Pictures:
         """Returns the name of the image file of a value, or None."""
         return images.register(self._scene, value.image, as_color)
 
-    def used(self, value: Value, as_color: bool) -> Any:
+    def image_use(self, value: Value, as_color: bool) -> Any:
         """Returns the texture use of a value's image with all its channels; None if it has no pixels."""
         if value.inverted:
             return self.packed([(value, 0), (value, 1), (value, 2)], value, as_color)
         name = self.name(value, as_color)
         return None if name is None or value.use is None else replace(value.use, image=name)
 
-    def packed(self, wanted: list[tuple[Value | None, int]], told: Value, as_color: bool) -> TextureUse | None:
+    def packed(self, channels: list[tuple[Value | None, int]], mapped_value: Value, as_color: bool) -> TextureUse | None:
         """Returns the texture use of a new image that has one channel from each value; None if there are no pixels.
 
-        wanted: (value, channel). told: the value whose mapping is used.
+        channels: (value, channel). mapped_value: the value whose mapping is used.
         """
         planes: dict[int, np.ndarray] = {}
         names = []
-        for value, channel in wanted:
+        for value, channel in channels:
             if value is None or value.image is None:
                 continue
             found = images.pixels(value.image)
@@ -54,13 +54,13 @@ class Pictures:
             if which != GREY and channel < 3 and which < 3:
                 plane = images.encoded(plane, images.encoding_of(value.image, as_color))
             planes[channel] = 1 - plane if value.inverted else plane
-            if value.use != told.use and value.image != told.image:
+            if value.use != mapped_value.use and value.image != mapped_value.image:
                 self._scene.warn(f"Material {self._name}: pictures that lie differently are laid as one of them.")
-        if not planes or told.use is None:
+        if not planes or mapped_value.use is None:
             return None
         height, width = max(plane.shape for plane in planes.values())
         whole = np.ones((height, width, 4), np.float32)
         for channel, plane in planes.items():
             rows, columns = (np.arange(n) * plane.shape[i] // n for i, n in enumerate((height, width)))
             whole[..., channel] = plane[rows][:, columns]
-        return replace(told.use, image=images.add_pixels(self._scene, " ".join([self._name, *names]), whole))
+        return replace(mapped_value.use, image=images.add_pixels(self._scene, " ".join([self._name, *names]), whole))

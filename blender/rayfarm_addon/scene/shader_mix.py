@@ -67,7 +67,7 @@ class PrincipledLook:
                 return self._inputs[name]
         return self._beneath(*names) if self._beneath is not None else None
 
-    def over(self, inputs: Mapping[str, Any], is_matt: bool = False) -> PrincipledLook:
+    def with_inputs(self, inputs: Mapping[str, Any], is_matt: bool = False) -> PrincipledLook:
         """Returns a copy of the look in which these inputs are replaced."""
         return PrincipledLook(inputs, self.input, is_matt)
 
@@ -91,9 +91,9 @@ def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dic
     return math.sqrt(across), {"anisotropyStrength": min(stretch, 1.0), "anisotropyRotation": turns * 2 * math.pi}
 
 
-def under_coat(look: PrincipledLook) -> list[float] | None:
+def under_coat(surface: PrincipledLook) -> list[float] | None:
     """Returns the approximate factor of a tinted coat for the colours beneath it; None if it is colourless."""
-    weight, tint = constant_value(look.input("Coat Weight")), constant_value(look.input("Coat Tint"))
+    weight, tint = constant_value(surface.input("Coat Weight")), constant_value(surface.input("Coat Tint"))
     if not isinstance(weight, float) or not isinstance(tint, list) or weight <= 0 or min(tint) > CLEAR:
         return None
     share = min(weight, 1.0)
@@ -113,12 +113,12 @@ def _principled_anisotropy(anisotropy: Any, rotation: Any) -> dict[str, Any]:
     return {"Anisotropic": ConstantValue((1 - aspect**2) / 0.9), "Anisotropic Rotation": ConstantValue(turned)}
 
 
-def input_for_camera_rays(at: SocketInGroups) -> int | None:
+def input_for_camera_rays(socket: SocketInGroups) -> int | None:
     """Returns which input of a Mix Shader, 0 or 1, camera rays use, if its factor depends on the kind of ray; else None.
 
-    at: the socket of the factor.
+    socket: the socket of the factor.
     """
-    by, _ = source_of(at)
+    by, _ = source_of(socket)
     if by is None or by.node.type != "LIGHT_PATH":
         return None
     return int(by.output.name == "Is Camera Ray")
@@ -143,7 +143,7 @@ def _look_of(source: Source | None, warn: Callable[[str], None]) -> PrincipledLo
         warn_of_shader(source, warn)
         return made
     if source.node.type == "MIX_SHADER":
-        return _mixed(source, warn)
+        return _mix_shaders(source, warn)
     return _added(source, warn) if source.node.type == "ADD_SHADER" else None
 
 
@@ -189,12 +189,12 @@ def _skin_input(method: str) -> dict[str, Any]:
     return {"Subsurface Skin": ConstantValue(float(method == "RANDOM_WALK_SKIN"))}
 
 
-def _transmitted_color(at: Callable[..., Any]) -> dict[str, Any]:
+def _transmitted_color(socket: Callable[..., Any]) -> dict[str, Any]:
     """Returns the base colour of a transmissive shader.
 
     Cycles applies the square root of the colour at each of two surfaces, glTF the full colour once.
     """
-    weight, color = constant_value(at("Transmission Weight", "Transmission")), at("Base Color")
+    weight, color = constant_value(socket("Transmission Weight", "Transmission")), socket("Base Color")
     is_clear = isinstance(weight, float) and weight >= 1 and color is not None
     return {"Base Color": SquareRoot(color)} if is_clear else {}
 
@@ -222,9 +222,9 @@ def _matt(inputs: Mapping[str, Any]) -> PrincipledLook:
     return PrincipledLook({"Roughness": ConstantValue(1.0), "Specular IOR Level": ConstantValue(0.0), **inputs}, is_matt=True)
 
 
-def _mixed(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
-    first, second = (_look_of(source_of(source.at(i))[0], warn) for i in (1, 2))
-    share = source.at(0)
+def _mix_shaders(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
+    first, second = (_look_of(source_of(source.input_at(i))[0], warn) for i in (1, 2))
+    share = source.input_at(0)
     if (which := input_for_camera_rays(share)) is not None:
         warn("of shaders that are for different rays the camera's is shown to all")
         return (first, second)[which]
@@ -261,30 +261,32 @@ def _as_coated_diffuse(share: Any, first: PrincipledLook, second: PrincipledLook
         "IOR": ConstantValue((1 + root) / (1 - root)),
         "Specular IOR Level": ConstantValue(0.5),
     }
-    return matt.over(said | {"Specular Tint": metal.input("Base Color")})
+    return matt.with_inputs(said | {"Specular Tint": metal.input("Base Color")})
 
 
-def _with_reflection(by: Source, beneath: PrincipledLook, gloss: PrincipledLook, warn: Callable[[str], None]) -> PrincipledLook:
+def _with_reflection(
+    fresnel: Source, beneath: PrincipledLook, gloss: PrincipledLook, warn: Callable[[str], None]
+) -> PrincipledLook:
     """Expresses a mix of two looks by Fresnel's law as a reflection with the roughness of `gloss` on the look `beneath`.
 
-    by: the node that computes the factor.
+    fresnel: the node that computes the factor.
     """
-    ior = constant_value(by.input("IOR")) if by.node.type == "FRESNEL" else None
-    if by.node.type == "LAYER_WEIGHT":
-        blend = constant_value(by.input("Blend"))
+    ior = constant_value(fresnel.input("IOR")) if fresnel.node.type == "FRESNEL" else None
+    if fresnel.node.type == "LAYER_WEIGHT":
+        blend = constant_value(fresnel.input("Blend"))
         ior = 1 / max(1 - (SHARE if blend is None else blend), 1e-3)
-        if by.output.name == "Facing":
+        if fresnel.output.name == "Facing":
             warn("its reflection follows Fresnel's law, not how far it is turned away")
     roughness = gloss.input("Roughness")
     if beneath.is_matt:
         said = {"Roughness": roughness, "IOR": ConstantValue(ior or 1.45), "Specular IOR Level": ConstantValue(0.5)}
-        return beneath.over(said | {"Specular Tint": gloss.input("Base Color")})
-    return beneath.over({"Coat Weight": ConstantValue(1.0), "Coat Roughness": roughness})
+        return beneath.with_inputs(said | {"Specular Tint": gloss.input("Base Color")})
+    return beneath.with_inputs({"Coat Weight": ConstantValue(1.0), "Coat Roughness": roughness})
 
 
 def _added(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
     """Returns the look of an Add Shader. Emission is added; of several surfaces, one is used."""
-    parts = [look for look in (_look_of(source_of(source.at(i))[0], warn) for i in (0, 1)) if look is not None]
+    parts = [look for look in (_look_of(source_of(source.input_at(i))[0], warn) for i in (0, 1)) if look is not None]
     shining = [each for each in parts if _is_black(each) and constant_value(each.input("Emission Strength")) != 0.0]
     others = [each for each in parts if each not in shining]
     if shining and any(each.is_clear for each in others):
@@ -304,12 +306,12 @@ def _added(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None
     if not shining:
         return others[0]
     names = ("Emission Color", "Emission Strength")
-    return others[0].over({name: shining[0].input(name) for name in names}, others[0].is_matt)
+    return others[0].with_inputs({name: shining[0].input(name) for name in names}, others[0].is_matt)
 
 
-def _is_black(look: PrincipledLook) -> bool:
-    told = constant_value(look.input("Base Color"))
-    return isinstance(told, list) and max(told) <= 0 and constant_value(look.input("Translucent Weight")) in (None, 0.0)
+def _is_black(surface: PrincipledLook) -> bool:
+    told = constant_value(surface.input("Base Color"))
+    return isinstance(told, list) and max(told) <= 0 and constant_value(surface.input("Translucent Weight")) in (None, 0.0)
 
 
 class _Mix(PrincipledLook):
@@ -366,6 +368,6 @@ class _Mix(PrincipledLook):
         return b if a is None else a if b is None else Blend(self._share, a, b)
 
 
-def _is_dark(look: PrincipledLook) -> bool:
-    strength = look.input("Emission Strength")
+def _is_dark(surface: PrincipledLook) -> bool:
+    strength = surface.input("Emission Strength")
     return strength is None or constant_value(strength) == 0.0

@@ -39,7 +39,7 @@ def photographed(bpy: Any, world: Any, folder: Path, width: int) -> dict[str, An
         if sky is not None:
             sun = _measured(bpy, studio, sky, folder)
             sky.sun_disc = sun is None
-        studio.take(folder / PICTURE, width, width // 2, FORWARD, None)
+        studio.render_world(folder / PICTURE, width, width // 2, FORWARD, None)
     finally:
         if sky is not None:
             sky.sun_disc = True
@@ -66,7 +66,7 @@ def _measured(bpy: Any, studio: _Studio, sky: Any, folder: Path) -> dict[str, An
     for is_on in (True, False):
         sky.sun_disc = is_on
         path = folder / "sun.exr"
-        studio.take(path, LENS_PIXELS, LENS_PIXELS, Vector(towards).to_track_quat("-Z", "Y").to_euler(), angle)
+        studio.render_world(path, LENS_PIXELS, LENS_PIXELS, Vector(towards).to_track_quat("-Z", "Y").to_euler(), angle)
         image = bpy.data.images.load(str(path))
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
@@ -101,8 +101,8 @@ class _Studio:
         cycles.use_adaptive_sampling = cycles.use_denoising = False
         cycles.shading_system = False  # no scripts of Open Shading Language
 
-    def take(self, path: Path, width: int, height: int, turn: Any, angle: float | None) -> None:
-        """Renders the world to a file. turn: the camera's rotation. angle: field of view in radians; None for a panorama."""
+    def render_world(self, path: Path, width: int, height: int, rotation: Any, angle: float | None) -> None:
+        """Renders the world to a file. rotation: the camera's rotation. angle: field of view in radians; None for a panorama."""
         data, render = self._data, self._scene.render
         data.type = "PANO" if angle is None else "PERSP"
         if angle is not None:
@@ -111,7 +111,7 @@ class _Studio:
             data.panorama_type = "EQUIRECTANGULAR"
         else:
             data.cycles.panorama_type = "EQUIRECTANGULAR"
-        self._camera.rotation_euler = turn
+        self._camera.rotation_euler = rotation
         render.resolution_x, render.resolution_y, render.filepath = width, height, str(path)
         self._bpy.ops.render.render(write_still=True, scene=self._scene.name)
 

@@ -19,22 +19,22 @@ MOST_ANISOTROPY = 0.9  # Cycles' limit
 LEAST, CLEAR = 1e-3, 0.999
 
 
-def subsurface(look: Any) -> dict[str, Any] | None:
+def subsurface(surface: Any) -> dict[str, Any] | None:
     """Returns the glTF extension of a surface with subsurface scattering; None for other surfaces.
 
     Cycles interprets a radius as 4 pi mean free paths, or for skin as the diffusion length in a medium of the surface's colour.
     Both assume isotropic scattering; with anisotropy g, scattering must be 1 / (1 - g) times as dense. Source:
     intern/cycles/kernel/closure/bssrdf.h and kernel/integrator/subsurface_random_walk.h.
     """
-    weight = _number(look, "Subsurface Weight", 0.0)
+    weight = _number(surface, "Subsurface Weight", 0.0)
     if weight <= LEAST:
         return None
-    scale, radius = _number(look, "Subsurface Scale", 0.05), _three(look, "Subsurface Radius", [1.0, 0.2, 0.1])
-    g = min(max(_number(look, "Subsurface Anisotropy", 0.0), 0.0), MOST_ANISOTROPY)
+    scale, radius = _number(surface, "Subsurface Scale", 0.05), _rgb_value(surface, "Subsurface Radius", [1.0, 0.2, 0.1])
+    g = min(max(_number(surface, "Subsurface Anisotropy", 0.0), 0.0), MOST_ANISOTROPY)
     path = [max(scale * r, 0.0) / (4 * math.pi) for r in radius]
-    if _number(look, "Subsurface Skin", 0.0) > 0:
-        ior = min(max(_number(look, "Subsurface IOR", 1.4), 1.01), 3.8)
-        color = _three(look, "Base Color", [0.8] * 3)
+    if _number(surface, "Subsurface Skin", 0.0) > 0:
+        ior = min(max(_number(surface, "Subsurface IOR", 1.4), 1.01), 3.8)
+        color = _rgb_value(surface, "Base Color", [0.8] * 3)
         path = [max(scale * r, 0.0) * math.sqrt(3 * (1 - albedo_of(c, ior))) for r, c in zip(radius, color, strict=True)]
     reduced = [(1 - g) * each for each in path]
     return {"subsurfaceFactor": min(weight, 1.0), "subsurfaceRadius": reduced, "subsurfaceAnisotropy": g}
@@ -72,7 +72,7 @@ def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
         if found is not None and not found.is_nothing():
             warn("its volume is left out, as its surface lets no light in")
         return None
-    return {**_written(found or Medium()), "isInterface": is_bare}
+    return {**_medium_json(found or Medium()), "isInterface": is_bare}
 
 
 def has_volumes(scene: Scene) -> bool:
@@ -93,26 +93,26 @@ def world_medium(tree: Any, warn: Warn) -> dict[str, Any] | None:
     return {"sigma_a": found.sigma_a, "sigma_s": found.sigma_s, "g": found.g}
 
 
-def _written(found: Medium) -> dict[str, Any]:
+def _medium_json(found: Medium) -> dict[str, Any]:
     return {"sigmaA": found.sigma_a, "sigmaS": found.sigma_s, "g": found.g}
 
 
-def _number(look: Any, name: str, default: float) -> float:
-    found = constant_value(look.input(name))
-    return found if isinstance(found, float) else _own_value(look, name, default)
+def _number(surface: Any, name: str, default: float) -> float:
+    found = constant_value(surface.input(name))
+    return found if isinstance(found, float) else _own_value(surface, name, default)
 
 
-def _own_value(look: Any, name: str, default: float) -> float:
+def _own_value(surface: Any, name: str, default: float) -> float:
     """Returns the value set on an input itself, even if another node is connected to it."""
-    value = getattr(getattr(look.input(name), "socket", None), "default_value", None)
+    value = getattr(getattr(surface.input(name), "socket", None), "default_value", None)
     return float(value) if isinstance(value, int | float) else default
 
 
-def _three(look: Any, name: str, default: list[float]) -> list[float]:
-    found = constant_value(look.input(name))
+def _rgb_value(surface: Any, name: str, default: list[float]) -> list[float]:
+    found = constant_value(surface.input(name))
     if isinstance(found, list):
         return found
     if isinstance(found, float):
         return [found] * 3
-    own = getattr(getattr(look.input(name), "socket", None), "default_value", None)
+    own = getattr(getattr(surface.input(name), "socket", None), "default_value", None)
     return [float(c) for c in own][:3] if hasattr(own, "__len__") else default

@@ -91,7 +91,7 @@ class _Reader:
             self._warn("its displacement is left out, as its normals are bent by another picture")
             return
         found = self._values.bumps(heights, self._density)
-        picture = None if found is None else self._pictures.used(found, False)
+        picture = None if found is None else self._pictures.image_use(found, False)
         if picture is None:
             self._warn("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
             return
@@ -163,7 +163,7 @@ class _Reader:
             told = color if color.image is not None else alpha
             picture = self._pictures.packed([(color, 0), (color, 1), (color, 2), (alpha, 3)], told, True)
         else:
-            picture = None if color.image is None else self._pictures.used(color, True)
+            picture = None if color.image is None else self._pictures.image_use(color, True)
         if picture is not None:
             found["baseColorTexture"] = picture
         if opacity < 1 or alpha.image is not None:
@@ -183,7 +183,7 @@ class _Reader:
         # A value without an image must not be scaled by the other's factor.
         is_packed = is_packed and roughness.image is not None and metallic.image is not None
         if is_packed:
-            picture = self._pictures.used(told, False)
+            picture = self._pictures.image_use(told, False)
         else:
             picture = self._pictures.packed([(None, 0), (roughness, 1), (metallic, 2)], told, False)
         if picture is not None:
@@ -257,7 +257,7 @@ class _Reader:
         if most > 1:
             self._extend("emissive_strength", emissiveStrength=most)
         if shines.image is not None:
-            picture = self._pictures.used(shines, True)
+            picture = self._pictures.image_use(shines, True)
             if picture is not None:
                 self._said["emissiveTexture"] = picture
 
@@ -276,13 +276,13 @@ class _Reader:
             ends = {"iridescenceThicknessMinimum": thickness, "iridescenceThicknessMaximum": thickness}
             self._extend("iridescence", iridescenceFactor=1.0, iridescenceIor=ior, **ends)
 
-    def _normal(self, at: SocketInGroups | None, owner: dict[str, Any], name: str) -> None:
-        source, _ = source_of(at)
+    def _normal(self, socket: SocketInGroups | None, owner: dict[str, Any], name: str) -> None:
+        source, _ = source_of(socket)
         if source is None:
             return
         if source.node.type == "BUMP":
             found = self._values.bumps(source, self._density)
-            picture = None if found is None else self._pictures.used(found, False)
+            picture = None if found is None else self._pictures.image_use(found, False)
             if picture is None:
                 self._warn("its bumps are left out; those of pictures that lie by UVs are read, and normal maps")
             else:
@@ -296,7 +296,7 @@ class _Reader:
         strength = constant_value(source.input("Strength"))
         found = self._values.read(source.input("Color"), WHITE, "normal map")
         if found.image is not None:
-            picture = self._pictures.used(found, False)
+            picture = self._pictures.image_use(found, False)
             if picture is not None:
                 owner[name] = replace(picture, strength=1.0 if strength is None else strength)
 
@@ -327,18 +327,18 @@ class _Reader:
         A mix with a Transparent BSDF becomes alpha, one whose factor depends on the kind of ray becomes the shader of camera
         rays, and any other a single principled look.
         """
-        if (which := input_for_camera_rays(source.at(0))) is not None:
+        if (which := input_for_camera_rays(source.input_at(0))) is not None:
             self._warn("of shaders that are for different rays the camera's is shown to all")
-            shown = source_of(source.at(1 + which))[0]
+            shown = source_of(source.input_at(1 + which))[0]
             if shown is not None:
                 self._shader(shown)
             return
-        first, second = (source_of(source.at(i))[0] for i in (1, 2))
+        first, second = (source_of(source.input_at(i))[0] for i in (1, 2))
         clear = [each is not None and each.node.type == "BSDF_TRANSPARENT" for each in (first, second)]
         if clear[0] != clear[1]:
             solid = second if clear[0] else first
             if solid is not None:
-                share = self._values.read(source.at(0), 0.5, "mix")
+                share = self._values.read(source.input_at(0), 0.5, "mix")
                 self._shader(solid)
                 self._see_through(share if clear[0] else one_minus(share))
                 return
@@ -367,7 +367,7 @@ class _Reader:
 
     def _sum(self, source: Source) -> None:
         """Exports an Add Shader. Added to a Transparent BSDF, a shader becomes half transparent, with a warning."""
-        parts = [source_of(source.at(i))[0] for i in (0, 1)]
+        parts = [source_of(source.input_at(i))[0] for i in (0, 1)]
         clear = [each is not None and each.node.type == "BSDF_TRANSPARENT" for each in parts]
         if any(clear):
             self._warn("what is added to its transparency hides what is behind by half")
@@ -385,15 +385,15 @@ class _Reader:
         if value.image is None:
             return
         if channel is None or (value.channel == channel and not value.inverted):
-            picture = self._pictures.used(value, as_color)
+            picture = self._pictures.image_use(value, as_color)
         else:
             picture = self._pictures.packed([(value, channel)], value, as_color)
         if picture is not None:
             self._more.setdefault(extension, {})[name] = picture
 
 
-def _is_some(at: SocketInGroups | None) -> bool:
-    if at is None:
+def _is_some(socket: SocketInGroups | None) -> bool:
+    if socket is None:
         return False
-    plain = constant_value(at)
+    plain = constant_value(socket)
     return plain is None or number(plain) > SHARP

@@ -58,32 +58,32 @@ class Values:
 
     def __init__(self, scene: Scene, name: str, primary: set[str]) -> None:
         self._scene, self._name, self._primary = scene, name, primary
-        self._painter = Painter(name, self._use)
+        self._painter = Painter(name, self._uv_mapping)
 
-    def read(self, at: Any, default: Any, what: str) -> Value:
+    def read(self, socket: Any, default: Any, what: str) -> Value:
         """Returns the value of a socket; if its source is not supported, the number set on it, with a warning.
 
         what: names it there.
         """
-        if at is None:
+        if socket is None:
             return Value(default)
-        plain = constant_value(at)
+        plain = constant_value(socket)
         if plain is not None:
             return Value(plain)
-        source, _ = source_of(at)
-        found = None if source is None else self._of(source)
+        source, _ = source_of(socket)
+        found = None if source is None else self._read_source(source)
         if found is not None:
             if found.image is not None and found.channel is None and not isinstance(default, list):
                 found.channel = GREY
             return found
-        painted = self._painter.paint(at, what)
+        painted = self._painter.paint(socket, what)
         if isinstance(painted, list):
             return Value(painted if isinstance(default, list) else painted[0])
         if painted is not None:
             return Value(1.0, painted[0], painted[1], None if isinstance(default, list) else GREY)
         node = "" if source is None else f" ({source.node.bl_label or source.node.type})"
         self._scene.warn(f"Material {self._name}: what makes its {what}{node} is not read; a plain value stands for it.")
-        own = getattr(getattr(at, "socket", None), "default_value", default)
+        own = getattr(getattr(socket, "socket", None), "default_value", default)
         return Value(default if own is None else [float(c) for c in own][:3] if hasattr(own, "__len__") else float(own))
 
     def bumps(self, source: Source | Heights, density: Callable[[int], tuple[float, float] | None]) -> Value | None:
@@ -104,14 +104,14 @@ class Values:
         found = self._painter.bumps(source.input("Height"), bump, length)
         return None if found is None else Value(WHITE, found[0], found[1])
 
-    def _of(self, source: Source) -> Value | None:
+    def _read_source(self, source: Source) -> Value | None:
         node, kind = source.node, source.node.type
         if kind == "TEX_IMAGE" and node.image is not None:
             channel = 3 if source.output.name == "Alpha" else None
-            use = self._use(source)
+            use = self._uv_mapping(source)
             return None if use is None else Value(1.0, node.image, use, channel)
         if kind in ("SEPARATE_COLOR", "SEPRGB"):
-            inner = self._value_of_source(source.at(0))
+            inner = self._value_of_source(source.input_at(0))
             if inner is None or inner.image is None or inner.channel is not None:
                 return None
             inner.channel = CHANNELS.get(source.output.name)
@@ -125,27 +125,29 @@ class Values:
         if kind in ("VERTEX_COLOR", "ATTRIBUTE") and source.output.name in ("Color", "Alpha"):
             return Value(1.0, vertex=node.layer_name if kind == "VERTEX_COLOR" else node.attribute_name)
         if kind == "RGBTOBW":
-            return self._value_of_source(source.at(0))
+            return self._value_of_source(source.input_at(0))
         if kind in ("MIX", "MIX_RGB"):
-            return self._mixed(source)
+            return self._read_mix(source)
         if kind == "MATH" and node.operation == "MULTIPLY":
-            return self._product(source.at(0), source.at(1))
+            return self._product(source.input_at(0), source.input_at(1))
         return None
 
-    def _value_of_source(self, at: SocketInGroups | None) -> Value | None:
-        plain = constant_value(at)
+    def _value_of_source(self, socket: SocketInGroups | None) -> Value | None:
+        plain = constant_value(socket)
         if plain is not None:
             return Value(plain)
-        source, _ = source_of(at)
-        return None if source is None else self._of(source)
+        source, _ = source_of(socket)
+        return None if source is None else self._read_source(source)
 
-    def _mixed(self, source: Source) -> Value | None:
+    def _read_mix(self, source: Source) -> Value | None:
         node = source.node
         if node.type == "MIX" and node.data_type != "RGBA":
             return None
         # The Mix node since Blender 3.4 has sockets of every type; those for colours are the last.
-        first, second = (source.at(6), source.at(7)) if node.type == "MIX" else (source.at(1), source.at(2))
-        share = constant_value(source.at(0))
+        first, second = (
+            (source.input_at(6), source.input_at(7)) if node.type == "MIX" else (source.input_at(1), source.input_at(2))
+        )
+        share = constant_value(source.input_at(0))
         if share == 0.0:
             return self._value_of_source(first)
         if share != 1.0:
@@ -165,7 +167,7 @@ class Values:
         vertex = a.vertex if a.vertex is not None else b.vertex
         return Value(factor, told.image, told.use, told.channel, False, vertex)
 
-    def _use(self, source: Source) -> TextureUse | None:
+    def _uv_mapping(self, source: Source) -> TextureUse | None:
         """Returns the mapping of an image or pattern node on the surface; None if it is not mapped by UVs."""
         node = source.node
         is_image = node.type == "TEX_IMAGE"

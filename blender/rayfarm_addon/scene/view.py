@@ -48,7 +48,7 @@ class Shot:
         """True if the whole picture is needed."""
         return (self.x, self.y, self.w, self.h) == (0, 0, self.width, self.height)
 
-    def cut(self, picture: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    def crop(self, picture: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Returns the needed part of the requested picture (height, width, ...), rows from the top."""
         return picture[self.y : self.y + self.h, self.x : self.x + self.w]
 

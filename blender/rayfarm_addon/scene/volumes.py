@@ -58,12 +58,12 @@ def _read(source: Source, warn: Warn, depth: int) -> Medium | None:
     if read is not None:
         return read(source, warn)
     if depth < MOST_NESTED and kind == "ADD_SHADER":
-        return _sum([_below(source.at(i), warn, depth) for i in (0, 1)], [1.0, 1.0])
+        return _sum([_read_connected(source.input_at(i), warn, depth) for i in (0, 1)], [1.0, 1.0])
     if depth < MOST_NESTED and kind == "MIX_SHADER":
-        share = constant_value(source.at(0))
+        share = constant_value(source.input_at(0))
         if isinstance(share, float):
             share = min(max(share, 0.0), 1.0)
-            return _sum([_below(source.at(i), warn, depth) for i in (1, 2)], [1 - share, share])
+            return _sum([_read_connected(source.input_at(i), warn, depth) for i in (1, 2)], [1 - share, share])
         warn("its volume is mixed by what varies, and left out")
         return None
     what = "light of its own" if kind == "EMISSION" else f"{source.node.bl_label or kind}"
@@ -71,8 +71,8 @@ def _read(source: Source, warn: Warn, depth: int) -> Medium | None:
     return None
 
 
-def _below(at: SocketInGroups, warn: Warn, depth: int) -> Medium | None:
-    source, _ = source_of(at)
+def _read_connected(socket: SocketInGroups, warn: Warn, depth: int) -> Medium | None:
+    source, _ = source_of(socket)
     return None if source is None else _read(source, warn, depth + 1)
 
 

@@ -47,7 +47,7 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
         return World([0.0] * 3)
     if not world.use_nodes or world.node_tree is None:
         return World([float(c) for c in world.color])
-    _tell(scene, world)
+    _warn_of_ray_visibility(scene, world)
     inside = world_medium(world.node_tree, lambda what: scene.warn(f"World: {what}."))
     if inside is not None:  # an infinitely distant environment is invisible through it
         return World([0.0] * 3, medium=inside)
@@ -85,7 +85,7 @@ def _is_known(scene: Scene, top: Source) -> bool:
 
     Worlds that depend on the kind of ray are included; another function warns about them.
     """
-    if top.node.type == "MIX_SHADER" and input_for_camera_rays(top.at(0)) is not None:
+    if top.node.type == "MIX_SHADER" and input_for_camera_rays(top.input_at(0)) is not None:
         return True
     if top.node.type != "BACKGROUND" or constant_value(top.input("Strength")) is None:
         return False
@@ -96,7 +96,7 @@ def _is_known(scene: Scene, top: Source) -> bool:
         return False
     probe = Scene()  # collects the warnings of a trial export
     if node.node.type == "TEX_ENVIRONMENT" and node.node.image is not None:
-        return node.node.projection == "EQUIRECTANGULAR" and _turn(probe, node) is not None and not probe.warnings
+        return node.node.projection == "EQUIRECTANGULAR" and _environment_rotation(probe, node) is not None and not probe.warnings
     return _painted(probe, top.input("Color"), 1.0) is not None and not probe.warnings
 
 
@@ -114,7 +114,7 @@ def _baked(scene: Scene, world: Any, content: bytes, sun: dict[str, Any] | None)
     return World(image=Image("world.exr", content))
 
 
-def _tell(scene: Scene, world: Any) -> None:
+def _warn_of_ray_visibility(scene: Scene, world: Any) -> None:
     hidden = [words for kind, words in RAYS.items() if not getattr(getattr(world, "cycles_visibility", None), kind, True)]
     if hidden:
         scene.warn(f"World: is seen {', '.join(hidden)} here, though not in Blender.")
@@ -122,21 +122,25 @@ def _tell(scene: Scene, world: Any) -> None:
 
 def _background(scene: Scene, source: Source | None) -> Source | None:
     """Returns the shader that lights the scene, with a warning if camera rays see another one."""
-    if source is not None and source.node.type == "MIX_SHADER" and (which := input_for_camera_rays(source.at(0))) is not None:
+    if (
+        source is not None
+        and source.node.type == "MIX_SHADER"
+        and (which := input_for_camera_rays(source.input_at(0))) is not None
+    ):
         scene.warn("World: the camera sees what lights, though in Blender it sees something else.")
-        return source_of(source.at(2 - which))[0]
+        return source_of(source.input_at(2 - which))[0]
     return source
 
 
-def _painted(scene: Scene, at: SocketInGroups | None, strength: float) -> World | None:
+def _painted(scene: Scene, socket: SocketInGroups | None, strength: float) -> World | None:
     """Returns the light of panoramas that nodes change, evaluated texel by texel; None if it has other images."""
 
     def turn_of(source: Source) -> Any:
         node = source.node
         is_whole = node.type == "TEX_ENVIRONMENT" and node.projection == "EQUIRECTANGULAR"
-        return ("turned", _turn(scene, source)) if is_whole else None
+        return ("turned", _environment_rotation(scene, source)) if is_whole else None
 
-    found = Painter("world", turn_of).paint(at, "colour")
+    found = Painter("world", turn_of).paint(socket, "colour")
     if found is None:
         return None
     if isinstance(found, list):
@@ -156,10 +160,10 @@ def _image(scene: Scene, source: Source, strength: float) -> World:
     if image is None:
         scene.warn(f"World: the picture {node.image.name} has no pixels; is its file there?")
         return World([0.0] * 3)
-    return World(image=image, strength=strength, rotation=QUARTER + _turn(scene, source))
+    return World(image=image, strength=strength, rotation=QUARTER + _environment_rotation(scene, source))
 
 
-def _turn(scene: Scene, source: Source) -> float:
+def _environment_rotation(scene: Scene, source: Source) -> float:
     """Returns the rotation of the environment about the up axis, in degrees."""
     found, _ = source_of(source.input("Vector"))
     if found is None or found.node.type == "TEX_COORD":

@@ -9,7 +9,7 @@ from ..farm.client import Client, FarmError
 from ..farm.uploads import Uploads
 from ..scene.files import digest_of
 
-__all__ = ["Connection", "close", "connect", "note", "notes"]
+__all__ = ["Connection", "close", "connect", "notes", "store_warnings"]
 
 _lock = threading.Lock()
 _known: dict[tuple[str, str, str], Connection] = {}
@@ -45,10 +45,10 @@ def close() -> None:
         scene = each.uploads.scene
         if scene is not None and scene not in each.uploads.rendered:
             with contextlib.suppress(FarmError):
-                each.client.call("DELETE", f"/api/scenes/{scene}", patience_s=2.0)
+                each.client.request("DELETE", f"/api/scenes/{scene}", patience_s=2.0)
 
 
-def note(sentences: list[str]) -> None:
+def store_warnings(sentences: list[str]) -> None:
     """Stores the warnings about the scene, for the panel."""
     _notes[:] = sentences
 

@@ -22,13 +22,13 @@ class Canvas:
         self._cut: Corners = (0.0, 0.0, 1.0, 1.0)
         self._texture: Any = None
 
-    def show(self, shown: ViewPicture, cut: Corners) -> None:
+    def set_picture(self, picture: ViewPicture, cut: Corners) -> None:
         """Sets the picture.
 
         cut: the part of it that fills the region: left, low, right, high as fractions from the lower left corner.
         """
-        if shown is not self._shown:
-            self._shown, self._texture = shown, None
+        if picture is not self._shown:
+            self._shown, self._texture = picture, None
         self._cut = cut
 
     def draw(self, engine: Any, scene: Any, region: Any) -> None:

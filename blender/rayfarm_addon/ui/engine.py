@@ -16,8 +16,8 @@ from ..farm.protocol import rgbe9995
 from ..farm.render_request import Failed, FinishedPicture, StatusMessage, TileUpdate
 from ..farm.rendering import Rendering
 from . import connection
-from .passes import COMBINED, planes_of, values, wanted
-from .picture import Picture, picture_of, split
+from .passes import COMBINED, enabled_passes, planes_of, values
+from .picture import Picture, frame_and_subframe, picture_of
 from .settings import farm_of
 from .viewport import Viewport
 
@@ -42,7 +42,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
         """Registers the render passes with Blender."""
-        for each in (COMBINED, *wanted(scene, renderlayer)):
+        for each in (COMBINED, *enabled_passes(scene, renderlayer)):
             self.register_pass(scene, renderlayer, each.name, len(each.ids), each.ids, each.kind)
 
     def render(self, depsgraph: Any) -> None:
@@ -50,26 +50,26 @@ class RayfarmEngine(bpy.types.RenderEngine):
         try:
             self._render(depsgraph)
         except (FarmError, ValueError) as error:
-            self._fail(str(error))
+            self._report_error(str(error))
 
     def _render(self, depsgraph: Any) -> None:
         scene, layer = depsgraph.scene, depsgraph.view_layer
-        passes = wanted(scene, layer)
+        passes = enabled_passes(scene, layer)
         self.update_stats("", "Rayfarm: reading the scene")
-        connection.note([])
-        picture = picture_of(depsgraph, self._place, self._go_to, planes_of(passes), _title(scene, layer))
+        connection.store_warnings([])
+        picture = picture_of(depsgraph, self._camera_matrix, self._go_to, planes_of(passes), _title(scene, layer))
         farm = connection.connect(*farm_of(bpy.context), scene.rayfarm.project)
-        connection.note(picture.warnings)
+        connection.store_warnings(picture.warnings)
         for sentence in picture.warnings:
             self.report({"WARNING"}, sentence)
         rendering = Rendering(farm.client, farm.uploads, picture.asked)
         self._follow(rendering, picture, layer.name, passes)
 
-    def _place(self, camera: Any) -> Any:
+    def _camera_matrix(self, camera: Any) -> Any:
         return np.array(self.camera_model_matrix(camera), np.float64)
 
     def _go_to(self, frame: float) -> None:
-        self.frame_set(*split(frame))
+        self.frame_set(*frame_and_subframe(frame))
 
     def _is_cancelled(self) -> bool:
         return bool(self.test_break())
@@ -90,16 +90,16 @@ class RayfarmEngine(bpy.types.RenderEngine):
                     self.update_progress(event.progress)
             elif isinstance(event, TileUpdate):
                 if not cancelled:
-                    self._show(event, picture, layer)
+                    self._copy_tile(event, picture, layer)
             elif isinstance(event, Failed):
                 if event.sentence is not None:
-                    self._fail(event.sentence)
+                    self._report_error(event.sentence)
                 return
             else:
                 self._finish(event, picture, layer, passes)
                 return
 
-    def _show(self, tile: TileUpdate, picture: Picture, layer: str) -> None:
+    def _copy_tile(self, tile: TileUpdate, picture: Picture, layer: str) -> None:
         """Copies the needed part of a tile to Blender's image."""
         shot = picture.shot
         h, w = tile.words.shape
@@ -111,22 +111,22 @@ class RayfarmEngine(bpy.types.RenderEngine):
         result = self.begin_result(x0 - shot.x, shot.y + shot.h - y1, x1 - x0, y1 - y0, layer=layer)
         if result is None or not result.layers:
             return
-        _put(result, "Combined", rgba(rgbe9995.unpack(words)).reshape(-1, 4))
+        _fill_pass(result, "Combined", rgba(rgbe9995.unpack(words)).reshape(-1, 4))
         self.end_result(result)
 
-    def _finish(self, done: FinishedPicture, picture: Picture, layer: str, passes: list[Any]) -> None:
+    def _finish(self, finished: FinishedPicture, picture: Picture, layer: str, passes: list[Any]) -> None:
         shot = picture.shot
         result = self.begin_result(0, 0, shot.w, shot.h, layer=layer)
         for each in (COMBINED, *passes):
-            _put(result, each.name, values(each, done.channels, shot, picture.ids))
+            _fill_pass(result, each.name, values(each, finished.channels, shot, picture.ids))
         self.end_result(result)
-        theirs = [sentence for sentence in done.warnings if sentence not in picture.warnings]
-        connection.note([*picture.warnings, *theirs])
+        theirs = [sentence for sentence in finished.warnings if sentence not in picture.warnings]
+        connection.store_warnings([*picture.warnings, *theirs])
         for sentence in theirs:
             self.report({"WARNING"}, sentence)
-        self.update_stats("", f"Rayfarm: done, {done.sent_bytes / 1e6:.1f} MB were sent")
+        self.update_stats("", f"Rayfarm: done, {finished.sent_bytes / 1e6:.1f} MB were sent")
 
-    def _fail(self, sentence: str) -> None:
+    def _report_error(self, sentence: str) -> None:
         self.report({"ERROR"}, sentence)
         self.error_set(sentence)
 
@@ -153,7 +153,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
             ends()
 
 
-def _put(result: Any, name: str, flat: Any) -> None:
+def _fill_pass(result: Any, name: str, flat: Any) -> None:
     found = next((each for each in result.layers[0].passes if each.name == name), None)
     if found is None:
         return

@@ -28,12 +28,12 @@ class RAYFARM_OT_test_connection(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Tests the connection and waits for the response; for scripts."""
-        self._ask(*farm_of(context))
-        return self._tell()
+        self._check_connection(*farm_of(context))
+        return self._report_answer()
 
     def invoke(self, context: Any, event: Any) -> set[str]:
         """Tests the connection in a thread, so that Blender's window stays responsive."""
-        self._thread = threading.Thread(target=self._ask, args=farm_of(context), daemon=True)
+        self._thread = threading.Thread(target=self._check_connection, args=farm_of(context), daemon=True)
         self._thread.start()
         self._timer = context.window_manager.event_timer_add(LOOK_S, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -44,16 +44,16 @@ class RAYFARM_OT_test_connection(bpy.types.Operator):
         if event.type != "TIMER" or self._thread is None or self._thread.is_alive():
             return {"PASS_THROUGH"}
         context.window_manager.event_timer_remove(self._timer)
-        return self._tell()
+        return self._report_answer()
 
-    def _ask(self, url: str, token: str) -> None:
+    def _check_connection(self, url: str, token: str) -> None:
         self._answer: tuple[bool, str]
         try:
             self._answer = True, Client(url, token).check()
         except FarmError as error:
             self._answer = False, str(error)
 
-    def _tell(self) -> set[str]:
+    def _report_answer(self) -> set[str]:
         good, sentence = self._answer
         self.report({"INFO"} if good else {"ERROR"}, sentence)
         return {"FINISHED"} if good else {"CANCELLED"}

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..scene.ids import Ids
 from ..scene.view import Shot
 
-__all__ = ["PASSES", "Pass", "planes_of", "values", "wanted"]
+__all__ = ["PASSES", "Pass", "enabled_passes", "planes_of", "values"]
 
 F32 = npt.NDArray[np.float32]
 FAR = 1e10  # Cycles' depth where no object is hit
@@ -51,7 +51,7 @@ PASSES = (
 )
 
 
-def wanted(scene: Any, layer: Any) -> list[Pass]:
+def enabled_passes(scene: Any, layer: Any) -> list[Pass]:
     """Returns the passes that are enabled in a view layer, except Combined."""
     return [each for each in PASSES if (scene.rayfarm.albedo if each.option == "albedo" else getattr(layer, each.option, False))]
 
@@ -75,7 +75,7 @@ def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32
             objects = numbers["IndexOB.X"]
             found = ids.object(objects) if each.plane == "object" else ids.material(numbers["IndexMA.X"], objects)
             found = found[..., None]
-    cut = shot.cut(found)[::-1]
+    cut = shot.crop(found)[::-1]
     if each.name == "Combined":
         cut = np.concatenate([cut, np.ones((*cut.shape[:2], 1), np.float32)], axis=-1)
     return np.ascontiguousarray(cut, np.float32).reshape(-1, cut.shape[-1])

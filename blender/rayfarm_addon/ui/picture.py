@@ -20,7 +20,7 @@ from ..scene.model import World
 from ..scene.view import Shot
 from .baking import baked_panorama
 
-__all__ = ["Picture", "light_of", "picture_of", "requested", "split"]
+__all__ = ["Picture", "frame_and_subframe", "light_of", "picture_of", "requested"]
 
 F64 = npt.NDArray[np.float64]
 FRAME = 64  # frame number of pictures with motion blur in the exported file, large enough that no key is before time 0
@@ -104,12 +104,12 @@ def picture_of(
         def at(offset: float) -> tuple[float, Callable[[], Any]]:
             time = (FRAME + offset - (middle - frame)) / FPS
 
-            def go() -> Any:
+            def evaluate_frame() -> Any:
                 go_to(frame + offset)
                 over.append((time, *camera()[:2], lens_of(None, blender.camera.evaluated_get(depsgraph))))
                 return depsgraph
 
-            return time, go
+            return time, evaluate_frame
 
         ends = middle - frame - length / 2
         over_the_shutter(found, [at(ends + length * i / (settings.keys - 1)) for i in range(settings.keys)])
@@ -123,7 +123,7 @@ def picture_of(
     return Picture(asked, shot, ids_of(scene), scene.warnings)
 
 
-def split(frame: float) -> tuple[int, float]:
+def frame_and_subframe(frame: float) -> tuple[int, float]:
     """Splits a frame number into an integer and a fraction, as Blender needs it."""
     whole = math.floor(frame + 1e-9)
     return whole, max(frame - whole, 0.0)

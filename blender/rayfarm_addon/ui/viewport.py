@@ -34,7 +34,7 @@ class PendingChanges:
         self.all = True
         self.names: set[tuple[str, str]] = set()  # of objects and their data whose meshes have changed
 
-    def take(self, depsgraph: Any) -> bool:
+    def record_updates(self, depsgraph: Any) -> bool:
         """Records the updates of the dependency graph; returns True if the scene must be exported again."""
         matters = self.all
         for update in depsgraph.updates:
@@ -43,10 +43,10 @@ class PendingChanges:
             if kind in ("Object", "Mesh", "Curve", "MetaBall", "TextCurve", "SurfaceCurve") and update.is_updated_geometry:
                 self.names.add((kind, id.name_full))
             is_camera = kind == "Camera" or (kind == "Object" and id.type == "CAMERA")
-            matters = matters or kind == "Collection" or not (is_camera or (kind == "Scene" and not _moved(update)))
+            matters = matters or kind == "Collection" or not (is_camera or (kind == "Scene" and not _is_any_updated(update)))
         return matters
 
-    def touch(self, thing: Any, data: Any) -> bool:
+    def needs_export(self, thing: Any, data: Any) -> bool:
         """Returns True if an object's mesh must be exported again."""
         if self.all or thing.is_from_instancer:
             return self.all or bool(self.names)
@@ -55,13 +55,13 @@ class PendingChanges:
             told.add((type(data).__name__, data.name_full))
         return not told.isdisjoint(self.names)
 
-    def clear(self) -> None:
+    def clear_changes(self) -> None:
         """Forgets the changes, after they were exported."""
         self.all = False
         self.names.clear()
 
 
-def _moved(update: Any) -> bool:
+def _is_any_updated(update: Any) -> bool:
     return bool(update.is_updated_geometry or update.is_updated_transform or update.is_updated_shading)
 
 
@@ -106,13 +106,13 @@ class Viewport:
             try:
                 self._engine.tag_redraw()
             except ReferenceError:
-                self.end()
+                self.close()
                 return None
         return LOOK_S
 
     def update(self, depsgraph: Any) -> None:
         """Schedules an export for when no further changes arrive for a while."""
-        if self._changes.take(depsgraph):
+        if self._changes.record_updates(depsgraph):
             self._reading, self._waits = None, True
             self._begin_at = 0.0 if not self._known else time.monotonic() + SETTLED_S
 
@@ -123,7 +123,7 @@ class Viewport:
         now = time.monotonic()
         if self._waits and now >= self._begin_at:
             self._waits = False
-            self._reading = export_scene(depsgraph, self._known, self._changes.touch)
+            self._reading = export_scene(depsgraph, self._known, self._changes.needs_export)
         if self._reading is None:
             return
         found = None
@@ -132,17 +132,17 @@ class Viewport:
             if time.monotonic() - now > TICK_S:
                 return
         self._reading = None
-        self._changes.clear()
+        self._changes.clear_changes()
         if found is not None:
-            connection.note(found.scene.warnings)
+            connection.store_warnings(found.scene.warnings)
             try:
-                self._watching.show(scene_files(found.scene), MAIN, light_of(found.scene.world))
+                self._watching.set_scene(scene_files(found.scene), MAIN, light_of(found.scene.world))
             except ValueError as error:
                 self._error = str(error)
             else:
                 self._error = ""
 
-    def look(self, context: Any, depsgraph: Any) -> None:
+    def send_view(self, context: Any, depsgraph: Any) -> None:
         """Sends the viewport's view to the farm if it has changed."""
         if self._watching is None:
             return
@@ -164,36 +164,36 @@ class Viewport:
         asked |= {"view": shot.view, "width": shot.width, "height": shot.height}
         if asked != self._asked:
             self._asked = asked
-            number = self._watching.look(asked)
+            number = self._watching.set_view(asked)
             self._shots = {n: s for n, s in self._shots.items() if n > number - 64}
             self._shots[number] = shot
 
     def draw(self, context: Any, depsgraph: Any) -> None:
         """Draws the newest picture and a status line."""
         self.read(depsgraph)
-        self.look(context, depsgraph)
+        self.send_view(context, depsgraph)
         text = self._error
         if self._watching is not None:
-            shown, said = self._watching.state
+            shown, said = self._watching.picture_and_status
             text = text or ("Reading the scene" if self._reading is not None else said)
             if shown is not None:
-                self._canvas.show(shown, self.cut(shown))
+                self._canvas.set_picture(shown, self.visible_part(shown))
         self._engine.update_stats("Rayfarm", text)
         self._canvas.draw(self._engine, depsgraph.scene, context.region)
 
-    def cut(self, shown: ViewPicture) -> tuple[float, float, float, float]:
+    def visible_part(self, picture: ViewPicture) -> tuple[float, float, float, float]:
         """Returns the part of a picture that the viewport shows: left, low, right, high as fractions from the lower left."""
-        shot = self._shots.get(shown.id)
+        shot = self._shots.get(picture.id)
         if shot is None:
             return 0.0, 0.0, 1.0, 1.0
         low = shot.height - shot.y - shot.h
         left, right = shot.x / shot.width, (shot.x + shot.w) / shot.width
         return left, low / shot.height, right, (low + shot.h) / shot.height
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Ends the live view."""
         if self._watching is not None:
-            self._watching.end()
+            self._watching.close()
             self._watching = None
         with contextlib.suppress(Exception):
             import bpy

@@ -22,12 +22,12 @@ PATIENCE = 120.0  # total time limit of a file's baking, in seconds
 SAMPLES = 4
 
 
-def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
+def bake(bpy: Any, scene: Any, objects: list[Any], notes: list[str]) -> None:
     """Replaces material inputs of mesh objects that the exporter cannot convert by baked images. notes: receives warnings."""
     if "cycles" not in bpy.context.preferences.addons:
         return
     until = time.monotonic() + PATIENCE
-    wanted = _wanted(things)
+    wanted = _materials_to_bake(objects)
     if not wanted:
         return
     before = _settings(scene)
@@ -56,12 +56,12 @@ def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
             setattr(owner, name, value)
 
 
-def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
+def _materials_to_bake(objects: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
     """Returns (material, sockets to bake, one object for each mesh that uses it) for each material with such sockets."""
     found: dict[str, tuple[Any, list[Any], list[Any]]] = {}
     seen = set()
     split: list[Any] = []  # objects that shared their meshes with others
-    for thing in things:
+    for thing in objects:
         for slot in list(thing.material_slots):
             material = slot.material
             if material is None or not material.use_nodes or material.library is not None:
@@ -130,7 +130,7 @@ def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     surface = output.inputs["Surface"].links[0].from_socket
     shining = tree.nodes.new("ShaderNodeEmission")
-    others = _others(bpy, material, owners)
+    others = _assign_dummy_images(bpy, material, owners)
     try:
         for entry in entries:
             image = _image(bpy, material, entry, owners)
@@ -198,7 +198,7 @@ def _select(bpy: Any, owners: list[Any]) -> None:
     bpy.context.view_layer.objects.active = owners[0]
 
 
-def _others(bpy: Any, material: Any, owners: list[Any]) -> list[tuple[Any, Any]]:
+def _assign_dummy_images(bpy: Any, material: Any, owners: list[Any]) -> list[tuple[Any, Any]]:
     """Assigns dummy images to the other materials of the meshes, since Blender bakes all materials of a mesh."""
     found = []
     names = {material.name}

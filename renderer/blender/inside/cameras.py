@@ -31,17 +31,17 @@ class Cameras:
         self._corners = [each.matrix_world @ Vector(c) for each in meshes for c in each.bound_box]
         self._middle = sum(self._corners, Vector((0, 0, 0))) / max(len(self._corners), 1)
         for thing in self._all:
-            self._note(thing)
+            self._note_limits(thing)
 
-    def looks(self) -> dict[str, Any]:
+    def state_functions(self) -> dict[str, Any]:
         """Returns camera name -> function that returns the camera's current state."""
-        return {thing.name: partial(self._now, thing) for thing in self._all}
+        return {thing.name: partial(self._current_state, thing) for thing in self._all}
 
-    def written(self, seen: dict[str, list[dict[str, Any]]], frames: list[int], fps: float) -> list[dict[str, Any]]:
-        """Returns the cameras of the scene file. seen: camera name -> its states at the frames."""
+    def scene_file_cameras(self, states: dict[str, list[dict[str, Any]]], frames: list[int], fps: float) -> list[dict[str, Any]]:
+        """Returns the cameras of the scene file. states: camera name -> its states at the frames."""
         cameras = []
         for thing in self._all:
-            values = seen[thing.name]
+            values = states[thing.name]
             fixed = {name: values[0][name] for name in ("projection",)}
             varied = {name: keyed([each[name] for each in values], frames, fps) for name in values[0] if name not in fixed}
             straight = [name for name in ("shift_x", "shift_y") if varied.get(name) == 0.0]
@@ -50,7 +50,7 @@ class Cameras:
             cameras.append({"name": thing.name[:200], **fixed, **varied})
         return cameras
 
-    def _now(self, thing: Any) -> dict[str, Any]:
+    def _current_state(self, thing: Any) -> dict[str, Any]:
         graph = self._bpy.context.evaluated_depsgraph_get()
         camera = thing.evaluated_get(graph)
         data, world = camera.data, camera.matrix_world
@@ -99,7 +99,7 @@ class Cameras:
         eye, forward = thing.matrix_world.translation, thing.matrix_world.to_3x3() @ self._vector((0, 0, -1))
         return max(((point - eye).dot(forward.normalized()) for point in self._corners), default=0.0)
 
-    def _note(self, thing: Any) -> None:
+    def _note_limits(self, thing: Any) -> None:
         data, name = thing.data, thing.name
         if data.type != "PANO" and self._distance_to_far_end(thing) > data.clip_end:
             self._notes.append(f"Camera {name}: what lies beyond its end of {data.clip_end:g} is shown, though not in Blender")

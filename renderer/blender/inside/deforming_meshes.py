@@ -18,14 +18,14 @@ class DeformedShapes:
     left: names of meshes that stay static because the data would be too large or their number of vertices changes.
     """
 
-    def __init__(self, bpy: Any, scene: Any, shown: set[str], frames: list[int]) -> None:
-        """Samples the shapes at all frames. shown: names of the visible objects."""
+    def __init__(self, bpy: Any, scene: Any, visible_names: set[str], frames: list[int]) -> None:
+        """Samples the shapes at all frames. visible_names: names of the visible objects."""
         self._bpy, self._scene, self._frames = bpy, scene, frames
         self._shapes: dict[str, list[Any]] = {}
         self._first: dict[str, Any] = {}
         self._other: set[str] = set()  # objects whose number of vertices changes
         self.left: list[str] = []
-        names = [name for name in sorted(shown) if _may_bend(scene.objects[name])]
+        names = [name for name in sorted(visible_names) if _may_bend(scene.objects[name])]
         if len(frames) < 2 or not names:
             return
         with without_bones([scene.objects[name] for name in names]):
@@ -55,7 +55,7 @@ class DeformedShapes:
     def _bent(self, names: list[str], frames: list[int]) -> list[str]:
         """Returns the names of those objects whose evaluated shape differs between these frames."""
         found = set()
-        for name, points in self._at(names, frames):
+        for name, points in self._points_at_frames(names, frames):
             before = self._first.setdefault(name, points)
             if len(before) != len(points):
                 found.add(name)
@@ -79,7 +79,7 @@ class DeformedShapes:
                 del size[name]
                 self.left.append(name)
         found: dict[str, list[Any]] = {name: [] for name in size}
-        for name, points in self._at(list(size), self._frames):
+        for name, points in self._points_at_frames(list(size), self._frames):
             found[name].append(points)
         for name, shapes in list(found.items()):
             if any(len(each) != len(shapes[0]) for each in shapes):
@@ -87,7 +87,7 @@ class DeformedShapes:
                 self.left.append(name)
         return found
 
-    def _at(self, names: list[str], frames: list[int]) -> Iterator[tuple[str, Any]]:
+    def _points_at_frames(self, names: list[str], frames: list[int]) -> Iterator[tuple[str, Any]]:
         for frame in frames if names else ():
             self._scene.frame_set(frame)
             graph = self._bpy.context.evaluated_depsgraph_get()
@@ -96,9 +96,9 @@ class DeformedShapes:
 
 
 @contextmanager
-def without_bones(things: list[Any]) -> Iterator[None]:
+def without_bones(objects: list[Any]) -> Iterator[None]:
     """Context manager that disables the armature modifiers of these objects."""
-    bones = [each for thing in things for each in thing.modifiers if each.type == "ARMATURE" and each.show_viewport]
+    bones = [each for thing in objects for each in thing.modifiers if each.type == "ARMATURE" and each.show_viewport]
     for each in bones:
         each.show_viewport = False
     try:

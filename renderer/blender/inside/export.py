@@ -56,7 +56,7 @@ class UploadedFiles:
         """Returns the names of the .blend files."""
         return [name for name in self._files.values() if name.lower().endswith(".blend")]
 
-    def place(self, name: str) -> Path:
+    def path_to_open(self, name: str) -> Path:
         """Returns the path at which a file is opened: of a .blend, that of its copy."""
         return (self._copies if name.lower().endswith(".blend") else self._folder) / name
 
@@ -84,7 +84,7 @@ class UploadedFiles:
                 str(self._folder / (tiles[0][: len(start)] + "<UDIM>" + tiles[0][len(tiles[0]) - len(end) :])) if tiles else None
             )
         found = self._files.get(name.lower())
-        return str(self.place(found)) if found else None
+        return str(self.path_to_open(found)) if found else None
 
 
 def copied(job: dict[str, Any]) -> Path:
@@ -116,7 +116,7 @@ def opened(path: Path) -> Any:
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     except RuntimeError as error:
-        raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_reason(error)})") from None
+        raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_error_text(error)})") from None
     return bpy
 
 
@@ -131,7 +131,7 @@ def imported(path: Path) -> Any:
         # Not as a background job, which would never run here.
         bpy.ops.wm.alembic_import(filepath=str(path), as_background_job=False, set_frame_range=True)
     except RuntimeError as error:
-        raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_reason(error)})") from None
+        raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_error_text(error)})") from None
     if not bpy.context.scene.objects:
         raise DamagedError("holds nothing that Blender shows; is it whole?")
     bpy.context.scene.name = path.stem
@@ -147,7 +147,7 @@ def _started() -> Any:
     return bpy
 
 
-def _reason(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     return str(error).strip().splitlines()[0][:300] if str(error).strip() else type(error).__name__
 
 
@@ -177,7 +177,8 @@ def run() -> int:
     except Exception as error:
         traceback.print_exc()
         report = {
-            "error": f"could not be written as a scene ({type(error).__name__}: {_reason(error)}). Export glTF from it instead"
+            "error": f"could not be written as a scene ({type(error).__name__}: {_error_text(error)}). "
+            "Export glTF from it instead"
         }
     out = Path(job["out"])
     (out / "report.part").write_text(json.dumps(report))

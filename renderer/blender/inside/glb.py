@@ -30,7 +30,7 @@ class Glb:
         at = start + length
         if len(data) > at:
             size, _ = _CHUNK.unpack_from(data, at)
-            self._keep(memoryview(data)[at + _CHUNK.size : at + _CHUNK.size + size])
+            self._append_padded(memoryview(data)[at + _CHUNK.size : at + _CHUNK.size + size])
 
     def array(self, values: Any, shape: str, component: int, is_bounded: bool = False) -> int:
         """Adds an accessor for a numpy array; returns its number.
@@ -41,7 +41,7 @@ class Glb:
 
         flat = np.ascontiguousarray(values, np.uint32 if component == 5125 else np.float32)
         view = {"buffer": 0, "byteOffset": self._size, "byteLength": flat.nbytes}
-        self._keep(flat.data.cast("B") if flat.nbytes else b"")
+        self._append_padded(flat.data.cast("B") if flat.nbytes else b"")
         said: dict[str, Any] = {"componentType": component, "count": len(flat), "type": shape}
         if is_bounded and len(flat):
             said |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
@@ -63,13 +63,13 @@ class Glb:
                 for part in self._parts:
                     file.write(part)
 
-    def _keep(self, part: Any) -> None:
+    def _append_padded(self, part: Any) -> None:
         """Appends bytes to the binary chunk, padded to a multiple of four."""
         rest = bytes(-len(part) % 4)
         self._parts += [part, rest]
         self._size += len(part) + len(rest)
 
-    def _add(self, name: str, said: dict[str, Any]) -> int:
+    def _add(self, name: str, data: dict[str, Any]) -> int:
         found: list[Any] = self.document.setdefault(name, [])
-        found.append(said)
+        found.append(data)
         return len(found) - 1

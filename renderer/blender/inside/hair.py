@@ -13,18 +13,18 @@ __all__ = ["hair_as_meshes"]
 MOST_POINTS = 300_000
 
 
-def hair_as_meshes(bpy: Any, scene: Any, shown: list[Any], addon: Path | None, notes: list[str]) -> list[Any]:
+def hair_as_meshes(bpy: Any, scene: Any, objects: list[Any], addon: Path | None, notes: list[str]) -> list[Any]:
     """Returns the visible objects, with hair curves replaced by meshes where possible. addon: the add-on's folder, or None."""
-    curves = [thing for thing in shown if thing.type == "CURVES"]
+    curves = [thing for thing in objects if thing.type == "CURVES"]
     if not curves or addon is None:
-        return shown
+        return objects
     tubes = modules_of(addon).tubes.tubes
     graph = bpy.context.evaluated_depsgraph_get()
     made = [_mesh_of(bpy, scene, thing, thing.evaluated_get(graph).data, tubes, notes) for thing in curves]
     gone = {thing.name for thing in curves}
     for thing in curves:
         thing.hide_render = True
-    return [*(thing for thing in shown if thing.name not in gone), *(thing for thing in made if thing is not None)]
+    return [*(thing for thing in objects if thing.name not in gone), *(thing for thing in made if thing is not None)]
 
 
 def _mesh_of(bpy: Any, scene: Any, thing: Any, data: Any, tubes: Any, notes: list[str]) -> Any:
@@ -60,17 +60,17 @@ def _mesh_of(bpy: Any, scene: Any, thing: Any, data: Any, tubes: Any, notes: lis
     return made
 
 
-def _move_alike(made: Any, thing: Any) -> None:
-    """Gives the object `made` the parent and the animation of `thing`."""
-    made.rotation_mode = thing.rotation_mode
-    made.parent, made.parent_type, made.parent_bone = thing.parent, thing.parent_type, thing.parent_bone
-    made.matrix_parent_inverse = thing.matrix_parent_inverse.copy()
-    made.matrix_basis = thing.matrix_basis.copy()
+def _move_alike(target: Any, thing: Any) -> None:
+    """Gives the object `target` the parent and the animation of `thing`."""
+    target.rotation_mode = thing.rotation_mode
+    target.parent, target.parent_type, target.parent_bone = thing.parent, thing.parent_type, thing.parent_bone
+    target.matrix_parent_inverse = thing.matrix_parent_inverse.copy()
+    target.matrix_basis = thing.matrix_basis.copy()
     moves = thing.animation_data
     if moves is not None and moves.action is not None:
-        data = made.animation_data_create()
+        data = target.animation_data_create()
         data.action = moves.action
         if getattr(moves, "action_slot", None) is not None:  # since Blender 4.4
             data.action_slot = moves.action_slot
     if thing.constraints:
-        made.constraints.new("COPY_TRANSFORMS").target = thing
+        target.constraints.new("COPY_TRANSFORMS").target = thing

@@ -35,29 +35,29 @@ class _Shown(NamedTuple):
     place: Any
 
 
-def instances_as_objects(bpy: Any, scene: Any, shown: set[str], frames: list[int], notes: list[str]) -> None:
+def instances_as_objects(bpy: Any, scene: Any, visible_names: set[str], frames: list[int], notes: list[str]) -> None:
     """Creates an object for each instance at the current frame, animated over the other frames.
 
-    shown: names of visible objects; those of the new objects are added.
+    visible_names: names of visible objects; those of the new objects are added.
     """
-    found = _found(bpy, shown)
-    _note_left_out(bpy, shown, notes)
-    moves = _over_frames(bpy, scene, shown, frames, found, notes)
+    found = _find_instances(bpy, visible_names)
+    _note_left_out(bpy, visible_names, notes)
+    moves = _over_frames(bpy, scene, visible_names, frames, found, notes)
     for each in found:
         thing = bpy.data.objects.new(f"{each.parent.name} instance", each.mesh)
         for flag in VISIBLE:
             setattr(thing, flag, getattr(each.parent, flag) and getattr(each.thing, flag))
         scene.collection.objects.link(thing)
-        shown.add(thing.name)
+        visible_names.add(thing.name)
         _place_object(bpy, scene, thing, each.place, moves.get(each.key), frames, notes)
     for each in found:
         if each.parent.instance_type in ON_MESHES and each.thing.parent == each.parent:
-            shown.discard(each.thing.name)  # in renders, unlike in a viewport, it is visible only as an instance
+            visible_names.discard(each.thing.name)  # in renders, unlike in a viewport, it is visible only as an instance
     for owner in sorted({each.parent.name for each in found}):
         thing = scene.objects[owner]
         thing.instance_type = "NONE"
         if thing.type == "MESH" and not (thing.show_instancer_for_render or thing.type == "EMPTY"):
-            shown.discard(owner)
+            visible_names.discard(owner)
     bent = sorted({each.thing.name for each in found if _is_bent(each.thing)}) if len(frames) > 1 else []
     if bent:
         notes.append(
@@ -67,12 +67,12 @@ def instances_as_objects(bpy: Any, scene: Any, shown: set[str], frames: list[int
         notes.append(f"Of its instances the first {MOST_INSTANCES:,} are shown")
 
 
-def _found(bpy: Any, shown: set[str]) -> list[_Shown]:
+def _find_instances(bpy: Any, visible_names: set[str]) -> list[_Shown]:
     graph = bpy.context.evaluated_depsgraph_get()
     made: dict[Any, Any] = {}  # by evaluated mesh: its copy
     found: list[_Shown] = []
     for instance in graph.object_instances:
-        if not _counts(instance, shown) or len(found) >= MOST_INSTANCES:
+        if not _is_exported(instance, visible_names) or len(found) >= MOST_INSTANCES:
             continue
         thing, data = instance.object, instance.object.data
         if data not in made:
@@ -81,19 +81,19 @@ def _found(bpy: Any, shown: set[str]) -> list[_Shown]:
     return found
 
 
-def _counts(instance: Any, shown: set[str]) -> bool:
-    if not instance.is_instance or instance.parent is None or instance.parent.original.name not in shown:
+def _is_exported(instance: Any, visible_names: set[str]) -> bool:
+    if not instance.is_instance or instance.parent is None or instance.parent.original.name not in visible_names:
         return False
     return instance.object.type in KINDS and instance.object.data is not None
 
 
-def _note_left_out(bpy: Any, shown: set[str], notes: list[str]) -> None:
+def _note_left_out(bpy: Any, visible_names: set[str], notes: list[str]) -> None:
     """Notes instanced objects, and results of geometry nodes, that are not exported because they are not surfaces."""
     names: dict[str, dict[str, None]] = {}
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type in LEFT_OUT and instance.is_instance and instance.parent is not None:
             owner = instance.parent.original.name
-            if owner in shown:
+            if owner in visible_names:
                 names.setdefault(LEFT_OUT[instance.object.type], {})[owner] = None
     for words, owners in names.items():
         listed = ", ".join(list(owners)[:5])
@@ -105,7 +105,7 @@ def _key(instance: Any) -> Any:
 
 
 def _over_frames(
-    bpy: Any, scene: Any, shown: set[str], frames: list[int], found: list[_Shown], notes: list[str]
+    bpy: Any, scene: Any, visible_names: set[str], frames: list[int], found: list[_Shown], notes: list[str]
 ) -> dict[Any, list[Any]]:
     """Returns instance key -> transforms at all frames, for instances that move."""
     if len(frames) < 2 or not found:
@@ -122,7 +122,7 @@ def _over_frames(
         scene.frame_set(frame)
         seen = 0
         for instance in bpy.context.evaluated_depsgraph_get().object_instances:
-            if not _counts(instance, shown):
+            if not _is_exported(instance, visible_names):
                 continue
             seen += 1
             key = _key(instance)

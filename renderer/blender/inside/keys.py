@@ -112,12 +112,12 @@ def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
     return list(range(first, last + (2 if last == first + 1 else 1)))
 
 
-def over_frames(scene: Any, frames: Iterable[int], looks: dict[str, Callable[[], Any]]) -> dict[str, list[Any]]:
+def over_frames(scene: Any, frames: Iterable[int], state_functions: dict[str, Callable[[], Any]]) -> dict[str, list[Any]]:
     """Returns name -> results of the function `looks[name]` at each of the frames."""
-    found: dict[str, list[Any]] = {name: [] for name in looks}
+    found: dict[str, list[Any]] = {name: [] for name in state_functions}
     for frame in frames:
         scene.frame_set(frame)
-        for name, look in looks.items():
+        for name, look in state_functions.items():
             found[name].append(look())
     return found
 
@@ -128,19 +128,21 @@ def keyed(values: list[Any], frames: list[int], fps: float) -> Any:
     Omits keys between two equal ones.
     """
     values = [rounded(value) for value in values]
-    if all(_alike(value, values[0]) for value in values):
+    if all(_are_nearly_equal(value, values[0]) for value in values):
         return values[0]
     keys = []
     for i, value in enumerate(values):
-        is_between = 0 < i < len(values) - 1 and _alike(value, values[i - 1]) and _alike(value, values[i + 1])
+        is_between = (
+            0 < i < len(values) - 1 and _are_nearly_equal(value, values[i - 1]) and _are_nearly_equal(value, values[i + 1])
+        )
         if not is_between:
             keys.append([frames[i] / fps, value])
     return {"keys": keys}
 
 
-def _alike(a: Any, b: Any) -> bool:
+def _are_nearly_equal(a: Any, b: Any) -> bool:
     if isinstance(a, list) and isinstance(b, list):
-        return len(a) == len(b) and all(_alike(x, y) for x, y in zip(a, b, strict=True))
+        return len(a) == len(b) and all(_are_nearly_equal(x, y) for x, y in zip(a, b, strict=True))
     if isinstance(a, int | float) and isinstance(b, int | float):
         return abs(a - b) <= ALIKE * max(1.0, abs(a), abs(b))
     return bool(a == b)

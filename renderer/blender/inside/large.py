@@ -25,14 +25,14 @@ DEEPEST = 16
 Taken = dict[str, Any]  # rayfarm_addon's meshes, by the names of their stand-ins
 
 
-def replace_by_stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Taken:
+def replace_by_stand_ins(bpy: Any, objects: list[Any], addon: Path | None) -> Taken:
     """Replaces large, undeformed meshes by stand-ins; returns stand-in name -> mesh. addon: the add-on's folder, or None."""
     if addon is None:
         return {}
     extract = modules_of(addon).meshes.extract
     made: dict[Any, Any] = {}
     taken: Taken = {}
-    for thing in things:
+    for thing in objects:
         if thing.type != "MESH" or thing.library is not None or not _is_plain(thing):
             continue
         mesh = thing.data
@@ -46,14 +46,14 @@ def replace_by_stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Tak
     return taken
 
 
-def restore_large_meshes(path: Path, taken: Taken) -> None:
+def restore_large_meshes(path: Path, stand_ins: Taken) -> None:
     """Replaces the stand-ins in a GLB file by the real meshes."""
-    if not taken:
+    if not stand_ins:
         return
     glb = Glb(path)
     for mesh in glb.document.get("meshes", []):
-        if (meant := taken.get(mesh.get("name", ""))) is not None:
-            _put(glb, mesh["primitives"], meant)
+        if (meant := stand_ins.get(mesh.get("name", ""))) is not None:
+            _add_mesh(glb, mesh["primitives"], meant)
     glb.write(path)
 
 
@@ -96,16 +96,16 @@ def _stand_in(bpy: Any, mesh: Any, slots: list[int]) -> Any:
     return made
 
 
-def _put(glb: Glb, primitives: list[dict[str, Any]], meant: Any) -> None:
+def _add_mesh(glb: Glb, primitives: list[dict[str, Any]], mesh: Any) -> None:
     import numpy as np
 
-    def turned(vectors: Any) -> Any:
+    def to_y_up(vectors: Any) -> Any:
         return np.stack([vectors[:, 0], vectors[:, 2], -vectors[:, 1]], axis=1)
 
-    attributes = {"POSITION": glb.array(turned(meant.positions), "VEC3", FLOAT, is_bounded=True)}
-    if meant.normals is not None:
-        attributes["NORMAL"] = glb.array(turned(meant.normals), "VEC3", FLOAT)
-    attributes |= {f"TEXCOORD_{i}": glb.array(uv, "VEC2", FLOAT) for i, uv in enumerate(meant.uvs)}
-    for primitive, (_, corners) in zip(primitives, meant.parts, strict=True):
+    attributes = {"POSITION": glb.array(to_y_up(mesh.positions), "VEC3", FLOAT, is_bounded=True)}
+    if mesh.normals is not None:
+        attributes["NORMAL"] = glb.array(to_y_up(mesh.normals), "VEC3", FLOAT)
+    attributes |= {f"TEXCOORD_{i}": glb.array(uv, "VEC2", FLOAT) for i, uv in enumerate(mesh.uvs)}
+    for primitive, (_, corners) in zip(primitives, mesh.parts, strict=True):
         primitive["attributes"] = attributes
         primitive["indices"] = glb.array(corners, "SCALAR", UINT)

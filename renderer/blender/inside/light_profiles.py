@@ -43,7 +43,7 @@ def render_emission_image(bpy: Any, lamp: Any, out: Path, name: str) -> Emission
     width = min(max([SIDE if is_window else AROUND, *sizes]), MOST)
     studio = _Studio(bpy, lamp, is_window)
     try:
-        studio.take(out / name, width, width if is_window else width // 2)
+        studio.render_profile(out / name, width, width if is_window else width // 2)
     finally:
         studio.close()
     return EmissionImage(name, is_window)
@@ -124,7 +124,7 @@ class _Studio:
         self._ball.materials.append(white)
         self._white = white
 
-    def take(self, path: Path, width: int, height: int) -> None:
+    def render_profile(self, path: Path, width: int, height: int) -> None:
         camera, render = self._camera, self._scene.render
         camera.type = "PERSP" if self._is_window else "PANO"
         camera.clip_start = 1e-3

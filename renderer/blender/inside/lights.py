@@ -28,21 +28,21 @@ class Lights:
     that cast no shadows.
     """
 
-    def __init__(self, bpy: Any, scene: Any, known: Any, notes: list[str], out: Path) -> None:
+    def __init__(self, bpy: Any, scene: Any, addon_lights: Any, notes: list[str], out: Path) -> None:
         """Initialises the lights of a scene.
 
-        known: the add-on's module of lights; None if not available. out: folder for the emission images.
+        addon_lights: the add-on's module of lights; None if not available. out: folder for the emission images.
         """
         import mathutils
 
-        self._bpy, self._math, self._known = bpy, mathutils, known
+        self._bpy, self._math, self._known = bpy, mathutils, addon_lights
         lights = [thing for thing in scene.objects if thing.type == "LIGHT" and not thing.hide_render]
         self._all = sorted((thing for thing in lights if not _is_portal(thing.data)), key=lambda thing: thing.name)
         self._turns: dict[str, Any] = {}
         self._thrown: dict[str, EmissionImage] = {}
         self._render_emission_images(out)
         for thing in lights:
-            self._note(thing, notes)
+            self._note_limits(thing, notes)
 
     def _render_emission_images(self, out: Path) -> None:
         """Renders the emission images, one for each light data block."""
@@ -57,17 +57,17 @@ class Lights:
                     taken[data.name] = render_emission_image(self._bpy, thing, out, f"blender-lamp-{len(taken)}.exr")
                 self._thrown[thing.name] = taken[data.name]
 
-    def looks(self) -> dict[str, Any]:
+    def state_functions(self) -> dict[str, Any]:
         """Returns light name -> function that returns the light's current state."""
-        return {thing.name: partial(self._now, thing) for thing in self._all}
+        return {thing.name: partial(self._current_state, thing) for thing in self._all}
 
-    def written(
-        self, seen: dict[str, list[dict[str, Any]]], frames: list[int], fps: float
+    def scene_file_lights(
+        self, states: dict[str, list[dict[str, Any]]], frames: list[int], fps: float
     ) -> tuple[list[Any], dict[str, Any], list[Any]]:
-        """Returns the lights, materials and shapes of the scene file. seen: light name -> its states at the frames."""
+        """Returns the lights, materials and shapes of the scene file. states: light name -> its states at the frames."""
         lights, materials, shapes = [], {}, []
         for thing in self._all:
-            values = seen[thing.name]
+            values = states[thing.name]
             said: dict[str, Any] = {name: keyed([each[name] for each in values], frames, fps) for name in values[0]}
             name = thing.name[:200]
             if "emission" not in said:
@@ -94,7 +94,7 @@ class Lights:
             shapes.append({"type": kind, "name": name, "material": material, "transform": transform})
         return lights, materials, shapes
 
-    def _now(self, thing: Any) -> dict[str, Any]:
+    def _current_state(self, thing: Any) -> dict[str, Any]:
         graph = self._bpy.context.evaluated_depsgraph_get()
         lamp = thing.evaluated_get(graph)
         data, world = lamp.data, lamp.matrix_world
@@ -156,7 +156,7 @@ class Lights:
         has_some = data.use_nodes and data.node_tree is not None and self._known is not None
         return self._known.constant_emission_factor(data.node_tree) if has_some else None
 
-    def _note(self, thing: Any, notes: list[str]) -> None:
+    def _note_limits(self, thing: Any, notes: list[str]) -> None:
         data, name = thing.data, f"Light {thing.name}"
         if thing.name in self._thrown:
             if data.type == "POINT" and data.shadow_soft_size > LEAST:

@@ -24,7 +24,7 @@ def as_stills(bpy: Any, materials: list[Any], notes: list[str]) -> None:
         number = _number(bpy.context.scene, node.image_user)
         key = image.name, number
         if key not in made:
-            made[key] = _still(bpy, image, number)
+            made[key] = _image_of_number(bpy, image, number)
         if made[key] is not None:
             node.image = made[key]
     for name in sorted(told):
@@ -33,11 +33,11 @@ def as_stills(bpy: Any, materials: list[Any], notes: list[str]) -> None:
         notes.append(f"Image {name}: of a film or sequence, {what}")
 
 
-def _nodes(tree: Any, seen: set[str]) -> list[Any]:
-    if tree is None or tree.name in seen:
+def _nodes(tree: Any, visited: set[str]) -> list[Any]:
+    if tree is None or tree.name in visited:
         return []
-    seen.add(tree.name)
-    below = [each for node in tree.nodes if node.type == "GROUP" for each in _nodes(node.node_tree, seen)]
+    visited.add(tree.name)
+    below = [each for node in tree.nodes if node.type == "GROUP" for each in _nodes(node.node_tree, visited)]
     return [*tree.nodes, *below]
 
 
@@ -49,7 +49,7 @@ def _number(scene: Any, user: Any) -> int:
     return int(at + user.frame_offset)
 
 
-def _still(bpy: Any, image: Any, number: int) -> Any:
+def _image_of_number(bpy: Any, image: Any, number: int) -> Any:
     """Returns the image with this number of a sequence; None if its file is missing, or if `image` is a movie."""
     if image.source == "MOVIE":
         return None

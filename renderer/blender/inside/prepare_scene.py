@@ -24,7 +24,7 @@ def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: 
     blinking = sorted(thing.name for thing in scene.objects if any(path == "hide_render" for path in animated_paths(thing)))
     if blinking and len(frames) > 1:
         notes.append(f"{_listed(blinking)}: comes or goes with the frame in Blender, and is as at the first frame here")
-    shown = _shown(bpy, scene)
+    shown = _rendered_objects(bpy, scene)
     nowhere = sorted(name for name in shown if not _has_finite_transform(scene.objects[name]))
     if nowhere:
         notes.append(f"{_listed(nowhere)}: lies at a place that is no number, and is left out")
@@ -77,10 +77,10 @@ def _visible_as_rendered(bpy: Any) -> None:
         thing.hide_set(False)
 
 
-def _override(layer: Any, scene: Any, things: list[Any]) -> None:
+def _override(layer: Any, scene: Any, objects: list[Any]) -> None:
     """Applies the view layer's material override to all objects, and its world override."""
     material = getattr(layer, "material_override", None)
-    for thing in things if material is not None else ():
+    for thing in objects if material is not None else ():
         if not hasattr(thing.data, "materials"):
             continue
         if not thing.material_slots:
@@ -91,12 +91,12 @@ def _override(layer: Any, scene: Any, things: list[Any]) -> None:
         scene.world = layer.world_override
 
 
-def _plain_materials(bpy: Any, things: list[Any]) -> None:
+def _plain_materials(bpy: Any, objects: list[Any]) -> None:
     """Replaces materials without nodes by diffuse ones, as Cycles does, and missing materials by a grey one."""
     grey = bpy.data.materials.new("no material")
     grey.use_nodes = False
     grey.diffuse_color = (GREY, GREY, GREY, 1.0)
-    for thing in things:
+    for thing in objects:
         if not hasattr(thing.data, "materials"):
             continue
         if not thing.material_slots:
@@ -116,7 +116,7 @@ def _as_matt(material: Any) -> None:
         node.inputs[name].default_value = value
 
 
-def _shown(bpy: Any, scene: Any) -> set[str]:
+def _rendered_objects(bpy: Any, scene: Any) -> set[str]:
     """Returns the names of objects that are rendered: not hidden, in a visible collection, not excluded from the view layer."""
     layer = set(bpy.context.view_layer.objects.keys())
     hidden = {collection.name for collection in [*scene.collection.children_recursive] if collection.hide_render}
@@ -136,16 +136,16 @@ def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
     return bool(parents) and all(_is_within(parent, hidden, scene) for parent in parents)
 
 
-def _modifiers(bpy: Any, scene: Any, shown: set[str], frames: list[int], exposed: list[int], notes: list[str]) -> None:
+def _modifiers(bpy: Any, scene: Any, visible_names: set[str], frames: list[int], exposed: list[int], notes: list[str]) -> None:
     """Applies all modifiers except armatures, which the exporter writes as skins.
 
     Modifiers that deform a mesh over time are replaced by shape keys. Other modifiers of meshes that already have shape keys
     cannot be applied.
     """
     keyed = []
-    bending = DeformedShapes(bpy, scene, shown, exposed if len(frames) > 1 else frames)
+    bending = DeformedShapes(bpy, scene, visible_names, exposed if len(frames) > 1 else frames)
     scene.frame_set(frames[0])
-    for name in sorted(shown):
+    for name in sorted(visible_names):
         thing = scene.objects[name]
         modifiers = [each for each in thing.modifiers if each.show_viewport and each.type not in ("ARMATURE", "PARTICLE_SYSTEM")]
         if thing.type != "MESH" or not modifiers:

@@ -49,7 +49,7 @@ class _Way(NamedTuple):
     rotation: Any = None
 
 
-def simplify(bpy: Any, things: list[Any], addon: Path | None, notes: list[str]) -> Extensions:
+def simplify(bpy: Any, objects: list[Any], addon: Path | None, notes: list[str]) -> Extensions:
     """Converts the materials of objects; returns material name -> properties that the exporter cannot write.
 
     addon: the folder of the package rayfarm_addon; None if not available: nothing is converted.
@@ -59,7 +59,7 @@ def simplify(bpy: Any, things: list[Any], addon: Path | None, notes: list[str]) 
         return said
     modules = modules_of(addon)
     owners: dict[str, Any] = {}
-    for thing in things:
+    for thing in objects:
         for slot in thing.material_slots:
             if slot.material is not None:
                 owners.setdefault(slot.material.name, (slot.material, thing))
@@ -86,7 +86,7 @@ class _Simplifier:
     def __init__(self, bpy: Any, material: Any, thing: Any, modules: Any, notes: list[str]) -> None:
         self._bpy, self._material, self._thing, self._tree = bpy, material, thing, material.node_tree
         self._modules, self._notes = modules, notes
-        self._painter = modules.image_nodes.Painter(material.name, self._way)
+        self._painter = modules.image_nodes.Painter(material.name, self._texture_path)
 
     def run(self) -> dict[str, Any]:
         """Converts the material if necessary; returns its properties that the exporter cannot write, for `with_rays`."""
@@ -98,7 +98,7 @@ class _Simplifier:
         told: list[str] = []
         if source is None or source.node.type in ("EMISSION", "HOLDOUT"):
             inside = self._filled(False, told)
-            self._tell(told)
+            self._add_notes(told)
             return inside
         self._modules.cycles_differences.warn_of_pictures(self._tree, told.append)
         self._modules.cycles.warn_of_material(self._material, told.append)
@@ -122,25 +122,25 @@ class _Simplifier:
             if at is not None:
                 self._set(entry, at, is_own)
         self._displace(principled, told)
-        self._tell(told)
+        self._add_notes(told)
         return self._extensions(look) | inside
 
-    def _tell(self, told: list[str]) -> None:
-        self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(told)]
+    def _add_notes(self, sentences: list[str]) -> None:
+        self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(sentences)]
 
-    def _filled(self, lets_in: bool, told: list[str]) -> dict[str, Any]:
+    def _filled(self, lets_in: bool, notes: list[str]) -> dict[str, Any]:
         """Returns the extension with the medium of the material's volume; empty without one.
 
-        lets_in: whether the surface transmits light. told: receives notes on what is ignored.
+        lets_in: whether the surface transmits light. notes: receives notes on what is ignored.
         """
-        found = self._modules.subsurface.filled(self._tree, lets_in, told.append)
+        found = self._modules.subsurface.filled(self._tree, lets_in, notes.append)
         return {} if found is None else {self._modules.subsurface.MEDIUM: found}
 
-    def _combine_emission(self, principled: Any, look: Any) -> tuple[str, ...]:
+    def _combine_emission(self, principled: Any, surface: Any) -> tuple[str, ...]:
         """Combines images of emission colour and strength into one; returns the names of the inputs that are done."""
         nodes = self._modules.nodes
         names = ("Emission Color", "Emission Strength")
-        color, strength = (look.input(name) for name in names)
+        color, strength = (surface.input(name) for name in names)
         if color is None or strength is None or nodes.constant_value(strength) is not None:
             return ()
         painted = self._painter.paint(nodes.Product(color, strength), "emission")
@@ -149,23 +149,23 @@ class _Simplifier:
             self._notes.append(f"Material {self._material.name}: what feeds its emission's strength is not taken over")
             return ()
         if isinstance(painted, list):
-            self._put(entry, painted)
-            self._put(power, 1.0)
+            self._set_input(entry, painted)
+            self._set_input(power, 1.0)
         else:
-            self._put(power, painted[0].scale_down())
+            self._set_input(power, painted[0].scale_down())
             self._tree.links.new(self._picture(entry, *painted), entry)
         return names
 
-    def _extensions(self, look: Any) -> dict[str, Any]:
+    def _extensions(self, surface: Any) -> dict[str, Any]:
         def number(name: str, default: float = 0.0) -> float:
-            found = self._modules.nodes.constant_value(look.input(name))
+            found = self._modules.nodes.constant_value(surface.input(name))
             return float(found) if isinstance(found, float) else default
 
         said: dict[str, Any] = {}
-        if (beneath := self._modules.subsurface.subsurface(look)) is not None:
+        if (beneath := self._modules.subsurface.subsurface(surface)) is not None:
             said[self._modules.subsurface.SUBSURFACE] = beneath
         if (weight := number("Translucent Weight")) > 0:
-            color = self._modules.nodes.constant_value(look.input("Translucent Color"))
+            color = self._modules.nodes.constant_value(surface.input("Translucent Color"))
             said["KHR_materials_diffuse_transmission"] = {
                 "diffuseTransmissionFactor": min(weight, 1.0),
                 "diffuseTransmissionColorFactor": [min(max(c, 0.0), 1.0) for c in color or [0.8] * 3],
@@ -175,13 +175,13 @@ class _Simplifier:
             said["KHR_materials_ior"] = {"ior": max(ior, 1.0)}
         if is_glass and ior <= 1.0:
             said["KHR_materials_ior"] = {"ior": 1.0}
-        if (left := self._modules.shader_mix.under_coat(look)) is not None:
+        if (left := self._modules.shader_mix.under_coat(surface)) is not None:
             said["baseColorFactor"] = left
         strength, roughness = number("Anisotropic"), number("Roughness", -1.0)
         if strength > 0 and roughness >= 0:
             rough, stretched = self._modules.shader_mix.brushed(strength, roughness, number("Anisotropic Rotation"))
             said |= {"roughnessFactor": rough, "KHR_materials_anisotropy": stretched}
-        if (thickness := number("Thin Film Thickness")) > 0 and self._modules.cycles_differences.has_film(look):
+        if (thickness := number("Thin Film Thickness")) > 0 and self._modules.cycles_differences.has_film(surface):
             said["KHR_materials_iridescence"] = {
                 "iridescenceFactor": 1.0,
                 "iridescenceIor": min(max(number("Thin Film IOR", 1.33), 1.0), 5.0),
@@ -196,13 +196,13 @@ class _Simplifier:
         self._tree.links.new(node.outputs[0], output.inputs["Surface"])
         return node
 
-    def _set(self, entry: Any, at: Any, is_own: bool) -> None:
+    def _set(self, entry: Any, socket: Any, is_own: bool) -> None:
         nodes = self._modules.nodes
-        plain = nodes.constant_value(at)
+        plain = nodes.constant_value(socket)
         if plain is not None:
-            self._put(entry, plain)
+            self._set_input(entry, plain)
             return
-        source = nodes.source_of(at)[0]
+        source = nodes.source_of(socket)[0]
         if (
             source is not None
             and not source.groups
@@ -215,36 +215,36 @@ class _Simplifier:
         if entry.name in LEFT:
             return
         if entry.name in self._modules.cycles_differences.NUMBERS:
-            self._put(entry, entry.default_value)
+            self._set_input(entry, entry.default_value)
             return
-        painted = self._painter.paint(at, entry.name.lower())
+        painted = self._painter.paint(socket, entry.name.lower())
         if isinstance(painted, list):
-            self._put(entry, painted)
+            self._set_input(entry, painted)
         elif painted is not None:
             self._tree.links.new(self._picture(entry, *painted), entry)
 
-    def _bumps(self, entry: Any, at: Any) -> bool:
+    def _bumps(self, entry: Any, socket: Any) -> bool:
         """Replaces a Bump node with a height image by a normal map on the input `entry`; returns False if there is none.
 
-        at: the source of the input in the principled look.
+        socket: the source of the input in the principled look.
         """
         nodes = self._modules.nodes
-        source = nodes.source_of(at)[0]
+        source = nodes.source_of(socket)[0]
         if source is None or source.node.type != "BUMP" or nodes.source_of(source.input("Normal"))[0] is not None:
             return False
         return self._replace_bump([entry], source)
 
-    def _displace(self, principled: Any, told: list[str]) -> None:
-        """Converts displacement to a normal map, if the material has no other bump or normal map. told: receives notes."""
+    def _displace(self, principled: Any, notes: list[str]) -> None:
+        """Converts displacement to a normal map, if the material has no other bump or normal map. notes: receives notes."""
         scale = abs(self._thing.matrix_world.determinant()) ** (1 / 3)
-        heights = self._modules.displacement.displaced(self._material, self._tree, scale, told.append)
+        heights = self._modules.displacement.displaced(self._material, self._tree, scale, notes.append)
         if heights is None:
             return
         normal, coat = (principled.inputs.get(name) for name in ("Normal", "Coat Normal"))
         if normal.is_linked:
-            told.append("its displacement is left out, as its normals are bent by another picture")
+            notes.append("its displacement is left out, as its normals are bent by another picture")
         elif not self._replace_bump([normal] if coat is None or coat.is_linked else [normal, coat], heights):
-            told.append("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
+            notes.append("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
 
     def _replace_bump(self, entries: list[Any], source: Any) -> bool:
         """Replaces a Bump node by a normal map on these inputs; returns False if its height is not an image."""
@@ -255,8 +255,12 @@ class _Simplifier:
         strength, distance = numbers
         bump = self._modules.image_nodes.Bump(min(max(strength, 0.0), 1.0), -distance if source.node.invert else distance)
 
-        def length(way: _Way) -> tuple[float, float] | None:
-            return None if 0 in way.scale else (spans[0] / abs(way.scale[0]), spans[1] / abs(way.scale[1]))
+        def length(texture_path: _Way) -> tuple[float, float] | None:
+            return (
+                None
+                if 0 in texture_path.scale
+                else (spans[0] / abs(texture_path.scale[0]), spans[1] / abs(texture_path.scale[1]))
+            )
 
         found = self._painter.bumps(source.input("Height"), bump, length)
         if found is None:
@@ -268,7 +272,7 @@ class _Simplifier:
             self._tree.links.new(node.outputs["Normal"], entry)
         return True
 
-    def _put(self, entry: Any, value: Any) -> None:
+    def _set_input(self, entry: Any, value: Any) -> None:
         for link in list(entry.links):
             self._tree.links.remove(link)
         if entry.type == "RGBA":
@@ -276,7 +280,7 @@ class _Simplifier:
         elif entry.type == "VALUE":
             entry.default_value = sum(value) / len(value) if isinstance(value, list) else value
 
-    def _picture(self, entry: Any, painted: Any, way: _Way, is_color: bool | None = None) -> Any:
+    def _picture(self, entry: Any, painted: Any, texture_path: _Way, is_color: bool | None = None) -> Any:
         """Creates an Image Texture node for a computed image, with the mapping of its source images; returns its colour output.
 
         is_color: whether the image is sRGB-encoded; None: if the input `entry` is a colour.
@@ -291,13 +295,13 @@ class _Simplifier:
         image.pixels.foreach_set(texels[::-1].ravel())
         image.pack()
         node = self._tree.nodes.new("ShaderNodeTexImage")
-        node.image, node.extension, node.interpolation = image, way.extension, way.interpolation
-        if way.node:
-            where = self._tree.nodes[way.node].outputs[way.socket]
+        node.image, node.extension, node.interpolation = image, texture_path.extension, texture_path.interpolation
+        if texture_path.node:
+            where = self._tree.nodes[texture_path.node].outputs[texture_path.socket]
             self._tree.links.new(where, node.inputs["Vector"])
         return node.outputs["Color"]
 
-    def _way(self, source: Any) -> _Way | None:
+    def _texture_path(self, source: Any) -> _Way | None:
         node = source.node
         if node.type != "TEX_IMAGE" or node.projection != "FLAT" or source.groups:
             return None

@@ -17,10 +17,10 @@ FACTORS = ("baseColorFactor", "roughnessFactor")
 Flags = dict[str, bool]
 
 
-def passed_by(things: list[Any], layer: Any) -> dict[str, Flags]:
+def passed_by(objects: list[Any], layer: Any) -> dict[str, Flags]:
     """Returns object name -> flags `camera` and `shadow`: whether such rays hit it; only objects that some of them ignore."""
     found = {}
-    for thing in things:
+    for thing in objects:
         is_indirect = layer is not None and thing.indirect_only_get(view_layer=layer)
         flags = {
             "camera": bool(getattr(thing, "visible_camera", True)) and not is_indirect,
@@ -31,9 +31,9 @@ def passed_by(things: list[Any], layer: Any) -> dict[str, Flags]:
     return found
 
 
-def note_rays(things: list[Any], layer: Any, notes: list[str]) -> None:
+def note_rays(objects: list[Any], layer: Any, notes: list[str]) -> None:
     """Adds notes on ray visibility settings of Blender that are ignored."""
-    for thing in things:
+    for thing in objects:
         hidden = [words for kind, words in OTHERS.items() if not getattr(thing, f"visible_{kind}", True)]
         if hidden:
             notes.append(f"{thing.name}: is seen {' and '.join(hidden)} here, though not in Blender")
@@ -45,13 +45,13 @@ def note_rays(things: list[Any], layer: Any, notes: list[str]) -> None:
                 notes.append(f"{thing.name}: is {what} in Blender, and shown as any other object")
 
 
-def _put_factors(material: dict[str, Any], told: dict[str, Any]) -> None:
+def _put_factors(material: dict[str, Any], flags: dict[str, Any]) -> None:
     surface = material.setdefault("pbrMetallicRoughness", {})
-    if "roughnessFactor" in told:
-        surface["roughnessFactor"] = told["roughnessFactor"]
-    if "baseColorFactor" in told:
+    if "roughnessFactor" in flags:
+        surface["roughnessFactor"] = flags["roughnessFactor"]
+    if "baseColorFactor" in flags:
         *color, alpha = surface.get("baseColorFactor", [1.0] * 4)
-        surface["baseColorFactor"] = [*(a * b for a, b in zip(color, told["baseColorFactor"], strict=True)), alpha]
+        surface["baseColorFactor"] = [*(a * b for a, b in zip(color, flags["baseColorFactor"], strict=True)), alpha]
 
 
 def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]]) -> None:

@@ -10,10 +10,10 @@ USUAL_CLAMP, MOST_CLAMP = 10.0, 1e9  # the first is Blender's default and is ign
 SHUTTERS = {"START": "leading", "CENTER": "centred", "END": "trailing"}
 
 
-def settings_of(scene: Any, layer: Any, known: Any) -> dict[str, Any]:
+def settings_of(scene: Any, layer: Any, addon_module: Any) -> dict[str, Any]:
     """Returns the render settings: size, depths, shutter, and clamping and pixel filter where ours equal those of Cycles.
 
-    known: the add-on's module of Cycles' settings, or None.
+    addon_module: the add-on's module of Cycles' settings, or None.
     """
     render = scene.render
     part = render.resolution_percentage / 100
@@ -24,7 +24,7 @@ def settings_of(scene: Any, layer: Any, known: Any) -> dict[str, Any]:
     cycles = getattr(scene, "cycles", None)
     if render.engine == "CYCLES" and cycles is not None:
         found["max_depth"] = min(cycles.max_bounces + 2, 1024)  # Cycles' first bounce is the direct light of a camera hit
-        found |= known.depths_of(scene) if known is not None else {}
+        found |= addon_module.depths_of(scene) if addon_module is not None else {}
         if cycles.sample_clamp_indirect not in (0.0, USUAL_CLAMP):
             found["clamp_indirect"] = min(float(cycles.sample_clamp_indirect), MOST_CLAMP)
         if cycles.pixel_filter_type == "BOX":
@@ -35,10 +35,10 @@ def settings_of(scene: Any, layer: Any, known: Any) -> dict[str, Any]:
     return found
 
 
-def note_settings(scenes: Any, scene: Any, layer: Any, notes: list[str], known: Any) -> None:
+def note_settings(scenes: Any, scene: Any, layer: Any, notes: list[str], addon_module: Any) -> None:
     """Adds notes on render settings that are ignored. scenes: all scenes of the file.
 
-    known: the add-on's module of Cycles' settings, or None.
+    addon_module: the add-on's module of Cycles' settings, or None.
     """
     render = scene.render
     if len(scenes) > 1:
@@ -48,8 +48,8 @@ def note_settings(scenes: Any, scene: Any, layer: Any, notes: list[str], known: 
         notes.append("Of the scene's view layers the one that it was saved with is shown")
     if render.use_border:
         notes.append("The whole picture is rendered, not the region that is set in Blender")
-    if known is not None:
-        known.warn_of_settings(scene, layer, notes.append, is_clamped=True, has_filter=False)
+    if addon_module is not None:
+        addon_module.warn_of_settings(scene, layer, notes.append, is_clamped=True, has_filter=False)
     view = scene.view_settings
     looks = [
         words

@@ -55,14 +55,15 @@ def note_surfaces(materials: list[Any], notes: list[str], is_read: bool) -> None
         surface = output.inputs["Surface"].links[0].from_node
         if surface.type not in SURFACES:
             notes.append(
-                f"{name}: its surface is a {_called(surface)}, of which glTF has the nearest that it knows: use a Principled BSDF"
+                f"{name}: its surface is a {_node_label(surface)}, of which glTF has the nearest that it knows: "
+                "use a Principled BSDF"
             )
         if surface.type == "BSDF_PRINCIPLED":
             unknown = UNKNOWN if is_read else UNKNOWN | UNKNOWN_ALONE
             lost = [words for entry, words in unknown.items() if _is_used(surface.inputs.get(entry))]
             if lost:
                 notes.append(f"{name}: {' and '.join(lost)} {'is' if len(lost) == 1 else 'are'} not taken over")
-        odd = sorted({_called(node) for node in _upstream_nodes(surface) if node.type not in FOLLOWED | SURFACES})
+        odd = sorted({_node_label(node) for node in _upstream_nodes(surface) if node.type not in FOLLOWED | SURFACES})
         if odd and surface.type in SURFACES:
             notes.append(f"{name}: what {', '.join(odd[:6])} would make of it is not taken over; bake it to an image")
 
@@ -76,7 +77,7 @@ def _output(tree: Any) -> Any:
     return next((node for node in outputs if node.target in ("ALL", "CYCLES")), outputs[0] if outputs else None)
 
 
-def _called(node: Any) -> str:
+def _node_label(node: Any) -> str:
     return str(node.bl_label or node.type)
 
 

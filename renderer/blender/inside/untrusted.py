@@ -71,7 +71,7 @@ def safe_copy(source: Path, target: Path, resolve: Callable[[str], str], most_by
         out.flush()
         with mmap.mmap(out.fileno(), 0) as data:
             blocks, dna, form = _blocks(data)
-            places = _Dna(dna, form).places()
+            places = _Dna(dna, form).fields_to_replace()
             for block in blocks:
                 if block.kind in places:
                     _mend(data, block, places[block.kind], resolve)
@@ -92,8 +92,8 @@ def _unpacked(source: Path) -> Any:
     return source.open("rb", buffering=0)
 
 
-def _unpack(source: Path, out: IO[bytes], most: int) -> None:
-    """Writes the file's decompressed content to `out`; an uncompressed file is copied. most: maximum size in bytes."""
+def _unpack(source: Path, out: IO[bytes], max_bytes: int) -> None:
+    """Writes the file's decompressed content to `out`; an uncompressed file is copied. max_bytes: maximum size in bytes."""
     piece = memoryview(bytearray(PIECE))
     size = 0
     with _unpacked(source) as file:
@@ -107,8 +107,8 @@ def _unpack(source: Path, out: IO[bytes], most: int) -> None:
             if not size and bytes(piece[: min(taken, len(MAGIC))]) != MAGIC[:taken]:
                 raise DamagedError("is no .blend file")
             size += taken
-            if size > most:
-                raise DamagedError(f"unpacks to more than the {most / 2**30:.1f} GiB that this worker grants one scene")
+            if size > max_bytes:
+                raise DamagedError(f"unpacks to more than the {max_bytes / 2**30:.1f} GiB that this worker grants one scene")
             out.write(piece[:taken])
     if size < SHORTEST:
         raise DamagedError("ends too soon; copy or save it anew")
@@ -116,7 +116,7 @@ def _unpack(source: Path, out: IO[bytes], most: int) -> None:
 
 def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
     """Returns the blocks of a file, its DNA, and its layout."""
-    form, at = _form(data)
+    form, at = _parse_header(data)
     blocks: list[_Block] = []
     dna = b""
     while len(blocks) < MOST_BLOCKS:
@@ -141,7 +141,7 @@ def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
     return blocks, dna, form
 
 
-def _form(data: mmap.mmap) -> tuple[_Form, int]:
+def _parse_header(data: mmap.mmap) -> tuple[_Form, int]:
     """Parses the header; returns the layout and the header's size: 12 bytes, or since Blender 5 as stated in it."""
     start = data[:SHORTEST]
     if start[7:8].isdigit():
@@ -165,9 +165,9 @@ class _Dna:
         try:
             self._names = [name.decode("latin-1") for name in self._texts(b"NAME")]
             self._types = [name.decode("latin-1") for name in self._texts(b"TYPE")]
-            self._part(b"TLEN")
+            self._skip_code(b"TLEN")
             self._sizes = self._shorts(len(self._types))
-            self._part(b"STRC")
+            self._skip_code(b"STRC")
             self._structs: list[tuple[int, list[tuple[int, int]]]] = []
             for _ in range(self._number()):
                 kind, count = self._shorts(2)
@@ -177,7 +177,7 @@ class _Dna:
         except (struct.error, IndexError, ValueError) as error:
             raise DamagedError(f"has a damaged description of what is in it ({error}); save it anew") from None
 
-    def places(self) -> dict[int, _Places]:
+    def fields_to_replace(self) -> dict[int, _Places]:
         """Returns struct number -> the fields to replace. Raises DamagedError if the DNA is inconsistent."""
         found = {}
         for number, (kind, _) in enumerate(self._structs):
@@ -219,7 +219,7 @@ class _Dna:
         return found
 
     def _texts(self, code: bytes) -> list[bytes]:
-        self._part(code)
+        self._skip_code(code)
         found = []
         for _ in range(self._number()):
             end = self._data.index(b"\0", self._at)
@@ -227,7 +227,7 @@ class _Dna:
             self._at = end + 1
         return found
 
-    def _part(self, code: bytes) -> None:
+    def _skip_code(self, code: bytes) -> None:
         self._at = (self._at + 3) & ~3
         if self._data[self._at : self._at + 4] != code:
             raise ValueError(code.decode())

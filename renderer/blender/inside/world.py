@@ -36,7 +36,7 @@ def write_world(
         notes.append(f"World: is seen {', '.join(hidden)} here, though not in Blender")
     if animated_paths(world.node_tree if world.use_nodes else world):
         notes.append("World: moves with the frame in Blender, and is as at the first frame here")
-    plain = _plain(world)
+    plain = _constant_radiance(world)
     if plain is not None:
         return ({"color": rounded(plain)} if max(plain) > 0 else None), []
     nodes = world.node_tree.nodes
@@ -80,7 +80,7 @@ def _light(world: Any, sun: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _plain(world: Any) -> list[float] | None:
+def _constant_radiance(world: Any) -> list[float] | None:
     """Returns the radiance of a world with a constant colour; None for other worlds."""
     if not world.use_nodes or world.node_tree is None:
         return [float(c) for c in world.color]

@@ -67,14 +67,16 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     _note_flags(scene, layer, shown, modules, notes)
 
     cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(modules, "lights", None), notes, out)
-    seen = over_frames(scene, exposed, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
+    seen = over_frames(
+        scene, exposed, {**_with_prefix("camera", cameras.state_functions()), **_with_prefix("light", lights.state_functions())}
+    )
     scene.frame_set(frames[0])
     medium = world_medium(scene.world, getattr(modules, "subsurface", None), notes)
     if modules is not None and (medium is not None or any(modules.subsurface.scatters(each) for each in surfaces.values())):
         modules.cycles.warn_of_volumes(scene, notes.append)
     # Infinitely distant light is not visible through a medium that fills the world.
     environment, suns = write_world(bpy, scene, out, getattr(modules, "skies", None), notes) if medium is None else (None, [])
-    lamps, materials, shapes = lights.written(_of("light", seen), exposed, fps)
+    lamps, materials, shapes = lights.scene_file_lights(_of_kind("light", seen), exposed, fps)
     if solid:
         taken = replace_by_stand_ins(bpy, solid, addon)
         scene.frame_start, scene.frame_end = exposed[0], exposed[-1]
@@ -87,7 +89,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
         "fps": fps,
         "settings": settings,
         "notes": [note[:400] for note in _short(notes)],
-        "cameras": cameras.written(_of("camera", seen), exposed, fps),
+        "cameras": cameras.scene_file_cameras(_of_kind("camera", seen), exposed, fps),
         "environment": environment if medium is None else {"color": 0},
         "medium": medium,
         "lights": [*lamps, *suns],
@@ -138,14 +140,14 @@ def _write_glb(bpy: Any, path: Path, is_moving: bool) -> None:
     bpy.ops.export_scene.gltf(**{name: value for name, value in wanted.items() if name in known})
 
 
-def _materials(things: list[Any]) -> list[Any]:
-    found = {slot.material.name: slot.material for thing in things for slot in thing.material_slots if slot.material is not None}
+def _materials(objects: list[Any]) -> list[Any]:
+    found = {slot.material.name: slot.material for thing in objects for slot in thing.material_slots if slot.material is not None}
     return [found[name] for name in sorted(found)]
 
 
-def _note_left_out(shown: list[Any], notes: list[str]) -> None:
+def _note_left_out(objects: list[Any], notes: list[str]) -> None:
     for kind, words in dict(LEFT_OUT).items():
-        names = [thing.name for thing in shown if thing.type == kind]
+        names = [thing.name for thing in objects if thing.type == kind]
         if names:
             notes.append(f"{words} are not taken over: {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}")
 
@@ -157,19 +159,19 @@ def _note_unknown_nodes(bpy: Any, notes: list[str]) -> None:
         notes.append(f"Node groups {', '.join(trees[:5])}: nodes that import files, or that are not Blender's own, are left out")
 
 
-def _note_hair(shown: list[Any], notes: list[str]) -> None:
-    for thing in shown:
+def _note_hair(objects: list[Any], notes: list[str]) -> None:
+    for thing in objects:
         if any(each.settings.type == "HAIR" and each.settings.render_type == "PATH" for each in thing.particle_systems):
             notes.append(f"{thing.name}: hair of its particles is not taken over; convert it to hair curves")
 
 
-def _note_flags(scene: Any, layer: Any, shown: list[Any], modules: Any, notes: list[str]) -> None:
+def _note_flags(scene: Any, layer: Any, objects: list[Any], modules: Any, notes: list[str]) -> None:
     if modules is None:
         return
     flags = modules.cycles.Flags(scene, layer)
-    for thing in shown:
-        flags.look_at(thing)
-    flags.tell(notes.append)
+    for thing in objects:
+        flags.inspect(thing)
+    flags.warn_of_found(notes.append)
 
 
 def _note_missing(bpy: Any, notes: list[str]) -> None:
@@ -197,9 +199,9 @@ def _short(notes: list[str]) -> list[str]:
     return notes if len(notes) <= MOST_NOTES else [*notes[:MOST_NOTES], f"{len(notes) - MOST_NOTES} more notes are left out"]
 
 
-def _named(kind: str, looks: dict[str, Any]) -> dict[str, Any]:
-    return {f"{kind} {name}": look for name, look in looks.items()}
+def _with_prefix(kind: str, state_functions: dict[str, Any]) -> dict[str, Any]:
+    return {f"{kind} {name}": look for name, look in state_functions.items()}
 
 
-def _of(kind: str, seen: dict[str, list[Any]]) -> dict[str, list[Any]]:
-    return {name.removeprefix(f"{kind} "): values for name, values in seen.items() if name.startswith(f"{kind} ")}
+def _of_kind(kind: str, states: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    return {name.removeprefix(f"{kind} "): values for name, values in states.items() if name.startswith(f"{kind} ")}

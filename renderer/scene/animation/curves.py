@@ -40,7 +40,7 @@ class Curve:
         """True if the value is the same at all times."""
         return bool((self.values == self.values[0]).all() and (self.slopes is None or not self.slopes.any()))
 
-    def at(self, time: float) -> list[float]:
+    def values_at(self, time: float) -> list[float]:
         """Returns the W values of the curve at a time: at a key, exactly that key's; of several keys at the same time, the last
         one's.
         """

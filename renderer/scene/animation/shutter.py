@@ -27,7 +27,7 @@ class Shutter:
     keys: int = 0
 
     @classmethod
-    def of(cls, settings: Mapping[str, Any]) -> Shutter:
+    def from_settings(cls, settings: Mapping[str, Any]) -> Shutter:
         """Returns the shutter of the given settings (name -> value); settings that are missing have their defaults."""
         names = dict(zip(SHUTTER, ("length", "at", "keys"), strict=True))
         return cls(**{names[name]: settings[name] for name in SHUTTER if settings.get(name) is not None})

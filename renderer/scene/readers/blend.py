@@ -8,7 +8,7 @@ import weakref
 from pathlib import Path
 
 from renderer.blender.opening import open_in_blender
-from renderer.confine.reader import call, is_reader
+from renderer.confine.reader import call_parent, is_reader
 from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
@@ -27,7 +27,7 @@ class _ConvertedFile:
         folder = Path(tempfile.mkdtemp(prefix="rayfarm-blend-"))
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         if is_reader():  # a reader process may not start programs
-            self.main = str(call("blender", name=name, out=str(folder)))
+            self.main = str(call_parent("blender", name=name, out=str(folder)))
         else:
             self.main = open_in_blender(root, name, folder)
         self.files = SceneFiles(folder)
@@ -35,6 +35,6 @@ class _ConvertedFile:
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
     """Adds the file's scene at a moment to the description. Raises SceneError if Blender cannot convert the file."""
-    written = files.recall(("blend", main), lambda: _ConvertedFile(files, main))
+    written = files.get_or_make(("blend", main), lambda: _ConvertedFile(files, main))
     written.files.read_anew()
     yaml.read(written.files, written.main, description, moment)

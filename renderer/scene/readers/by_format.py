@@ -103,7 +103,7 @@ def read_file(
                 "{name}: could not be read as {format}; it may be damaged, export it again ({error})",
                 name=name,
                 format=suffix,
-                error=_reason(error),
+                error=_error_text(error),
             )
         ) from error
     make_readable(description, files, name)
@@ -113,7 +113,7 @@ def read_file(
     return format
 
 
-def _reason(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     said = library_message(error)
     if isinstance(said, Sentence) or said == type(error).__name__:
         return said

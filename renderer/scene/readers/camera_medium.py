@@ -38,5 +38,5 @@ def _is_within(description: SceneDescription, found: Medium, eye: np.ndarray) ->
     return False
 
 
-def _is_of(made: Material, found: Medium) -> bool:
-    return (made.sigma_a, made.sigma_s, made.g) == (found.sigma_a, found.sigma_s, found.g)
+def _is_of(material: Material, found: Medium) -> bool:
+    return (material.sigma_a, material.sigma_s, material.g) == (found.sigma_a, found.sigma_s, found.g)

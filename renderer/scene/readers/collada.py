@@ -40,7 +40,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     before = {field.name: copy(getattr(description, field.name)) for field in fields(description)}
     data = files.read(main)
     refuse_entities(data, main, doctype_too=False)
-    own = files.recall(("Collada's own", main), lambda: _extra_data(data, main))
+    own = files.get_or_make(("Collada's own", main), lambda: _extra_data(data, main))
     try:
         whole, filled = bridged(data)
         metres = _metres(data)

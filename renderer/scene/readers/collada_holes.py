@@ -202,26 +202,31 @@ def _bridge_of(flat: F64, merged: Indices, hole: Indices, others: list[Indices])
 
 
 def _crosses(a: F64, b: F64, begin: F64, end: F64) -> bool:
-    def side(p: F64, q: F64, r: F64) -> F64:
+    def signed_area(p: F64, q: F64, r: F64) -> F64:
         found: F64 = (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
         return found
 
-    return bool(((side(a, b, begin) * side(a, b, end) < 0) & (side(begin, end, a) * side(begin, end, b) < 0)).any())
+    return bool(
+        (
+            (signed_area(a, b, begin) * signed_area(a, b, end) < 0)
+            & (signed_area(begin, end, a) * signed_area(begin, end, b) < 0)
+        ).any()
+    )
 
 
-def _is_within(flat: F64, loop: Indices, i: int, to: F64) -> bool:
+def _is_within(flat: F64, loop: Indices, i: int, end: F64) -> bool:
     """Returns True if the segment from corner `i` of a loop to a point begins inside the loop.
 
     This matters where several corners of the loop coincide.
     """
     here, last, following = flat[loop[i]], flat[loop[i - 1]], flat[loop[(i + 1) % len(loop)]]
-    if (to == here).all():
+    if (end == here).all():
         return True
 
-    def turn(p: F64, q: F64) -> float:
+    def cross_product(p: F64, q: F64) -> float:
         return float(p[0] * q[1] - p[1] * q[0])
 
-    ahead, back, way = following - here, last - here, to - here
-    if turn(ahead, back) > 0:
-        return turn(ahead, way) >= 0 and turn(way, back) >= 0
-    return not (turn(back, way) > 0 and turn(way, ahead) > 0)
+    ahead, back, way = following - here, last - here, end - here
+    if cross_product(ahead, back) > 0:
+        return cross_product(ahead, way) >= 0 and cross_product(way, back) >= 0
+    return not (cross_product(back, way) > 0 and cross_product(way, ahead) > 0)

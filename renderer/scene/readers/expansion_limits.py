@@ -23,7 +23,7 @@ Key = TypeVar("Key", bound=Hashable)
 
 
 def check_expansion(
-    root: Key, below: Callable[[Key], Iterable[Key]], file: str, most: int = MAX_NODES, is_circle_error: bool = True
+    root: Key, below: Callable[[Key], Iterable[Key]], file: str, max_elements: int = MAX_NODES, is_circle_error: bool = True
 ) -> int:
     """Returns the number of elements that `root` expands to, each counted once per reference.
 
@@ -40,13 +40,13 @@ def check_expansion(
             path.pop()
             within.discard(key)
             sizes[key] = counts.pop()
-            if sizes[key] > most:
+            if sizes[key] > max_elements:
                 raise SceneError(
                     Sentence(
                         "node-references-too-many",
                         "{file}: its node references show more than {most} nodes; reduce them",
                         file=file,
-                        most=most,
+                        most=max_elements,
                     )
                 )
             if counts:
@@ -91,14 +91,14 @@ def collada_nodes(root: ElementTree.Element, file: str) -> int:
                 if name:
                     known.setdefault(name, node)
 
-    def below(node: ElementTree.Element) -> Iterator[ElementTree.Element]:
+    def children(node: ElementTree.Element) -> Iterator[ElementTree.Element]:
         for child in node:
             if _tag(child) in _WITH_NODES:
                 yield child
             elif _tag(child) == "instance_node" and (found := known.get((child.get("url") or "").lstrip("#"))) is not None:
                 yield found
 
-    return check_expansion(root, below, file)
+    return check_expansion(root, children, file)
 
 
 def x3d_nodes(root: ElementTree.Element, file: str) -> int:
@@ -108,11 +108,11 @@ def x3d_nodes(root: ElementTree.Element, file: str) -> int:
     """
     known = {name: node for node in root.iter() if (name := node.get("DEF"))}
 
-    def below(node: ElementTree.Element) -> Iterator[ElementTree.Element]:
+    def children(node: ElementTree.Element) -> Iterator[ElementTree.Element]:
         used = known.get(node.get("USE") or "")
         return iter(node) if used is None else iter((used,))
 
-    return check_expansion(root, below, file, max(MAX_NODES, sum(1 for _ in root.iter())))
+    return check_expansion(root, children, file, max(MAX_NODES, sum(1 for _ in root.iter())))
 
 
 def _tag(element: ElementTree.Element) -> str:

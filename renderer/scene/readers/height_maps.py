@@ -50,11 +50,11 @@ def spans_of(mesh: Mesh, uv_set: int, place: F64) -> tuple[float, float] | None:
         return None
     p, q, a, b, area = (each[sound] for each in (p, q, a, b, area))
     with np.errstate(all="ignore"):  # overflow is handled as non-finite below
-        u, v = _means(p, q, a, b, area)
+        u, v = _mean_lengths(p, q, a, b, area)
     return (u, v) if np.isfinite(u * v) and u * v > 0 else None
 
 
-def _means(p: F64, q: F64, a: F64, b: F64, area: F64) -> tuple[float, float]:
+def _mean_lengths(p: F64, q: F64, a: F64, b: F64, area: F64) -> tuple[float, float]:
     """Returns the area-weighted mean lengths per unit of u and of v.
 
     p, q: two edges of each triangle; a, b: the same edges in UV space; area: the cross product of a and b.
@@ -80,7 +80,7 @@ class BumpMaps:
         self._shelf, self._channels = shelf, np.array(channels, np.float32)
         self._made: dict[tuple[int, int], tuple[int, float] | None] = {}
 
-    def of(self, heights: int, rise: float, spans: tuple[float, float]) -> Bumps | None:
+    def normal_map(self, heights: int, rise: float, spans: tuple[float, float]) -> Bumps | None:
         """Returns the normal map of a height texture; None if the texture is flat.
 
         rise: height that the value 1 represents, in the unit of `spans`; spans: lengths from `spans_of`.
@@ -89,14 +89,14 @@ class BumpMaps:
         step = round(math.log(aspect) / math.log(_ASPECTS))
         key = heights, step
         if key not in self._made:
-            self._made[key] = self._make(heights, step)
+            self._made[key] = self._make_normal_map(heights, step)
         found = self._made[key]
         if found is None:
             return None
         strength = found[1] * rise / spans[0]
         return Bumps(found[0], min(max(strength, -MOST_STRENGTH), MOST_STRENGTH))
 
-    def _make(self, heights: int, step: int) -> tuple[int, float] | None:
+    def _make_normal_map(self, heights: int, step: int) -> tuple[int, float] | None:
         """Returns a normal map's texture index, and the slope that its value 1 represents; None if the height texture is flat.
 
         step: aspect ratio of the spans, in logarithmic steps.

@@ -99,9 +99,9 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
     factor = 1.0
     kind = tilt.group(1).strip().upper()
     if kind == "INCLUDE":
-        numbers.take(1, _LAMP_GEOMETRY)
+        numbers.next_numbers(1, _LAMP_GEOMETRY)
         count = numbers.count(_TILT_ANGLES, _TILT_ANGLE_COUNT)
-        angles, factors = numbers.take(count, _TILT_ANGLES), numbers.take(count, _TILT_FACTORS)
+        angles, factors = numbers.next_numbers(count, _TILT_ANGLES), numbers.next_numbers(count, _TILT_FACTORS)
         factor = float(np.interp(0.0, angles, factors)) if count else 1.0
         if count and not np.allclose(factors, factor):
             notes.append(Sentence("ies-tilt-ignored", "{name}: its tilt is ignored; it emits as if upright", name=name))
@@ -114,9 +114,9 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
                 file=kind[:60],
             )
         )
-    _, _, multiplier = numbers.take(3, _LAMPS)
+    _, _, multiplier = numbers.next_numbers(3, _LAMPS)
     vertical, horizontal = numbers.count(_VERTICAL_ANGLES, _VERTICAL_COUNT), numbers.count(_HORIZONTAL_ANGLES, _HORIZONTAL_COUNT)
-    goniometry = _TYPES.get(float(numbers.take(1, _PHOTOMETRIC_TYPE)[0]))
+    goniometry = _TYPES.get(float(numbers.next_numbers(1, _PHOTOMETRIC_TYPE)[0]))
     if goniometry is None:
         raise SceneError(
             Sentence(
@@ -125,8 +125,8 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
                 name=name,
             )
         )
-    numbers.take(4, _SIZE)
-    ballast, other, _ = numbers.take(3, _BALLAST)
+    numbers.next_numbers(4, _SIZE)
+    ballast, other, _ = numbers.next_numbers(3, _BALLAST)
     # This field is a factor only before the 2019 standard, in which it describes how the file was generated.
     factor *= multiplier * ballast * (1.0 if re.match(r"\s*IES:\s*LM-63-", text, re.IGNORECASE) else other)
     if vertical * horizontal > _MOST_VALUES:
@@ -140,8 +140,8 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
                 most=_MOST_VALUES,
             )
         )
-    found = numbers.take(vertical, _VERTICAL_ANGLES), numbers.take(horizontal, _HORIZONTAL_ANGLES)
-    candela = numbers.take(vertical * horizontal, _CANDELA).reshape(horizontal, vertical) * factor
+    found = numbers.next_numbers(vertical, _VERTICAL_ANGLES), numbers.next_numbers(horizontal, _HORIZONTAL_ANGLES)
+    candela = numbers.next_numbers(vertical * horizontal, _CANDELA).reshape(horizontal, vertical) * factor
     for angles, what in zip(found, (_VERTICAL_ANGLES, _HORIZONTAL_ANGLES), strict=True):
         if len(angles) == 0 or not (np.diff(angles) > _LEAST_STEP).all() or not abs(angles).max() <= 360:
             raise SceneError(
@@ -165,7 +165,7 @@ class _Numbers:
     def __init__(self, text: str, name: str) -> None:
         self._words, self._at, self._name = text.replace(",", " ").split(), 0, name
 
-    def take(self, count: int, what: str) -> F64:
+    def next_numbers(self, count: int, what: str) -> F64:
         """Returns the next `count` numbers. what: their name, for errors. Raises SceneError if any is missing or invalid."""
         words = self._words[self._at : self._at + count]
         self._at += count
@@ -205,7 +205,7 @@ class _Numbers:
 
         Raises SceneError if it is missing or not a valid count.
         """
-        number = float(self.take(1, how_many)[0])
+        number = float(self.next_numbers(1, how_many)[0])
         if not (0 <= number <= _MOST_VALUES and number == int(number)):
             raise SceneError(
                 Sentence(
@@ -272,17 +272,21 @@ def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
     return np.asarray((angles % 360)[order]), candela[order]
 
 
-def _step(angles: F64, most: int) -> float:
+def _step(angles: F64, max_steps: int) -> float:
     """Returns the largest step, in degrees, whose multiples include all angles.
 
-    If that takes `most` steps or more, returns the step of a regular division into fewer than `most` steps.
+    If that takes `max_steps` steps or more, returns the step of a regular division into fewer than `max_steps` steps.
     """
     hundredths = np.rint(np.diff(angles) * _HUNDREDTHS).astype(np.int64)
     step = int(np.gcd.reduce(hundredths)) / _HUNDREDTHS
     span = float(angles[-1] - angles[0])
-    if step > 0 and span / step < most and abs(np.cumsum(hundredths) / _HUNDREDTHS - (angles[1:] - angles[0])).max() < _CLOSE:
+    if (
+        step > 0
+        and span / step < max_steps
+        and abs(np.cumsum(hundredths) / _HUNDREDTHS - (angles[1:] - angles[0])).max() < _CLOSE
+    ):
         return step
-    return span / max(1, min(most - 1, round(span / _FINEST)))
+    return span / max(1, min(max_steps - 1, round(span / _FINEST)))
 
 
 def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:

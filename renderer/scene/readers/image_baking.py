@@ -21,7 +21,7 @@ class Grid(NamedTuple):
     u: F64
     v: F64
 
-    def moved(self, transform: UvTransform) -> tuple[F64, F64]:
+    def transformed_uvs(self, transform: UvTransform) -> tuple[F64, F64]:
         """Returns the UVs after a texture transform; without rotation, as one row of u and one column of v."""
         a, b, c, d, e, f = transform
         if b == d == 0:
@@ -40,18 +40,18 @@ def grid(size: tuple[int, int] = (SIZE, SIZE), first: int = 0, rows: int | None 
     return Grid(u, v)
 
 
-def checks(at: Grid, transform: UvTransform) -> npt.NDArray[np.bool_]:
+def checks(grid_points: Grid, transform: UvTransform) -> npt.NDArray[np.bool_]:
     """Returns a (rows, columns, 1) checkerboard mask, True where the first of the two textures is visible."""
-    u, v = at.moved(transform)
+    u, v = grid_points.transformed_uvs(transform)
     odd = (np.floor(u) + np.floor(1 - v)) % 2 != 0
     return np.asarray(~odd[..., None])
 
 
-def looked_up(texture: Texture, pixels: npt.NDArray[np.float32], at: Grid) -> F64:
+def looked_up(texture: Texture, pixels: npt.NDArray[np.float32], grid_points: Grid) -> F64:
     """Returns a texture's values at UVs, (rows, columns, channels), with bilinear or nearest filtering."""
-    u, v = at.moved(texture.transform)
+    u, v = grid_points.transformed_uvs(texture.transform)
     height, width = pixels.shape[:2]
-    x, y = (_wrapped(each, wrap) for each, wrap in ((u, texture.wrap_s), (v, texture.wrap_t)))
+    x, y = (_wrap_coordinates(each, wrap) for each, wrap in ((u, texture.wrap_s), (v, texture.wrap_t)))
     if texture.filter == "nearest":
         return pixels[np.clip((y * height).astype(int), 0, height - 1), np.clip((x * width).astype(int), 0, width - 1)].astype(
             float
@@ -65,7 +65,7 @@ def looked_up(texture: Texture, pixels: npt.NDArray[np.float32], at: Grid) -> F6
     return np.asarray(upper * (1 - down) + lower * down, float)
 
 
-def _wrapped(values: F64, wrap: str) -> F64:
+def _wrap_coordinates(values: F64, wrap: str) -> F64:
     return np.asarray(values - np.floor(values) if wrap == "repeat" else np.clip(values, 0, 1))
 
 

@@ -18,7 +18,7 @@ _MOST_SIDE = 2048
 
 def photometry_of(files: SceneFiles, name: str) -> Photometry:
     """Returns the IES profile in a file of the scene, cached. Raises SceneError if the file is missing or invalid."""
-    return files.recall(("IES", name), lambda: read_ies(files.read(name), name))
+    return files.get_or_make(("IES", name), lambda: read_ies(files.read(name), name))
 
 
 def projected_map(pixels: F32, half_width: float, half_height: float, kind: EmissionKind = "window") -> EmissionMap:

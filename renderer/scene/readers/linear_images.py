@@ -10,7 +10,7 @@ import numpy.typing as npt
 from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.scene.description import Image
 
-__all__ = ["alike", "alpha", "codes", "encoded", "linear", "most"]
+__all__ = ["alpha", "encoded", "integer_codes", "linear", "white_value", "with_equal_depth"]
 
 F32 = npt.NDArray[np.float32]
 Codes = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
@@ -21,7 +21,7 @@ def linear(image: Image) -> F32:
     pixels = np.asarray(image.pixels[..., :3], np.float32)
     if image.pixels.dtype == np.float32:
         return pixels
-    pixels /= np.float32(most(image.pixels))
+    pixels /= np.float32(white_value(image.pixels))
     return np.asarray(decode_srgb(pixels) if image.srgb else pixels, np.float32)
 
 
@@ -29,15 +29,15 @@ def alpha(image: Image) -> F32:
     """Returns (h, w) alpha values, 0..1, of an image; 1 if it has no alpha channel."""
     if image.pixels.shape[2] < 4:
         return np.ones(image.pixels.shape[:2], np.float32)
-    return np.asarray(np.clip(image.pixels[..., 3] / np.float32(most(image.pixels)), 0, 1), np.float32)
+    return np.asarray(np.clip(image.pixels[..., 3] / np.float32(white_value(image.pixels)), 0, 1), np.float32)
 
 
-def most(pixels: npt.NDArray[Any]) -> float:
+def white_value(pixels: npt.NDArray[Any]) -> float:
     """Returns the pixel value that represents 1: the maximum of an integer type, 1 for floats."""
     return float(np.iinfo(pixels.dtype).max) if np.issubdtype(pixels.dtype, np.integer) else 1.0
 
 
-def codes(image: Image) -> Codes:
+def integer_codes(image: Image) -> Codes:
     """Returns an image's RGBA as 8-bit or 16-bit integers.
 
     Integer pixels are returned as stored; float pixels as linear values clamped to 0..1, in 16 bits.
@@ -61,7 +61,7 @@ def encoded(values: npt.NDArray[np.floating], *sources: Image, srgb: bool = Fals
     return np.rint(values * 65535).astype(np.uint16)
 
 
-def alike(first: Codes, second: Codes) -> tuple[Codes, Codes]:
+def with_equal_depth(first: Codes, second: Codes) -> tuple[Codes, Codes]:
     """Returns two integer arrays converted to the same bit depth."""
     if first.dtype == second.dtype:
         return first, second

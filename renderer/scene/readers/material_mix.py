@@ -11,7 +11,7 @@ from renderer.scene.description import Material, Vec3
 from renderer.scene.readers.coats import dielectric_albedo
 from renderer.scene.readers.metals import head_on
 
-__all__ = ["mixed"]
+__all__ = ["mix_materials"]
 
 _PAINT = ("name", "kind", "base_color", "base_color_texture", "double_sided")
 _GLOSS = (
@@ -41,7 +41,7 @@ class _Looks(NamedTuple):
     all_round: float = 0.0
 
 
-def mixed(first: Material, second: Material, share: float) -> Material | None:
+def mix_materials(first: Material, second: Material, share: float) -> Material | None:
     """Returns the mixture of two materials; None if no single material represents it. share: weight of the second.
 
     Supported are paint, plastic and metal: gloss in one material over a diffuse surface, or the same gloss in both. A material
@@ -52,7 +52,7 @@ def mixed(first: Material, second: Material, share: float) -> Material | None:
     for one, other, part in ((first, second, share), (second, first, 1 - share)):
         if one.opacity == 0:
             return replace(other, opacity=other.opacity * part, alpha_mode="blend")
-    looks = [_looks(each) for each in (first, second)]
+    looks = [_lobes_of(each) for each in (first, second)]
     if looks[0] is None or looks[1] is None:
         return None
     parts = [(each, part, made) for each, part, made in zip(looks, (1 - share, share), (first, second), strict=True) if each]
@@ -64,7 +64,7 @@ def mixed(first: Material, second: Material, share: float) -> Material | None:
     texture = colored[0][0].texture if colored else None
     if not glossy:
         return Material(base_color=_vec(matt), base_color_texture=texture)
-    if len(glossy) == 2 and not _alike(first, second):
+    if len(glossy) == 2 and not _have_same_gloss(first, second):
         return None
     gloss, _, made = glossy[0]
     weight = sum(part for _, part, _ in glossy)
@@ -83,20 +83,20 @@ def mixed(first: Material, second: Material, share: float) -> Material | None:
     )
 
 
-def _looks(made: Material) -> _Looks | None:
-    color, texture = np.array(made.base_color), made.base_color_texture
-    own = {each.name for each in fields(made) if getattr(made, each.name) != getattr(_PLAIN, each.name)}
-    if made.kind == "diffuse" and own <= set(_PAINT):
+def _lobes_of(material: Material) -> _Looks | None:
+    color, texture = np.array(material.base_color), material.base_color_texture
+    own = {each.name for each in fields(material) if getattr(material, each.name) != getattr(_PLAIN, each.name)}
+    if material.kind == "diffuse" and own <= set(_PAINT):
         return _Looks(color, texture)
     if not own <= {*_PAINT, *_GLOSS}:
         return None
     bare = np.zeros(3)
-    if made.kind == "conductor":
-        reflected = head_on(made.eta, made.k)
-    elif (made.kind == "mirror" or (made.kind == "metallic_roughness" and made.metallic == 1)) and texture is None:
+    if material.kind == "conductor":
+        reflected = head_on(material.eta, material.k)
+    elif (material.kind == "mirror" or (material.kind == "metallic_roughness" and material.metallic == 1)) and texture is None:
         reflected = color
-    elif made.kind == "metallic_roughness" and made.metallic == 0:
-        return _Looks(color, texture, np.full(3, ((made.ior - 1) / (made.ior + 1)) ** 2), dielectric_albedo(made.ior))
+    elif material.kind == "metallic_roughness" and material.metallic == 0:
+        return _Looks(color, texture, np.full(3, ((material.ior - 1) / (material.ior + 1)) ** 2), dielectric_albedo(material.ior))
     else:
         return None
     return _Looks(
@@ -104,7 +104,7 @@ def _looks(made: Material) -> _Looks | None:
     )  # hemispherical mean of Schlick's approximation
 
 
-def _alike(first: Material, second: Material) -> bool:
+def _have_same_gloss(first: Material, second: Material) -> bool:
     return all(getattr(first, name) == getattr(second, name) for name in ("kind", *_GLOSS)) and (
         first.metallic == 0 or first.base_color == second.base_color
     )

@@ -159,15 +159,17 @@ class _Statements:
             else None
         )
 
-    def unread(self) -> list[str]:
+    def unread_maps(self) -> list[str]:
         """Returns the map statements that no parameter uses, except those that have no effect here."""
-        return [keyword for keyword in self._left() if _is_map(keyword)]
+        return [keyword for keyword in self._unread_keywords() if _is_map(keyword)]
 
     def unused(self) -> list[str]:
         """Returns the statements other than maps that no parameter uses and whose values are not neutral."""
-        return [k for k in self._left() if not _is_map(k) and without_comment(self.values[k]).split() not in _neutral(k)]
+        return [
+            k for k in self._unread_keywords() if not _is_map(k) and without_comment(self.values[k]).split() not in _neutral(k)
+        ]
 
-    def _left(self) -> list[str]:
+    def _unread_keywords(self) -> list[str]:
         return [keyword for keyword in self.values if keyword not in self._asked and keyword not in _IDLE]
 
 
@@ -183,102 +185,107 @@ def _neutral(keyword: str) -> Iterator[list[str]]:
             yield [word] * 3
 
 
-def _material(said: _Statements, shade: Callable[[_Statements, Material], None]) -> Material:
-    diffuse = said.color("kd", (0.8, 0.8, 0.8))
-    material = Material(said.name, base_color=diffuse, emission=said.color("ke", (0.0, 0.0, 0.0), high=1e9))
-    material.base_color_texture = said.texture("map_kd", srgb=True)
-    if material.base_color_texture is not None and (max(diffuse) == 0 or "kd" not in said.values):
+def _material(statements: _Statements, shade: Callable[[_Statements, Material], None]) -> Material:
+    diffuse = statements.color("kd", (0.8, 0.8, 0.8))
+    material = Material(statements.name, base_color=diffuse, emission=statements.color("ke", (0.0, 0.0, 0.0), high=1e9))
+    material.base_color_texture = statements.texture("map_kd", srgb=True)
+    if material.base_color_texture is not None and (max(diffuse) == 0 or "kd" not in statements.values):
         material.base_color = (1.0, 1.0, 1.0)  # some exporters write 0 if the map replaces the colour
-        if "kd" in said.values:
-            said.notes.add(Sentence("mtl-black-kd-with-map", "a black Kd beside map_Kd, read as white"))
-    _decal(said, material, diffuse)
-    material.emission_texture = said.texture("map_ke", "map_emissive", srgb=True)
+        if "kd" in statements.values:
+            statements.notes.add(Sentence("mtl-black-kd-with-map", "a black Kd beside map_Kd, read as white"))
+    _decal(statements, material, diffuse)
+    material.emission_texture = statements.texture("map_ke", "map_emissive", srgb=True)
     if material.emission_texture is not None and max(material.emission) == 0:
         material.emission = (1.0, 1.0, 1.0)
-    _normals(said, material)
-    index = clamped(said.number("ni", 1.5), 1.0, 5.0)
+    _normals(statements, material)
+    index = clamped(statements.number("ni", 1.5), 1.0, 5.0)
     material.ior = index if index > 1.0 else 1.5  # exporters write 1 if the index is unknown
-    shade(said, material)
+    shade(statements, material)
     if index <= 1.0 and material.kind in ("glass", "metallic_roughness") and material.metallic < 1:
-        said.notes.add(Sentence("mtl-ior-too-low", "an index of refraction (Ni) of at most 1, read as 1.5"))
+        statements.notes.add(Sentence("mtl-ior-too-low", "an index of refraction (Ni) of at most 1, read as 1.5"))
     if material.kind not in ("glass", "mirror"):
-        _opacity(said, material)
-    if left := said.unread():
-        said.shelf.warn_of_surface(
+        _opacity(statements, material)
+    if left := statements.unread_maps():
+        statements.shelf.warn_of_surface(
             Sentence(
                 "mtl-textures-dropped",
                 "Material {name}: not supported and left out: the textures of {textures}.",
-                name=said.name,
+                name=statements.name,
                 textures=[*left],
             )
         )
-    if unused := said.unused():
-        listed = [f"{keyword} {said.values[keyword]}"[:40] for keyword in unused]
-        said.shelf.warn_of_surface(
+    if unused := statements.unused():
+        listed = [f"{keyword} {statements.values[keyword]}"[:40] for keyword in unused]
+        statements.shelf.warn_of_surface(
             Sentence(
-                "material-parts-dropped", "Material {name}: not supported and left out: {parts}.", name=said.name, parts=listed
+                "material-parts-dropped",
+                "Material {name}: not supported and left out: {parts}.",
+                name=statements.name,
+                parts=listed,
             )
         )
     return material
 
 
-def _choose(said: _Statements, material: Material) -> None:
+def _choose(statements: _Statements, material: Material) -> None:
     """Sets the physically based surface nearest to the Phong parameters, or the one given by the physically based extension."""
-    specular, shininess = said.color("ks", (0.0, 0.0, 0.0)), max(said.number("ns", 0.0), 0.0)
+    specular, shininess = statements.color("ks", (0.0, 0.0, 0.0)), max(statements.number("ns", 0.0), 0.0)
     # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
-    roughness = unit(said.number("pr", (2 / (shininess + 2)) ** 0.25))
-    _choose_kind(said, material, specular, shininess)
+    roughness = unit(statements.number("pr", (2 / (shininess + 2)) ** 0.25))
+    _choose_kind(statements, material, specular, shininess)
     if material.kind == "metallic_roughness":
-        _physical(said, material, roughness, specular)
+        _physical(statements, material, roughness, specular)
 
 
-def _blenders(said: _Statements, material: Material) -> None:
+def _blenders(statements: _Statements, material: Material) -> None:
     """Sets the surface of an MTL file written by Blender, as Blender's own importer does.
 
     Ns is the roughness, Ka the metalness if illum is 3, d the opacity. Tf is the transmission if the extension is present.
     """
     material.double_sided = True  # Blender's surfaces emit on both sides
-    material.kind, is_extended = "metallic_roughness", any(keyword in said.values for keyword in _PHYSICAL)
-    roughness = unit(said.number("pr", 1 - math.sqrt(clamped(said.number("ns", 0.0), 0.0, _SMOOTHEST) / _SMOOTHEST)))
-    _physical(said, material, roughness, said.color("ks", (0.5, 0.5, 0.5)))
-    rough, metal = said.texture("map_pr", "map_ns"), said.texture("map_pm", "map_refl")
+    material.kind, is_extended = "metallic_roughness", any(keyword in statements.values for keyword in _PHYSICAL)
+    roughness = unit(statements.number("pr", 1 - math.sqrt(clamped(statements.number("ns", 0.0), 0.0, _SMOOTHEST) / _SMOOTHEST)))
+    _physical(statements, material, roughness, statements.color("ks", (0.5, 0.5, 0.5)))
+    rough, metal = statements.texture("map_pr", "map_ns"), statements.texture("map_pm", "map_refl")
     if not is_extended:
-        material.metallic = sum(said.color("ka", (1.0, 1.0, 1.0))) / 3 if said.number("illum", 2) == _METAL_MODEL else 0.0
+        material.metallic = (
+            sum(statements.color("ka", (1.0, 1.0, 1.0))) / 3 if statements.number("illum", 2) == _METAL_MODEL else 0.0
+        )
     if rough is not None or metal is not None:
-        material.metallic_roughness_texture = with_roughness_and_metal(said.shelf, rough, metal)
+        material.metallic_roughness_texture = with_roughness_and_metal(statements.shelf, rough, metal)
         material.roughness = 1.0 if rough is not None else roughness
         material.metallic = 1.0 if metal is not None else material.metallic
     if is_extended:
-        material.clearcoat = unit(said.number("pc", 0.0) / _BLENDERS_COATS)
-        material.transmission = unit(max(said.color("tf", (0.0, 0.0, 0.0))))
+        material.clearcoat = unit(statements.number("pc", 0.0) / _BLENDERS_COATS)
+        material.transmission = unit(max(statements.color("tf", (0.0, 0.0, 0.0))))
 
 
-def _decal(said: _Statements, material: Material, color: Vec3) -> None:
-    decal = said.texture("decal")
+def _decal(statements: _Statements, material: Material, color: Vec3) -> None:
+    decal = statements.texture("decal")
     if decal is None:
         return
     if material.base_color_texture is None:
-        said.shelf.warn_of_surface(
+        statements.shelf.warn_of_surface(
             Sentence(
                 "mtl-decal-without-map",
                 "Material {name}: its decal is left out, since there is no map_Kd.",
-                name=said.name,
+                name=statements.name,
             )
         )
         return
-    material.base_color_texture = with_decal(said.shelf, material.base_color_texture, decal, color)
+    material.base_color_texture = with_decal(statements.shelf, material.base_color_texture, decal, color)
     material.base_color = (1.0, 1.0, 1.0)
 
 
-def _choose_kind(said: _Statements, material: Material, specular: Vec3, shininess: float) -> None:
-    model = int(clamped(said.number("illum", 2), 0, 10))
+def _choose_kind(statements: _Statements, material: Material, specular: Vec3, shininess: float) -> None:
+    model = int(clamped(statements.number("illum", 2), 0, 10))
     black = max(material.base_color) < 0.05 and material.base_color_texture is None
-    if any(keyword in said.values for keyword in _PHYSICAL):
+    if any(keyword in statements.values for keyword in _PHYSICAL):
         material.kind = "metallic_roughness"
     elif model in _GLASS_MODELS:
-        material.kind, material.base_color = "glass", said.color("tf", (1.0, 1.0, 1.0))
+        material.kind, material.base_color = "glass", statements.color("tf", (1.0, 1.0, 1.0))
         if material.base_color_texture is not None:
-            said.notes.add(Sentence("mtl-glass-texture-dropped", "a texture (map_Kd) on glass, which is left out"))
+            statements.notes.add(Sentence("mtl-glass-texture-dropped", "a texture (map_Kd) on glass, which is left out"))
         material.base_color_texture = None
     elif model in (3, 5) and black and max(specular) > 0:
         material.kind, material.base_color = "mirror", specular
@@ -288,55 +295,57 @@ def _choose_kind(said: _Statements, material: Material, specular: Vec3, shinines
         material.kind = "metallic_roughness"
 
 
-def _physical(said: _Statements, material: Material, roughness: float, specular: Vec3) -> None:
+def _physical(statements: _Statements, material: Material, roughness: float, specular: Vec3) -> None:
     material.roughness = roughness
     for keyword, parameter in _BY_TABLE.items():
-        setattr(material, parameter.name, parameter.clamped(said.number(keyword, getattr(material, parameter.name))))
-    rough, metal = said.texture("map_pr"), said.texture("map_pm")
-    material.metallic_roughness_texture = with_roughness_and_metal(said.shelf, rough, metal)
-    if rough is not None and "pr" not in said.values:
+        setattr(material, parameter.name, parameter.clamped(statements.number(keyword, getattr(material, parameter.name))))
+    rough, metal = statements.texture("map_pr"), statements.texture("map_pm")
+    material.metallic_roughness_texture = with_roughness_and_metal(statements.shelf, rough, metal)
+    if rough is not None and "pr" not in statements.values:
         material.roughness = 1.0
-    if metal is not None and "pm" not in said.values:
+    if metal is not None and "pm" not in statements.values:
         material.metallic = 1.0
-    if "ks" in said.values and material.metallic == 0:
+    if "ks" in statements.values and material.metallic == 0:
         material.specular = unit(2 * max(specular))  # exporters write 0.5 for a reflectance of 4 %
-    tint = said.texture("map_ks", srgb=True)
-    if material.metallic == 1 and material.base_color_texture is None and "pm" not in said.values:
+    tint = statements.texture("map_ks", srgb=True)
+    if material.metallic == 1 and material.base_color_texture is None and "pm" not in statements.values:
         material.base_color_texture = tint  # a Phong metal has the colour of its highlights
     else:
         material.specular_color_texture = tint
-    material.anisotropy_rotation = math.remainder(2 * math.pi * said.number("anisor", 0.0), 2 * math.pi)
-    sheen = unit(said.number("ps", 0.0))
+    material.anisotropy_rotation = math.remainder(2 * math.pi * statements.number("anisor", 0.0), 2 * math.pi)
+    sheen = unit(statements.number("ps", 0.0))
     if sheen > 0:
         material.sheen_color, material.sheen_roughness = (sheen, sheen, sheen), 0.5
 
 
-def _normals(said: _Statements, material: Material) -> None:
-    material.normal_texture = said.texture("norm")
-    bump = said.map("map_bump", "bump")
+def _normals(statements: _Statements, material: Material) -> None:
+    material.normal_texture = statements.texture("norm")
+    bump = statements.map("map_bump", "bump")
     if material.normal_texture is None and bump is not None:
-        texture = bump.find(said.shelf, said.file, Sentence("label-material", "Material {name}", name=said.name))
-        if texture is not None and holds_normals(said.shelf.image_of(texture)):
+        texture = bump.find(
+            statements.shelf, statements.file, Sentence("label-material", "Material {name}", name=statements.name)
+        )
+        if texture is not None and holds_normals(statements.shelf.image_of(texture)):
             material.normal_texture, material.normal_scale = texture, clamped(bump.strength, -100.0, 100.0)
-            said.notes.add(Sentence("mtl-bump-read-as-normal", "a bump map of mostly blue pixels, read as a normal map"))
+            statements.notes.add(Sentence("mtl-bump-read-as-normal", "a bump map of mostly blue pixels, read as a normal map"))
         elif texture is not None:
-            said.shelf.warn_of_surface(
+            statements.shelf.warn_of_surface(
                 Sentence(
                     "material-bump-heights-dropped",
                     "Material {name}: its bump map contains heights and is left out; bake it to a normal map.",
-                    name=said.name,
+                    name=statements.name,
                 )
             )
 
 
-def _opacity(said: _Statements, material: Material) -> None:
-    values = said.numbers("d")  # `d -halo 0.5` gives no numbers, and a warning
-    opacity = values[0] if values else 1 - said.number("tr", 0.0)
+def _opacity(statements: _Statements, material: Material) -> None:
+    values = statements.numbers("d")  # `d -halo 0.5` gives no numbers, and a warning
+    opacity = values[0] if values else 1 - statements.number("tr", 0.0)
     if 0 < opacity < 1:  # some exporters write 0 for opaque
         material.opacity, material.alpha_mode = opacity, "blend"
     elif opacity <= 0:
-        said.notes.add(Sentence("mtl-opacity-zero", "an opacity of 0 (d 0 or Tr 1), read as opaque"))
-    mask = said.texture("map_d", "map_opacity", "map_tr")
+        statements.notes.add(Sentence("mtl-opacity-zero", "an opacity of 0 (d 0 or Tr 1), read as opaque"))
+    mask = statements.texture("map_d", "map_opacity", "map_tr")
     if mask is not None:
-        material.base_color_texture = with_opacity(said.shelf, material.base_color_texture, mask)
+        material.base_color_texture = with_opacity(statements.shelf, material.base_color_texture, mask)
         material.alpha_mode = "blend"

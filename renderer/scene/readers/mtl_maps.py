@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.scene.description import Image, TextureLayer, UvTransform, Vec3, Wrap
-from renderer.scene.readers.linear_images import Codes, alike, alpha, codes, encoded, linear, most
+from renderer.scene.readers.linear_images import Codes, alpha, encoded, integer_codes, linear, white_value, with_equal_depth
 from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
 from renderer.sentences import Sentence
 
@@ -91,7 +91,7 @@ def parse_map(value: str, is_file: Callable[[str], bool] = lambda _: True) -> Ma
     """
     said = _Options()
     words = value.split()
-    at = said.take(words, 0)
+    at = said.parse_options(words, 0)
     if at >= len(words):
         return None
     rest = value.split(None, at)[at].strip()
@@ -101,7 +101,7 @@ def parse_map(value: str, is_file: Callable[[str], bool] = lambda _: True) -> Ma
     if not is_file(without) and (behind := _OPTION_BEHIND.search(without)):
         name = without[: behind.start()].strip()
         words = without[behind.start() :].split()
-        end = said.take(words, 0)
+        end = said.parse_options(words, 0)
         if end < len(words):
             name = without  # more words follow: the whole is a file name
     return said.map(name) if name else None
@@ -116,20 +116,20 @@ class _Options:
         self.strength, self.span, self.channel = 1.0, (0.0, 1.0), ""
         self.unread: list[str] = []
 
-    def take(self, words: list[str], at: int) -> int:
+    def parse_options(self, words: list[str], first: int) -> int:
         """Parses the options that begin at an index of `words`; returns the index after the last option."""
-        while at < len(words) and words[at].lower() in (*_OPTIONS, *_SEVERAL):
-            option = words[at].lower()
-            at += 1
+        while first < len(words) and words[first].lower() in (*_OPTIONS, *_SEVERAL):
+            option = words[first].lower()
+            first += 1
             if option in _OPTIONS:
-                self._one(option, words[at : at + 1])
-                at += 1
+                self._parse_option(option, words[first : first + 1])
+                first += 1
                 continue
             # At most two or three numbers.
-            last, found = at + (2 if option == "-mm" else 3), list[float]()
-            while at < min(last, len(words)) and _is_number(words[at]):
-                found.append(_number(words[at]))
-                at += 1
+            last, found = first + (2 if option == "-mm" else 3), list[float]()
+            while first < min(last, len(words)) and _is_number(words[first]):
+                found.append(_number(words[first]))
+                first += 1
             if option == "-mm" and len(found) == 2:
                 self.span = found[0], found[1]
             elif option in ("-s", "-o"):
@@ -137,9 +137,9 @@ class _Options:
                     (self.scale if option == "-s" else self.offset)[axis] = number
             elif any(found):  # turbulence
                 self.unread.append(option)
-        return at
+        return first
 
-    def _one(self, option: str, following: list[str]) -> None:
+    def _parse_option(self, option: str, following: list[str]) -> None:
         word = following[0].lower() if following else ""
         if option == "-clamp" and word == "on":
             self.wrap = "clamp"
@@ -171,7 +171,7 @@ def _is_number(word: str) -> bool:
 
 def holds_normals(image: Image) -> bool:
     """Returns True if an image looks like a normal map: mostly blue, with mean red and green near 0.5. Height maps are grey."""
-    mean = image.pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64) / most(image.pixels)
+    mean = image.pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64) / white_value(image.pixels)
     return bool(mean[2] > 0.65 and abs(mean[0] - 0.5) < 0.15 and abs(mean[1] - 0.5) < 0.15)
 
 
@@ -182,32 +182,32 @@ def with_decal(shelf: TextureShelf, texture: int | None, decal: int, color: Vec3
     """
     srgb = encode_srgb(np.array(color, np.float32))
 
-    def make(image: Image) -> Image:
+    def draw_decal(image: Image) -> Image:
         shown = _scalar(image)
-        painted = np.rint(srgb * most(shown)).astype(shown.dtype)
+        painted = np.rint(srgb * white_value(shown)).astype(shown.dtype)
         hidden = np.iinfo(shown.dtype).max - shown
         return Image(f"{image.name} as a decal", np.dstack([np.broadcast_to(painted, (*hidden.shape, 3)), hidden]))
 
-    over = shelf.derived_texture(decal, f"decal on {color}", make)
-    return texture if over is None else shelf.stacked(texture, (TextureLayer(over),))
+    over = shelf.derived_texture(decal, f"decal on {color}", draw_decal)
+    return texture if over is None else shelf.with_layers(texture, (TextureLayer(over),))
 
 
 def with_opacity(shelf: TextureShelf, color: int | None, opacity: int) -> int | None:
     """Returns the colour of one texture (None: white) with the opacity of another: its alpha, or its grey if it is opaque."""
 
-    def make(image: Image, mask: Image) -> Image:
+    def add_opacity(image: Image, mask: Image) -> Image:
         if color is not None and image.pixels.dtype == np.float32:
             shown = _resized(_scalar(mask), image.pixels.shape)
-            pixels = np.dstack([image.pixels[..., :3], (shown / np.float32(most(shown))).astype(np.float32)])
+            pixels = np.dstack([image.pixels[..., :3], (shown / np.float32(white_value(shown))).astype(np.float32)])
             return Image(f"{image.name} with opacity", pixels, image.srgb)
-        own, shown = alike(codes(image), _scalar(mask))
+        own, shown = with_equal_depth(integer_codes(image), _scalar(mask))
         pixels = own.copy()
         pixels[..., 3] = _resized(shown, pixels.shape)
         if color is None:
             pixels[..., :3] = np.iinfo(pixels.dtype).max
         return Image(f"{image.name} with opacity", pixels, image.srgb)
 
-    return shelf.combined(opacity if color is None else color, opacity, "colour and opacity", make)
+    return shelf.combined(opacity if color is None else color, opacity, "colour and opacity", add_opacity)
 
 
 def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: int | None) -> int | None:
@@ -215,8 +215,8 @@ def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: 
     if roughness is None and metal is None:
         return None
 
-    def make(first: Image, second: Image) -> Image:
-        base, other = alike(codes(first), codes(second))
+    def combine(first: Image, second: Image) -> Image:
+        base, other = with_equal_depth(integer_codes(first), integer_codes(second))
         pixels = np.full_like(base, np.iinfo(base.dtype).max)
         if roughness is not None:
             pixels[..., 1] = base[..., 0]
@@ -225,13 +225,13 @@ def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: 
         return Image(f"{first.name} as roughness and metal", pixels, srgb=False)
 
     one, other = (metal if roughness is None else roughness), (roughness if metal is None else metal)
-    return shelf.combined(one, other, f"roughness {roughness is not None} metal {metal is not None}", make)
+    return shelf.combined(one, other, f"roughness {roughness is not None} metal {metal is not None}", combine)
 
 
 def as_alpha(shelf: TextureShelf, texture: int | None) -> int | None:
     """Returns a white texture with the alpha of another texture, or with its grey if it is opaque."""
 
-    def make(image: Image) -> Image:
+    def to_alpha(image: Image) -> Image:
         grey = _scalar(image)
         return Image(
             f"{image.name} as alpha",
@@ -239,18 +239,18 @@ def as_alpha(shelf: TextureShelf, texture: int | None) -> int | None:
             srgb=False,
         )
 
-    return shelf.derived_texture(texture, "as alpha", make)
+    return shelf.derived_texture(texture, "as alpha", to_alpha)
 
 
 def inverted(shelf: TextureShelf, texture: int | None) -> int | None:
     """Returns a texture of linear values 1 - x, such as roughness from glossiness."""
 
-    def make(image: Image) -> Image:
-        pixels = codes(image).copy()
+    def invert(image: Image) -> Image:
+        pixels = integer_codes(image).copy()
         pixels[..., :3] = np.iinfo(pixels.dtype).max - pixels[..., :3]
         return Image(f"{image.name} inverted", pixels, srgb=False)
 
-    return shelf.derived_texture(texture, "inverted", make)
+    return shelf.derived_texture(texture, "inverted", invert)
 
 
 def _channel(image: Image, channel: str) -> Image:
@@ -285,7 +285,7 @@ def _spanned(image: Image, span: tuple[float, float]) -> Image:
 
 def _scalar(image: Image) -> Codes:
     """Returns the (h, w) alpha of an image, or its grey if it is opaque."""
-    pixels = codes(image)
+    pixels = integer_codes(image)
     alphas: Codes = pixels[..., 3]
     if (alphas < np.iinfo(alphas.dtype).max).any():
         return alphas

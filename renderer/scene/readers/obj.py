@@ -167,7 +167,9 @@ def _polypaint(text: bytes, vertices: int) -> F32 | None:
     return codes[:, 1:].astype(np.float32) / np.float32(255)
 
 
-def _rounded(said: Statements, cut: Triangulation, meshes: list[Mesh], triangles: list[npt.NDArray[np.int64]]) -> list[Mesh]:
+def _rounded(
+    statements: Statements, cut: Triangulation, meshes: list[Mesh], triangles: list[npt.NDArray[np.int64]]
+) -> list[Mesh]:
     """Returns the meshes with missing normals computed.
 
     In files with smoothing groups, normals are smooth within each group of an object (`s off` is no group). In other files they
@@ -175,20 +177,20 @@ def _rounded(said: Statements, cut: Triangulation, meshes: list[Mesh], triangles
     """
     if all(mesh.normals is not None for mesh in meshes):
         return meshes
-    if not said.smooth:
+    if not statements.smooth:
         return smoothed_together(meshes, surfaces=[0] * len(meshes))
-    count = len(said.starts) - 1
+    count = len(statements.starts) - 1
     numbers = {"": 0, "0": 0, "off": 0}
     begins, groups = [0], [0]
-    for face, name in said.smooth:
+    for face, name in statements.smooth:
         word = next(iter(without_comment(name).lower().split()), "")
         begins.append(face)
         groups.append(numbers.setdefault(word, len(numbers)))
     group = np.repeat(groups, np.diff([*begins, count]))
-    if not group.any() and not len(said.normals):
+    if not group.any() and not len(statements.normals):
         return meshes  # flat, without normals
     part = np.zeros(count, np.int64)
-    np.add.at(part, [face for face in said.objects if face < count], 1)
+    np.add.at(part, [face for face in statements.objects if face < count], 1)
     _, surface = np.unique(np.cumsum(part) * len(numbers) + group, return_inverse=True)
     surface = np.where(group > 0, surface, count + np.arange(count)).astype(np.int32)  # each flat face is its own surface
     if (surface == surface[0]).all():
@@ -208,11 +210,11 @@ def _normalized_numbers(text: bytes) -> bytes:
     return re.sub(rb"(?m)^(v[nt]?)([ \t][^\r\n]*)", line, text)
 
 
-def _faces_by_material(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
+def _faces_by_material(statements: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
     """Returns the indices of each material's faces, by material name; None is the key of faces before the first material."""
-    ends = [face for face, _ in said.materials[1:]] + [len(said.starts) - 1]
-    stretches: list[tuple[str | None, int, int]] = [(None, 0, said.materials[0][0] if said.materials else ends[0])]
-    stretches += [(name, face, end) for (face, name), end in zip(said.materials, ends, strict=False)]
+    ends = [face for face, _ in statements.materials[1:]] + [len(statements.starts) - 1]
+    stretches: list[tuple[str | None, int, int]] = [(None, 0, statements.materials[0][0] if statements.materials else ends[0])]
+    stretches += [(name, face, end) for (face, name), end in zip(statements.materials, ends, strict=False)]
     found: dict[str | None, list[npt.NDArray[np.int64]]] = {}
     for name, first, last in stretches:
         found.setdefault(name, []).append(np.arange(first, last))
@@ -220,28 +222,28 @@ def _faces_by_material(said: Statements) -> dict[str | None, npt.NDArray[np.int6
 
 
 def _groups(
-    said: Statements, cut: Triangulation, stretches: list[npt.NDArray[np.int64]]
+    statements: Statements, cut: Triangulation, stretches: list[npt.NDArray[np.int64]]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Sorts triangles into two groups for each of S sets of faces: triangles with normals, and those without.
 
     stretches: S arrays of face indices. Returns (T,) triangles sorted by group, and (2 S + 1,) the start of each group.
     """
-    begins = np.searchsorted(cut.face, np.arange(len(said.starts)))
+    begins = np.searchsorted(cut.face, np.arange(len(statements.starts)))
     faces = np.concatenate(stretches)
     stretch = np.repeat(np.arange(len(stretches)), [len(each) for each in stretches])
     count = begins[faces + 1] - begins[faces]
     triangles = np.repeat(begins[faces] - (np.cumsum(count) - count), count) + np.arange(int(count.sum()))
-    is_bare = (said.corners[cut.triangles[triangles], 2] < 0).any(axis=1)
+    is_bare = (statements.corners[cut.triangles[triangles], 2] < 0).any(axis=1)
     group = 2 * np.repeat(stretch, count) + is_bare
     order = np.argsort(group, kind="stable")
     return triangles[order], np.searchsorted(group[order], np.arange(2 * len(stretches) + 1))
 
 
 def _meshes(
-    names: list[str], said: Statements, cut: Triangulation, order: npt.NDArray[np.int64], begins: npt.NDArray[np.int64]
+    names: list[str], statements: Statements, cut: Triangulation, order: npt.NDArray[np.int64], begins: npt.NDArray[np.int64]
 ) -> list[Mesh]:
     """Returns a mesh per group of triangles (see `_groups`); vectorised, since files may have a hundred thousand small groups."""
-    corners = said.corners[cut.triangles[order].reshape(-1)]
+    corners = statements.corners[cut.triangles[order].reshape(-1)]
     group = np.repeat(np.arange(len(begins) - 1, dtype=np.int32), 3 * np.diff(begins))
     corners[group % 2 == 1, 2] = -1
     first, number = unique_threes(corners)
@@ -249,12 +251,12 @@ def _meshes(
         first, number = unique_threes(np.column_stack([number, group, np.zeros_like(group)]))
     vertices, starts = corners[first], np.searchsorted(first, 3 * begins)
     positions, uvs, normals = (
-        said.positions[vertices[:, 0]],
-        _picked(said.uvs, vertices[:, 1]),
-        _picked(said.normals, vertices[:, 2]),
+        statements.positions[vertices[:, 0]],
+        _rows_at(statements.uvs, vertices[:, 1]),
+        _rows_at(statements.normals, vertices[:, 2]),
     )
     has_uvs = np.concatenate([[0], np.cumsum(vertices[:, 1] >= 0)])[starts]
-    colors = None if said.colors is None else vertex_colors(said.colors[vertices[:, 0]])
+    colors = None if statements.colors is None else vertex_colors(statements.colors[vertices[:, 0]])
     found = []
     for i in range(len(begins) - 1):
         rows = slice(starts[i], starts[i + 1])
@@ -267,8 +269,8 @@ def _meshes(
     return found
 
 
-def _picked(table: F32, at: I32) -> F32:
+def _rows_at(table: F32, indices: I32) -> F32:
     """Returns the rows of a table at indices; zeros for the index -1."""
     if not len(table):
-        return np.zeros((len(at), table.shape[1]), np.float32)
-    return np.where(at[:, None] >= 0, table[np.maximum(at, 0)], np.float32(0))
+        return np.zeros((len(indices), table.shape[1]), np.float32)
+    return np.where(indices[:, None] >= 0, table[np.maximum(indices, 0)], np.float32(0))

@@ -23,15 +23,15 @@ class Materials:
     """The description's material indices for the materials that faces name."""
 
     def __init__(
-        self, file: str, said: Statements, files: SceneFiles, shelf: TextureShelf, description: SceneDescription
+        self, file: str, statements: Statements, files: SceneFiles, shelf: TextureShelf, description: SceneDescription
     ) -> None:
         self._file, self._files, self._shelf, self._description = file, files, shelf, description
         self._found: dict[str, Material] = {}
         is_missing = False
-        for library in said.libraries:
+        for library in statements.libraries:
             names = self._libraries(library)
             is_missing |= not names
-            if not names and not self._guessed(said):
+            if not names and not self._guessed(statements):
                 shelf.warn_of_surface(
                     Sentence(
                         "obj-material-library-missing",
@@ -41,12 +41,14 @@ class Materials:
                     )
                 )
             for name in names:
-                self._take(name)
-        wanted = any(name for _, name in said.materials)
-        if (is_missing or (not said.libraries and wanted)) and (guess := self._guessed(said)):
-            self._take(guess)
+                self._read_file(name)
+        wanted = any(name for _, name in statements.materials)
+        if (is_missing or (not statements.libraries and wanted)) and (guess := self._guessed(statements)):
+            self._read_file(guess)
             why = (
-                Sentence("obj-libraries-missing", "its material files {libraries} are missing", libraries=said.libraries[0][:120])
+                Sentence(
+                    "obj-libraries-missing", "its material files {libraries} are missing", libraries=statements.libraries[0][:120]
+                )
                 if is_missing
                 else Sentence("obj-library-unnamed", "names no material file")
             )
@@ -55,9 +57,9 @@ class Materials:
                     "obj-library-guessed", "{file}: {reason}; {library} is used instead.", file=file, reason=why, library=guess
                 )
             )
-        self._bare = not said.libraries and not self._found
+        self._bare = not statements.libraries and not self._found
         if self._bare and wanted:
-            count = len({name for _, name in said.materials if name})
+            count = len({name for _, name in statements.materials if name})
             shelf.warn_of_surface(
                 Sentence(
                     "obj-material-files-missing",
@@ -67,7 +69,7 @@ class Materials:
                 )
             )
 
-    def _take(self, name: str) -> None:
+    def _read_file(self, name: str) -> None:
         self._found.update(read_mtl(self._files, name, self._shelf))
 
     def _libraries(self, words: str) -> list[str]:
@@ -79,10 +81,10 @@ class Materials:
         missing = [word for word, name in found.items() if not name]
         if len(missing) < len(found):
             for word in missing:
-                self._shelf.missing(word, self._file)
+                self._shelf.warn_of_missing(word, self._file)
         return [name for name in found.values() if name]
 
-    def _guessed(self, said: Statements) -> str | None:
+    def _guessed(self, statements: Statements) -> str | None:
         """Returns a material file to use if none is named or found; None if there is no candidate.
 
         Candidates are the file with the OBJ file's name, or the only one in its folder if it defines a material that faces name.
@@ -95,7 +97,7 @@ class Materials:
         if len(beside) != 1:
             return None
         has = {without_comment(name) for name in names_of(self._files, beside[0])}
-        return beside[0] if any(without_comment(name) in has for _, name in said.materials) else None
+        return beside[0] if any(without_comment(name) in has for _, name in statements.materials) else None
 
     def number(self, name: str | None, meshes: list[Mesh]) -> int:
         """Returns the description's index of a material; adds the material.

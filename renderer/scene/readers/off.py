@@ -21,7 +21,7 @@ from renderer.scene.normals import smoothed
 from renderer.scene.origin import in_exact_type
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.points import add_points
-from renderer.scene.readers.polygon_meshes import fractions, split, triangulated, used
+from renderer.scene.readers.polygon_meshes import fractions, triangulated, with_corner_values, without_bad_vertices
 from renderer.scene.text_encoding import decoded, with_decimal_points
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
@@ -77,7 +77,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         )
     lines = [line for line in text[found.end() if found else 0 :].splitlines() if line and not line.isspace()]
     head = _Head(*(bool(found and found[k]) for k in (1, 2, 3)))
-    vertices, faces = _counts(lines, main)
+    vertices, faces = _parse_counts(lines, main)
     try:
         rows = _vertices(lines[1 : vertices + 1], vertices, main)
         polygons = _faces(lines[vertices + 1 : vertices + 1 + faces], faces, main)
@@ -93,7 +93,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     _add(head, rows, polygons, main, shelf, description)
 
 
-def _counts(lines: list[str], main: str) -> tuple[int, int]:
+def _parse_counts(lines: list[str], main: str) -> tuple[int, int]:
     words = lines[0].split() if lines else []
     if len(words) < 2 or not all(word.isascii() and word.isdigit() and len(word) < 16 for word in words[:2]):
         raise SceneError(
@@ -231,8 +231,8 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
                 )
             )
         linear = vertex_colors(faces.colors)
-        mesh = mesh if linear is None else split(mesh, None, np.repeat(linear[cut.face], 3, axis=0))
-    mesh = used(mesh)
+        mesh = mesh if linear is None else with_corner_values(mesh, None, np.repeat(linear[cut.face], 3, axis=0))
+    mesh = without_bad_vertices(mesh)
     material = Material()
     if colors is not None or faces.colors is not None:
         material.base_color = (1.0, 1.0, 1.0)

@@ -17,7 +17,7 @@ from renderer.scene.origin import in_exact_type
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.ply_rows import Element, Lists, elements, textures_of
 from renderer.scene.readers.points import add_points
-from renderer.scene.readers.polygon_meshes import fractions, of_triangles, split, triangulated, used
+from renderer.scene.readers.polygon_meshes import fractions, of_triangles, triangulated, with_corner_values, without_bad_vertices
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
@@ -61,13 +61,13 @@ def read_data(
     positions = in_exact_type(_positions(vertex))
     faces = _faces(found, positions, main, shelf)
     if faces is None or not len(faces.triangles):
-        add_points(positions, _values_of(vertex) if _has(vertex) else _splats(vertex), np.eye(4), main, description, shelf)
+        add_points(positions, _values_of(vertex) if _has_colors(vertex) else _splats(vertex), np.eye(4), main, description, shelf)
         return
     mesh = _mesh(PurePosixPath(main).stem, positions, vertex, faces, main, shelf, attribute)
     named = textures_of(data) if has_pictures else []
     parts = list[Mesh]()
     for picture, rows in _by_picture(vertex, faces, named, main, shelf):
-        part = used(mesh) if rows is None else of_triangles(mesh, rows)
+        part = without_bad_vertices(mesh) if rows is None else of_triangles(mesh, rows)
         description.materials.append(_material(part, picture, main, shelf))
         part.material = len(description.materials) - 1
         parts.append(part)
@@ -160,7 +160,7 @@ def _strips(lists: Lists, positions: F32, main: str, shelf: TextureShelf) -> _Fa
     """Returns the triangles of strips, every second one with reversed winding; -1 or the end of a row ends a strip."""
     values = lists.values.astype(np.int64)
     ends = np.zeros(len(values) + 1, bool)
-    ends[lists.first] = True
+    ends[lists.offsets] = True
     begins = np.maximum.accumulate(np.where(ends[:-1] | np.concatenate([[False], values[:-1] < 0]), np.arange(len(values)), 0))
     at = np.arange(max(len(values) - 2, 0))
     whole = (values[at] >= 0) & (values[at + 1] >= 0) & (values[at + 2] >= 0) & (begins[at + 2] <= at)
@@ -193,7 +193,7 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
                 file=main,
             )
         )
-    return mesh if corner_uvs is None and corner_colors is None else split(mesh, corner_uvs, corner_colors)
+    return mesh if corner_uvs is None and corner_colors is None else with_corner_values(mesh, corner_uvs, corner_colors)
 
 
 def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
@@ -209,7 +209,7 @@ def _upright(uvs: F32) -> F32:
     return np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1)
 
 
-def _has(element: Element) -> bool:
+def _has_colors(element: Element) -> bool:
     return any(all(name in element.columns for name in names) for names in (*_COLORS, _LINEAR))
 
 
@@ -228,11 +228,11 @@ def _colors(element: Element, owner: str, attribute: str, main: str, shelf: Text
     attribute: as for `read_data`; owner: the prefix, vertex or face, of attributes that belong to this element.
     """
     if not attribute:
-        return _linear_of(element) if _has(element) else None
+        return _linear_of(element) if _has_colors(element) else None
     if not attribute.startswith(f"{owner}_"):
         return None
     wanted = attribute.removeprefix(f"{owner}_").lower()
-    if wanted == "color" and _has(element):
+    if wanted == "color" and _has_colors(element):
         is_float = any(column.dtype.kind == "f" for name, column in element.columns.items() if name in ("red", "r"))
         found = _values_of(element) if is_float else _linear_of(element)  # Mitsuba reads fractions as linear
         return np.ones((element.count, 4), np.float32) if found is None else found

@@ -51,7 +51,7 @@ class Lists:
     values: Array  # (sum of the counts,)
 
     @property
-    def first(self) -> npt.NDArray[np.int64]:
+    def offsets(self) -> npt.NDArray[np.int64]:
         """Returns (N,) the index in `values` of each row's first value."""
         return np.cumsum(self.count) - self.count
 
@@ -108,7 +108,7 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
                 format=repr(way[:40]),
             )
         )
-    return [Element(name, count, *rows.take(name, count, properties)) for name, count, properties in declared]
+    return [Element(name, count, *rows.read_element(name, count, properties)) for name, count, properties in declared]
 
 
 def _declared(header: str, file: str) -> tuple[str, _Declared]:
@@ -149,7 +149,7 @@ def _is_property(words: list[str]) -> bool:
     return len(words) == 3 and words[1] in _TYPES
 
 
-def _cut(file: str, element: str) -> SceneError:
+def _truncated_error(file: str, element: str) -> SceneError:
     return SceneError(
         Sentence(
             "ply-file-cut-off",
@@ -180,7 +180,7 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
         )
     rows = _Text(text, file)
     try:
-        found = [Element(name, count, *rows.take(name, count, properties)) for name, count, properties in declared]
+        found = [Element(name, count, *rows.read_element(name, count, properties)) for name, count, properties in declared]
         if rows.is_done:
             return found
     except SceneError:
@@ -188,7 +188,7 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
     trimmed, longer = _trimmed(text.splitlines(), declared)
     if not longer:
         if not found:
-            raise _cut(file, next((name for name, count, _ in declared if count), "vertex"))
+            raise _truncated_error(file, next((name for name, count, _ in declared if count), "vertex"))
         return found
     warn(
         Sentence(
@@ -199,7 +199,7 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
         )
     )
     rows = _Text(trimmed, file)
-    return [Element(name, count, *rows.take(name, count, properties)) for name, count, properties in declared]
+    return [Element(name, count, *rows.read_element(name, count, properties)) for name, count, properties in declared]
 
 
 def _trimmed(lines: list[bytes], declared: _Declared) -> tuple[bytes, int]:
@@ -228,7 +228,7 @@ class _Bytes:
     def __init__(self, data: bytes, at: int, order: str, file: str) -> None:
         self._data, self._at, self._order, self._file = data, at, order, file
 
-    def take(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
+    def read_element(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
         """Returns the columns and lists of the next element. name: of the element, for errors; count: number of rows."""
         if not count or not properties:
             return _columns(np.zeros(0, self._kind(properties, [])), properties, {})
@@ -240,7 +240,7 @@ class _Bytes:
                 self._at += kind.itemsize * count
                 return _columns(rows, properties, dict(counts))
         if not counts:
-            raise _cut(self._file, name)
+            raise _truncated_error(self._file, name)
         return self._of_differing(name, count, properties)
 
     def _first_counts(self, name: str, properties: list[_Property]) -> list[tuple[int, int]]:
@@ -260,7 +260,7 @@ class _Bytes:
         order = "little" if self._order == "<" else "big"
         length = int.from_bytes(self._data[at:end], order, signed=kind.kind == "i")  # type: ignore[arg-type]
         if end > len(self._data) or not 0 <= length * size <= len(self._data) - end:
-            raise _cut(self._file, name)
+            raise _truncated_error(self._file, name)
         return length
 
     def _kind(self, properties: list[_Property], counts: list[tuple[int, int]]) -> np.dtype[Any]:
@@ -275,7 +275,7 @@ class _Bytes:
     def _of_differing(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
         """Reads rows whose lists differ in length."""
         if count > len(self._data) - self._at:
-            raise _cut(self._file, name)
+            raise _truncated_error(self._file, name)
         at, end = self._at, len(self._data)
         sizes = [(np.dtype(p.kind).itemsize, None if p.count is None else np.dtype(p.count)) for p in properties]
         places: list[list[int]] = [[] for _ in properties]
@@ -290,7 +290,7 @@ class _Bytes:
                 places[k].append(at)
                 at += size * length
             if at > end:
-                raise _cut(self._file, name)
+                raise _truncated_error(self._file, name)
         self._at = at
         columns, lists = dict[str, Array](), dict[str, Lists]()
         for each, begin, many in zip(properties, places, lengths, strict=True):
@@ -330,11 +330,11 @@ class _Text:
         """True if all numbers have been read."""
         return self._at == len(self._numbers)
 
-    def take(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
+    def read_element(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
         """Returns the columns and lists of the next element. name: of the element, for errors; count: number of rows."""
         left = self._numbers[self._at :]
         if count * len(properties) > len(left):
-            raise _cut(self._file, name)
+            raise _truncated_error(self._file, name)
         lengths = dict[int, int]()
         width = 0
         for i, each in enumerate(properties):
@@ -364,7 +364,7 @@ class _Text:
         at = self._at + ahead
         length = self._numbers[at] if at < len(self._numbers) else -1.0
         if not 0 <= length <= len(self._numbers) - at - 1:
-            raise _cut(self._file, name)
+            raise _truncated_error(self._file, name)
         return int(length)
 
     def _of_differing(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
@@ -382,7 +382,7 @@ class _Text:
                 self._at += length
         if self._at > len(self._numbers):
             self._at = begin
-            raise _cut(self._file, name)
+            raise _truncated_error(self._file, name)
         columns, lists = dict[str, Array](), dict[str, Lists]()
         for each, first, many in zip(properties, places, lengths, strict=True):
             number = np.array(many, np.int64)

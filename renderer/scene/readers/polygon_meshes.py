@@ -14,7 +14,7 @@ from renderer.scene.polygons import Triangulation, triangulate
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
-__all__ = ["fractions", "of_triangles", "split", "triangulated", "used"]
+__all__ = ["fractions", "of_triangles", "triangulated", "with_corner_values", "without_bad_vertices"]
 
 Array = npt.NDArray[Any]
 
@@ -84,7 +84,7 @@ def triangulated(
     return cut
 
 
-def used(mesh: Mesh) -> Mesh:
+def without_bad_vertices(mesh: Mesh) -> Mesh:
     """Returns the mesh without non-finite vertices, which no triangle uses."""
     if np.isfinite(mesh.positions).all():
         return mesh
@@ -100,7 +100,7 @@ def of_triangles(mesh: Mesh, rows: Any) -> Mesh:
     return Mesh(mesh.name, mesh.positions[at], triangles.astype(np.int32), normals, uvs, mesh.material, uvs1, colors)
 
 
-def split(mesh: Mesh, uvs: F32 | None, colors: F32 | None) -> Mesh:
+def with_corner_values(mesh: Mesh, uvs: F32 | None, colors: F32 | None) -> Mesh:
     """Returns the mesh with per-corner UVs and colours; vertices whose corners differ are duplicated."""
     corners = mesh.triangles.reshape(-1)
     given = [values for values in (uvs, colors) if values is not None]

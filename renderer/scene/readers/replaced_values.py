@@ -20,10 +20,10 @@ class Changed:
         """Sets the value at a path, creating missing dicts."""
         at: Any = self.root
         for key in path[:-1]:
-            at = self._owned(at, key)
+            at = self._own_copy(at, key)
         at[path[-1]] = value
 
-    def _owned(self, parent: Any, key: str | int) -> Any:
+    def _own_copy(self, parent: Any, key: str | int) -> Any:
         child = parent.get(key) if isinstance(parent, dict) else parent[key]
         if child is None or id(child) not in self._own:
             child = {} if child is None else child.copy()

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from renderer.scene.description import Mesh
 from renderer.scene.readers.tubes import BASES, STEPS, tubes
 
-__all__ = ["Strand", "line_of", "together"]
+__all__ = ["Strand", "line_of", "strands_mesh"]
 
 F64 = npt.NDArray[np.float64]
 Strand = tuple[F64, F64]  # (S, 3) points along it, and (S,) radii
@@ -25,7 +25,7 @@ def line_of(points: F64, basis: str) -> F64:
     return np.concatenate([parts[:, :-1].reshape(-1, points.shape[1]), parts[-1:, -1]])
 
 
-def together(strands: list[Strand]) -> Mesh:
+def strands_mesh(strands: list[Strand]) -> Mesh:
     """Returns one mesh with a tube for each curve; with many curves, tubes have fewer sides."""
     sides = 12 if len(strands) <= _FEW else 4
     groups: dict[int, list[Strand]] = {}

@@ -88,7 +88,7 @@ class _Object:
         return np.concatenate([*(rows.stacked(("v1", "v2", "v3")) for rows in self.rows if "v1" in rows.columns), own])
 
     @property
-    def chosen(self) -> npt.NDArray[np.int64]:
+    def corner_properties(self) -> npt.NDArray[np.int64]:
         """Returns (T, 3) the property index of each corner."""
         found = []
         for rows in self.rows:
@@ -134,7 +134,7 @@ class _Model:
         parser = expat.ParserCreate()
         parser.StartElementHandler = self._start
         parser.CharacterDataHandler = self._text
-        parser.ProcessingInstructionHandler = self._take
+        parser.ProcessingInstructionHandler = self._add_list
         parser.EntityDeclHandler = self._entity
         try:
             parser.Parse(data, True)
@@ -162,47 +162,47 @@ class _Model:
         if self._metadata and self._object is not None and text.strip().lower() == "true":
             self._object.true.append(self._metadata)
 
-    def _start(self, tag: str, said: dict[str, str]) -> None:
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
         name = tag.rpartition(":")[2]
         made = self._object
-        self._metadata = said.get("name", "") if name == "metadata" else ""
+        self._metadata = attributes.get("name", "") if name == "metadata" else ""
         if name == "vertex" and made is not None:
-            made.vertices += float(said["x"]), float(said["y"]), float(said["z"])
+            made.vertices += float(attributes["x"]), float(attributes["y"]), float(attributes["z"])
         elif name == "triangle" and made is not None:
-            first = int(said.get("p1", -1))
-            corners = first, int(said.get("p2", first)), int(said.get("p3", first))
-            made.triangles += int(said["v1"]), int(said["v2"]), int(said["v3"]), *corners
-            made.groups.append(said.get("pid"))
-            if len(said) > 3 and any(key.endswith(PAINTED) for key in said):
+            first = int(attributes.get("p1", -1))
+            corners = first, int(attributes.get("p2", first)), int(attributes.get("p3", first))
+            made.triangles += int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"]), *corners
+            made.groups.append(attributes.get("pid"))
+            if len(attributes) > 3 and any(key.endswith(PAINTED) for key in attributes):
                 self.left_out.add(Sentence("3mf-painted-colours", "colours painted in a slicer"))
         elif name == "object":
-            index = int(said.get("pindex", -1))
-            self._object = _Object(said.get("name", ""), said.get("type", "model"), said.get("pid", ""), index)
-            self.objects[said["id"]] = self._object
+            index = int(attributes.get("pindex", -1))
+            self._object = _Object(attributes.get("name", ""), attributes.get("type", "model"), attributes.get("pid", ""), index)
+            self.objects[attributes["id"]] = self._object
         elif name == "component" and made is not None:
-            made.components.append(self._placed(said))
+            made.components.append(self._parse_component(attributes))
         elif name == "item":
-            self.items.append(self._placed(said))
+            self.items.append(self._parse_component(attributes))
         elif name in ("basematerials", "colorgroup", "texture2dgroup"):
-            self._group = _Group(name, texture=said.get("texid", ""))
-            self.groups[said["id"]] = self._group
+            self._group = _Group(name, texture=attributes.get("texid", ""))
+            self.groups[attributes["id"]] = self._group
         elif name == "base" and self._group is not None:
-            self._group.values.append((said.get("name", ""), self._color(said.get("displaycolor", ""))))
+            self._group.values.append((attributes.get("name", ""), self._color(attributes.get("displaycolor", ""))))
         elif name == "color" and self._group is not None:
-            self._group.values.append(self._color(said.get("color", "")))
+            self._group.values.append(self._color(attributes.get("color", "")))
         elif name == "tex2coord" and self._group is not None:
-            self._group.values.append((float(said["u"]), float(said["v"])))
+            self._group.values.append((float(attributes["u"]), float(attributes["v"])))
         elif name == "texture2d":
-            words = [said.get(key, "wrap") for key in ("tilestyleu", "tilestylev")]
+            words = [attributes.get(key, "wrap") for key in ("tilestyleu", "tilestylev")]
             self.odd[Sentence("3mf-tile-styles", "unknown tile styles, read as wrap")] += sum(
                 word not in _WRAPS for word in words
             )
             ways = [_WRAPS.get(word, "repeat") for word in words]
-            self.textures[said["id"]] = said.get("path", ""), ways[0], ways[1]
+            self.textures[attributes["id"]] = attributes.get("path", ""), ways[0], ways[1]
         elif name in _NOT_READ:
             self.left_out.add(name)
 
-    def _take(self, target: str, number: str) -> None:
+    def _add_list(self, target: str, number: str) -> None:
         """Adds a list that was cut out of the XML to the current object.
 
         Each list is added at most once, since a file could contain its processing instruction several times.
@@ -218,9 +218,9 @@ class _Model:
         )
         return found or _WHITE
 
-    def _placed(self, said: dict[str, str]) -> tuple[str, str, F64]:
-        path = next((value for key, value in said.items() if key.rpartition(":")[2] == "path"), self.path)
-        return path, said["objectid"], transform_of(said.get("transform", ""))
+    def _parse_component(self, attributes: dict[str, str]) -> tuple[str, str, F64]:
+        path = next((value for key, value in attributes.items() if key.rpartition(":")[2] == "path"), self.path)
+        return path, attributes["objectid"], transform_of(attributes.get("transform", ""))
 
 
 def _color(word: str) -> tuple[int, int, int, int] | None:
@@ -272,7 +272,7 @@ class _Reader:
             )
         self._check_expansion([(path, number) for path, number, _ in items])
         for path, number, place in items:
-            self._place(path, number, product(_UPRIGHT, place), 0)
+            self._add_object(path, number, product(_UPRIGHT, place), 0)
         self._description.meshes[first:] = smoothed_together(self._description.meshes[first:], surfaces=self._surfaces)
         left = sorted({words for model in self._models.values() for words in model.left_out})
         if parts := self._not_solid.left_out:
@@ -310,16 +310,16 @@ class _Reader:
                 Sentence("3mf-parts-damaged", "{file}: the slicer's data of parts is damaged and left out.", file=self._main)
             )
 
-    def _check_expansion(self, shown: list[tuple[str, str]]) -> None:
+    def _check_expansion(self, build_items: list[tuple[str, str]]) -> None:
         """Raises SceneError if nested components expand to too many objects. Called before any object is added."""
 
-        def below(key: tuple[str, str]) -> list[tuple[str, str]]:
+        def children(key: tuple[str, str]) -> list[tuple[str, str]]:
             if key == _BUILD:
-                return shown
+                return build_items
             found = self._model(key[0]).objects.get(key[1])
             return [] if found is None else [(path, number) for path, number, _ in found.components]
 
-        check_expansion(_BUILD, below, self._main)
+        check_expansion(_BUILD, children, self._main)
 
     def _root(self) -> str:
         if "_rels/.rels" in self._names:
@@ -383,7 +383,9 @@ class _Reader:
             self._models[key] = _Model(self._bytes(path), path, self._main)
         return self._models[key]
 
-    def _place(self, path: str, number: str, place: F64, depth: int, color: str | None = None, parent: str | None = None) -> None:
+    def _add_object(
+        self, path: str, number: str, place: F64, depth: int, color: str | None = None, parent: str | None = None
+    ) -> None:
         """Adds an object and its components to the description, at a transform.
 
         color: filament colour of the containing object; parent: id of the containing object.
@@ -407,7 +409,7 @@ class _Reader:
         if self._not_solid.is_left_out(number, parent, found.type, found.true):
             return
         for below, other, within in found.components:
-            self._place(below, other, product(place, within), depth + 1, color, number)
+            self._add_object(below, other, product(place, within), depth + 1, color, number)
         if found.triangles or any("v1" in rows.columns for rows in found.rows):
             key = path.lower().lstrip("/"), number, color
             if key not in self._made:
@@ -425,12 +427,12 @@ class _Reader:
                     )
                 )
 
-    def _meshes(self, model: _Model, made: _Object, number: str, plain: int) -> Iterator[int]:
+    def _meshes(self, model: _Model, item: _Object, number: str, plain: int) -> Iterator[int]:
         """Adds the meshes of an object, one per material, and yields their indices.
 
         plain: material of triangles without their own.
         """
-        points, corners = made.points, made.corners
+        points, corners = item.points, item.corners
         if corners.min() < 0 or corners.max() >= len(points):
             raise SceneError(
                 Sentence(
@@ -441,9 +443,9 @@ class _Reader:
                     count=len(points),
                 )
             )
-        group, names = made.group_of
-        title, chosen = made.name or f"object {number}", made.chosen
-        if (solid := self._not_solid.shown(number, len(corners))) is not None:
+        group, names = item.group_of
+        title, chosen = item.name or f"object {number}", item.corner_properties
+        if (solid := self._not_solid.is_solid(number, len(corners))) is not None:
             corners, group, chosen = corners[solid], group[solid], chosen[solid]
         if not len(corners):
             return
@@ -462,15 +464,15 @@ class _Reader:
     def _of_group(
         self,
         model: _Model,
-        said: _Group | None,
+        group: _Group | None,
         name: str,
         points: F32,
         corners: npt.NDArray[Any],
         chosen: npt.NDArray[Any],
         plain: int,
     ) -> Iterator[int]:
-        count = 0 if said is None else len(said.values)
-        if said is None or count == 0 or (chosen < 0).all():
+        count = 0 if group is None else len(group.values)
+        if group is None or count == 0 or (chosen < 0).all():
             yield self._add(name, points, corners, None, None, plain)
             return
         if beyond := int((chosen >= count).any(axis=1).sum()):
@@ -481,24 +483,24 @@ class _Reader:
                 )
             ] += beyond
         chosen = np.clip(chosen, 0, count - 1)
-        if said.kind == "basematerials":
+        if group.kind == "basematerials":
             for value, rows in _sorted_out(chosen[:, 0]):
-                title, color = said.values[value]
+                title, color = group.values[value]
                 material = Material(title or "material", base_color=_linear(color))
                 if color[3] < 255:
                     material.opacity, material.alpha_mode = color[3] / 255, "blend"
-                at = self._material((model.path, "base", id(said), value), material)
+                at = self._material((model.path, "base", id(group), value), material)
                 yield self._add(name, points, corners[rows], None, None, at)
-        elif said.kind == "colorgroup":
-            colors = vertex_colors(np.array(said.values, np.uint8)[chosen.reshape(-1)])
+        elif group.kind == "colorgroup":
+            colors = vertex_colors(np.array(group.values, np.uint8)[chosen.reshape(-1)])
             material = Material("colours", base_color=(1.0, 1.0, 1.0))
             if colors is not None and (colors[:, 3] < 1).any():
                 material.alpha_mode = "blend"
             yield self._add(name, points, corners, None, colors, self._material(material.alpha_mode, material))
         else:
-            uvs = np.array(said.values, np.float32)[chosen.reshape(-1)]
+            uvs = np.array(group.values, np.float32)[chosen.reshape(-1)]
             uvs[:, 1] = 1 - uvs[:, 1]  # 3MF measures v from the lower edge
-            yield self._add(name, points, corners, uvs, None, self._textured(model, said.texture))
+            yield self._add(name, points, corners, uvs, None, self._textured(model, group.texture))
 
     def _textured(self, model: _Model, number: str) -> int:
         path, wrap_s, wrap_t = model.textures.get(number, ("", "repeat", "repeat"))
@@ -507,7 +509,7 @@ class _Reader:
             image = self._shelf.image_bytes(f"{self._main}: {PurePosixPath(path).name}", self._bytes(path))
             material.base_color_texture = self._shelf.texture(image, wrap_s, wrap_t)
         else:
-            self._shelf.missing(path or number, self._main)
+            self._shelf.warn_of_missing(path or number, self._main)
         return self._material((model.path, "texture", number), material)
 
     def _material(self, key: Any, material: Material) -> int:

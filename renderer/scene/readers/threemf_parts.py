@@ -55,11 +55,11 @@ class NotSolid:
                 try:
                     data = read(name)
                     refuse_entities(data, file)
-                    self._take(ElementTree.fromstring(data))
+                    self._read_parts(ElementTree.fromstring(data))
                 except (ElementTree.ParseError, SceneError, ValueError):
                     self.is_damaged = True
 
-    def _take(self, root: ElementTree.Element) -> None:
+    def _read_parts(self, root: ElementTree.Element) -> None:
         for thing in root.iter("object"):
             number = thing.get("id", "")
             for part in thing.iter("part"):
@@ -72,17 +72,18 @@ class NotSolid:
                     first, last = int(volume.get("firstid", -1)), int(volume.get("lastid", -1))
                     self._ranges.setdefault(number, []).append((first, last, kind))
 
-    def is_left_out(self, number: str, parent: str | None, type: str, said: Collection[str]) -> bool:
+    def is_left_out(self, number: str, parent: str | None, type: str, metadata_names: Collection[str]) -> bool:
         """Returns True if an object is not printed, and counts it.
 
-        parent: id of the containing object; type: the object's type attribute; said: names of its metadata entries that are true.
+        parent: id of the containing object; type: the object's type attribute; metadata_names: names of its metadata entries
+        that are true.
         """
-        kind = _TYPES.get(type) or self._parts.get((parent or "", number)) or next(filter(None, map(_kind, said)), None)
+        kind = _TYPES.get(type) or self._parts.get((parent or "", number)) or next(filter(None, map(_kind, metadata_names)), None)
         if kind:
             self.left_out[kind] += 1
         return bool(kind)
 
-    def shown(self, number: str, count: int) -> npt.NDArray[np.bool_] | None:
+    def is_solid(self, number: str, count: int) -> npt.NDArray[np.bool_] | None:
         """Returns (count,) True for the triangles of an object that are solid; None if all are solid."""
         if number not in self._ranges:
             return None

@@ -12,9 +12,9 @@ def relations_of(data: bytes) -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
     parser = expat.ParserCreate()
 
-    def start(tag: str, said: dict[str, str]) -> None:
+    def start(tag: str, attributes: dict[str, str]) -> None:
         if tag.rpartition(":")[2] == "Relationship":
-            found.append((said.get("Target", ""), said.get("Type", "").lower()))
+            found.append((attributes.get("Target", ""), attributes.get("Type", "").lower()))
 
     parser.StartElementHandler = start
     try:

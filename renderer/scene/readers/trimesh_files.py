@@ -23,7 +23,7 @@ from renderer.scene.normals import smoothed
 from renderer.scene.origin import in_exact_type
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.points import add_points
-from renderer.scene.readers.polygon_meshes import triangulated, used
+from renderer.scene.readers.polygon_meshes import triangulated, without_bad_vertices
 from renderer.scene.readers.up_axis import X_UP, Z_UP
 from renderer.scene.readers.xml import refuse_entities
 from renderer.scene.textures import TextureShelf
@@ -133,7 +133,7 @@ def _mesh(name: str, geometry: Any, main: str, shelf: TextureShelf) -> Mesh:
         uvs = np.asarray(uvs, np.float32)
         if uvs.ndim == 2 and len(uvs) == len(positions) and uvs.shape[1] >= 2:
             mesh.uvs = np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))  # trimesh: v from the lower edge
-    return used(_coloured(mesh, geometry.visual, whole))
+    return without_bad_vertices(_coloured(mesh, geometry.visual, whole))
 
 
 def _coloured(mesh: Mesh, visual: Any, whole: npt.NDArray[np.int64]) -> Mesh:
@@ -211,7 +211,7 @@ class _Resolver(trimesh.resolvers.Resolver):
     def get(self, key: str) -> bytes:
         name = self._files.resolve_uri(str(key), self._main)
         if name is None:
-            self._shelf.missing(str(key), self._main)
+            self._shelf.warn_of_missing(str(key), self._main)
             raise FileNotFoundError(key)
         text = PngImagePlugin.PngInfo()
         text.add_itxt(self.KEY, name)

@@ -16,10 +16,10 @@ __all__ = ["FROM_PLUS_Z", "seen_upright"]
 FROM_PLUS_Z = np.diag([-1.0, 1.0, -1.0])  # for images with their centre at +Z; ours have it at -Z
 
 
-def seen_upright(image: Image, turn: Matrix, least_height: int = 1) -> Image:
+def seen_upright(image: Image, rotation: Matrix, least_height: int = 1) -> Image:
     """Returns an equirectangular image with its sphere rotated.
 
-    turn: (3, 3) orthonormal, from the image's directions, centre at -Z, to world directions. least_height: minimum height in
+    rotation: (3, 3) orthonormal, from the image's directions, centre at -Z, to world directions. least_height: minimum height in
     pixels of the result, which is twice as wide as high.
     """
     pixels = linear(image)
@@ -27,13 +27,13 @@ def seen_upright(image: Image, turn: Matrix, least_height: int = 1) -> Image:
     theta = (np.arange(height) + 0.5)[:, None] * np.pi / height
     phi = (np.arange(2 * height) + 0.5)[None, :] * np.pi / height - np.pi
     directions = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)), axis=-1)
-    x, y, z = np.moveaxis(directions @ turn, -1, 0)  # rows times matrix: the inverse rotation
+    x, y, z = np.moveaxis(directions @ rotation, -1, 0)  # rows times matrix: the inverse rotation
     row = np.arccos(np.clip(y, -1, 1)) / np.pi * pixels.shape[0] - 0.5
     column = (np.arctan2(x, -z) + np.pi) / (2 * np.pi) * pixels.shape[1] - 0.5
-    return Image(f"{image.name} turned", _mixed(pixels, row, column), srgb=False)
+    return Image(f"{image.name} turned", _bilinear_samples(pixels, row, column), srgb=False)
 
 
-def _mixed(pixels: npt.NDArray[Any], row: npt.NDArray[Any], column: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+def _bilinear_samples(pixels: npt.NDArray[Any], row: npt.NDArray[Any], column: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     """Returns bilinear samples of pixels at fractional rows and columns; columns wrap around."""
     height, width = pixels.shape[:2]
     above, left = np.floor(row).astype(int), np.floor(column).astype(int)

@@ -43,18 +43,18 @@ _HANGS = 0.1  # maximum fraction covered if the model does not stand on that axi
 _GROUNDED = 0.05  # distance of a bottom from the origin's height, relative to the model's height
 
 
-def turn_up(file: str, format: Format, asked: str | None, description: SceneDescription, guesses: bool = True) -> None:
+def turn_up(file: str, format: Format, up_axis: str | None, description: SceneDescription, guesses: bool = True) -> None:
     """Rotates the content of a file that states no up axis to Y up, and sets the description's `up_axis`.
 
-    asked: a key of ROTATIONS. None means the format's conventional axis or, with `guesses`, the axis on which the model stands,
+    up_axis: a key of ROTATIONS. None means the format's conventional axis or, with `guesses`, the axis on which the model stands,
     with a warning. Raises SceneError if the axis is unknown or the format states its own.
     """
-    if asked is not None and asked not in ROTATIONS:
+    if up_axis is not None and up_axis not in ROTATIONS:
         raise SceneError(
-            Sentence("up-axis-unknown", "up: {up} is no axis; give one of {axes}", up=repr(asked[:20]), axes=[*ROTATIONS])
+            Sentence("up-axis-unknown", "up: {up} is no axis; give one of {axes}", up=repr(up_axis[:20]), axes=[*ROTATIONS])
         )
     if not format.up:
-        if asked is not None:
+        if up_axis is not None:
             raise SceneError(
                 Sentence(
                     "file-with-up-axis",
@@ -64,8 +64,8 @@ def turn_up(file: str, format: Format, asked: str | None, description: SceneDesc
                 )
             )
         return
-    up = asked or format.up
-    if asked is None and guesses and (found := guess_up(description, format.up)) != format.up:
+    up = up_axis or format.up
+    if up_axis is None and guesses and (found := guess_up(description, format.up)) != format.up:
         up = found
         description.warnings.append(
             Sentence(

@@ -128,7 +128,7 @@ class ArtifactTask(ABC, Generic[Request]):
                 wanted = self._wanted[job, frame] = _PendingRequest(wish)
             return wanted.answer
 
-    def fill(self) -> None:
+    def hand_out(self) -> None:
         """Sends the requests that are not in progress to workers. Raises QueueError."""
         for key, wanted in self._unsent_requests():
             kind = self._kind()
@@ -138,12 +138,12 @@ class ArtifactTask(ABC, Generic[Request]):
             queue = self._queue(kind)
             owner = _lease_owner(key)
             if owner in self._unfit:
-                place = self._unfit.next(owner, self._able_workers())
+                place = self._unfit.next_destination(owner, self._able_workers())
                 if place is None:
                     self._fail_request(
                         key,
                         Failed(
-                            self._unfit.sentence(
+                            self._unfit.error_message(
                                 owner, Sentence("task-make-artifact", "make the {artifact}", artifact=self._name)
                             )
                         ),
@@ -160,8 +160,8 @@ class ArtifactTask(ABC, Generic[Request]):
             wanted.lease = lease
             wanted.sent += 1
 
-    def heard(self, work: str, made: ArtifactResult | None, error: str = "", unfit: MachineFault | None = None) -> None:
-        """Handles a worker's answer to request `work`. made: the artifact; None if it failed with message `error`.
+    def handle_answer(self, work: str, result: ArtifactResult | None, error: str = "", unfit: MachineFault | None = None) -> None:
+        """Handles a worker's answer to request `work`. result: the artifact; None if it failed with message `error`.
 
         unfit: fault of that worker's machine; then the request is sent to another worker.
         """
@@ -171,36 +171,36 @@ class ArtifactTask(ABC, Generic[Request]):
                 lease.has_arrived = True
         if key is None:
             return  # late, or from before a restart
-        if made is None and unfit is not None:
+        if result is None and unfit is not None:
             with self._lock:
                 if (wanted := self._wanted.get(key)) is not None:
                     self._unfit.add(_lease_owner(key), unfit)
                     wanted.lease, wanted.sent = None, 0
-        elif made is None:
+        elif result is None:
             self._fail_request(key, self._failure(error))
         else:
-            self._run_in_background(self._keep_result, key, work, made)
+            self._run_in_background(self._keep_result, key, work, result)
 
-    def _keep_result(self, key: Key, work: str, made: ArtifactResult) -> None:
+    def _keep_result(self, key: Key, work: str, result: ArtifactResult) -> None:
         with self._lock:
             wanted = self._wanted.get(key)
-        is_there = wanted is not None and is_sha256(made.sha256) and self._is_stored(made.sha256, wanted.wish)
+        is_there = wanted is not None and is_sha256(result.sha256) and self._is_stored(result.sha256, wanted.wish)
         with self._lock:
             if wanted is None or self._wanted.get(key) is not wanted or wanted.lease is None or wanted.lease.id != work:
                 return  # given up meanwhile, or its job was deleted
             del self._wanted[key]
-            self._unfit.forget(_lease_owner(key))
+            self._unfit.remove_owner(_lease_owner(key))
             old = self._made.get(key)
             if is_there:
-                self._made[key] = made
+                self._made[key] = result
         if not is_there:
             wanted.answer.set_exception(self._failure(""))
             return
-        wanted.answer.set_result(made)
-        if old is not None and old.sha256 != made.sha256:
+        wanted.answer.set_result(result)
+        if old is not None and old.sha256 != result.sha256:
             self._delete(old.sha256)
 
-    def review(self) -> None:
+    def release_lost(self) -> None:
         """Releases the leases of requests that were lost with their worker, and fails overdue requests. Called once a second."""
         with self._lock:
             self._release_lost()
@@ -240,7 +240,7 @@ class ArtifactTask(ABC, Generic[Request]):
             if lease.unseen >= MAX_UNSEEN_POLLS and wanted.sent < MAX_ATTEMPTS:
                 wanted.lease = None
 
-    def forget(self, job: str) -> None:
+    def discard_job(self, job: str) -> None:
         """Fails the open requests of a deleted job and releases its artifacts."""
         with self._lock:
             gone = [self._made.pop(key) for key in list(self._made) if key[0] == job]
@@ -292,7 +292,7 @@ class ArtifactTask(ABC, Generic[Request]):
     def _fail_request(self, key: Key, error: FarmError) -> None:
         with self._lock:
             wanted = self._wanted.pop(key, None)
-            self._unfit.forget(_lease_owner(key))
+            self._unfit.remove_owner(_lease_owner(key))
         if wanted is not None:
             wanted.answer.set_exception(error)
 

@@ -41,33 +41,33 @@ class ArtifactTasks:
     def fill_artifacts(self) -> None:
         """Sends clients' open artifact requests to workers. Raises QueueError."""
         for each in self._aside:
-            each.fill()
+            each.hand_out()
 
     def review_artifacts(self) -> None:
         """Handles artifact requests that were lost or are overdue. Called once a second."""
         for each in self._aside:
-            each.review()
+            each.release_lost()
 
     def handle_artifact(self, message: Message) -> None:
         """Handles a worker's answer to an artifact request. Ignores other messages."""
         match message:
             case DenoiseDone():
-                self.denoising.heard(message.work, ArtifactResult(message.sha256, message.version, message.samples))
+                self.denoising.handle_answer(message.work, ArtifactResult(message.sha256, message.version, message.samples))
             case DenoiseFailed():
-                self.denoising.heard(message.work, None, message.error, _machine_fault(message))
+                self.denoising.handle_answer(message.work, None, message.error, _machine_fault(message))
             case VectorsMade():
-                self.vectors.heard(message.work, ArtifactResult(message.sha256))
+                self.vectors.handle_answer(message.work, ArtifactResult(message.sha256))
             case VectorsFailed():
-                self.vectors.heard(message.work, None, message.error, _machine_fault(message))
+                self.vectors.handle_answer(message.work, None, message.error, _machine_fault(message))
             case EnvironmentShown():
-                self.environments.heard(message.work, ArtifactResult(message.sha256))
+                self.environments.handle_answer(message.work, ArtifactResult(message.sha256))
             case EnvironmentFailed():
-                self.environments.heard(message.work, None, message.error, _machine_fault(message))
+                self.environments.handle_answer(message.work, None, message.error, _machine_fault(message))
 
-    def forget(self, job: str) -> None:
+    def discard_job(self, job: str) -> None:
         """Discards the artifact requests and artifacts of a deleted job."""
-        self.denoising.forget(job)
-        self.vectors.forget(job)
+        self.denoising.discard_job(job)
+        self.vectors.discard_job(job)
 
     def close(self) -> None:
         """Stops the threads that query the blob store."""

@@ -20,7 +20,7 @@ class Denoising(ArtifactTask[DenoiseFrame]):
         return self._workers.roster.denoising_kind()
 
     def _able_workers(self) -> list[WorkerReport]:
-        return [report for report in self._workers.roster.ready() if report.denoises]
+        return [report for report in self._workers.roster.ready_reports() if report.denoises]
 
     def _queue(self, kind: str) -> str:
         return denoise_queue(kind)
@@ -32,7 +32,7 @@ class Denoising(ArtifactTask[DenoiseFrame]):
         return size == 3 * 4 * wish.width * wish.height
 
     def _no_worker_error(self) -> Unavailable:
-        if not self._workers.roster.ready():
+        if not self._workers.roster.ready_reports():
             return Unavailable(
                 Sentence(
                     "denoising-needs-worker",

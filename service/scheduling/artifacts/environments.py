@@ -23,7 +23,7 @@ class Environments(ArtifactTask[ShowEnvironment]):
         return self._workers.roster.environment_kind()
 
     def _able_workers(self) -> list[WorkerReport]:
-        return [report for report in self._workers.roster.ready() if report.views]
+        return [report for report in self._workers.roster.ready_reports() if report.views]
 
     def _send(self, wish: ShowEnvironment, queue: str) -> None:
         self._dispatcher.send_environment(wish, queue)

@@ -40,15 +40,15 @@ FrameOf = Callable[[ActiveJob], dict[str, object]]  # returns the view that fram
 class FramePreparation:
     """Selects the frames to prepare and tracks their leases. Used only by the engine's thread."""
 
-    def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float, room: int) -> None:
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float, max_bytes: int) -> None:
         """Stores the parameters.
 
-        deadline_s: timeout of a lease in seconds. room: maximum size of the compiled frames of all jobs together, in bytes.
+        deadline_s: timeout of a lease in seconds. max_bytes: maximum size of the compiled frames of all jobs together, in bytes.
         """
         self._dispatcher = dispatcher
         self._workers = workers
         self._deadline_s = deadline_s
-        self._room = room
+        self._room = max_bytes
         self.leases = Leases()
         self._frames: dict[str, set[int]] = {}  # unanswered frames, by lease
         self._seconds: dict[str, float] = {}  # preparation time per frame, by job
@@ -57,7 +57,9 @@ class FramePreparation:
         self._unfit = UnfitMachines()
         self._unfit_kind: dict[str, str] = {}  # kind of the unfit workers, by job
 
-    def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> list[ActiveJob]:
+    def hand_out(
+        self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]
+    ) -> list[ActiveJob]:
         """Sends the frames that are needed next to workers. Raises QueueError.
 
         jobs: in the order in which they are served, with the worker kind that renders each. auto: view that frames a job's scene.
@@ -67,7 +69,7 @@ class FramePreparation:
         shots = [(job, kind) for job, kind in jobs if job.shot is not None and kind is not None and kind in job.compiled]
         left = self._room - self._bytes_in_use([job for job, _ in shots])
         for job, kind in shots:
-            if kind is None or len(self.leases.of(job.id)) >= max(1, self._workers.roster.slots(kind) // 2):
+            if kind is None or len(self.leases.leases_of(job.id)) >= max(1, self._workers.roster.slots(kind) // 2):
                 continue
             place = self._choose_destination(job.id, kind)
             if place is None:
@@ -88,18 +90,18 @@ class FramePreparation:
                 self._send(job, place, chosen, auto(job))
         return cleared
 
-    def forget(self, job: str) -> None:
+    def discard_job(self, job: str) -> None:
         """Discards the state of a job that has ended or whose frames are planned anew."""
         self._seconds.pop(job, None)
         self._sizes.pop(job, None)
-        self._unfit.forget(job)
+        self._unfit.remove_owner(job)
         self._unfit_kind.pop(job, None)
         for key in [key for key in self._losses if key[0] == job]:
             del self._losses[key]
-        for lease in self.leases.of(job):
+        for lease in self.leases.leases_of(job):
             self._end_lease(lease)
 
-    def heard(self, job: ActiveJob, work: str, frame: int, worker: str, info: FrameInfo | None) -> None:
+    def handle_answer(self, job: ActiveJob, work: str, frame: int, worker: str, info: FrameInfo | None) -> None:
         """Handles a worker's answer about a frame. info: the prepared frame; None if the preparation failed."""
         if info is not None:
             before = self._seconds.get(job.id, info.seconds)
@@ -131,43 +133,43 @@ class FramePreparation:
                 self._unfit.add(job.id, unfit)
                 self._unfit_kind[job.id] = lease.kind
 
-    def impossible(self, jobs: Mapping[str, ActiveJob]) -> list[tuple[ActiveJob, str]]:
+    def impossible_jobs(self, jobs: Mapping[str, ActiveJob]) -> list[tuple[ActiveJob, str]]:
         """Returns the jobs whose frames no connected worker can prepare because of machine faults, with error sentences."""
         found = []
         for id, kind in self._unfit_kind.items():
             able = [each for each in self._workers.roster.reports.values() if each.kind == kind and each.frames]
-            if id in jobs and able and not self.leases.of(id) and self._unfit.next(id, able) is None:
-                found.append((jobs[id], self._unfit.sentence(id, Sentence("task-prepare-shot", "prepare this shot"))))
+            if id in jobs and able and not self.leases.leases_of(id) and self._unfit.next_destination(id, able) is None:
+                found.append((jobs[id], self._unfit.error_message(id, Sentence("task-prepare-shot", "prepare this shot"))))
         return found
 
     def _choose_destination(self, job: str, kind: str) -> Destination | None:
         """Returns the worker or queue to which a job's next frames are sent; None if no worker is left."""
         if job not in self._unfit:
             return Destination("", kind, prepare_queue(kind))
-        ready = self._workers.roster.ready()
-        return self._unfit.next(job, [report for report in ready if report.kind == kind and report.frames])
+        ready = self._workers.roster.ready_reports()
+        return self._unfit.next_destination(job, [report for report in ready if report.kind == kind and report.frames])
 
-    def review(self, jobs: dict[str, ActiveJob], results: Results) -> list[tuple[ActiveJob, ActiveFrame]]:
+    def end_lost_leases(self, jobs: dict[str, ActiveJob], results: Results) -> list[tuple[ActiveJob, ActiveFrame]]:
         """Ends lost leases. Returns the frames that were lost too often. Called once a second.
 
         A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
         """
-        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting(queue)}
+        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting_messages(queue)}
         in_hand = {str(doing["work"]) for doing in self._workers.roster.current() if "work" in doing}
-        end = cache(results.end)
+        end = cache(results.latest_position)
         hopeless = []
-        there = {report.name for report in self._workers.roster.ready()}
+        there = {report.name for report in self._workers.roster.ready_reports()}
         for lease in self.leases:
             job = jobs.get(lease.owner)
             if job is None:
                 self._end_lease(lease)
                 continue
             if lease.only and lease.id in waiting and lease.only not in there:  # another worker may be
-                self._dispatcher.take_back(lease.queue, {lease.id})
+                self._dispatcher.withdraw(lease.queue, {lease.id})
                 self._is_prepared(job, self._end_lease(lease))
                 continue
             lease.is_held = lease.id in in_hand
-            lease.seen(lease.is_held or lease.id in waiting, end)
+            lease.record_poll(lease.is_held or lease.id in waiting, end)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
             if may_be_answered or (lease.unseen < MAX_UNSEEN_POLLS and not lease.is_overdue(time.monotonic())):
                 continue
@@ -185,33 +187,37 @@ class FramePreparation:
         most = MAX_FRAMES_PER_MESSAGE if self._sizes.get(job.id) else MAX_CAMERA_ONLY_FRAMES
         together = 1 if seconds is None else max(1, min(most, int(TARGET_S / max(seconds, 1e-6))))
         ahead = max(MIN_FRAMES_AHEAD, 2 * self._workers.roster.slots(kind), 2 * together)
-        lacking = turns.lacking(kind, together)
+        lacking = turns.frames_to_prepare(kind, together)
         if not lacking:
             return []
-        in_hand = sum(not frame.is_over and not frame.is_idle for frame in turns.preparing())
-        ready = in_hand + turns.count_ready_before(kind, job.agenda.turn(lacking[0]), ahead)
+        in_hand = sum(not frame.is_over and not frame.is_idle for frame in turns.preparing_frames())
+        ready = in_hand + turns.count_ready_before(kind, job.agenda.sort_key(lacking[0]), ahead)
         return lacking[: min(together, ahead - ready)] if ready < ahead else []
 
-    def _make_room(self, job: ActiveJob, kind: str, wanted: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
+    def _make_room(self, job: ActiveJob, kind: str, frame: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
         """Deletes the compiled scene of the idle frame that is needed last; returns the number of bytes freed.
 
-        Only frames needed later than `wanted`, or not needed at present, are candidates. Returns None if the frame must wait for
+        Only frames needed later than `frame`, or not needed at present, are candidates. Returns None if the frame must wait for
         space; 0 if nothing can be deleted but the job has no other work, so the frame is prepared anyway.
         """
-        turn = job.agenda.turn(wanted)
-        idle = [f for f in job.agenda.turns.owning() if f.own.keys() & f.compiled.keys() and (job.id, f.key) not in busy]
-        later = [f for f in idle if f.is_idle or job.agenda.turn(f) > turn]
+        turn = job.agenda.sort_key(frame)
+        idle = [
+            f
+            for f in job.agenda.turns.frames_with_own_scene()
+            if f.own.keys() & f.compiled.keys() and (job.id, f.key) not in busy
+        ]
+        later = [f for f in idle if f.is_idle or job.agenda.sort_key(f) > turn]
         if later:
-            victim = max(later, key=job.agenda.turn)
+            victim = max(later, key=job.agenda.sort_key)
             gone = exclusive_bytes(job, victim)
             victim.compiled.clear()
-            job.touch(victim)
+            job.mark_changed(victim)
             return gone
-        return 0 if job.agenda.next(kind) is None and not self.leases.of(job.id) else None
+        return 0 if job.agenda.next_frame(kind) is None and not self.leases.leases_of(job.id) else None
 
     def _bytes_in_use(self, jobs: list[ActiveJob]) -> int:
         """Returns the size of all compiled frames in bytes, including the expected size of frames in preparation."""
-        awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing()) for job in jobs)
+        awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing_frames()) for job in jobs)
         return awaited + sum(total_bytes(jobs).values())
 
     def _send(self, job: ActiveJob, place: Destination, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
@@ -236,7 +242,7 @@ class FramePreparation:
         self._frames[lease.id] = {frame.key for frame in frames}
         for frame in frames:
             frame.is_preparing = True
-            job.touch(frame)
+            job.mark_changed(frame)
 
     def _end_lease(self, lease: Lease) -> set[int]:
         self.leases.end(lease.id)
@@ -246,4 +252,4 @@ class FramePreparation:
         for key in keys:
             if (frame := job.frames.get(key)) is not None:
                 frame.is_preparing = False
-                job.touch(frame)
+                job.mark_changed(frame)

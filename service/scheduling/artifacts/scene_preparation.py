@@ -55,14 +55,14 @@ class ScenePreparations:
         if by_blender:
             self._by_blender.add(scene)
 
-    def forget(self, scene: str) -> None:
+    def remove_scene(self, scene: str) -> None:
         """Removes all requests for a scene that was deleted, prepared or failed."""
         for key in [key for key in self._wanted if key[0] == scene]:
             del self._wanted[key]
         self._by_blender.discard(scene)
-        self._unfit.forget(scene)
+        self._unfit.remove_owner(scene)
         self.progress.pop(scene, None)
-        for lease in self.leases.of(scene):
+        for lease in self.leases.leases_of(scene):
             self.leases.end(lease.id)
 
     def forget_kind(self, scene: str, kind: str) -> None:
@@ -70,27 +70,27 @@ class ScenePreparations:
         self._wanted.pop((scene, kind), None)
         self._wanted.pop((scene, None), None)
         self._by_blender.discard(scene)
-        self._unfit.forget(scene)
+        self._unfit.remove_owner(scene)
         self.progress.pop(scene, None)
-        for lease in self.leases.of(scene):
+        for lease in self.leases.leases_of(scene):
             if lease.kind == kind:
                 self.leases.end(lease.id)
 
-    def fill(self) -> None:
+    def hand_out(self) -> None:
         """Sends the requests without a lease to workers. Raises QueueError."""
         for scene, wanted_kind in list(self._wanted):
             roster, by_blender = self._workers.roster, scene in self._by_blender
             kind = roster.blender_kind() if by_blender else wanted_kind or roster.best_kind()
-            out = self.leases.of(scene)
+            out = self.leases.leases_of(scene)
             if any(wanted_kind in (None, lease.kind) for lease in out):
                 continue
-            if by_blender and kind is None and roster.ready():
+            if by_blender and kind is None and roster.ready_reports():
                 self.progress[scene] = NO_BLENDER
             if kind is None or not roster.slots(kind):
                 continue
             place = Destination("", kind, blender_queue(kind) if by_blender else prepare_queue(kind))
             if scene in self._unfit:
-                other = self._unfit.next(scene, self._able_workers(scene, wanted_kind, roster.ready()))
+                other = self._unfit.next_destination(scene, self._able_workers(scene, wanted_kind, roster.ready_reports()))
                 if other is None:
                     continue
                 place = other
@@ -100,15 +100,17 @@ class ScenePreparations:
             if self.progress.get(scene) == NO_BLENDER:
                 del self.progress[scene]
 
-    def impossible(self) -> list[tuple[str, str | None, str]]:
+    def impossible_requests(self) -> list[tuple[str, str | None, str]]:
         """Returns (scene, kind, error sentence) of the requests that no connected worker can serve because of machine faults."""
         found = []
         for scene, kind in self._wanted:
-            if scene not in self._unfit or any(kind in (None, lease.kind) for lease in self.leases.of(scene)):
+            if scene not in self._unfit or any(kind in (None, lease.kind) for lease in self.leases.leases_of(scene)):
                 continue
             able = self._able_workers(scene, kind, self._workers.roster.reports.values())
-            if able and self._unfit.next(scene, able) is None:
-                found.append((scene, kind, self._unfit.sentence(scene, Sentence("task-prepare-scene", "prepare this scene"))))
+            if able and self._unfit.next_destination(scene, able) is None:
+                found.append(
+                    (scene, kind, self._unfit.error_message(scene, Sentence("task-prepare-scene", "prepare this scene")))
+                )
         return found
 
     def _able_workers(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:
@@ -116,9 +118,9 @@ class ScenePreparations:
         by_blender, has_blender = scene in self._by_blender, self._workers.roster.has_blender
         return [each for each in reports if kind in (None, each.kind) and (not by_blender or has_blender(each.name))]
 
-    def heard(self, scene: str, kind: str, worker: str, progress: Progress | None) -> None:
+    def handle_progress(self, scene: str, kind: str, worker: str, progress: Progress | None) -> None:
         """Records that a worker is preparing a scene, and its progress if given."""
-        for lease in self.leases.of(scene):
+        for lease in self.leases.leases_of(scene):
             if lease.kind == kind:
                 lease.holder = worker
                 lease.unseen, lease.answered_by = 0, None
@@ -126,9 +128,9 @@ class ScenePreparations:
             before = self.progress.get(scene)
             self.progress[scene] = replace(progress, preview=progress.preview or (before.preview if before else None))
 
-    def arrived(self, scene: str, kind: str) -> None:
+    def mark_answered(self, scene: str, kind: str) -> None:
         """Marks the lease of a preparation whose answer was read, so it is not lost while the answer waits for the database."""
-        for lease in self.leases.of(scene):
+        for lease in self.leases.leases_of(scene):
             if lease.kind == kind:
                 lease.has_arrived = True
 
@@ -137,7 +139,7 @@ class ScenePreparations:
 
         unfit: fault of that worker's machine; then the scene is sent to another worker.
         """
-        for lease in self.leases.of(scene):
+        for lease in self.leases.leases_of(scene):
             if lease.kind == kind:
                 self.leases.end(lease.id)
                 if unfit is not None:
@@ -152,7 +154,7 @@ class ScenePreparations:
 
         Returns True if that has happened too often.
         """
-        for lease in self.leases.of(scene):
+        for lease in self.leases.leases_of(scene):
             if lease.kind == kind:
                 self.leases.end(lease.id)
                 for key in [(scene, kind), (scene, None)]:
@@ -161,25 +163,25 @@ class ScenePreparations:
                         return self._wanted[key] >= LOSSES_ALLOWED
         return False
 
-    def review(self, results: Results) -> list[tuple[str, str | None]]:
+    def end_lost_leases(self, results: Results) -> list[tuple[str, str | None]]:
         """Ends lost leases. Returns the (scene, kind) pairs that were lost too often. Called once a second.
 
         A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
         """
-        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting(queue)}
+        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting_messages(queue)}
         in_hand = {str(doing["scene"]) for doing in self._workers.roster.current() if "scene" in doing}
-        end = cache(results.end)
+        end = cache(results.latest_position)
         hopeless = []
-        there = {report.name for report in self._workers.roster.ready()}
+        there = {report.name for report in self._workers.roster.ready_reports()}
         for lease in self.leases:
             if lease.only and lease.id in waiting and lease.only not in there:  # another worker may be
-                self._dispatcher.take_back(lease.queue, {lease.id})
+                self._dispatcher.withdraw(lease.queue, {lease.id})
                 self.leases.end(lease.id)
                 continue
             if lease.has_arrived and not lease.is_overdue(time.monotonic()):
                 continue
             lease.is_held = lease.owner in in_hand
-            lease.seen(lease.is_held or lease.id in waiting, end)
+            lease.record_poll(lease.is_held or lease.id in waiting, end)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
             if may_be_answered or (lease.unseen < MAX_UNSEEN_POLLS and not lease.is_overdue(time.monotonic())):
                 continue

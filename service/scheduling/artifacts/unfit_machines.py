@@ -51,11 +51,11 @@ class UnfitMachines:
         """Records that a worker's machine cannot do the work of this owner."""
         self._faults.setdefault(owner, {})[fault.worker] = fault
 
-    def forget(self, owner: str) -> None:
+    def remove_owner(self, owner: str) -> None:
         """Removes the faults recorded for an owner that has ended or is started again."""
         self._faults.pop(owner, None)
 
-    def next(self, owner: str, able: Sequence[WorkerReport]) -> Destination | None:
+    def next_destination(self, owner: str, able: Sequence[WorkerReport]) -> Destination | None:
         """Returns the next worker to try among `able`; None if there is none.
 
         If all have failed, those whose fault may be temporary are tried again.
@@ -70,7 +70,7 @@ class UnfitMachines:
         report = max(left, key=lambda each: (each.slots, each.name))
         return Destination(report.name, report.kind, own_prepare_queue(report.kind, report.name))
 
-    def sentence(self, owner: str, what: str) -> str:
+    def error_message(self, owner: str, what: str) -> str:
         """Returns the error sentence that lists the faults of all machines tried.
 
         what: the work, as a sentence such as "prepare this scene".

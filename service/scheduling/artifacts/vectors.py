@@ -21,7 +21,7 @@ class Vectors(ArtifactTask[FrameVectors]):
         return self._workers.roster.motion_vector_kind()
 
     def _able_workers(self) -> list[WorkerReport]:
-        return [report for report in self._workers.roster.ready() if report.vectors]
+        return [report for report in self._workers.roster.ready_reports() if report.vectors]
 
     def _send(self, wish: FrameVectors, queue: str) -> None:
         self._dispatcher.send_vectors(wish, queue)
@@ -30,7 +30,7 @@ class Vectors(ArtifactTask[FrameVectors]):
         return size == 4 * 4 * wish.width * wish.height
 
     def _no_worker_error(self) -> Unavailable:
-        if not self._workers.roster.ready():
+        if not self._workers.roster.ready_reports():
             return Unavailable(
                 Sentence(
                     "motion-vectors-need-worker",

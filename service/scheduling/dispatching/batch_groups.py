@@ -51,23 +51,23 @@ class BatchGroup:
     is_of_card: bool = False
 
 
-def next_batch_groups(job: ActiveJob, hands: SlotGroup) -> list[BatchGroup]:
+def next_batch_groups(job: ActiveJob, slots: SlotGroup) -> list[BatchGroup]:
     """Returns the messages with a job's next batches; an empty list if it has none.
 
     A batch of unknown duration, or one that failed before, is sent alone, so that it cannot affect others.
     """
-    first = job.next(hands.batch_s, hands.slots, hands.kind, hands.of_a_tile)
+    first = job.next_batch(slots.batch_s, slots.slots, slots.kind, slots.of_a_tile)
     if first is None:
         return []
     if not _has_known_cost(job, first):
         return [BatchGroup([first])]
     if (
-        hands.several
+        slots.several
         and job.shot is not None
-        and job.expected_s(first) < GROUP_DURATION_SHARE * job.target_s(hands.batch_s, hands.slots)
+        and job.expected_s(first) < GROUP_DURATION_SHARE * job.target_s(slots.batch_s, slots.slots)
     ):
-        return _batches_of_many_tiles(job, hands, first)
-    return _batches_of_one_tile(job, hands, first) if hands.joint and hands.of_a_tile > 1 else [BatchGroup([first])]
+        return _batches_of_many_tiles(job, slots, first)
+    return _batches_of_one_tile(job, slots, first) if slots.joint and slots.of_a_tile > 1 else [BatchGroup([first])]
 
 
 def batch_message(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
@@ -89,44 +89,44 @@ def joint_message(job: ActiveJob, leases: list[Lease], batches: list[Range], hol
     return JointBatch(batch_message(job, leases[0], whole), pieces, hold_s, leases[0].queue, run)
 
 
-def _batches_of_many_tiles(job: ActiveJob, hands: SlotGroup, first: Range) -> list[BatchGroup]:
+def _batches_of_many_tiles(job: ActiveJob, slots: SlotGroup, first: Range) -> list[BatchGroup]:
     batches = [first]
-    aim = GROUP_DURATION_SHARE * job.target_s(hands.batch_s, hands.slots)
+    aim = GROUP_DURATION_SHARE * job.target_s(slots.batch_s, slots.slots)
     expected = job.expected_s(first)
     while (
         expected < aim
         and len(batches) < MAX_BATCHES
-        and not job.agenda.is_out_of_order(job.frames[batches[-1].frame], hands.kind)
+        and not job.agenda.is_out_of_order(job.frames[batches[-1].frame], slots.kind)
     ):
-        batch = job.next(hands.batch_s, hands.slots, hands.kind)
+        batch = job.next_batch(slots.batch_s, slots.slots, slots.kind)
         if batch is None:
             break
         if not _has_known_cost(job, batch):
-            return [BatchGroup(batches), *_separate_group(job, hands, 1, batch)]
+            return [BatchGroup(batches), *_separate_group(job, slots, 1, batch)]
         expected += job.expected_s(batch)
         batches.append(batch)
     return [BatchGroup(batches)]
 
 
-def _batches_of_one_tile(job: ActiveJob, hands: SlotGroup, first: Range) -> list[BatchGroup]:
+def _batches_of_one_tile(job: ActiveJob, slots: SlotGroup, first: Range) -> list[BatchGroup]:
     batches = [first]
-    while len(batches) < min(hands.of_a_tile, hands.most):
+    while len(batches) < min(slots.of_a_tile, slots.most):
         last = batches[-1]
-        batch = job.next(hands.batch_s, hands.slots, hands.kind, hands.of_a_tile)
+        batch = job.next_batch(slots.batch_s, slots.slots, slots.kind, slots.of_a_tile)
         if batch is None:
             break
         if batch[:2] != (last.tile, last.first + last.count) or batch.frame != last.frame or not _has_known_cost(job, batch):
-            return [BatchGroup(batches, is_joint=len(batches) > 1), *_separate_group(job, hands, len(batches), batch)]
+            return [BatchGroup(batches, is_joint=len(batches) > 1), *_separate_group(job, slots, len(batches), batch)]
         batches.append(batch)
     return [BatchGroup(batches, is_joint=len(batches) > 1)]
 
 
-def _separate_group(job: ActiveJob, hands: SlotGroup, taken: int, batch: Range) -> list[BatchGroup]:
+def _separate_group(job: ActiveJob, slots: SlotGroup, occupied: int, batch: Range) -> list[BatchGroup]:
     """Returns one message with a batch that does not fit the previous ones.
 
     If all slots are taken, returns the batch to the plan, and an empty list.
     """
-    if taken < hands.most:
+    if occupied < slots.most:
         return [BatchGroup([batch])]
     job.requeue(batch)
     return []

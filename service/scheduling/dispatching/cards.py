@@ -50,7 +50,7 @@ class CardPlaces:
 
     def places(self, kind: str) -> list[CardPlace]:
         """Returns the workers of this kind."""
-        is_full = self._pace.room(1000) <= 0  # too many results are unread
+        is_full = self._pace.scaled_room(1000) <= 0  # too many results are unread
         found = []
         for report in self._workers.roster.with_cards(kind):
             queue = card_queue(report.name)
@@ -83,5 +83,5 @@ class CardPlaces:
     def _outstanding_s(self, job: ActiveJob, kind: str) -> float:
         """Returns the seconds of work per slot that this kind's cards have of a job."""
         slots = sum(report.slots for report in self._workers.roster.with_cards(kind))
-        out = (lease.charged_s for lease in self._leases.of(job.id) if lease.is_of_card and lease.takes_a_slot)
+        out = (lease.charged_s for lease in self._leases.leases_of(job.id) if lease.is_of_card and lease.takes_a_slot)
         return sum(out) / max(slots, 1)

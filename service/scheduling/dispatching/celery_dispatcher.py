@@ -60,7 +60,7 @@ class CeleryDispatcher:
         }
 
     @contextmanager
-    def at_once(self) -> Iterator[None]:
+    def send_together(self) -> Iterator[None]:
         """Context manager that sends all messages together on exit, in one round trip to the broker.
 
         Raises QueueError. Then some messages may have been sent and others not, and the broker may have lost those in its queues.
@@ -128,7 +128,7 @@ class CeleryDispatcher:
         """Sends a request to explain a pixel. Raises QueueError."""
         self._send(EXPLAIN, {"pixel": work.to_json()}, queue, work.message)
 
-    def waiting(self, queue: str) -> dict[str, bytes]:
+    def waiting_messages(self, queue: str) -> dict[str, bytes]:
         """Returns the messages in a queue that no worker has fetched yet, by id. Raises redis.RedisError."""
         found = {}
         messages: Any = self._redis.lrange(queue, 0, -1)
@@ -139,13 +139,13 @@ class CeleryDispatcher:
                 continue
         return found
 
-    def take_back(self, queue: str, messages: set[str]) -> set[str]:
+    def withdraw(self, queue: str, messages: set[str]) -> set[str]:
         """Removes messages from a queue if no worker has fetched them; returns the ids of those removed.
 
         Raises redis.RedisError.
         """
         taken = set()
-        for id, message in self.waiting(queue).items():
+        for id, message in self.waiting_messages(queue).items():
             if id in messages and self._redis.lrem(queue, 1, message):  # type: ignore[arg-type]
                 taken.add(id)
         return taken

@@ -21,7 +21,7 @@ __all__ = ["Dispatcher"]
 class Dispatcher(Protocol):
     """Sends tasks. A task has the id of its lease or message, so waiting tasks can be identified and withdrawn."""
 
-    def at_once(self) -> AbstractContextManager[None]:
+    def send_together(self) -> AbstractContextManager[None]:
         """Context manager that sends all messages together on exit, in one round trip to the broker.
 
         Raises QueueError. Then some messages may have been sent and others not, and the broker may have lost those in its queues.
@@ -60,10 +60,10 @@ class Dispatcher(Protocol):
     def send_explain(self, work: ExplainPixel, queue: str) -> None:
         """Sends a request to explain a pixel. Raises QueueError."""
 
-    def waiting(self, queue: str) -> dict[str, bytes]:
+    def waiting_messages(self, queue: str) -> dict[str, bytes]:
         """Returns the messages in a queue that no worker has fetched yet, by id. Raises redis.RedisError."""
 
-    def take_back(self, queue: str, messages: set[str]) -> set[str]:
+    def withdraw(self, queue: str, messages: set[str]) -> set[str]:
         """Removes messages from a queue if no worker has fetched them; returns the ids of those removed.
 
         Raises redis.RedisError.

@@ -42,11 +42,11 @@ class HeldBatches:
             return held
         return self._by_range.get(_held_key(job.id, frame, list(job.film.tiles[tile]), first, count))
 
-    def is_at_work(self, lease: Lease) -> bool:
+    def is_rendering(self, lease: Lease) -> bool:
         """Returns True if a slot reports that it is rendering this lease's batch."""
         return lease.id in self._at_work
 
-    def is_at_site(self, lease: Lease) -> bool:
+    def waits_at_site(self, lease: Lease) -> bool:
         """Returns True if a lease's sums are at a site and wait there for the sums of other batches."""
         return lease.id in self._at_sites
 

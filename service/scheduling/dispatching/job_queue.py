@@ -26,7 +26,7 @@ class JobQueue:
         """Returns the worker kind that renders a job: the kind that it started with, else the kind with most slots."""
         roster = self._workers.roster
         if job.needs is not None and job.kind is None and job.shot is None:
-            kinds = {report.kind for report in roster.ready()}
+            kinds = {report.kind for report in roster.ready_reports()}
             serving = {kind: roster.slots_serving(job.needs.queue(kind)).get(kind, 0) for kind in sorted(kinds)}
             return max(serving, key=lambda kind: serving[kind], default=None)
         if job.kind is not None or job.shot is None:
@@ -60,7 +60,7 @@ class JobQueue:
                     found.setdefault(job.priority, []).append(job)
         return found
 
-    def ahead(self) -> dict[str, int]:
+    def jobs_ahead(self) -> dict[str, int]:
         """Returns the number of unfinished higher-priority jobs served before each job, by job id; jobs with 0 are omitted.
 
         The counts are at most a second old.
@@ -71,10 +71,10 @@ class JobQueue:
 
     def _count_ahead(self) -> dict[str, int]:
         found = {}
-        for kind in {report.kind for report in self._workers.roster.ready()}:
+        for kind in {report.kind for report in self._workers.roster.ready_reports()}:
             before = 0
             for _, equals in sorted(self.by_priority(kind).items(), reverse=True):
-                same = [job.id for job in equals if not job.done]
+                same = [job.id for job in equals if not job.is_done]
                 found.update(dict.fromkeys(same, before))
                 before += len(same)
         return {id: before for id, before in found.items() if before}

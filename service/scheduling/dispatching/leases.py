@@ -51,7 +51,7 @@ class Lease:
         self.message = self.message or self.id
 
     @property
-    def turn(self) -> str:
+    def slot_unit(self) -> str:
         """Id of what occupies one slot: a message, or a single batch of a joint message."""
         return self.id if self.is_joint else self.message
 
@@ -76,7 +76,7 @@ class Lease:
         """
         return 0.0 if self.is_joint or self.is_of_card or self.held_since is None else max(now - self.held_since - seconds, 0.0)
 
-    def seen(self, is_seen: bool, end: Callable[[], Position], allowed: float = MAX_UNSEEN_POLLS) -> None:
+    def record_poll(self, is_seen: bool, end: Callable[[], Position], allowed: float = MAX_UNSEEN_POLLS) -> None:
         """Records whether a check found the lease in its queue or with a worker (is_seen).
 
         end: returns the end of the result stream. allowed: number of successive checks in which the lease may be unseen.
@@ -124,10 +124,10 @@ class Leases:
         """Returns the lease with this id; None if it does not exist."""
         return self._all.get(lease)
 
-    def arrived(self, lease: Lease) -> None:
+    def mark_answered(self, lease: Lease) -> None:
         """Marks the lease as answered: its result was read, but perhaps not stored yet."""
         if lease.takes_a_slot:
-            self._release(lease)
+            self._release_slot(lease)
         lease.has_arrived = True
 
     def update_state(self, lease: Lease, is_away: bool, is_rendered: bool) -> None:
@@ -139,7 +139,7 @@ class Leases:
         took = lease.takes_a_slot
         lease.is_away, lease.is_rendered = is_away, is_rendered
         if took and not lease.takes_a_slot:
-            self._release(lease)
+            self._release_slot(lease)
         elif lease.takes_a_slot and not took:
             self._occupy(lease)
 
@@ -152,26 +152,26 @@ class Leases:
             if not of:
                 del self._of[ended.owner]
             if ended.takes_a_slot:
-                self._release(ended)
+                self._release_slot(ended)
         return ended
 
-    def of(self, owner: str) -> list[Lease]:
+    def leases_of(self, owner: str) -> list[Lease]:
         """Returns the leases of a job or a scene."""
         return list(self._of.get(owner, {}).values())
 
-    def has(self, owner: str) -> bool:
+    def has_any(self, owner: str) -> bool:
         """Returns True if a job or a scene has any lease."""
         return owner in self._of
 
-    def held(self) -> Counter[str]:
+    def slots_by_job(self) -> Counter[str]:
         """Returns the number of slots that each job occupies, by job id. Leases whose answers were read are not counted."""
         return self._held.copy()
 
     def slots_waiting_in(self, queue: str) -> int:
-        """Returns the number of slots occupied by the leases of one queue, counted as in `turns`."""
+        """Returns the number of slots occupied by the leases of one queue, counted as in `occupied_slots`."""
         return self._waiting[queue]
 
-    def turns(self, kind: str) -> int:
+    def occupied_slots(self, kind: str) -> int:
         """Returns the number of the CPU's slots of this kind occupied by leases, including those whose results are unread.
 
         Because of the latter, a backlog of results reduces the work that is dispatched.
@@ -179,12 +179,12 @@ class Leases:
         return self._kinds[kind]
 
     def _occupy(self, lease: Lease) -> None:
-        self._turns[lease.owner, lease.turn] += 1
-        if self._turns[lease.owner, lease.turn] == 1:
+        self._turns[lease.owner, lease.slot_unit] += 1
+        if self._turns[lease.owner, lease.slot_unit] == 1:
             self._count(lease, 1)
 
-    def _release(self, lease: Lease) -> None:
-        turn = lease.owner, lease.turn
+    def _release_slot(self, lease: Lease) -> None:
+        turn = lease.owner, lease.slot_unit
         self._turns[turn] -= 1
         if not self._turns[turn]:
             del self._turns[turn]

@@ -44,7 +44,7 @@ class LossVerdict(Enum):
 class Queues(Protocol):
     """Interface of the queues, with the messages that no worker has fetched."""
 
-    def waiting(self, queue: str) -> Collection[str]:
+    def waiting_messages(self, queue: str) -> Collection[str]:
         """Returns the ids of the messages in a queue. Raises redis.RedisError."""
 
 
@@ -55,7 +55,7 @@ class Fleet(Protocol):
     def roster(self) -> WorkerSnapshot:
         """The latest reports of all workers."""
 
-    def away(self) -> set[str]:
+    def silent_workers(self) -> set[str]:
         """Returns the names of workers that are connected but do not report. Raises redis.RedisError."""
 
     def has_late_report(self) -> bool:
@@ -65,7 +65,7 @@ class Fleet(Protocol):
 class ResultStream(Protocol):
     """Interface of the stream of results."""
 
-    def end(self) -> Position:
+    def latest_position(self) -> Position:
         """Returns the position of the stream's last result. Raises redis.RedisError."""
 
     def has_read(self, position: Position) -> bool:
@@ -90,27 +90,27 @@ class LostLeaseFinder:
         worker takes about as long, and in this time no worker reports it.
         """
         allowed = MAX_UNSEEN_POLLS + travel_s
-        waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._queues.waiting(queue)}
+        waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._queues.waiting_messages(queue)}
         roster = self._workers.roster
         held = HeldBatches(roster)
-        living = self._workers.away()
-        end, is_late = cache(results.end), cache(lambda: bool(living) or self._workers.has_late_report())
+        living = self._workers.silent_workers()
+        end, is_late = cache(results.latest_position), cache(lambda: bool(living) or self._workers.has_late_report())
         out = [lease for lease in self._leases if lease.batch is not None and not lease.has_arrived and lease.owner in jobs]
         now = self._clock.monotonic()
         for lease in out:
             holder = held.holder_of(lease, jobs[lease.owner])
-            is_at_site, waits = held.is_at_site(lease), lease.message in waiting
-            lease.seen(holder is not None or is_at_site or waits, end, allowed)
+            is_at_site, waits = held.waits_at_site(lease), lease.message in waiting
+            lease.record_poll(holder is not None or is_at_site or waits, end, allowed)
             lease.waited = now if waits else lease.waited
             lease.holder = holder or lease.holder
             lease.held_since = lease.held_since or (now if holder else None)
             lease.is_held = holder is not None
         for lease in out:
             is_gone = lease.unseen > 0 and lease.holder is not None and lease.holder not in roster.reports
-            is_at_work = held.is_at_work(lease)
+            is_at_work = held.is_rendering(lease)
             lease.has_begun |= is_at_work
             waits_here = lease.has_begun and lease.is_held and not is_at_work
-            is_rendered = lease.is_joint and (waits_here or held.is_at_site(lease))
+            is_rendered = lease.is_joint and (waits_here or held.waits_at_site(lease))
             self._leases.update_state(lease, is_gone and lease.holder in living, is_rendered)
             fate = self._verdict(lease, is_gone, is_late, allowed)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)

@@ -78,7 +78,7 @@ class BatchSizing:
         self._since = self._clock.monotonic()
 
     @contextmanager
-    def busy(self) -> Iterator[None]:
+    def measuring(self) -> Iterator[None]:
         """Context manager that measures the processor time that the engine spends on results."""
         begun = self._clock.thread_time()
         try:
@@ -160,7 +160,7 @@ class BatchSizing:
         cost_s = self.batch_cost_s or ASSUMED_BATCH_COST_S
         return min(max(shortest_s, self.transit_s, slots * cost_s / RESULTS_TIME_SHARE) * self._stretch, self._longest_s)
 
-    def of_a_tile(self, slots: int, joint: bool = False) -> int:
+    def batches_of_a_tile(self, slots: int, joint: bool = False) -> int:
         """Returns how many consecutive batches of one tile are dispatched together; their sums become one row of the film.
 
         joint: the workers add up the sums, instead of the service.
@@ -189,16 +189,16 @@ class BatchSizing:
         """
         return MIN_HOLD_S + 2 * batch_s
 
-    def room(self, room: int) -> int:
-        """Returns the number of batches to dispatch: `room` reduced linearly with the size of unread results; 0 at the limit."""
-        return int(room * max(0.0, 1.0 - self._unread * self._size / self._unread_bytes)) if room > 0 else room
+    def scaled_room(self, free_slots: int) -> int:
+        """Returns the number of batches to dispatch: `free_slots`, reduced linearly with unread results; 0 at the limit."""
+        return int(free_slots * max(0.0, 1.0 - self._unread * self._size / self._unread_bytes)) if free_slots > 0 else free_slots
 
-    def unread(self, results: int, size: float) -> None:
+    def record_unread(self, results: int, size: float) -> None:
         """Records the number of unread results and their mean size in bytes."""
         self._unread, self._size = results, size
 
     @property
-    def waiting(self) -> int:
+    def unread_results(self) -> int:
         """The number of unread results at the last check."""
         return self._unread
 

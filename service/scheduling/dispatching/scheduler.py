@@ -76,39 +76,39 @@ class Scheduler:
         self.line_up = JobQueue(workers, self.jobs)
         self.shares = Shares()
         self.sites = Sites(workers, self.leases, dispatcher, pace)
-        self._places: list[SitePlace] = []  # sites, during one call of `fill`
+        self._places: list[SitePlace] = []  # sites, during one call of `hand_out`
         self._cards = CardPlaces(workers, self.leases, pace)
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers whose results no film accepts (trust/trust.py)
         self.looks = NoiseBudget()
         self.checks: Counter[str] = Counter()  # pending verifications of batches, by job
-        self._sent: list[Lease] = []  # leases of one call of `fill`
+        self._sent: list[Lease] = []  # leases of one call of `hand_out`
         self._turn = count(1)
         self.lost = 0  # batches that were handed out again
         self.doubled = 0  # duplicates of straggling batches
 
-    def fill(self, start: StartJob) -> None:
+    def hand_out(self, start: StartJob) -> None:
         """Dispatches batches until every worker kind has its maximum number of outstanding messages. Raises QueueError.
 
         start(job, kind): starts a job on workers of this kind; returns False if the job is not ready.
         """
-        for kind in sorted({report.kind for report in self._workers.roster.ready()}):
+        for kind in sorted({report.kind for report in self._workers.roster.ready_reports()}):
             slots = self._workers.roster.cpu_slots(kind)
-            room = self._pace.room(self._window(slots, kind) - self.leases.turns(kind))
+            room = self._pace.scaled_room(self._window(slots, kind) - self.leases.occupied_slots(kind))
             cards = self._cards.places(kind)
             turns = self.line_up.by_priority(kind) if room > 0 or any(place.room > 0 for place in cards) else {}
             if not turns:
                 continue
             self._sent.clear()
-            self._places = self.sites.places(kind, self._settings.window_per_slot)
+            self._places = self.sites.ready_sites(kind, self._settings.window_per_slot)
             try:
-                with self._dispatcher.at_once():
+                with self._dispatcher.send_together():
                     self._fill_cards(cards, turns, kind, slots, start)
-                    held = self.leases.held()
+                    held = self.leases.slots_by_job()
                     shares_held = self.outstanding_by_share(held)
                     pools: dict[str, QueueCapacity] = {}
                     for priority in sorted(turns, reverse=True):
-                        line = self.shares.line(kind, turns[priority], held, shares_held)
+                        line = self.shares.queue_of(kind, turns[priority], held, shares_held)
                         room -= self._serve_priority(line, kind, slots, room, start, pools)
                         if room <= 0:
                             break
@@ -125,11 +125,11 @@ class Scheduler:
                 place.slots / cost for place in cards if place.accepts(each) and (cost := each.card_sample_s(place.worker)) > 0.0
             )
         for place in cards:
-            held = self.leases.held()
+            held = self.leases.slots_by_job()
             shares_held = self.outstanding_by_share(held)
             for priority in sorted(turns, reverse=True):
-                line = self.shares.line(kind, turns[priority], held, shares_held)
-                while place.room > 0 and (job := line.next()) is not None:
+                line = self.shares.queue_of(kind, turns[priority], held, shares_held)
+                while place.room > 0 and (job := line.next_job()) is not None:
                     if not self._may_serve(job) or not self._cards.meets_needs(place, job):
                         continue
                     if place.accepts(job) and not job.card_sample_s(place.worker) and self.leases.slots_waiting_in(place.queue):
@@ -160,7 +160,7 @@ class Scheduler:
         self._send_all(job, kind, handfuls)
 
     def _may_serve(self, job: ActiveJob) -> bool:
-        return self._bulkheads.may_render(job.id) and time.monotonic() >= job.rests_until and not job.done
+        return self._bulkheads.may_render(job.id) and time.monotonic() >= job.rests_until and not job.is_done
 
     def _end_unsent_leases(self) -> None:
         """Ends the leases of messages whose sending failed, so that their batches are dispatched again.
@@ -174,17 +174,23 @@ class Scheduler:
                 job.requeue(lease.batch)
 
     def _serve_priority(
-        self, line: ShareQueue[ActiveJob], kind: str, slots: int, room: int, start: StartJob, pools: dict[str, QueueCapacity]
+        self,
+        line: ShareQueue[ActiveJob],
+        kind: str,
+        slots: int,
+        free_slots: int,
+        start: StartJob,
+        pools: dict[str, QueueCapacity],
     ) -> int:
-        """Dispatches batches of jobs of one priority for up to `room` slots; returns the number of slots used.
+        """Dispatches batches of jobs of one priority for up to `free_slots` slots; returns the number of slots used.
 
         pools: capacities of the queues for worker requirements, by queue; computed on demand.
         """
         handed_out = 0
-        while handed_out < room and (job := line.next()) is not None:
+        while handed_out < free_slots and (job := line.next_job()) is not None:
             if not self._may_serve(job):
                 continue
-            pool = QueueCapacity(slots, room) if job.needs is None else self._pool(job.needs.queue(kind), kind, pools)
+            pool = QueueCapacity(slots, free_slots) if job.needs is None else self._pool(job.needs.queue(kind), kind, pools)
             if pool.room <= 0:
                 continue
             if not job.knows_cost and line.held >= max(MAX_UNMEASURED_BATCHES, len(job.film.tiles)):
@@ -193,7 +199,7 @@ class Scheduler:
             hand_out = partial(self._hand_out, job, kind, pool.slots, start, min(line.left, pool.room))
             self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
             if new := self._sent[sent:]:
-                taken = len({lease.turn for lease in new})
+                taken = len({lease.slot_unit for lease in new})
                 handed_out += taken
                 pool.room -= taken
                 line.record_served(job, taken, sum(lease.charged_s for lease in new))
@@ -202,16 +208,16 @@ class Scheduler:
     def _window(self, slots: int, kind: str) -> int:
         return self._pace.window(slots, self._settings.window_per_slot, self._workers.roster.accepts_joint(kind))
 
-    def _pool(self, queue: str, kind: str, known: dict[str, QueueCapacity]) -> QueueCapacity:
-        """Returns the capacity of the workers that serve a queue for requirements, computed once per call of `fill`."""
-        if queue not in known:
+    def _pool(self, queue: str, kind: str, cache: dict[str, QueueCapacity]) -> QueueCapacity:
+        """Returns the capacity of the workers that serve a queue for requirements, computed once per call of `hand_out`."""
+        if queue not in cache:
             slots = self._workers.roster.slots_serving(queue, of_cpu=True).get(kind, 0)
             window = self._window(slots, kind) if slots else 0
-            known[queue] = QueueCapacity(slots, window - self.leases.slots_waiting_in(queue))
-        return known[queue]
+            cache[queue] = QueueCapacity(slots, window - self.leases.slots_waiting_in(queue))
+        return cache[queue]
 
-    def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: StartJob, most: int) -> None:
-        """Dispatches the next batches of a job for at most `most` slots. Does nothing if the job has none. Raises QueueError.
+    def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: StartJob, max_slots: int) -> None:
+        """Dispatches the next batches of a job for at most `max_slots` slots, if it has any. Raises QueueError.
 
         slots: number of slots that may render the job.
         """
@@ -219,11 +225,11 @@ class Scheduler:
             return
         roster, batch_s = self._workers.roster, self._pace.batch_s(slots, job.rendered_s / max(slots, 1))
         several, joint = roster.accepts_several(kind), roster.accepts_joint(kind)
-        of_a_tile = self._pace.of_a_tile(slots, joint)
+        of_a_tile = self._pace.batches_of_a_tile(slots, joint)
         place = self._choose_site(job) if joint and of_a_tile > 1 else None
         if place is not None:
-            of_a_tile, most = self._pace.batches_of_a_site(place.slots), min(most, place.room)
-        handfuls = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, of_a_tile, most))
+            of_a_tile, max_slots = self._pace.batches_of_a_site(place.slots), min(max_slots, place.room)
+        handfuls = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, of_a_tile, max_slots))
         if place is not None:
             hold_s = self._pace.site_hold_s(batch_s)
             handfuls = [message for handful in handfuls for message in place.split_for_machines(handful, hold_s)]
@@ -256,7 +262,7 @@ class Scheduler:
             trouble = job.trouble.get(batch)
             patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
             leases.append(Lease(job.id, kind, batch, patience, expected, is_joint=handful.is_joint))
-            leases[-1].queue = handful.queue or job.queue(kind)
+            leases[-1].queue = handful.queue or job.queue_name(kind)
             leases[-1].only, leases[-1].is_of_card = handful.only, handful.is_of_card
             leases[-1].charged_s = seconds or self._settings.batch_seconds
             leases[-1].message = leases[0].id
@@ -277,16 +283,16 @@ class Scheduler:
         job.history.log.count_given(len(batches))
         job.served = next(self._turn)
 
-    def arrived(self, owner: str, lease: str) -> None:
+    def mark_answered(self, owner: str, lease: str) -> None:
         """Marks the lease of a batch whose sums were read.
 
         They are stored when the film accepts them; until then the lease cannot become lost.
         """
         known = self.leases.get(lease)
         if known is not None and known.owner == owner:
-            self.leases.arrived(known)
+            self.leases.mark_answered(known)
 
-    def came_back(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
+    def end_batch(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
         """Ends the lease of a batch that the film accepted or dropped as a duplicate.
 
         batch: None if the job does not need it any more.
@@ -306,8 +312,8 @@ class Scheduler:
         job.history.log.count_returned(worker, batch.count * tile.w * tile.h, seconds)
         trouble = job.trouble.pop(batch, None)
         failed_on = trouble.workers if trouble else []
-        self.suspicion.succeeded(worker, failed_on)
-        job.came_back(batch, seconds, self._card_worker(ended, worker))
+        self.suspicion.record_success(worker, failed_on)
+        job.record_result(batch, seconds, self._card_worker(ended, worker))
         for other in set(failed_on):
             self._quarantine_if_alone(other)
 
@@ -318,7 +324,7 @@ class Scheduler:
         report = self._workers.roster.reports.get(worker)
         return worker if report is not None and report.has_card_queue else ""
 
-    def failed(
+    def handle_failure(
         self,
         job: ActiveJob,
         lease: str,
@@ -342,7 +348,7 @@ class Scheduler:
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
         job.history.log.add_line(f"{worker} could not render {batch_description(batch)}: {error}", trace)
-        able = {report.name for report in self._workers.roster.ready() if report.kind == job.kind}
+        able = {report.name for report in self._workers.roster.ready_reports() if report.kind == job.kind}
         enough_workers = len(able & set(trouble.workers)) >= max(min(FAILURES_ALLOWED, len(able)), 1)
         # A worker that fails at once may get the batch several times before another does.
         is_hopeless = enough_workers or time.monotonic() - trouble.since > FEW_SLOTS_TIMEOUT_S
@@ -351,7 +357,7 @@ class Scheduler:
         job.history.add_event("failed", f"{worker}: {error.splitlines()[0][:200] if error else 'a batch'}")
         job.requeue(batch)
         if is_suspect:
-            self.suspicion.failed(worker, (job.id, batch))
+            self.suspicion.record_failure(worker, (job.id, batch))
             self._quarantine_if_alone(worker)
         return None
 
@@ -366,7 +372,7 @@ class Scheduler:
             job.history.log.add_line(f"{batch_description(batch)} is handed out again: {why}")
         job.handed_back = why
         job.requeue(batch)
-        self.suspicion.failed(worker, (job.id, batch))
+        self.suspicion.record_failure(worker, (job.id, batch))
         self._quarantine_if_alone(worker)
         if not self._other_ready_workers(worker):
             job.rests_until = time.monotonic() + RETURNED_PAUSE_S
@@ -393,12 +399,14 @@ class Scheduler:
         Results of batches that are already with a worker are still accepted, but the plan treats those batches as lost.
         """
         mine = [
-            lease for lease in self.leases.of(job.id) if frame is None or (lease.batch is not None and lease.batch.frame == frame)
+            lease
+            for lease in self.leases.leases_of(job.id)
+            if frame is None or (lease.batch is not None and lease.batch.frame == frame)
         ]
         for queue in {lease.queue for lease in mine}:
             try:
-                taken = self._dispatcher.take_back(queue, {lease.message for lease in mine})
-                mine += [lease for lease in self.leases.of(job.id) if lease.message in taken and lease not in mine]
+                taken = self._dispatcher.withdraw(queue, {lease.message for lease in mine})
+                mine += [lease for lease in self.leases.leases_of(job.id) if lease.message in taken and lease not in mine]
             except redis.RedisError as error:
                 log.warning("batches of job %s stay in the queue: %s", job.id, error, extra=ids(job=job.id))
         for lease in mine:
@@ -406,14 +414,14 @@ class Scheduler:
             if lease.batch is not None:
                 job.requeue(lease.batch)
 
-    def review(self, results: Results) -> None:
+    def review_leases(self, results: Results) -> None:
         """Dispatches overdue and lost batches again, and fails jobs whose batches were lost too often. Called once a second.
 
         A batch whose answer may be among unread results is not lost. Raises redis.RedisError.
         """
-        self.sites.review(self.jobs)
+        self.sites.withdraw_unserved(self.jobs)
         idle = cache(self._has_idle_slots)
-        rests = cache(lambda id, kind: not (job := self.jobs[id]).knows_cost or job.agenda.next(kind) is None)
+        rests = cache(lambda id, kind: not (job := self.jobs[id]).knows_cost or job.agenda.next_frame(kind) is None)
         for lease, fate in self._missing.find_lost(self.jobs, results, self._pace.transit_s):
             job = self.jobs.get(lease.owner)
             if lease.batch is None or job is None or self.leases.get(lease.id) is None:
@@ -421,7 +429,7 @@ class Scheduler:
             if fate is not LossVerdict.LATE:
                 self._handle_loss(job, lease, lease.batch, fate)
             # no other work is left for idle slots
-            elif rests(job.id, lease.kind) and idle(lease.kind) and not self._pace.waiting:
+            elif rests(job.id, lease.kind) and idle(lease.kind) and not self._pace.unread_results:
                 lease.doubled = True
                 self.doubled += 1
                 job.requeue(lease.batch)
@@ -429,7 +437,7 @@ class Scheduler:
     def _quarantine_if_alone(self, worker: str) -> None:
         """Quarantines a worker whose batches fail while others render theirs, unless no other worker is ready."""
         others = self._other_ready_workers(worker)
-        failures = self.suspicion.of(worker, others)
+        failures = self.suspicion.failures_of(worker, others)
         if others and failures >= FAILURES_ALLOWED:
             log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
             why = Sentence(
@@ -443,11 +451,11 @@ class Scheduler:
         """Quarantines a worker: pauses it until a user resumes it."""
         with suppress(redis.RedisError):  # the worker fails again and is paused then
             self._workers.pause(worker, why)
-            self._workers.look(now=True)
+            self._workers.refresh(now=True)
 
     def _other_ready_workers(self, worker: str) -> list[str]:
         """Returns the names of the other ready workers of the worker's kind; empty if the worker itself is not ready."""
-        kinds = {report.name: report.kind for report in self._workers.roster.ready()}
+        kinds = {report.name: report.kind for report in self._workers.roster.ready_reports()}
         return [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
 
     def _handle_loss(self, job: ActiveJob, lease: Lease, batch: Range, fate: LossVerdict) -> None:
@@ -485,10 +493,10 @@ class Scheduler:
         self.withdraw(job, frame.key)
         if not frame.is_over:
             again = f" To see it again: {reproduce(command, job, frame)}" if command else ""
-            self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, error + again))
+            self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail_frame(frame, error + again))
 
     def _has_idle_slots(self, kind: str) -> bool:
-        return self._workers.roster.cpu_slots(kind) > self.leases.turns(kind)
+        return self._workers.roster.cpu_slots(kind) > self.leases.occupied_slots(kind)
 
     def connected_workers(self) -> set[str]:
         """Returns the names of the connected workers."""
@@ -502,7 +510,7 @@ class Scheduler:
                 found[job.share] += messages
         return found
 
-    def busy(self) -> set[tuple[str, int]]:
+    def frames_with_batches(self) -> set[tuple[str, int]]:
         """Returns the (job, frame) pairs that have outstanding batches."""
         return {(lease.owner, lease.batch.frame) for lease in self.leases if lease.batch is not None}
 

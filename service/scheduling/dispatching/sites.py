@@ -63,32 +63,37 @@ class Sites:
         self._dispatcher = dispatcher
         self._pace = pace
 
-    def needs(self) -> list[Needs]:
+    def site_requirements(self) -> list[Needs]:
         """Returns the tags of all sites with a reducer, as requirements; their workers serve the corresponding queues."""
         return [Needs((f"{SITE}{name}",)) for name in self._workers.roster.sites]
 
-    def places(self, kind: str, per_slot: int) -> list[SitePlace]:
+    def ready_sites(self, kind: str, per_slot: int) -> list[SitePlace]:
         """Returns the sites that have ready workers of this kind. per_slot: outstanding messages per slot."""
         found = []
-        for needs in self.needs():
+        for needs in self.site_requirements():
             queue = needs.queue(kind)
             if slots := self._workers.roster.slots_serving(queue, of_cpu=True).get(kind, 0):
                 room = self._pace.window(slots, per_slot, joint=True) - self._leases.slots_waiting_in(queue)
                 found.append(SitePlace(needs.tags[0].removeprefix(SITE), queue, slots, room))
         return found
 
-    def review(self, jobs: Mapping[str, ActiveJob]) -> None:
+    def withdraw_unserved(self, jobs: Mapping[str, ActiveJob]) -> None:
         """Withdraws the batches in queues that no worker serves any more. Raises redis.RedisError."""
         elsewhere: defaultdict[str, list[tuple[ActiveJob, Lease]]] = defaultdict(list)
         for lease in self._leases:
             job = jobs.get(lease.owner)
-            if job is not None and lease.batch is not None and not lease.has_arrived and lease.queue != job.queue(lease.kind):
+            if (
+                job is not None
+                and lease.batch is not None
+                and not lease.has_arrived
+                and lease.queue != job.queue_name(lease.kind)
+            ):
                 elsewhere[lease.queue].append((job, lease))
         for queue, out in elsewhere.items():
             if self._workers.roster.slots_serving(queue):
                 continue
             try:
-                taken = self._dispatcher.take_back(queue, {lease.message for _, lease in out})
+                taken = self._dispatcher.withdraw(queue, {lease.message for _, lease in out})
             except redis.RedisError as error:
                 log.warning("batches for a site stay in its queue: %s", error)
                 raise

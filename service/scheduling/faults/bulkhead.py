@@ -93,14 +93,14 @@ class Bulkheads:
             return False
         return self._attempt(id, step, action, needs_database)
 
-    def carry_out(self, end: Callable[[str, Verdict], object]) -> None:
+    def end_failed_jobs(self, end: Callable[[str, Verdict], object]) -> None:
         """Ends the jobs that have a verdict, if the database accepts it. end: ends one job. Raises as `run` does."""
         for id, verdict in list(self.verdicts.items()):
             if not self._is_due(id, Step.END, True):
                 continue
             ended = self._attempt(id, Step.END, partial(end, id, verdict), True)
             if ended or Step.END not in self._waits.get(id, {}):
-                self.forget(id)
+                self.remove_id(id)
 
     def _attempt(self, id: str, step: Step, action: Callable[[], object], needs_database: bool) -> bool:
         began = self._clock.monotonic()
@@ -153,11 +153,11 @@ class Bulkheads:
         waits = self._waits.get(id, {})
         return id not in self.verdicts and Step.RESULTS not in waits and self._is_due(id, Step.HAND_OUT, False)
 
-    def sentences(self) -> dict[str, str]:
+    def waiting_reasons(self) -> dict[str, str]:
         """Returns the reasons why jobs and scenes wait, as sentences by id."""
         return {id: next(iter(waits.values())).sentence for id, waits in self._waits.items()}
 
-    def forget(self, id: str) -> None:
+    def remove_id(self, id: str) -> None:
         """Removes the state of a job or scene that has ended or was deleted."""
         self._waits.pop(id, None)
         self.verdicts.pop(id, None)

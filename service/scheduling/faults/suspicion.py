@@ -27,7 +27,7 @@ class Suspicion:
         self._misunderstood: Counter[str] = Counter()  # since its last success
         self.failures: Counter[str] = Counter()  # all failed batches, by worker, whatever the cause
 
-    def failed(self, worker: str, batch: Hashable) -> None:
+    def record_failure(self, worker: str, batch: Hashable) -> None:
         """Records that a batch failed on a worker."""
         self.failures[worker] += 1
         if not self._row[worker]:
@@ -39,7 +39,7 @@ class Suspicion:
         self._misunderstood[worker] += 1
         return self._misunderstood[worker]
 
-    def succeeded(self, worker: str, failed_on: list[str]) -> None:
+    def record_success(self, worker: str, failed_on: list[str]) -> None:
         """Records that a worker rendered a batch. The failures of this batch are attributed to the workers in `failed_on`."""
         for other in set(failed_on) - {worker}:
             self._made_good[other] += 1
@@ -49,7 +49,7 @@ class Suspicion:
         if worker in self._made_good:
             self._made_good[worker] = max(self._made_good[worker] - FORGIVEN_PER_SUCCESS, 0.0)
 
-    def of(self, worker: str, others: list[str]) -> int:
+    def failures_of(self, worker: str, others: list[str]) -> int:
         """Returns the number of failures attributed to a worker. others: the workers it is compared with."""
         in_a_row = self._row.get(worker, set())
         others_can = any(self._success.get(other, -1) > self._row_began.get(worker, 0) for other in others)

@@ -53,7 +53,7 @@ class Needs:
         return cls(tuple(sorted(tags)), memory) if tags or memory else None
 
     @classmethod
-    def of(cls, row: Mapping[str, Any] | None) -> Needs | None:
+    def from_json(cls, row: Mapping[str, Any] | None) -> Needs | None:
         """Parses the JSON object written by `to_json`; None for an empty value."""
         return cls(tuple(map(str, row.get("tags", ()))), float(row.get("memory_gb", 0.0))) if row else None
 
@@ -79,7 +79,7 @@ class Needs:
         """Returns True if a worker's offer meets all requirements."""
         return set(self.tags) <= set(offer.tags) and offer.memory >= self.memory_gb * 1e9
 
-    def lacking(self, offers: Iterable[Offer | None]) -> str | None:
+    def unmet_reason(self, offers: Iterable[Offer | None]) -> str | None:
         """Returns a sentence on why no worker meets the requirements; None if one does.
 
         offers: one per worker; None for a worker that sent none.

@@ -27,7 +27,7 @@ class Speeds:
         self._past: dict[str, deque[float]] = {}
         self._seen: dict[str, float] = {}
 
-    def note(self, reports: Iterable[WorkerReport], now: float | None = None) -> None:
+    def add_reports(self, reports: Iterable[WorkerReport], now: float | None = None) -> None:
         """Adds the speeds in the workers' current reports. now: Unix time."""
         now = time.monotonic() if now is None else now
         if now - self._begun >= INTERVAL_S:
@@ -39,9 +39,9 @@ class Speeds:
             self._seen[report.name] = now
 
     @property
-    def latest(self) -> Mapping[str, tuple[float, ...]]:
+    def speeds_by_worker(self) -> Mapping[str, tuple[float, ...]]:
         """Returns the speeds by worker, oldest first: one value per minute since the worker connected, at most KEPT."""
-        return {name: (*self._past.get(name, ()), *_mean(self._running.get(name))) for name in self._seen}
+        return {name: (*self._past.get(name, ()), *_rounded_mean(self._running.get(name))) for name in self._seen}
 
     def _close_interval(self, now: float) -> None:
         for name, seen in list(self._seen.items()):
@@ -49,9 +49,11 @@ class Speeds:
                 del self._seen[name]
                 self._past.pop(name, None)
             else:
-                self._past.setdefault(name, deque(maxlen=INTERVALS_KEPT - 1)).extend(_mean(self._running.get(name)) or (0.0,))
+                self._past.setdefault(name, deque(maxlen=INTERVALS_KEPT - 1)).extend(
+                    _rounded_mean(self._running.get(name)) or (0.0,)
+                )
         self._running = {}
 
 
-def _mean(said: list[float] | None) -> tuple[float, ...]:
-    return (float(round(sum(said) / len(said))),) if said else ()
+def _rounded_mean(speeds: list[float] | None) -> tuple[float, ...]:
+    return (float(round(sum(speeds) / len(speeds))),) if speeds else ()

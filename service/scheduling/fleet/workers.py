@@ -55,21 +55,21 @@ class WorkerSnapshot:
     offers: Mapping[str, Offer] = field(default_factory=dict)  # of the workers that report them
     sites: Mapping[str, SiteReport] = field(default_factory=dict)  # reducers at the sites of connected workers
 
-    def ready(self) -> list[WorkerReport]:
+    def ready_reports(self) -> list[WorkerReport]:
         """Returns the reports of the workers that accept work at present."""
         return [report for report in self.reports.values() if report.state == "ready" and report.name not in self.orders]
 
     def slots(self, kind: str) -> int:
         """Returns the number of slots of the ready workers of this kind."""
-        return sum(report.slots for report in self.ready() if report.kind == kind)
+        return sum(report.slots for report in self.ready_reports() if report.kind == kind)
 
     def cpu_slots(self, kind: str) -> int:
         """Returns the number of slots of the ready workers of this kind that render with the CPU."""
-        return sum(report.slots for report in self.ready() if report.kind == kind and not report.has_card_queue)
+        return sum(report.slots for report in self.ready_reports() if report.kind == kind and not report.has_card_queue)
 
     def with_cards(self, kind: str) -> list[WorkerReport]:
         """Returns the reports of the ready workers of this kind whose slots render with graphics cards."""
-        return [report for report in self.ready() if report.kind == kind and report.has_card_queue]
+        return [report for report in self.ready_reports() if report.kind == kind and report.has_card_queue]
 
     def slots_serving(self, queue: str, of_cpu: bool = False) -> dict[str, int]:
         """Returns the slots, by kind, of the ready workers that have confirmed that they serve this queue for requirements.
@@ -78,7 +78,7 @@ class WorkerSnapshot:
         of_cpu: without such workers.
         """
         found: dict[str, int] = {}
-        for report in self.ready():
+        for report in self.ready_reports():
             offer = self.offers.get(report.name)
             is_own = report.has_card_queue and queue == card_queue(report.name)
             if is_own or (offer is not None and queue in offer.queues and not (of_cpu and report.has_card_queue)):
@@ -87,12 +87,12 @@ class WorkerSnapshot:
 
     def best_kind(self) -> str | None:
         """Returns the worker kind with most slots; None if no worker is ready."""
-        kinds = {report.kind for report in self.ready()}
+        kinds = {report.kind for report in self.ready_reports()}
         return max(sorted(kinds), key=self.slots, default=None)
 
     def frame_preparing_kind(self) -> str | None:
         """Returns the kind with most slots among the workers that can prepare frames of shots; None if none is ready."""
-        return self._kind_of([report for report in self.ready() if report.frames])
+        return self._kind_of([report for report in self.ready_reports() if report.frames])
 
     def open_shutter_kind(self) -> str | None:
         """Returns the kind with most slots all of whose ready workers can prepare frames with an open shutter; None if there is
@@ -100,13 +100,13 @@ class WorkerSnapshot:
 
         All workers of the kind must support it, since any of them may fetch a message from the kind's queue.
         """
-        ready = self.ready()
+        ready = self.ready_reports()
         unable = {report.kind for report in ready if not report.blurs}
         return self._kind_of([report for report in ready if report.blurs and report.kind not in unable])
 
     def motion_vector_kind(self) -> str | None:
         """Returns the kind with most slots all of whose ready workers can compute motion vectors; None if there is none."""
-        ready = self.ready()
+        ready = self.ready_reports()
         unable = {report.kind for report in ready if not report.vectors}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
@@ -115,13 +115,13 @@ class WorkerSnapshot:
 
         Detected by the `views` flag of the reports, since both features were introduced by the same release.
         """
-        ready = self.ready()
+        ready = self.ready_reports()
         unable = {report.kind for report in ready if not report.views}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
     def blender_kind(self) -> str | None:
         """Returns the kind with most slots among the workers that can open .blend files; None if none is ready."""
-        return self._kind_of([report for report in self.ready() if self.has_blender(report.name)])
+        return self._kind_of([report for report in self.ready_reports() if self.has_blender(report.name)])
 
     def has_blender(self, name: str) -> bool:
         """Returns True if a worker can open .blend files."""
@@ -137,11 +137,11 @@ class WorkerSnapshot:
 
     def denoising_kind(self) -> str | None:
         """Returns the kind with most slots among the workers that can denoise; None if none is ready."""
-        return self._kind_of([report for report in self.ready() if report.denoises])
+        return self._kind_of([report for report in self.ready_reports() if report.denoises])
 
     def is_about_to_change(self) -> bool:
         """Returns True if workers should be polled more often: none is ready, or there are few and one is starting."""
-        if not self.ready():
+        if not self.ready_reports():
             return True
         return len(self.reports) <= FEW_WORKERS and any(report.state == "starting" for report in self.reports.values())
 
@@ -173,7 +173,7 @@ class Workers:
         self._ahead = math.inf  # difference between Redis' clock and this process' monotonic clock at the latest poll
         self.roster = WorkerSnapshot()
 
-    def look(self, now: bool = False) -> None:
+    def refresh(self, now: bool = False) -> None:
         """Polls the workers if the poll interval has passed, or in any case if `now`. Raises redis.RedisError."""
         age = time.monotonic() - self._looked
         if not now and age < (FAST_POLL_S if self.roster.is_about_to_change() else POLL_EVERY_S):
@@ -191,12 +191,12 @@ class Workers:
         vitals = self._parse_all(Vitals.from_bytes, vitals_key, names, told)
         said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
         offers = self._parse_all(Offer.from_bytes, offer_key, names, said)
-        self._speeds.note(reports.values())
+        self._speeds.add_reports(reports.values())
         self._vanished |= dict.fromkeys(self.roster.reports.keys() - reports.keys(), self._looked)
         self._vanished = {name: since for name, since in self._vanished.items() if name not in reports}
         before, self.roster = (
             self.roster,
-            WorkerSnapshot(reports, orders, vitals, self._speeds.latest, offers, self._sites(offers)),
+            WorkerSnapshot(reports, orders, vitals, self._speeds.speeds_by_worker, offers, self._sites(offers)),
         )
         for name in sorted(before.reports.keys() | reports.keys()):
             had, has = ((each.reports.get(name), each.orders.get(name), each.offers.get(name)) for each in (before, self.roster))
@@ -249,7 +249,7 @@ class Workers:
             left_ms = [ms for ms in all_at_once.execute() if ms >= 0]
         return min(left_ms, default=math.inf) < 1000 * (HEARTBEAT_TTL_S - LATE_S)
 
-    def away(self) -> set[str]:
+    def silent_workers(self) -> set[str]:
         """Returns the names of workers that have stopped reporting but are still connected to Redis. Raises redis.RedisError."""
         now = time.monotonic()
         lately = {name for name, since in self._vanished.items() if now - since < SILENT_TIMEOUT_S}

@@ -31,7 +31,7 @@ RunStep = Callable[[str, Callable[[], object]], bool]
 class DeadlineRecords(Protocol):
     """Interface of the database operations used here; implemented by service/scheduling/records.py."""
 
-    def late(self, id: str, since: float | None) -> bool:
+    def store_lateness(self, id: str, since: float | None) -> bool:
         """Stores the time since which a job is late; None: it is not late. Returns False if the job has ended or is deleted."""
 
     def store_overdue(self, now: float) -> list[str]:
@@ -53,7 +53,7 @@ class Deadlines:
         self._rests_until = -math.inf
         self._now = -math.inf
 
-    def review(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
+    def update(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
         """Updates the expected completion time of each job and whether it is late. Called once a second.
 
         forecast: returns the forecast of a job at a time. now: Unix time.
@@ -65,10 +65,10 @@ class Deadlines:
         if now < self._rests_until:
             return
         begins = time.perf_counter()
-        self._review(jobs, forecast, now)
+        self._update_jobs(jobs, forecast, now)
         self._rests_until = now + PAUSE_FACTOR * (time.perf_counter() - begins) if len(jobs) > 1 else -math.inf
 
-    def _review(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
+    def _update_jobs(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
         for job in jobs:
             if job.deadline is None:
                 job.expected, job.unforeseen, job.urgency = None, None, math.inf
@@ -96,7 +96,7 @@ class Deadlines:
         return says_late if now - self._since.setdefault(job.id, now) >= RELIABLE_AFTER_S else None
 
     def _log_change(self, job: ActiveJob, is_late: bool, now: float) -> None:
-        if not self._records.late(job.id, now if is_late else None):
+        if not self._records.store_lateness(job.id, now if is_late else None):
             return
         self._since.pop(job.id, None)
         job.urgency = job.deadline if is_late and job.deadline is not None else math.inf
@@ -104,8 +104,8 @@ class Deadlines:
         job.history.log.add_line("is expected after its deadline" if is_late else "is expected by its deadline again")
         self._tell("job", job.id)
 
-    def _record_overdue(self, known: dict[str, ActiveJob], now: float) -> None:
+    def _record_overdue(self, active: dict[str, ActiveJob], now: float) -> None:
         """Marks overdue jobs as late that are not active in the engine, such as those waiting for a scene or for other jobs."""
         for id in self._records.store_overdue(now):
-            if id not in known and self._records.late(id, now):
+            if id not in active and self._records.store_lateness(id, now):
                 self._tell("job", id)

@@ -71,11 +71,11 @@ class _Share:
         self.sums = [0.0, *accumulate(self.works)]
 
     @property
-    def total(self) -> float:
+    def total_work(self) -> float:
         """Remaining slot-seconds of all jobs of the share together."""
         return self.sums[-1] + sum(work for _, work in self.urgent.values())
 
-    def until(self, job: ActiveJob, work: float) -> float:
+    def served_until(self, job: ActiveJob, work: float) -> float:
         """Returns how many slot-seconds the share has received when one of its jobs has received `work`.
 
         A late job is treated like the others. Otherwise its precedence would make its forecast timely, so that it is no longer
@@ -100,7 +100,7 @@ class RemainingWork:
         for priority, jobs in lines.items():
             found = self._of.setdefault(priority, {})
             for job in jobs:
-                if job.done:
+                if job.is_done:
                     continue
                 self.jobs += 1
                 share = found.setdefault(job.share, _Share())
@@ -112,7 +112,7 @@ class RemainingWork:
                     share.works.append(work or 0.0)
             for share in found.values():
                 share.close()
-        self._totals = {p: sum(share.total for share in found.values()) for p, found in self._of.items()}
+        self._totals = {p: sum(share.total_work for share in found.values()) for p, found in self._of.items()}
 
     def seconds(self, job: ActiveJob, work: float, slots: int) -> float:
         """Returns the time until a job has received `work` slot-seconds, in seconds.
@@ -123,11 +123,13 @@ class RemainingWork:
         equals = self._of.get(job.priority, {})
         if (own := equals.get(job.share)) is None:
             return (before + work) / slots
-        had = own.until(job, work)
+        had = own.served_until(job, work)
         terms = self._shares.terms_of(job.share)
         clock = had / terms.weight
         others = sum(
-            min(share.total, clock * self._shares.terms_of(name).weight) for name, share in equals.items() if name != job.share
+            min(share.total_work, clock * self._shares.terms_of(name).weight)
+            for name, share in equals.items()
+            if name != job.share
         )
         return max((before + others + had) / slots, had / min(terms.max_slots or slots, slots))
 
@@ -140,9 +142,9 @@ class Forecaster:
         self._shares = shares
         self._crowds: dict[str, tuple[float, RemainingWork]] = {}  # by kind: end of validity, crowd
 
-    def of(self, job: ActiveJob, now: float) -> Forecast:
+    def forecast(self, job: ActiveJob, now: float) -> Forecast:
         """Returns the forecast of a job. now: Unix time. For a paused job, assumes that it resumes now and runs alone."""
-        if job.done:
+        if job.is_done:
             return Forecast(now)
         slots = self._lines.slots_for(job)
         if slots <= 0:

@@ -71,7 +71,7 @@ def batch_of(message: BatchDone | BatchFailed | BatchReturned, job: ActiveJob) -
 
 def _wanted_batch(message: BatchDone, job: ActiveJob) -> Range | None:
     batch = batch_of(message, job)
-    return batch if batch is not None and job.wants(batch) else None
+    return batch if batch is not None and job.needs_batch(batch) else None
 
 
 def _weight_error(sums: bytes, batch: Range | None, job: ActiveJob) -> str | None:

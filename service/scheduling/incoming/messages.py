@@ -255,7 +255,7 @@ class PrepareProgress(_Prepare):
 
     @field_validator("preview")
     @classmethod
-    def _usable(cls, preview: ScenePreview | None) -> ScenePreview | None:
+    def _check_preview(cls, preview: ScenePreview | None) -> ScenePreview | None:
         if preview is not None:
             _check(preview.preview)
             _check_cameras(preview)
@@ -275,7 +275,7 @@ class PrepareDone(_Prepare):
 
     @field_validator("info")
     @classmethod
-    def _usable(cls, info: SceneInfo) -> SceneInfo:
+    def _check_info(cls, info: SceneInfo) -> SceneInfo:
         written = converted_files({"blend": info.blend})
         for blob in (info.compiled, info.thumbnail, info.preview, *(written[1] if written is not None else ())):
             _check(blob)
@@ -299,7 +299,7 @@ class ThumbnailMade(_Prepare):
 
     @field_validator("thumbnail")
     @classmethod
-    def _usable(cls, thumbnail: BlobRef) -> BlobRef:
+    def _check_thumbnail(cls, thumbnail: BlobRef) -> BlobRef:
         _check(thumbnail)
         return thumbnail
 
@@ -387,7 +387,7 @@ class FramePrepared(_Frames):
 
     @field_validator("info")
     @classmethod
-    def _usable(cls, info: FrameInfo) -> FrameInfo:
+    def _check_info(cls, info: FrameInfo) -> FrameInfo:
         _check(info.compiled)
         _check_seconds(info.seconds)
         _check_plain(info)

@@ -45,7 +45,7 @@ class Entry:
     fields: Mapping[bytes, bytes] | None = None
 
     @property
-    def where(self) -> str:
+    def location(self) -> str:
         """The stream's name and the entry's id, for log lines."""
         return f"results {self.id.decode(errors='replace')}"
 
@@ -101,7 +101,7 @@ class Results:
                 self._at_most = int(max(1, min(MAX_ENTRIES, READ_BYTES / max(self.size, mean))))
         return entries
 
-    def end(self) -> Position:
+    def latest_position(self) -> Position:
         """Returns the position of the latest entry. Raises redis.RedisError.
 
         Does not use XINFO STREAM, whose reply includes the first and last entries, which may be large.
@@ -144,7 +144,7 @@ class Results:
         if repair(self._redis, RESULTS, "stream"):
             self.reread()
             return True
-        if self.end()[0] <= time.time() * 1000 + MAX_FUTURE_MS:
+        if self.latest_position()[0] <= time.time() * 1000 + MAX_FUTURE_MS:
             return False
         with self._redis.pipeline() as pipe:
             pipe.watch(RESULTS)
@@ -164,7 +164,7 @@ class Results:
         """Resets the reading position, so that the whole stream is read again."""
         self._read_to = BEGINNING
 
-    def wake(self) -> None:
+    def end_read(self) -> None:
         """Makes a blocking `read` return. Thread-safe. Ignores errors of Redis, since they make `read` return too."""
         with contextlib.suppress(redis.RedisError):
             self._redis.xadd(RESULTS, {"event": json.dumps({"type": "wake"})})

@@ -138,7 +138,7 @@ class ActiveFrame:
     @property
     def is_complete(self) -> bool:
         """Returns True if every tile has reached its goal. Raises FilmUnavailable or FilmLost."""
-        return self.is_begun and self.plan.done
+        return self.is_begun and self.plan.is_done
 
     @property
     def is_begun(self) -> bool:
@@ -217,13 +217,13 @@ class ActiveFrame:
         self.is_idle = False
         self._notify_change()
 
-    def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
+    def next_batch(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
         """Returns the next batch below the ceiling; None if all are dispatched. Raises FilmUnavailable or FilmLost.
 
         samples_wanted: returns the suitable number of samples for a tile. of_a_tile: maximum number of consecutive batches of one
         tile.
         """
-        return self.plan.next(samples_wanted, of_a_tile)
+        return self.plan.next_batch(samples_wanted, of_a_tile)
 
     def requeue(self, batch: Range) -> None:
         """Returns a lost batch to the plan, to be dispatched again."""
@@ -249,19 +249,19 @@ class ActiveFrame:
             elif covered.total >= ESTIMATE_FACTOR * done:
                 self._due[batch.tile] = None
 
-    def estimate_noise(self, looks: NoiseBudget) -> None:
-        """Estimates the noise of tiles that have many new samples, until the time limit `looks` is used up.
+    def estimate_noise(self, budget: NoiseBudget) -> None:
+        """Estimates the noise of tiles that have many new samples, until the time limit `budget` is used up.
 
         Raises FilmUnavailable or FilmLost.
         """
         found = False
         for tile in list(self._due):
-            if self._share is None and not looks.has_time():  # the next round of a shot depends on this noise
+            if self._share is None and not budget.has_time():  # the next round of a shot depends on this noise
                 break
             del self._due[tile]
             covered = self._coverage(tile)
             if covered.prefix == covered.total > self._measured.get(tile, (0, 0.0))[0]:
-                with looks.charged():
+                with budget.charged():
                     self._measure_tile(tile, covered.total)
                 found = True
         if found:
@@ -272,7 +272,7 @@ class ActiveFrame:
         if self._plan is not None and self._measured:
             self.noise = self._extrapolated_noise()
 
-    def measured(self) -> float:
+    def measured_noise(self) -> float:
         """Estimates the noise of all tiles now, and returns the frame's; infinity if unknown.
 
         Raises FilmUnavailable or FilmLost.
@@ -284,7 +284,7 @@ class ActiveFrame:
         self._notify_change()
         return math.inf if self.noise is None else self.noise
 
-    def fail(self, error: str) -> None:
+    def mark_failed(self, error: str) -> None:
         """Marks the frame as failed with this error message."""
         self.state, self.error = "failed", error
         self._notify_change()

@@ -45,7 +45,7 @@ class ActiveJob:
         of_scene: set[str],
         settings_of: Callable[[int], RenderSettings],
     ) -> None:
-        """Creates a job without frames. Then call `take` for all frames and exhaust `begin` before calling anything else.
+        """Creates a job without frames. Then call `add_frames` for all frames and exhaust `prepare_in_steps` before all else.
 
         settings_of: returns the settings that are stored in a frame's row.
         compiled: SHA-256 of the scene compiled for the job's start time, by worker kind.
@@ -53,7 +53,7 @@ class ActiveJob:
         """
         assert row.settings is not None and row.spp is not None
         self.id = row.id
-        self.scene = row.stage
+        self.scene = row.compiled_scene_id
         self.created = row.created
         self.request = row.request
         self.film = film
@@ -67,7 +67,7 @@ class ActiveJob:
         self.user, self.project = row.user, row.project or ""
         self.share = share_of(row.user)
         self.max_slots = row.max_slots
-        self.needs = Needs.of(row.needs)
+        self.needs = Needs.from_json(row.needs)
         self.deadline = row.deadline
         self.expected: float | None = None  # forecast of the completion time, if there is a deadline
         self.unforeseen: str | None = None  # why there is no forecast
@@ -75,13 +75,13 @@ class ActiveJob:
         self.foretold_s = 0.0  # slot-seconds per sample of a pixel, from the scene's previous job; 0: none
         self.kind = row.kind
         self.spp, self.noise, self.seconds = row.spp, row.noise, row.seconds
-        self.shot = Shot.of(row.shot)
+        self.shot = Shot.parse(row.shot)
         self.active_s = row.active_s
         self.started = row.started is not None
         self.served = 0  # sequence number of its latest batch among all batches
         self.frames: dict[int, ActiveFrame] = {}
         self.focus = row.focus
-        self.agenda: FrameOrder  # created by `begin`
+        self.agenda: FrameOrder  # created by `prepare_in_steps`
         self._is_begun = False
         self._goals: dict[int, int] = {}  # frames with their own number of samples
         self._totals: Totals
@@ -105,7 +105,7 @@ class ActiveJob:
         self._rated = (self._clock, 0)
         self.unwritten: set[int] = set()  # frames changed since they were stored
 
-    def take(self, rows: Sequence[FrameRow]) -> None:
+    def add_frames(self, rows: Sequence[FrameRow]) -> None:
         """Adds frames in rendering order. Raises FilmUnavailable or FilmLost."""
         for row in rows:
             self.frames[row.number] = frame = self._frame(row)
@@ -113,7 +113,7 @@ class ActiveJob:
             if row.spp:
                 self._goals[row.number] = row.spp
 
-    def begin(self) -> Iterator[None]:
+    def prepare_in_steps(self) -> Iterator[None]:
         """Sorts and sums up the frames; yields after each step.
 
         A long shot needs many steps, between which the engine handles other jobs. Call no other method until the iterator is
@@ -123,13 +123,13 @@ class ActiveJob:
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN_ORDER, 1)
         assert self.spp is not None
         self.agenda = FrameOrder(self.frames, order, every, self.spp, self._goals)
-        self.agenda.first = self.shot.first if self.shot else None
+        self.agenda.first_key = self.shot.first if self.shot else None
         self._totals = Totals(self.frames)
         yield
         self._is_begun = True
         for kind in self.compiled:
-            self.agenda.turns.expect(kind)
-        while not self.agenda.turns.look(FRAMES_PER_STEP):
+            self.agenda.turns.add_kind(kind)
+        while not self.agenda.turns.update(FRAMES_PER_STEP):
             yield
         while not self._totals.count(FRAMES_PER_STEP):
             yield
@@ -158,7 +158,7 @@ class ActiveJob:
         return ActiveFrame(row, self.film, settings, own, row.spp or self.spp, self.noise, True, on_change=self._note_change)
 
     @property
-    def done(self) -> bool:
+    def is_done(self) -> bool:
         """Returns True if the job has reached its goal. Failed frames are ignored."""
         if self.checks.get(self.id):
             return False
@@ -197,7 +197,7 @@ class ActiveJob:
         """The larger of the fractions of samples and of time that are done; 0 to 1."""
         by_samples = self.samples / max(self.target_samples, 1)
         by_time = self.active_s / self.seconds if self.seconds else 0.0
-        return 1.0 if self.done else min(max(by_samples, by_time), 0.9999)
+        return 1.0 if self.is_done else min(max(by_samples, by_time), 0.9999)
 
     @property
     def current_noise(self) -> float | None:
@@ -205,7 +205,7 @@ class ActiveJob:
         return self._totals.updated().noise.value
 
     @property
-    def forecast(self) -> float | None:
+    def expected_noise(self) -> float | None:
         """Maximum over the frames of the expected final noise; None if unknown."""
         return self.agenda.forecast if self.agenda.forecast is not None else self._totals.updated().ends.value
 
@@ -218,7 +218,7 @@ class ActiveJob:
         by_samples = max(self.target_samples - self.samples, 0) / self.samples_per_s
         return by_samples if by_time is None else min(by_time, by_samples)
 
-    def queue(self, kind: str) -> str:
+    def queue_name(self, kind: str) -> str:
         """Returns the name of the queue for this job's batches and workers of this kind."""
         return render_queue(kind) if self.needs is None else self.needs.queue(kind)
 
@@ -235,22 +235,22 @@ class ActiveJob:
     @property
     def slots_wanted(self) -> int:
         """Number of slots that the remaining work would occupy for at least half a minute each; 1 if the cost is unknown."""
-        if self.done or self.state == "paused":
+        if self.is_done or self.state == "paused":
             return 0
         left_s = max(self.target_samples - self.samples, 0) * self._costs.average
         return max(1, math.ceil(left_s / WORK_PER_SLOT_S))
 
-    def touch(self, frame: ActiveFrame) -> None:
+    def mark_changed(self, frame: ActiveFrame) -> None:
         """Marks a frame as changed, so that its numbers are updated."""
         self._note_change(frame.key)
 
     def _note_change(self, key: int) -> None:
-        """Marks a frame as changed; before `begin` has counted the frames there is nothing to mark."""
+        """Marks a frame as changed; before `prepare_in_steps` has counted the frames there is nothing to mark."""
         if not self._is_begun:
             return
-        self._totals.note(key)
-        self.agenda.turns.note(key)
-        self.tally.note(key)
+        self._totals.mark_changed(key)
+        self.agenda.turns.mark_changed(key)
+        self.tally.mark_changed(key)
         self.unwritten.add(key)
 
     def target_s(self, batch_seconds: float, slots: int) -> float:
@@ -286,12 +286,12 @@ class ActiveJob:
 
         def samples_wanted(tile: int) -> int:
             rect = self.film.tiles[tile]
-            a_sample = self._card_costs[worker].of(tile) * rect.w * rect.h if worker in self._card_costs else 0.0
+            a_sample = self._card_costs[worker].expected_cost(tile) * rect.w * rect.h if worker in self._card_costs else 0.0
             return int(seconds / a_sample) if a_sample > 0.0 else 1
 
         return self._next(kind, samples_wanted, 1)
 
-    def next(self, batch_seconds: float, slots: int, kind: str, of_a_tile: int = 1) -> Range | None:
+    def next_batch(self, batch_seconds: float, slots: int, kind: str, of_a_tile: int = 1) -> Range | None:
         """Returns the next batch for a slot, of about `batch_seconds` or shorter near the end; None if there is none.
 
         slots: number of slots of this worker kind. of_a_tile: maximum number of consecutive batches of one tile.
@@ -300,17 +300,17 @@ class ActiveJob:
 
         def samples_wanted(tile: int) -> int:
             rect = self.film.tiles[tile]
-            a_sample = self._costs.of(tile) * rect.w * rect.h
+            a_sample = self._costs.expected_cost(tile) * rect.w * rect.h
             return int(aim / a_sample) if a_sample > 0.0 else 1
 
         return self._next(kind, samples_wanted, of_a_tile)
 
     def _next(self, kind: str, samples_wanted: Callable[[int], int], of_a_tile: int) -> Range | None:
-        while (frame := self.agenda.next(kind)) is not None:
-            batch = frame.next(samples_wanted, of_a_tile)
+        while (frame := self.agenda.next_frame(kind)) is not None:
+            batch = frame.next_batch(samples_wanted, of_a_tile)
             if batch is not None:
                 return batch
-            if not self.agenda.passed(frame):
+            if not self.agenda.raise_ceiling(frame):
                 frame.is_idle = True
                 self._note_change(frame.key)
                 self._updating_frame(frame)  # its film may be complete already, in which case no batch will return
@@ -321,10 +321,10 @@ class ActiveJob:
         if (frame := self.frames.get(batch.frame)) is not None:
             frame.requeue(batch)
 
-    def wants(self, batch: Range) -> bool:
+    def needs_batch(self, batch: Range) -> bool:
         """Returns True if the job still needs the samples of this batch."""
         frame = self.frames.get(batch.frame)
-        return frame is not None and (self.shot is None or not frame.is_over) and frame.plan.wants(batch)
+        return frame is not None and (self.shot is None or not frame.is_over) and frame.plan.needs_batch(batch)
 
     @property
     def knows_cost(self) -> bool:
@@ -338,9 +338,9 @@ class ActiveJob:
         """
         rect = self.film.tiles[batch.tile]
         costs = self._card_costs.get(card) if card else self._costs
-        return costs.of(batch.tile) * rect.w * rect.h * batch.count if costs is not None else 0.0
+        return costs.expected_cost(batch.tile) * rect.w * rect.h * batch.count if costs is not None else 0.0
 
-    def came_back(self, batch: Range, seconds: float, card: str = "") -> None:
+    def record_result(self, batch: Range, seconds: float, card: str = "") -> None:
         """Records a batch that the film accepted or dropped as a duplicate. Call `update_from_film` to update the plan.
 
         seconds: its rendering time. card: as for `expected_s`.
@@ -369,26 +369,26 @@ class ActiveJob:
             self.agenda.finish_if_complete(frame)
         self._note_change(frame.key)
 
-    def fail(self, frame: ActiveFrame, error: str) -> None:
+    def fail_frame(self, frame: ActiveFrame, error: str) -> None:
         """Marks a frame as failed; the other frames continue. Raises FilmUnavailable or FilmLost."""
-        frame.fail(error)
+        frame.mark_failed(error)
         self._updating_frame(frame)
 
-    def prepared(self, frame: ActiveFrame, kind: str, settings: RenderSettings, own: dict[str, object] | None) -> None:
+    def mark_prepared(self, frame: ActiveFrame, kind: str, settings: RenderSettings, own: dict[str, object] | None) -> None:
         """Marks a frame as prepared for a worker kind. own: BlobRef of the scene compiled for this frame only, as JSON."""
         frame.settings = settings
         frame.compiled[kind] = self.compiled[kind] if own is None else str(own["sha256"])
         if own is not None and not frame.is_over:
             frame.own[kind] = own
-        self.touch(frame)
+        self.mark_changed(frame)
 
-    def release(self, all_frames: bool = False) -> Counter[str]:
+    def release_compiled(self, all_frames: bool = False) -> Counter[str]:
         """Removes the compiled scenes that frames no longer need. Returns the number of removed references, by blob hash.
 
         all_frames: removes those of all frames.
         """
         gone: Counter[str] = Counter()
-        for frame in self.agenda.turns.owning():
+        for frame in self.agenda.turns.frames_with_own_scene():
             for kind in [kind for kind in frame.own if all_frames or frame.is_over or kind not in frame.compiled]:
                 gone.update(blobs_of([frame.own.pop(kind)]))
                 frame.compiled.pop(kind, None)
@@ -399,7 +399,7 @@ class ActiveJob:
         """Records that the scene was compiled for a worker kind."""
         self.compiled[kind] = sha256
         if self.shot is None:  # a still is rendered from it directly
-            self.agenda.turns.note(*self.frames)
+            self.agenda.turns.mark_changed(*self.frames)
 
     def finish_frames(self) -> None:
         """Marks all frames of a finished shot as finished, except failed ones."""
@@ -425,7 +425,7 @@ class ActiveJob:
         for frame in self.frames.values():
             frame.focus_on(None if focus is None else Tile(*focus))
 
-    def tick(self, rendering: bool) -> None:
+    def advance_clock(self, rendering: bool) -> None:
         """Updates the job's speed about once a second. rendering: also adds the elapsed wall time to the job's rendering time."""
         now = time.monotonic()
         if rendering:

@@ -49,21 +49,21 @@ class FrameOrder:
                     self._pending.add(key)
             elif order == "breadth-first":
                 frame.ceiling = 1
-        self.turns = FrameQueue(frames, self.turn)
+        self.turns = FrameQueue(frames, self.sort_key)
 
     @property
-    def first(self) -> int | None:
+    def first_key(self) -> int | None:
         """Key of the frame that is rendered before all others; None if there is none."""
         return self._first
 
-    @first.setter
-    def first(self, key: int | None) -> None:
-        self.turns.note(*(each for each in (self._first, key) if each is not None and each in self._frames))
+    @first_key.setter
+    def first_key(self, key: int | None) -> None:
+        self.turns.mark_changed(*(each for each in (self._first, key) if each is not None and each in self._frames))
         self._first = key
 
-    def next(self, kind: str) -> ActiveFrame | None:
+    def next_frame(self, kind: str) -> ActiveFrame | None:
         """Returns the next frame for workers of this kind; None if no prepared frame has work."""
-        return self.turns.ready(kind)
+        return self.turns.ready_frames(kind)
 
     def is_out_of_order(self, frame: ActiveFrame, kind: str) -> bool:
         """Returns True if a frame precedes only because a frame before it in the order is not prepared yet.
@@ -73,12 +73,12 @@ class FrameOrder:
         if self._order not in MULTI_PASS_ORDERS:
             return False
         first = self.turns.first_unprepared(kind)
-        return first is not None and first < self.turn(frame)
+        return first is not None and first < self.sort_key(frame)
 
-    def turn(self, frame: ActiveFrame) -> SortKey:
+    def sort_key(self, frame: ActiveFrame) -> SortKey:
         """Returns the sort key of a frame. The frame with the smallest key is rendered first."""
         rank = self._rank[frame.key]
-        before = 0.0 if frame.key == self.first else 1.0
+        before = 0.0 if frame.key == self.first_key else 1.0
         if self._order == "breadth-first":
             return before, frame.ceiling, rank
         if self._order == "noisiest-first":
@@ -86,7 +86,7 @@ class FrameOrder:
             return before, min(frame.ceiling, self._pilot + 1), -noise, rank
         return before, rank
 
-    def passed(self, frame: ActiveFrame) -> bool:
+    def raise_ceiling(self, frame: ActiveFrame) -> bool:
         """Raises a frame's ceiling after all samples below it were dispatched.
 
         Returns whether the frame has more to dispatch now.
@@ -103,11 +103,11 @@ class FrameOrder:
         Call it after a batch of the frame returned, after all its batches were dispatched, or after it failed. Raises
         FilmUnavailable or FilmLost; then call it again.
         """
-        if not frame.is_over and frame.plan.done:
+        if not frame.is_over and frame.plan.is_done:
             frame.finish()
         if self._order != "noisiest-first" or (self.new_goals and not frame.is_over):
             return  # frames waiting for the next round are not complete yet
-        if frame.is_over or (frame.ceiling >= self._pilot and frame.plan.has(frame.ceiling)):
+        if frame.is_over or (frame.ceiling >= self._pilot and frame.plan.every_tile_has(frame.ceiling)):
             self._pending.discard(frame.key)
             if not self._pending:
                 self._plan_round()
@@ -115,7 +115,7 @@ class FrameOrder:
     def _plan_round(self) -> None:
         """Computes the sample goals of the next round. Finishes all frames if no budget remains."""
         open = [f for f in self._frames.values() if not f.is_over]
-        noises = [f.measured() for f in open]
+        noises = [f.measured_noise() for f in open]
         spent = sum(f.ceiling for f in self._frames.values() if f.state == "finished")
         budget = self._spp * sum(f.state != "failed" for f in self._frames.values()) - spent
         goals, self.forecast = goals_of_frames([f.ceiling for f in open], noises, budget, max((f.spp for f in open), default=1))
@@ -134,17 +134,17 @@ class FrameOrder:
         self.new_goals = {}
 
 
-def goals_of_frames(has: list[int], noise: list[float], budget: int, most: int) -> tuple[list[int], float | None]:
+def goals_of_frames(samples: list[int], noise: list[float], budget: int, maximum: int) -> tuple[list[int], float | None]:
     """Returns the next goal of each frame in samples per pixel, and the expected maximum noise after `budget` samples (or None).
 
-    has, noise: samples per pixel and relative noise of each frame. budget: samples per pixel summed over all frames, including
-    existing ones. most: maximum per frame. Frames of unknown or zero noise get no more samples.
+    samples, noise: samples per pixel and relative noise of each frame. budget: samples per pixel summed over all frames,
+    including existing ones. maximum: maximum per frame. Frames of unknown or zero noise get no more samples.
     """
-    known = [(h, n) for h, n in zip(has, noise, strict=True) if math.isfinite(n) and n > 0]
+    known = [(h, n) for h, n in zip(samples, noise, strict=True) if math.isfinite(n) and n > 0]
     if not known:
-        return list(has), None
+        return list(samples), None
     low, high = 0.0, max(n for _, n in known)
-    fixed = sum(has) - sum(h for h, _ in known)
+    fixed = sum(samples) - sum(h for h, _ in known)
     for _ in range(60):
         level = (low + high) / 2
         needs = fixed + sum(max(h, h * (n / level) ** 2) if level > 0 else math.inf for h, n in known)
@@ -152,7 +152,8 @@ def goals_of_frames(has: list[int], noise: list[float], budget: int, most: int) 
     greatest = max(n for _, n in known)
     aim = max(high, greatest / 2)
     goals = [
-        min(max(h, int(h * (n / aim) ** 2)), most) if math.isfinite(n) and n > 0 else h for h, n in zip(has, noise, strict=True)
+        min(max(h, int(h * (n / aim) ** 2)), maximum) if math.isfinite(n) and n > 0 else h
+        for h, n in zip(samples, noise, strict=True)
     ]
     return goals, min(high, greatest)
 

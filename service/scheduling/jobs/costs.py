@@ -22,7 +22,7 @@ class Costs:
         self._pace = 1.0  # measured / expected time, multiplied over all batches
         self._tiles: dict[int, tuple[float, float]] = {}  # tile -> its latest cost, and the pace at that time
 
-    def of(self, tile: int) -> float:
+    def expected_cost(self, tile: int) -> float:
         """Returns the expected cost of a tile; the average tile's if the tile's is unknown; 0 before the first batch."""
         if tile not in self._tiles:
             return self.average
@@ -34,7 +34,7 @@ class Costs:
         cost = max(cost, self.average / LEAST_COST)
         if cost <= 0.0:
             return False
-        if tile in self._tiles and 1 / OUTLIER_RATIO < (ratio := cost / self.of(tile)) < OUTLIER_RATIO:
+        if tile in self._tiles and 1 / OUTLIER_RATIO < (ratio := cost / self.expected_cost(tile)) < OUTLIER_RATIO:
             self._pace *= ratio**SMOOTHING
         self._tiles[tile] = cost, self._pace
         self.average += (cost - self.average) * (SMOOTHING if self.average else 1.0)

@@ -45,27 +45,27 @@ class _Progress:
             self._reached += 1
         return self._reached == tiles
 
-    def go_on(self, due: int) -> None:
+    def track_next(self, due: int) -> None:
         """Starts tracking the snapshot at `due` samples per pixel."""
         self.due, self._reached = due, 0
 
 
 class SnapshotKeeper:
-    """Creates snapshots. The engine's thread calls `look`; a separate thread writes the files."""
+    """Creates snapshots. The engine's thread calls `store_if_due`; a separate thread writes the files."""
 
-    def __init__(self, kept: FilmSnapshots, folder: Path, is_rendered: Callable[[str], bool]) -> None:
-        """Stores the parameters. kept: store of the snapshots. folder: for temporary files.
+    def __init__(self, snapshots: FilmSnapshots, folder: Path, is_rendered: Callable[[str], bool]) -> None:
+        """Stores the parameters. snapshots: store of the snapshots. folder: for temporary files.
 
         is_rendered: returns whether a job is active.
         """
-        self._kept = kept
+        self._kept = snapshots
         self._folder = folder
         self._is_rendered = is_rendered
         self._progress: WeakKeyDictionary[ActiveJob, _Progress] = WeakKeyDictionary()
         self._room = threading.Semaphore(AT_A_TIME)
         self._writer = ThreadPoolExecutor(1, "snapshots")
 
-    def look(self, job: ActiveJob) -> None:
+    def store_if_due(self, job: ActiveJob) -> None:
         """Creates a snapshot if one is due after new samples. Shots and finished pictures get none."""
         if job.shot is not None or self._kept.is_disabled:
             return
@@ -74,16 +74,16 @@ class SnapshotKeeper:
             return
         progress = self._progress.get(job)
         if progress is None:
-            known = self._kept.begin(job.id)
+            known = self._kept.accept(job.id)
             progress = self._progress[job] = _Progress(2 * known[-1] if known else 1)
-        if frame.plan.done or not progress.is_reached(frame) or not self._room.acquire(blocking=False):
+        if frame.plan.is_done or not progress.is_reached(frame) or not self._room.acquire(blocking=False):
             return
         spp = progress.due
-        while frame.plan.has(2 * spp):
+        while frame.plan.every_tile_has(2 * spp):
             spp *= 2
-        progress.go_on(2 * spp)
+        progress.track_next(2 * spp)
         try:
-            moment = job.film.moment()
+            moment = job.film.snapshot()
         except FarmError as error:
             self._room.release()
             log.info("job %s: no snapshot at %d samples: %s", job.id, spp, error)
@@ -104,7 +104,7 @@ class SnapshotKeeper:
                 samples = sum(count * area for count, area in tiles)
                 facts = replace(facts, least=min(counts), most=max(counts), samples=samples)
                 packet = film_packet(moment, frame, self._folder, gzip=True)
-            if not self._kept.keep(job, facts, packet.pieces()):
+            if not self._kept.write(job, facts, packet.pieces()):
                 log.info("job %s: no room for its snapshot at %d samples", job, facts.spp)
             if not self._is_rendered(job):
                 film.checkpoint()  # the film's log could not be merged while the view was open

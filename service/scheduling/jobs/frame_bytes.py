@@ -13,12 +13,19 @@ __all__ = ["additional_bytes", "exclusive_bytes", "total_bytes"]
 
 def total_bytes(jobs: Iterable[ActiveJob]) -> dict[str, int]:
     """Returns the sizes in bytes, by hash, of the blobs compiled for frames of these jobs."""
-    return {sha256: size for job in jobs for frame in job.agenda.turns.owning() for sha256, size in _of_frame(job, frame)}
+    return {
+        sha256: size
+        for job in jobs
+        for frame in job.agenda.turns.frames_with_own_scene()
+        for sha256, size in _of_frame(job, frame)
+    }
 
 
 def exclusive_bytes(job: ActiveJob, frame: ActiveFrame) -> int:
     """Returns the size in bytes of the blobs that only this frame of the job refers to."""
-    others = {sha256 for other in job.agenda.turns.owning() if other is not frame for sha256, _ in _of_frame(job, other)}
+    others = {
+        sha256 for other in job.agenda.turns.frames_with_own_scene() if other is not frame for sha256, _ in _of_frame(job, other)
+    }
     return _sum_without(_of_frame(job, frame), others)
 
 

@@ -11,7 +11,7 @@ __all__ = ["FrameProgress"]
 
 
 class FrameProgress:
-    """Progress numbers of all frames. Call `note` for each change.
+    """Progress numbers of all frames. Call `mark_changed` for each change.
 
     Used only by the engine's thread, except for the mappings that `numbers` returns.
     """
@@ -23,15 +23,15 @@ class FrameProgress:
         self._failed: set[int] = set()
         self._changed: set[int] = set()
 
-    def begin(self, some: int) -> Iterator[None]:
-        """Counts all frames for the first time; yields after each step. some: number of frames per step."""
+    def begin(self, frames_per_step: int) -> Iterator[None]:
+        """Counts all frames for the first time; yields after each step. frames_per_step: number of frames per step."""
         keys, numbers = list(self._frames), dict[int, FrameNumbers]()
-        for at in range(0, len(keys), some):
-            numbers |= self._numbers_of(keys[at : at + some])
+        for at in range(0, len(keys), frames_per_step):
+            numbers |= self._numbers_of(keys[at : at + frames_per_step])
             yield
         self._numbers = numbers
 
-    def note(self, key: int) -> None:
+    def mark_changed(self, key: int) -> None:
         """Marks a frame as changed."""
         self._changed.add(key)
 

@@ -20,71 +20,71 @@ FrameHeap = LazyHeap[SortKey]
 
 
 class FrameQueue:
-    """Queues of a job's frames, by worker kind. Call `note` for each change. Used only by the engine's thread."""
+    """Queues of a job's frames, by worker kind. Call `mark_changed` for each change. Used only by the engine's thread."""
 
-    def __init__(self, frames: Mapping[int, ActiveFrame], turn: SortKeyOf) -> None:
-        """Creates the queues. turn: returns the current sort key of a frame."""
+    def __init__(self, frames: Mapping[int, ActiveFrame], sort_key_of: SortKeyOf) -> None:
+        """Creates the queues. sort_key_of: returns the current sort key of a frame."""
         self._frames = frames
-        self._turn = turn
+        self._turn = sort_key_of
         self._changed: dict[int, None] = {}
         self._ready: dict[str, FrameHeap] = {}  # by kind: frames that can be rendered
         self._lacking: dict[str, FrameHeap] = {}  # by kind: frames that are not prepared and not being prepared
         self._preparing: dict[int, None] = {}  # frames being prepared
         self._owning: dict[int, None] = {}  # frames with their own compiled scene
-        self.note(*frames)
+        self.mark_changed(*frames)
 
-    def note(self, *keys: int) -> None:
+    def mark_changed(self, *keys: int) -> None:
         """Marks frames as changed."""
         self._changed.update(dict.fromkeys(keys))
 
-    def ready(self, kind: str) -> ActiveFrame | None:
+    def ready_frames(self, kind: str) -> ActiveFrame | None:
         """Returns the next frame to render by workers of this kind; None if no prepared frame has work."""
-        first = self._heap_of(self._ready, kind).first()
+        first = self._heap_of(self._ready, kind).smallest()
         return None if first is None else self._frames[first[1]]
 
-    def count_ready_before(self, kind: str, turn: SortKey, most: int) -> int:
-        """Returns the number of prepared frames whose sort key is below `turn`; at most `most`."""
-        return self._heap_of(self._ready, kind).before(turn, most)
+    def count_ready_before(self, kind: str, sort_key: SortKey, max_count: int) -> int:
+        """Returns the number of prepared frames whose sort key is below `sort_key`; at most `max_count`."""
+        return self._heap_of(self._ready, kind).count_before(sort_key, max_count)
 
-    def lacking(self, kind: str, most: int) -> list[ActiveFrame]:
-        """Returns the first frames that must be prepared for workers of this kind; at most `most`."""
-        return [self._frames[key] for key in self._heap_of(self._lacking, kind).first_keys(most)]
+    def frames_to_prepare(self, kind: str, max_count: int) -> list[ActiveFrame]:
+        """Returns the first frames that must be prepared for workers of this kind; at most `max_count`."""
+        return [self._frames[key] for key in self._heap_of(self._lacking, kind).first_keys(max_count)]
 
     def first_unprepared(self, kind: str) -> SortKey | None:
         """Returns the smallest sort key of the frames not prepared for this kind, including those in preparation; None if there
         are none.
         """
-        first = self._heap_of(self._lacking, kind).first()
-        at_it = (self._turn(f) for f in self.preparing() if kind not in f.compiled and not f.is_over and not f.is_idle)
+        first = self._heap_of(self._lacking, kind).smallest()
+        at_it = (self._turn(f) for f in self.preparing_frames() if kind not in f.compiled and not f.is_over and not f.is_idle)
         return min(at_it if first is None else (first[0], *at_it), default=None)
 
-    def preparing(self) -> list[ActiveFrame]:
+    def preparing_frames(self) -> list[ActiveFrame]:
         """Returns the frames that are being prepared."""
-        self.look()
+        self.update()
         return [self._frames[key] for key in self._preparing]
 
-    def owning(self) -> list[ActiveFrame]:
+    def frames_with_own_scene(self) -> list[ActiveFrame]:
         """Returns the frames that have a compiled scene of their own."""
-        self.look()
+        self.update()
         return [self._frames[key] for key in self._owning]
 
-    def expect(self, kind: str) -> None:
+    def add_kind(self, kind: str) -> None:
         """Creates the queues for a worker kind, if they do not exist."""
         if kind not in self._ready:
             self._ready[kind], self._lacking[kind] = LazyHeap(), LazyHeap()
-            self.note(*self._frames)
+            self.mark_changed(*self._frames)
 
     def _heap_of(self, lines: dict[str, FrameHeap], kind: str) -> FrameHeap:
-        self.expect(kind)
-        self.look()
+        self.add_kind(kind)
+        self.update()
         return lines[kind]
 
-    def look(self, most: int | None = None) -> bool:
-        """Sorts at most `most` changed frames (None: all); returns whether none is left.
+    def update(self, max_count: int | None = None) -> bool:
+        """Sorts at most `max_count` changed frames (None: all); returns whether none is left.
 
         Queries sort all changed frames first.
         """
-        for key in list(islice(self._changed, most)):
+        for key in list(islice(self._changed, max_count)):
             del self._changed[key]
             frame = self._frames[key]
             _set_membership(self._preparing, key, frame.is_preparing)

@@ -46,7 +46,7 @@ class History:
                 self._workers.discard(words)
 
     @classmethod
-    def of(cls, data: Mapping[str, Any] | None) -> Self:
+    def parse(cls, data: Mapping[str, Any] | None) -> Self:
         """Parses the column of a job's row. An invalid value gives an empty history."""
         try:
             points = [[float(s), float(n), None if e is None else float(e)] for s, n, e in (data or {}).get("points", [])]

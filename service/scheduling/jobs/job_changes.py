@@ -18,15 +18,15 @@ from service.store.models import ACTIVE_STATES, FINAL_STATES, STATE_LABELS, Job,
 __all__ = ["begins_anew", "drop_failed_dependencies", "set_focus", "set_samples", "set_state"]
 
 
-def set_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
-    """Sets a job's goal: `spp` samples per pixel in total, or `more` samples per pixel in addition to the present ones.
+def set_samples(job: Job, spp: int | None, added: int | None, present: int) -> None:
+    """Sets a job's goal: `spp` samples per pixel in total, or `added` samples per pixel in addition to the present ones.
 
-    Replaces a goal by noise or time. has: number of samples in the film, over all pixels. Raises Invalid and Conflict.
+    Replaces a goal by noise or time. present: number of samples in the film, over all pixels. Raises Invalid and Conflict.
     """
-    if spp is not None and more is not None:
+    if spp is not None and added is not None:
         raise Invalid(Sentence("spp-and-more-given", "spp: give either spp (the total per pixel) or more (additional samples)."))
     is_by_samples = job.noise is None and job.seconds is None
-    now = job.spp if is_by_samples else has // _pixels(job)
+    now = job.spp if is_by_samples else present // _pixels(job)
     if now is None:
         raise Conflict(
             Sentence(
@@ -34,7 +34,7 @@ def set_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
                 "more: the scene is still being prepared, so its number of samples is not known. Give spp.",
             )
         )
-    wanted = now + more if more is not None else spp
+    wanted = now + added if added is not None else spp
     assert wanted is not None
     if wanted > MAX_SPP:
         raise Invalid(

@@ -38,11 +38,11 @@ class JobLog:
         self._given = 0
         self._back: dict[str, list[float]] = {}  # by worker: batches, samples, seconds
 
-    def add_line(self, text: str, more: str = "") -> None:
-        """Adds a line. more: further lines, indented below it."""
+    def add_line(self, text: str, details: str = "") -> None:
+        """Adds a line. details: further lines, indented below it."""
         self._add_counts()
         self._add(text)
-        for line in more.splitlines():
+        for line in details.splitlines():
             self._add(f"    {line}")
 
     def count_given(self, batches: int) -> None:
@@ -89,7 +89,7 @@ class JobLogs:
         self._counted: dict[str, float] = {}  # by job: when its counts were last logged at the level info
         self.tiles = TileLogs()
 
-    def of(self, job: str) -> JobLog:
+    def log_of(self, job: str) -> JobLog:
         """Returns a job's log, to which lines can be added."""
         return self._logs.setdefault(job, JobLog())
 
@@ -124,13 +124,13 @@ class JobLogs:
     def text(self, job: str) -> bytes:
         """Returns the last `KEPT_BYTES` bytes of a job's log as whole lines; empty if there is no log. Thread-safe."""
         with contextlib.suppress(OSError), self._path(job).open("rb") as file:
-            return _end(file.fileno())
+            return _last_bytes(file.fileno())
         return b""
 
     def delete(self, job: str) -> None:
         """Deletes the log of a deleted job."""
         self._logs.pop(job, None)
-        self.tiles.forget(job)
+        self.tiles.remove_job(job)
         with contextlib.suppress(OSError):
             self._path(job).unlink()
 
@@ -158,7 +158,7 @@ def _batches(count: int) -> str:
     return f"{count} batch{'es' * (count != 1)}"
 
 
-def _end(fd: int) -> bytes:
+def _last_bytes(fd: int) -> bytes:
     size = os.fstat(fd).st_size
     data = os.pread(fd, KEPT_BYTES, max(0, size - KEPT_BYTES))
     return data if size <= KEPT_BYTES else data.partition(b"\n")[2]

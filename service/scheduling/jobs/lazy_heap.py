@@ -45,26 +45,26 @@ class LazyHeap(Generic[Priority]):
         """Removes a key if it is present."""
         self._places.pop(key, None)
 
-    def first(self) -> tuple[Priority, int] | None:
+    def smallest(self) -> tuple[Priority, int] | None:
         """Returns the smallest priority with its key; None if the heap is empty."""
         while self._heap and not self._is_current(self._heap[0]):
             heapq.heappop(self._heap)
         return self._heap[0] if self._heap else None
 
-    def first_keys(self, most: int) -> list[int]:
-        """Returns the first keys in order, at most `most`."""
+    def first_keys(self, max_count: int) -> list[int]:
+        """Returns the first keys in order, at most `max_count`."""
         taken: dict[int, tuple[Priority, int]] = {}
-        while len(taken) < most and (first := self.first()) is not None:
+        while len(taken) < max_count and (first := self.smallest()) is not None:
             taken[first[1]] = heapq.heappop(self._heap)
         for entry in taken.values():
             heapq.heappush(self._heap, entry)
         return list(taken)
 
-    def before(self, place: Priority, most: int) -> int:
-        """Returns the number of keys with a smaller priority than `place`, at most `most`."""
+    def count_before(self, place: Priority, max_count: int) -> int:
+        """Returns the number of keys with a smaller priority than `place`, at most `max_count`."""
         found: set[int] = set()
         look = [0]
-        while look and len(found) < most:
+        while look and len(found) < max_count:
             at = look.pop()
             if at < len(self._heap) and self._heap[at][0] < place:
                 if self._is_current(self._heap[at]):

@@ -104,7 +104,7 @@ class FramePlan:
                 self._requeue_tile(tile, covered.prefix)
 
     @property
-    def done(self) -> bool:
+    def is_done(self) -> bool:
         """Returns True if every tile has reached its goal."""
         return not self._open
 
@@ -113,7 +113,7 @@ class FramePlan:
         """Returns True if every tile has at least one sample."""
         return all(self.covered)
 
-    def has(self, samples: int) -> bool:
+    def every_tile_has(self, samples: int) -> bool:
         """Returns True if every tile has this many samples or is complete with fewer."""
         return all(self.covered[tile] >= samples for tile in self._open)
 
@@ -141,7 +141,7 @@ class FramePlan:
         heapq.heapify(self._focused)
         heapq.heapify(self._heap)
 
-    def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
+    def next_batch(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
         """Returns the next batch; None if all are dispatched.
 
         samples_wanted: returns the suitable number of samples for a tile. of_a_tile: maximum number of consecutive batches of one
@@ -196,7 +196,7 @@ class FramePlan:
             return Range(tile, start, count, self._frame)
         return None
 
-    def wants(self, batch: Range) -> bool:
+    def needs_batch(self, batch: Range) -> bool:
         """Returns True if the frame needs these samples. A complete tile accepts no more, so that its final count is exact."""
         return (
             batch.tile in self._open
@@ -235,9 +235,9 @@ class FramePlan:
         self._planned[tile] = max(self._planned[tile], prefix)
         self._push(tile)
 
-    def _requeue_gaps(self, of: Range, covered: Coverage) -> None:
-        for start, end in covered.gaps(of.first, of.first + of.count):
-            self._lost.append(Range(of.tile, start, end - start, self._frame))
+    def _requeue_gaps(self, samples: Range, covered: Coverage) -> None:
+        for start, end in covered.gaps(samples.first, samples.first + samples.count):
+            self._lost.append(Range(samples.tile, start, end - start, self._frame))
 
     def _is_complete(self, tile: int, covered: Coverage) -> bool:
         if covered.prefix >= self.spp:
@@ -249,11 +249,11 @@ class FramePlan:
         self._guess[tile] = int(min(self.spp, covered.prefix * min((noise / self.noise) ** 2, self.spp)))
         return noise <= self.noise
 
-    def _push(self, tile: int, turn: int | None = None) -> None:
-        """Adds a tile to its heap. turn: sort key; None: the tile's number of planned samples."""
+    def _push(self, tile: int, sort_key: int | None = None) -> None:
+        """Adds a tile to its heap. sort_key: sort key; None: the tile's number of planned samples."""
         heap = self._focused if tile in self._focus else self._heap
         planned = self._planned[tile]
-        heapq.heappush(heap, (planned if turn is None else turn, self._order[tile], tile, planned))
+        heapq.heappush(heap, (planned if sort_key is None else sort_key, self._order[tile], tile, planned))
 
 
 def _ranks_from_centre(tiles: list[Tile]) -> list[int]:

@@ -99,7 +99,7 @@ class Shares:
         """Returns the name of a job's share under the current terms."""
         return share_of(user, project, self.terms)
 
-    def line(self, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]) -> ShareQueue[Job]:
+    def queue_of(self, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]) -> ShareQueue[Job]:
         """Returns the queue of jobs of one priority for workers of this kind.
 
         held: number of outstanding messages of each job. shares_held: the same of each share, over all priorities and kinds;
@@ -120,7 +120,7 @@ class Shares:
         clock = self._clocks.setdefault(kind, _VirtualClock())
         clock.ends[share] = max(clock.ends.get(share, 0.0), clock.now)
 
-    def serve(self, kind: str, share: str, seconds: float) -> None:
+    def charge(self, kind: str, share: str, seconds: float) -> None:
         """Charges a share for a dispatched batch with this expected duration."""
         clock = self._clocks.setdefault(kind, _VirtualClock())
         begins, _ = self.start(kind, share)
@@ -164,7 +164,7 @@ class ShareQueue(Generic[Job]):
         self.left = 0  # maximum number of further slots for the current job
         self.held = 0  # slots that the current job occupies
 
-    def next(self) -> Job | None:
+    def next_job(self) -> Job | None:
         """Returns the next job; None if no job may use more slots. A job that is not served then is not returned again."""
         while self._turns:
             share = self._turns[0][1]
@@ -191,8 +191,8 @@ class ShareQueue(Generic[Job]):
         share = job.share
         heappush(self._queues[share], ((urgency, held + messages, job.served, created, id), job))
         self._held[share] += messages
-        self._shares.serve(self._kind, share, seconds)
-        heappop(self._turns)  # its share is still the first, since `next` has examined no other
+        self._shares.charge(self._kind, share, seconds)
+        heappop(self._turns)  # its share is still the first, since `next_job` has examined no other
         heappush(self._turns, (self._shares.start(self._kind, share), share))
 
     @staticmethod

@@ -62,24 +62,24 @@ def change_shot(job: Job, shot: Shot, frames: Mapping[int, CurrentFrame], reques
             now, first=None if request.first == NO_SAMPLES_FIRST else _existing_keys(frames, [request.first], "first")[0]
         )
     if request.order is not None and request.order != now.order:
-        now = now.changed(order=request.order)
+        now = now.with_changes(order=request.order)
         if NOISIEST_FIRST in (request.order, shot.order):
-            steps.append(Step.of("unplan", list(frames)))
+            steps.append(Step.for_keys("unplan", list(frames)))
     added = _added(frames, request)
     if added:
-        steps.append(Step.of("add", added, target=samples_of(job)))
+        steps.append(Step.for_keys("add", added, target=samples_of(job)))
     anew = _existing_keys(frames, parse_frames(request.again), "again") if request.again is not None else []
     if anew:
-        steps.append(Step.of("again", anew, unplan=now.order == NOISIEST_FIRST))
+        steps.append(Step.for_keys("again", anew, unplan=now.order == NOISIEST_FIRST))
     failed = {key for key, frame in frames.items() if frame.state == "failed"}.difference(anew)
     aims, is_more = _ask_for_samples(job, now, frames, added, failed, request)
     healed = sorted(failed) if request.state == "running" else []
     if healed:
-        aims.append(Step.of("heal", healed))
+        aims.append(Step.for_keys("heal", healed))
     if added or anew or is_more or healed:
         named = dict.fromkeys((*now.anew_keys, *anew))
         known = now.frames if not added or now.frames is None else frames_text(map(frame_number, (*frames, *added)))
-        now = now.changed(anew=frames_text(map(frame_number, named)), frames=known)
+        now = now.with_changes(anew=frames_text(map(frame_number, named)), frames=known)
         if job.state in FINAL_STATES and job.state != "cancelled":
             job.state, job.finished, job.error, job.reproduce = "queued", None, None, None
     if now != shot:
@@ -156,7 +156,7 @@ def _ask_for_samples(
             job.spp if job.noise is None and job.seconds is None else None, request, Sentence("label-shot", "the shot")
         )
         job.noise = job.seconds = None
-        return [Step.of("aim", [*frames, *added], keep=shot.order == NOISIEST_FIRST)], len(failed) < len(frames)
+        return [Step.for_keys("aim", [*frames, *added], keep=shot.order == NOISIEST_FIRST)], len(failed) < len(frames)
     chosen = _existing_keys(frames, parse_frames(request.frames), "frames")
     for key in chosen:
         _raised_goal(
@@ -164,7 +164,7 @@ def _ask_for_samples(
             request,
             Sentence("label-frame", "frame {frame}", frame=frame_text(frame_number(key))),
         )
-    return [Step.of("more", chosen, spp=request.spp, more=request.more)], not failed >= set(chosen)
+    return [Step.for_keys("more", chosen, spp=request.spp, more=request.more)], not failed >= set(chosen)
 
 
 def _raised_goal(now: int | None, request: ShotRequest, what: str) -> int:

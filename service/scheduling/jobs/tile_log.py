@@ -25,7 +25,7 @@ class TileLogs:
     def __init__(self) -> None:
         self._jobs: OrderedDict[str, OrderedDict[Tile, tuple[str, ...]]] = OrderedDict()
 
-    def note(self, job: str, frame: int, tile: int, text: str) -> None:
+    def add_line(self, job: str, frame: int, tile: int, text: str) -> None:
         """Adds the line of a returned batch."""
         tiles = self._jobs.get(job)
         if tiles is None:
@@ -43,7 +43,7 @@ class TileLogs:
         lines = tiles.get((frame, tile), ()) if tiles is not None else ()
         return "".join(f"{line}\n" for line in lines)
 
-    def forget(self, job: str) -> None:
+    def remove_job(self, job: str) -> None:
         """Removes the logs of a deleted job."""
         self._jobs.pop(job, None)
 

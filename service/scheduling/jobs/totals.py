@@ -28,7 +28,7 @@ class RunningMaximum:
             self._known.put(key, -value)
             self._unknown.discard(key)
 
-    def drop(self, key: int) -> None:
+    def remove(self, key: int) -> None:
         """Removes the value of a key."""
         self._known.drop(key)
         self._unknown.discard(key)
@@ -36,7 +36,7 @@ class RunningMaximum:
     @property
     def value(self) -> float | None:
         """The maximum; None if there are no values or any is unknown."""
-        first = None if self._unknown else self._known.first()
+        first = None if self._unknown else self._known.smallest()
         return None if first is None else -first[0]
 
 
@@ -61,7 +61,7 @@ class Totals:
         self.noise = RunningMaximum()  # current noise of the frames
         self.ends = RunningMaximum()  # expected final noise of the frames
 
-    def note(self, key: int) -> None:
+    def mark_changed(self, key: int) -> None:
         """Marks a frame as changed."""
         self._changed[key] = None
 
@@ -70,9 +70,9 @@ class Totals:
         self.count()
         return self
 
-    def count(self, most: int | None = None) -> bool:
-        """Updates the totals from at most `most` changed frames (None: all); returns whether none is left."""
-        for key in list(islice(self._changed, most)):
+    def count(self, max_count: int | None = None) -> bool:
+        """Updates the totals from at most `max_count` changed frames (None: all); returns whether none is left."""
+        for key in list(islice(self._changed, max_count)):
             del self._changed[key]
             frame = self._frames[key]
             before = self._counted.get(key, _CountedFrame())
@@ -84,8 +84,8 @@ class Totals:
             self.over += now.is_over - before.is_over
             self.bad_samples += now.bad - before.bad
             if has_failed:
-                self.noise.drop(key)
-                self.ends.drop(key)
+                self.noise.remove(key)
+                self.ends.remove(key)
             else:
                 self.noise.set(key, frame.noise)
                 left = (now.samples / max(now.target, 1)) ** 0.5

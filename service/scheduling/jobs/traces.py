@@ -43,10 +43,10 @@ def record_job_span(job: ActiveJob, state: str, error: str | None = None) -> Non
     )
 
 
-def record_merge_span(job: ActiveJob, begun: float, batches: int, of: Iterable[str]) -> None:
-    """Records the span of a merge into a job's film. begun: its start. of: spans in which the batches were rendered."""
+def record_merge_span(job: ActiveJob, begun: float, batches: int, batch_spans: Iterable[str]) -> None:
+    """Records the span of a merge into a job's film. begun: its start. batch_spans: spans in which the batches were rendered."""
     if tracing.is_on():
-        links = [tracing.parse_traceparent(each) for each in of]
+        links = [tracing.parse_traceparent(each) for each in batch_spans]
         tracing.record_span(
             "merge", begun, time.time(), tracing.root_span("job", job.id), links=links, job=job.id, batches=batches
         )

@@ -89,7 +89,7 @@ class Trust:
             nobody_s = bool(job.verify) and (len(message.senders) != 1 or not all(message.senders))
             if nobody_s or not self._scheduler.distrusted.isdisjoint(message.senders):
                 for piece in message.pieces:
-                    self._scheduler.came_back(job, piece.batch, None, 0.0, piece.worker or message.worker)
+                    self._scheduler.end_batch(job, piece.batch, None, 0.0, piece.worker or message.worker)
             elif check is not None:
                 self._handle_answer(job, check, message, sums)
             else:
@@ -117,7 +117,7 @@ class Trust:
         with suppress(QueueError):  # sent at the next review
             self._send_repetition(job, check)
 
-    def review(self) -> None:
+    def advance_checks(self) -> None:
         """Sends due repetitions, and drops verifications that cannot be completed. Raises QueueError."""
         for check in list(self._open):
             job = self._scheduler.jobs.get(check.job)
@@ -138,7 +138,7 @@ class Trust:
             else:
                 self._apply_user_decision(check)
 
-    def carry_out(self, again: Callable[[ActiveJob], None]) -> None:
+    def apply_distrust(self, again: Callable[[ActiveJob], None]) -> None:
         """Marks workers whose results were wrong as distrusted, and pauses them. again: reloads a job without their samples."""
         for worker, (found_in, why) in list(self._wrong.items()):
             self._scheduler.distrusted.add(worker)
@@ -159,7 +159,7 @@ class Trust:
             del self._wrong[worker]
         self._update_counts()
 
-    def sentences(self) -> Mapping[str, str]:
+    def required_actions(self) -> Mapping[str, str]:
         """Returns the action required of a user for each job that waits for a decision, as sentences by job id."""
         return {
             check.job: (
@@ -188,7 +188,7 @@ class Trust:
             where = f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}"
             log.warning("job %s: %s rendered %s differently", job.id, " and ".join(sorted(check.votes.workers)), where)
             job.history.log.add_line(f"{' and '.join(sorted(check.votes.workers))} rendered {where} differently")
-        if check.votes.right is None:
+        if check.votes.agreed_index is None:
             with suppress(QueueError):  # sent at the next review
                 if (
                     check.votes.could_decide(self._trusted_ready_workers(check.kind))
@@ -197,8 +197,8 @@ class Trust:
                     self._send_repetition(job, check)
             return
         self.counts["verified"] += 1
-        right = sorted(check.votes.workers - check.votes.wrong)
-        for worker in check.votes.wrong:
+        right = sorted(check.votes.workers - check.votes.outvoted_workers)
+        for worker in check.votes.outvoted_workers:
             self._mark_wrong(
                 worker, check, Sentence("worker-outvoted", "since {workers} agree on another result", workers=" and ".join(right))
             )
@@ -213,7 +213,7 @@ class Trust:
                 self._mark_wrong(worker, check, Sentence("worker-distrusted-by-user", "since it was paused by a user"))
             self._end_verification(check)
 
-    def _mark_wrong(self, worker: str, check: _Verification, how: str) -> None:
+    def _mark_wrong(self, worker: str, check: _Verification, evidence: str) -> None:
         batch = check.batch
         where = Sentence(
             "samples-of-tile",
@@ -227,7 +227,7 @@ class Trust:
             "worker-results-differ",
             "Set aside: its results differ from those of other workers ({samples}), {verdict}",
             samples=where,
-            verdict=how,
+            verdict=evidence,
         )
         self._wrong[worker] = check.job, why
 
@@ -239,7 +239,7 @@ class Trust:
         )
         with suppress(redis.RedisError):  # its results are rejected meanwhile
             self._workers.pause(worker, sentence)
-            self._workers.look(now=True)
+            self._workers.refresh(now=True)
 
     def _send_repetition(self, job: ActiveJob, check: _Verification) -> None:
         """Sends a repetition of a batch for verification. Raises QueueError."""
@@ -249,13 +249,13 @@ class Trust:
             return
         # a separate lease, since the plan has this batch already
         lease = Lease(job.id, check.kind, check.batch, check.patience_s)
-        lease.queue = job.queue(check.kind)
+        lease.queue = job.queue_name(check.kind)
         check.asked.add(lease.id)
         check.waits_since = time.monotonic()
         self._dispatcher.send_batch(batch_message(job, lease, check.batch), lease.queue)
 
     def _trusted_ready_workers(self, kind: str) -> set[str]:
-        ready = {report.name for report in self._workers.roster.ready() if report.kind == kind}
+        ready = {report.name for report in self._workers.roster.ready_reports() if report.kind == kind}
         return ready - self._scheduler.distrusted
 
     def _end_verification(self, check: _Verification) -> None:

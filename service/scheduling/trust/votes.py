@@ -47,7 +47,7 @@ class Votes:
         return len({value for _, value in self.cast}) > 1
 
     @property
-    def right(self) -> int | None:
+    def agreed_index(self) -> int | None:
         """Index of the value that two workers agree on; None if there is none."""
         supporters: dict[int, set[str]] = {}
         for worker, value in self.cast:
@@ -56,9 +56,9 @@ class Votes:
         return best if best is not None and len(supporters[best]) > 1 else None
 
     @property
-    def wrong(self) -> set[str]:
+    def outvoted_workers(self) -> set[str]:
         """Names of the workers with a value other than the correct one; empty while that is unknown."""
-        right = self.right
+        right = self.agreed_index
         return set() if right is None else {worker for worker, value in self.cast if value != right}
 
     def could_decide(self, ready: set[str]) -> bool:

@@ -32,7 +32,7 @@ def test_half_blocks_show_every_pixel_and_draw_only_rows_that_changed() -> None:
     screen.take(blocks.draw(changed, 3, 2))
     np.testing.assert_array_equal(screen.blocks(), changed)
     assert {row for row, _ in screen.drawn} == {1 + 7 // 2}
-    blocks.forget()
+    blocks.discard_drawn()
     assert len(blocks.draw(changed, 3, 2)) > 1000
 
 
@@ -56,7 +56,7 @@ def test_kitty_has_the_picture_itself_and_one_at_a_time() -> None:
         (only,) = screen.images.values()
         np.testing.assert_array_equal(only, picture)
     assert kitty.cells((70, 50)) == (7, 3)
-    screen.take(kitty.clear())
+    screen.take(kitty.clearing_bytes())
     assert not screen.images
 
 

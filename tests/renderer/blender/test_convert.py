@@ -55,7 +55,7 @@ def test_what_blender_wrote_is_the_scene(blender, scene, monkeypatch):
     assert (found.version, found.is_module) == ("4.5.1", False)
     shot = Shot(scene, "a.blend")
     for frame in (0, 3):
-        description = shot.at(Moment(frame))
+        description = shot.scene_at(Moment(frame))
         assert len(description.instances) == 1
         assert description.warnings[0] == "Material odd: is left out"
 

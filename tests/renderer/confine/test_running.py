@@ -104,7 +104,7 @@ def test_what_a_machine_lacks_makes_no_file_damaged(tmp_path: Path, monkeypatch:
     (tmp_path / "a.ply").write_bytes(b"ply\n")
     monkeypatch.setattr(by_format, "import_module", lambda name: SimpleNamespace(read=lacking))
     with pytest.raises(type(what)) as raised:
-        Shot(tmp_path, "a.ply").at()
+        Shot(tmp_path, "a.ply").scene_at()
     assert "machine" in error_message(raised.value)
 
 

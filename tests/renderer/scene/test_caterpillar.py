@@ -77,7 +77,7 @@ def test_it_ends_where_it_begins(made):
 
 def test_a_skin_bends_a_body_travels_and_the_camera_goes_along():
     shot = Shot(FOLDER, "caterpillar.yaml")
-    first, later = (shot.at(Moment(frame)) for frame in (0.0, 30.0))
+    first, later = (shot.scene_at(Moment(frame)) for frame in (0.0, 30.0))
     assert first.warnings == []
     assert first.defaults["shutter"] == 0.5
     (clip,) = first.clips

@@ -36,7 +36,7 @@ def test_moments_are_what_was_saved_and_share_what_stands_still(tmp_path):
     kept, saver = ShotCache(), Saver(tmp_path)
     manifests, scenes = [], []
     for angle in (0.0, 20.0, 33.0):
-        compiled = compile_scene(zoo(angle), kept=kept)
+        compiled = compile_scene(zoo(angle), shot_cache=kept)
         manifests.append(saver.save(compiled, kept.cuts))
         scenes.append(load(manifests[-1]))
         same(scenes[-1], compiled)
@@ -56,32 +56,32 @@ def test_a_moment_saved_alone_has_the_same_parts(tmp_path):
     kept, saver = ShotCache(), Saver(tmp_path)
     names = []
     for angle in (0.0, 33.0):
-        names.append(saver.save(compile_scene(zoo(angle), kept=kept), kept.cuts).name)
+        names.append(saver.save(compile_scene(zoo(angle), shot_cache=kept), kept.cuts).name)
     alone = ShotCache()
-    assert Saver(tmp_path).save(compile_scene(zoo(33.0), kept=alone), alone.cuts).name == names[1] != names[0]
+    assert Saver(tmp_path).save(compile_scene(zoo(33.0), shot_cache=alone), alone.cuts).name == names[1] != names[0]
 
 
 def test_what_does_not_change_is_not_even_looked_at(tmp_path, monkeypatch):
     written = []
-    known = parts_file._written
-    monkeypatch.setattr(parts_file, "_written", lambda slices, folder: written.append(set(slices)) or known(slices, folder))
+    known = parts_file._write_part
+    monkeypatch.setattr(parts_file, "_write_part", lambda slices, folder: written.append(set(slices)) or known(slices, folder))
     kept, saver = ShotCache(), Saver(tmp_path)
     for angle in (0.0, 33.0):
         written.clear()
-        saver.save(compile_scene(zoo(angle), kept=kept), kept.cuts)
+        saver.save(compile_scene(zoo(angle), shot_cache=kept), kept.cuts)
     assert not any("texel" in names or "environment" in names or "material" in names for names in written)
     assert sum("bvh.packet" in names for names in written) == 1  # that of the loose part
 
 
 def test_a_scene_of_which_nothing_moves_can_be_kept_so(tmp_path):
     kept = ShotCache()
-    compiled = compile_scene(zoo(marked=False), kept=kept)
+    compiled = compile_scene(zoo(marked=False), shot_cache=kept)
     same(load(Saver(tmp_path).save(compiled, kept.cuts)), compiled)
 
 
 def saved(folder):
     kept = ShotCache()
-    return Saver(folder).save(compile_scene(zoo(), kept=kept), kept.cuts)
+    return Saver(folder).save(compile_scene(zoo(), shot_cache=kept), kept.cuts)
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ def kit():
     """Returns, by frame, Blender's own values of the objects and the scene read from its file."""
     shot = Shot(KIT, "kit.fbx")
     said = json.loads((KIT / "kit.json").read_text())
-    return {int(frame): (objects, shot.at(Moment(float(frame)))) for frame, objects in said.items()}
+    return {int(frame): (objects, shot.scene_at(Moment(float(frame)))) for frame, objects in said.items()}
 
 
 def in_world(description, name):
@@ -183,7 +183,7 @@ def test_damaged_files_are_scenes_or_sentences(tmp_path):
             damaged = damaged[: rng.integers(len(damaged))]
         (tmp_path / "a.fbx").write_bytes(damaged.tobytes())
         try:
-            description = Shot(tmp_path, "a.fbx").at(Moment(3))
+            description = Shot(tmp_path, "a.fbx").scene_at(Moment(3))
         except SceneError as error:
             told += 1
             assert str(error).startswith("a.fbx: ")

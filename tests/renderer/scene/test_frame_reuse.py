@@ -35,26 +35,26 @@ def test_a_token_answers_for_its_key():
 def test_what_a_moment_had_no_use_for_is_forgotten():
     kept = ShotCache()
     first, _ = recalled(kept, 1)
-    kept.begin()
+    kept.begin_frame()
     assert recalled(kept, 1) == (first, False)
-    kept.begin()
-    kept.begin()
+    kept.begin_frame()
+    kept.begin_frame()
     assert recalled(kept, 1)[1]
 
 
 def test_room_keeps_what_is_made_of_the_same_things_while_its_end_grows_and_shrinks():
     kept, head = ShotCache(), object()
-    array, is_there = kept.room("a", 800, (2,), np.float32, (head, 5))
+    array, is_there = kept.array_for("a", 800, (2,), np.float32, (head, 5))
     assert not is_there
     assert not array.any()
     array[:] = 1
     for length in (700, 890, 800):
-        array, is_there = kept.room("a", length, (2,), np.float32, (head, 5))
+        array, is_there = kept.array_for("a", length, (2,), np.float32, (head, 5))
         assert is_there
         assert array.shape == (length, 2)
         assert (array[:700] == 1).all()
     for length, heads in ((2000, (head, 5)), (2000, (head, 6)), (2000, (object(), 6)), (2000, ())):
-        array, is_there = kept.room("a", length, (2,), np.float32, heads)
+        array, is_there = kept.array_for("a", length, (2,), np.float32, heads)
         assert not is_there
         assert not array.any()
         array[:] = 1

@@ -78,7 +78,7 @@ def test_frames_in_any_order_from_one_shot_are_those_read_alone(scene, tmp_path)
     alone = [scene("arm.glb", arm().glb(), moment=at(s)) for s in (0.75, 0.25, 1.5)]
     shot = Shot(tmp_path, "arm.glb")
     for s, expected in zip((0.75, 0.25, 1.5), alone, strict=True):
-        found = shot.at(at(s))
+        found = shot.scene_at(at(s))
         assert np.array_equal(world(found), world(expected))
         assert found.warnings == expected.warnings
 

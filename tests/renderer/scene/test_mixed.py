@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from renderer.scene.description import Material
-from renderer.scene.readers.material_mix import mixed
+from renderer.scene.readers.material_mix import mix_materials
 from tests.renderer.scene.pbrt_files import BALL, HEAD, world
 
 RED, BLUE = Material(base_color=(0.8, 0.2, 0.1)), Material(base_color=(0.0, 0.2, 0.5))
@@ -13,17 +13,17 @@ METAL = Material(kind="conductor", eta=(0.2, 0.9, 1.1), k=(3.9, 2.4, 2.2), rough
 
 
 def test_paint_with_paint_with_nothing_and_with_itself():
-    both = mixed(RED, BLUE, 0.25)
+    both = mix_materials(RED, BLUE, 0.25)
     assert (both.kind, both.base_color) == ("diffuse", pytest.approx((0.6, 0.2, 0.2)))
     nothing = Material(opacity=0.0, alpha_mode="blend")
-    for made in (mixed(nothing, RED, 0.3), mixed(RED, nothing, 0.7)):
+    for made in (mix_materials(nothing, RED, 0.3), mix_materials(RED, nothing, 0.7)):
         assert (made.opacity, made.alpha_mode, made.base_color) == (pytest.approx(0.3), "blend", RED.base_color)
-    assert mixed(RED, METAL, 0.0) is RED
-    assert mixed(RED, METAL, 1.0) is METAL
+    assert mix_materials(RED, METAL, 0.0) is RED
+    assert mix_materials(RED, METAL, 1.0) is METAL
 
 
 def test_metal_on_paint_reflects_its_share():
-    for made in (mixed(RED, METAL, 0.3), mixed(METAL, RED, 0.7)):
+    for made in (mix_materials(RED, METAL, 0.3), mix_materials(METAL, RED, 0.7)):
         assert (made.kind, made.metallic, made.roughness, made.specular) == ("metallic_roughness", 0.0, 0.3, pytest.approx(0.3))
         head_on = ((0.2 - 1) ** 2 + 3.9**2) / ((0.2 + 1) ** 2 + 3.9**2)
         assert made.specular_color[0] * 0.04 == pytest.approx(head_on)
@@ -32,13 +32,13 @@ def test_metal_on_paint_reflects_its_share():
 
 def test_two_glosses_are_one_only_where_they_are_alike():
     gloss = Material(kind="metallic_roughness", base_color=(0.7, 0.3, 0.2), roughness=0.4)
-    same = mixed(gloss, replace(gloss, base_color=(0.1, 0.3, 0.2)), 0.5)
+    same = mix_materials(gloss, replace(gloss, base_color=(0.1, 0.3, 0.2)), 0.5)
     assert (same.specular, same.base_color) == (1.0, pytest.approx((0.4, 0.3, 0.2)))
-    assert mixed(gloss, METAL, 0.5) is None
-    assert mixed(gloss, replace(gloss, roughness=0.5), 0.5) is None
-    assert mixed(RED, Material(kind="glass"), 0.5) is None
-    assert mixed(replace(RED, base_color_texture=1), replace(BLUE, base_color_texture=2), 0.5) is None
-    assert mixed(replace(RED, base_color_texture=1), METAL, 0.5).base_color_texture == 1
+    assert mix_materials(gloss, METAL, 0.5) is None
+    assert mix_materials(gloss, replace(gloss, roughness=0.5), 0.5) is None
+    assert mix_materials(RED, Material(kind="glass"), 0.5) is None
+    assert mix_materials(replace(RED, base_color_texture=1), replace(BLUE, base_color_texture=2), 0.5) is None
+    assert mix_materials(replace(RED, base_color_texture=1), METAL, 0.5).base_color_texture == 1
 
 
 def test_pbrts_mix(scene):

@@ -31,13 +31,13 @@ def test_the_frames_file_is_read(scene, tmp_path, suffix):
     shot = Shot(tmp_path, f"drop.###.{suffix}")
     assert shot.start == 1
     for number, height in ((10, 0), (1, 5), (2, 3), (2.5, 3)):
-        description = shot.at(Moment(number))
+        description = shot.scene_at(Moment(number))
         points = world(description).reshape(-1, 3)
         up = 1 if suffix != "stl" else int(np.argmin(np.ptp(points, axis=0)))
         np.testing.assert_allclose(np.abs(points[:, up]), height)
         assert description.moves
     with pytest.raises(SceneError, match=rf"drop\.003\.{suffix}: is not among the scene's files; add it"):
-        shot.at(Moment(3))
+        shot.scene_at(Moment(3))
 
 
 def test_scene_files_name_them_for_meshes_and_textures(scene, png):
@@ -78,7 +78,7 @@ def test_what_no_frame_asks_for_any_more_is_forgotten(scene, png, tmp_path):
     shot = Shot(tmp_path, "s.yaml")
     kept = []
     for number in range(6):
-        description = shot.at(Moment(number))
+        description = shot.scene_at(Moment(number))
         kept.append(description.images[1].pixels)
     assert all(pixels is kept[0] for pixels in kept), "what stays is decoded once"
     held = [key for key in shot._files._made if key[0] == "pixels"]

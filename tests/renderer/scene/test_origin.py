@@ -148,6 +148,6 @@ def test_what_moves_does_not_move_the_origin_of_a_shot():
     first.instances.append(Instance(0, np.array(first.instances[0].transform), moves=True))
     second = replace(first, instances=[first.instances[0], replace(first.instances[1], transform=place)])
     kept = ShotCache()
-    one, two = compile_scene(first, kept=kept).origin.copy(), compile_scene(second, kept=kept).origin
+    one, two = compile_scene(first, shot_cache=kept).origin.copy(), compile_scene(second, shot_cache=kept).origin
     np.testing.assert_array_equal(one, two)
     np.testing.assert_array_equal(two, compile_scene(second).origin)

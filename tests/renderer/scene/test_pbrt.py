@@ -156,7 +156,7 @@ def test_what_moves_while_the_shutter_is_open(tmp_path):
         AttributeBegin Identity {SQUARE} AttributeEnd LightSource "infinite" """
     (tmp_path / "scene.pbrt").write_text(world(inside, "Scale -1 1 1 " + HEAD))
     shot = Shot(tmp_path, "scene.pbrt")
-    found = shot.at(Moment(0))
+    found = shot.scene_at(Moment(0))
     assert found.moves
     assert found.defaults["shutter"] == 1
     assert found.instances[0].transform[0, 3] == 1

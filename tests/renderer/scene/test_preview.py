@@ -44,7 +44,7 @@ def test_instances_are_placed_and_normals_follow_their_scale() -> None:
 
 
 def test_many_triangles_are_decimated_and_cover_the_same_area() -> None:
-    found = preview(scene(sheet(300)), most=20_000)
+    found = preview(scene(sheet(300)), max_triangles=20_000)
     assert found is not None
     assert 5_000 < len(found.triangles) <= 20_000
     a, b, c = (found.positions[found.triangles[:, i]] for i in range(3))

@@ -20,7 +20,7 @@ NO_LIGHT = SCENE.split("\n", 2)[2]
 def compiled(folder, environment, out):
     kept = ShotCache()
     out.mkdir()
-    scene = compile_scene(read(folder, "scene.yaml", environment), kept=kept)
+    scene = compile_scene(read(folder, "scene.yaml", environment), shot_cache=kept)
     return scene, Saver(out).save(scene, kept.cuts), kept.lights_power
 
 

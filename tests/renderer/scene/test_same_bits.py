@@ -57,7 +57,7 @@ def digest(folder):
     for name in ("figure.glb", "shot.yaml"):
         shot = Shot(Path(folder), name)
         for frame in (0, 5, 11.5, 17):
-            description = shot.at(Moment(frame))
+            description = shot.scene_at(Moment(frame))
             for mesh in description.meshes:
                 for array in (mesh.positions, mesh.normals, mesh.tangents):
                     found.update(b"" if array is None else np.ascontiguousarray(array).tobytes())

@@ -82,7 +82,7 @@ shapes:
 
 def test_numbered_meshes_deform(tmp_path):
     (tmp_path / "a.0001.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    description = Shot(tmp_path, "a.####.obj").at(Moment(1))
+    description = Shot(tmp_path, "a.####.obj").scene_at(Moment(1))
     assert all(mesh.deforms for mesh in description.meshes)
 
 

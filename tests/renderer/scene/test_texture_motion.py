@@ -55,9 +55,9 @@ def test_files_say_how_textures_slide(tmp_path: Path, name: str) -> None:
     offsets = [(key[2], key[5]) for texture in moving.textures for key in texture.keys]
     np.testing.assert_allclose(offsets, [(2 + k / 24, 1 + k / 48) for k in (-2, -1, 0, 1, 2)], atol=1e-6)
     found = picture(compile_scene(moving), settings_of(size=32), 256)
-    moments = [shot.at(Moment(12.0, offset=(k + 0.5) / 48 - 0.5)) for k in range(48)]
+    moments = [shot.scene_at(Moment(12.0, offset=(k + 0.5) / 48 - 0.5)) for k in range(48)]
     known = np.mean([picture(compile_scene(still), settings_of(size=32), 16) for still in moments], axis=0)
-    still = picture(compile_scene(shot.at(Moment(12.0))), settings_of(size=32), 16)
+    still = picture(compile_scene(shot.scene_at(Moment(12.0))), settings_of(size=32), 16)
     assert abs(found - known).mean() < 0.01 < 0.02 < abs(still - known).mean()
 
 

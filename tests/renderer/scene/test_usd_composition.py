@@ -218,5 +218,5 @@ def test_a_layer_plays_at_the_times_that_its_offset_says(tmp_path, arc):
     over = "" if arc == "subLayers" else 'def "b" (\n references = @./moving.usda@</a> (offset = 20; scale = 2)\n)\n{\n}\n'
     (tmp_path / "a.usda").write_text(f"#usda 1.0\n(\n metersPerUnit = 1\n {head}\n)\n{over}")
     shot = Shot(tmp_path, "a.usda")
-    assert shot.at(Moment()).clips[0].end == pytest.approx(20 / 24)
-    assert [shot.at(Moment(frame)).spheres[0].center[0] for frame in (0, 5, 20)] == pytest.approx([0, 2.5, 10])
+    assert shot.scene_at(Moment()).clips[0].end == pytest.approx(20 / 24)
+    assert [shot.scene_at(Moment(frame)).spheres[0].center[0] for frame in (0, 5, 20)] == pytest.approx([0, 2.5, 10])

@@ -46,7 +46,7 @@ def test_frames_count_from_the_stages_start_in_its_own_rate(tmp_path):
     shot = Shot(tmp_path, "a.usda")
     for frame in (0, 5, 10, 15, 30):
         time = min(101 + frame * 2, 141)
-        found = shot.at(Moment(frame))
+        found = shot.scene_at(Moment(frame))
         named = {i.name: i for i in found.instances}
         own = UsdGeom.Xformable(box).ComputeLocalToWorldTransform(time).ExtractTranslation()
         np.testing.assert_allclose(named["m"].transform[:3, 3], own, atol=1e-6)
@@ -81,11 +81,11 @@ def test_splines_are_animation(tmp_path):
     turn.GetAttr().SetSpline(spline)
     made.GetRootLayer().Save()
     shot = Shot(tmp_path, "a.usda")
-    first = shot.at(Moment(0))
+    first = shot.scene_at(Moment(0))
     assert (first.moves, [(c.start, c.end) for c in first.clips]) == (True, [(0, 1)])
     for frame in (0, 6, 12, 24):
         own = np.array(UsdGeom.Xformable(made.GetPrimAtPath("/m")).ComputeLocalToWorldTransform(1 + frame)).T
-        np.testing.assert_allclose(shot.at(Moment(frame)).instances[0].transform, own, atol=1e-6)
+        np.testing.assert_allclose(shot.scene_at(Moment(frame)).instances[0].transform, own, atol=1e-6)
 
 
 def arm(path):
@@ -139,7 +139,7 @@ def arm(path):
 def test_skeletons_and_blend_shapes_bend_meshes_as_usd_bakes_them(tmp_path):
     made = arm(tmp_path / "a.usda")
     shot = Shot(tmp_path, "a.usda")
-    scenes = {frame: shot.at(Moment(frame)) for frame in (0, 4, 10)}
+    scenes = {frame: shot.scene_at(Moment(frame)) for frame in (0, 4, 10)}
     assert UsdSkel.BakeSkinning(made.Traverse())
     turned = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]) * 0.01
     for frame, found in scenes.items():
@@ -182,7 +182,7 @@ def test_what_stands_still_is_read_once(tmp_path):
         place.Set(Gf.Vec3d(time, 0, 0), time)
     made.GetRootLayer().Save()
     shot = Shot(tmp_path, "a.usda")
-    one, other = shot.at(Moment(0)), shot.at(Moment(3))
+    one, other = shot.scene_at(Moment(0)), shot.scene_at(Moment(3))
     assert one.meshes[0].positions is other.meshes[0].positions
 
 
@@ -193,11 +193,11 @@ def test_what_of_shutters_and_blend_shapes_is_not_taken_over_is_named(tmp_path):
     camera.CreateShutterOpenAttr(0.0)
     camera.CreateShutterCloseAttr(0.5)
     made.GetRootLayer().Save()
-    found = Shot(tmp_path, "a.usda").at()
+    found = Shot(tmp_path, "a.usda").scene_at()
     assert found.defaults["shutter"] == 0.5
     assert any("Shutters that are not centred" in w for w in found.warnings)
     assert any("Normals are not changed by blend shapes" in w for w in found.warnings)
     camera.CreateShutterOpenAttr(-0.25)
     camera.CreateShutterCloseAttr(0.25)
     made.GetRootLayer().Save()
-    assert not any("Shutters" in w for w in Shot(tmp_path, "a.usda").at().warnings)
+    assert not any("Shutters" in w for w in Shot(tmp_path, "a.usda").scene_at().warnings)

@@ -87,7 +87,7 @@ def test_what_is_worked_out_of_pictures_is_so_once_for_all_frames(shown, tmp_pat
     shot = Shot(tmp_path, "a.usda")
     pictures = []
     for frame in (0, 1):
-        found = shot.at(Moment(frame))
+        found = shot.scene_at(Moment(frame))
         texture = found.materials[found.meshes[0].material].base_color_texture
         pictures.append(found.images[found.textures[texture].image])
     assert pictures[0].name.endswith("with others")

@@ -71,7 +71,7 @@ def test_frames_are_the_files_unless_told(scene):
 def test_a_shot_is_read_anew_at_each_moment(scene, tmp_path):
     scene("s.yaml", SHOT)
     shot = Shot(tmp_path, "s.yaml")
-    assert [shot.at(at(s)).cameras[0].view.eye[0] for s in (2, 0, 1)] == [4, 0, 2]
+    assert [shot.scene_at(at(s)).cameras[0].view.eye[0] for s in (2, 0, 1)] == [4, 0, 2]
 
 
 def test_whole_structures_have_keys(scene):
@@ -239,7 +239,7 @@ def test_what_moves_out_of_its_bounds_is_told_with_its_line_at_any_moment(tmp_pa
     monkeypatch.setattr(reader, "_validate", lambda *all: (looked_at.append(len(all[1]["shapes"])), validate(*all)))
     shot = Shot(tmp_path, "s.yaml")
     for seconds in (0, 0.25):
-        assert shot.at(Moment(24 * seconds)).spheres[5].radius == 1 - 2 * seconds
+        assert shot.scene_at(Moment(24 * seconds)).spheres[5].radius == 1 - 2 * seconds
     with pytest.raises(SceneError, match=r"s\.yaml.* 7.*radius"):
-        shot.at(Moment(24))
+        shot.scene_at(Moment(24))
     assert looked_at == [7, 1, 1], "what stands still is held to the schema once"

@@ -109,7 +109,7 @@ def read(path, moment=None, **options):
     """Reads the file as a scene at the given moment."""
     path = Path(path)
     shot = Shot(path.parent, path.name, **options)
-    return shot.at(moment or Moment())
+    return shot.scene_at(moment or Moment())
 
 
 def world(description, number=0):

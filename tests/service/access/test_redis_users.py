@@ -143,7 +143,7 @@ def test_no_other_answer_gives_a_worker_the_farm_s_own_rights(service: Service, 
 def test_farms_that_share_a_redis_leave_each_others_users_alone(service: Service) -> None:
     keys = Keys(service.farm.sessions)
     with redis.Redis.from_url(service.options["redis_url"]) as store:
-        key = keys.make("worker", OWNER, Role.NOBODY, "shared")[1].id
+        key = keys.create("worker", OWNER, Role.NOBODY, "shared")[1].id
         names = []
         for instance in ("one", "two"):
             users = RedisUsers(store, keys, TOKEN, instance)

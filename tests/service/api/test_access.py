@@ -120,7 +120,7 @@ def test_each_role_reaches_what_the_table_says(service: Service, owner: httpx.Cl
             for (method, pattern), need in NEEDS.items():
                 if pattern == "/api/events" or shape(need) == "anyone" or (method != "GET" and pattern.startswith("/api/tokens")):
                     continue  # token permissions on tokens are tested in test_tokens.py
-                expected = {"workers": 401}.get(shape(need)) or (None if Role.of(role) >= (need.role or 9) else 403)
+                expected = {"workers": 401}.get(shape(need)) or (None if Role.from_name(role) >= (need.role or 9) else 403)
                 status = ask(client, method, pattern)
                 assert status == expected if expected else status not in (401, 403), (role, method, pattern, status)
 

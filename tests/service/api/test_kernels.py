@@ -54,7 +54,7 @@ def test_what_is_not_signed_with_the_token_is_not_kept(service: Service, tmp_pat
 def test_a_worker_with_a_token_of_its_own_fetches_what_others_made_and_hands_in_nothing(service: Service, tmp_path: Path) -> None:
     url = f"/api/farm/kernels/{NAME}"
     assert service.http.put(url, content=artefact(tmp_path), headers=SHOWN).status_code == 204
-    own = service.farm.access.keys.make("worker", OWNER, Role.NOBODY, "attic")[0]
+    own = service.farm.access.keys.create("worker", OWNER, Role.NOBODY, "attic")[0]
     shown = {"Authorization": f"Bearer {own}"}
     assert service.http.get(url, headers=shown).content == artefact(tmp_path, own)
     answer = service.http.put(url, content=artefact(tmp_path, own), headers=shown)

@@ -152,7 +152,7 @@ def test_out_here_alone_where_the_provider_says_not_how_or_is_not_to_be_told(
     monkeypatch.undo()
     with browser(service) as client:
         log_in(client, "1")
-        secret, _ = service.farm.access.keys.make("link", "anna", Role.ADMIN, lasts_s=60)
+        secret, _ = service.farm.access.keys.create("link", "anna", Role.ADMIN, lasts_s=60)
         assert client.post("/api/login", json={"link": secret}).json()["name"] == "anna"
         assert client.post("/api/logout").status_code == 204, "this one came by a link"
 

@@ -62,8 +62,8 @@ def shown(service: Service, name: str) -> httpx.Client:
     from service.access.roles import Role
 
     access = service.farm.access
-    access.users.add(name, Role.of(ROLE[name]), None)
-    return caller(service, access.keys.make("token", name, Role.of(ROLE[name]), "test")[0])
+    access.users.add(name, Role.from_name(ROLE[name]), None)
+    return caller(service, access.keys.create("token", name, Role.from_name(ROLE[name]), "test")[0])
 
 
 def made(answer: httpx.Response, status: int) -> dict[str, Any]:

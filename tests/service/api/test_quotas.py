@@ -41,7 +41,7 @@ def chief(service: Service) -> Iterator[httpx.Client]:
 def somebody(service: Service, name: str) -> Iterator[httpx.Client]:
     access = service.farm.access
     access.users.add(name, Role.SUBMIT, None)
-    with caller(service, access.keys.make("token", name, Role.SUBMIT, "test")[0]) as client:
+    with caller(service, access.keys.create("token", name, Role.SUBMIT, "test")[0]) as client:
         yield client
 
 
@@ -150,7 +150,7 @@ def test_bytes_of_uploads_and_films(service: Service, chief: httpx.Client) -> No
 
 def test_a_token_may_less_than_its_user(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "dora") as dora:
-        secret, row = service.farm.access.keys.make("token", "dora", Role.SUBMIT, "nightly")
+        secret, row = service.farm.access.keys.create("token", "dora", Role.SUBMIT, "nightly")
         may(chief, f"tokens/{row.id}", jobs=0)
         scene = scene_of(dora)
         with caller(service, secret) as nightly:
@@ -179,7 +179,7 @@ def test_what_all_have_used_is_what_each_has(service: Service, chief: httpx.Clie
 
     def each() -> dict[str, Any]:
         with service.farm.sessions() as session:
-            return {whose: asdict(service.farm.quotas._used(whose, session)) for whose in listed()}
+            return {whose: asdict(service.farm.quotas._usage_of(whose, session)) for whose in listed()}
 
     assert len(listed()) >= 3
     assert any(used["bytes"] for used in listed().values())

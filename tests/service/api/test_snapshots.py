@@ -40,7 +40,7 @@ def in_step(service: Service, worker: PeerWorker) -> list[str]:
 
     def wait(batch: RenderBatch) -> None:
         if batch.first in (1, 8):
-            until(lambda: bool(jobs) and batch.first in service.farm.snapshots.kept(jobs[0]), f"{batch.first} is kept")
+            until(lambda: bool(jobs) and batch.first in service.farm.snapshots.stored_spp(jobs[0]), f"{batch.first} is kept")
 
     worker.on_batch = wait
     return jobs
@@ -85,7 +85,7 @@ def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, t
     missing = service.http.get(f"/api/jobs/{job}/snapshots/3/film")
     assert missing.status_code == 404 and "at 3 samples" in missing.json()["detail"]
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
-    until(lambda: service.farm.snapshots.kept(job) == [], "they go with the job")
+    until(lambda: service.farm.snapshots.stored_spp(job) == [], "they go with the job")
     assert service.http.get(f"/api/jobs/{job}/snapshots").status_code == 404
 
 

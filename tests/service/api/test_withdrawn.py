@@ -34,7 +34,7 @@ def owner(service: Service) -> Iterator[httpx.Client]:
 
 def token_of(service: Service, owner: httpx.Client, name: str) -> str:
     owner.post("/api/users", json={"name": name, "role": "submit", "password": PASSWORD}).raise_for_status()
-    return service.farm.access.keys.make("token", name, Role.SUBMIT, "test")[0]
+    return service.farm.access.keys.create("token", name, Role.SUBMIT, "test")[0]
 
 
 def sent(service: Service, token: str, meanwhile: Callable[[], object], path: str, field: bytes = b"files") -> tuple[int, bytes]:
@@ -106,4 +106,4 @@ def test_what_is_put_into_a_project_holds_it(service: Service, owner: httpx.Clie
 
 def test_no_key_is_made_for_a_user_who_was_removed_in_the_same_moment(service: Service) -> None:
     with pytest.raises(NotFound):
-        service.farm.access.keys.make("token", "nobody-at-all", Role.SUBMIT, "test")
+        service.farm.access.keys.create("token", "nobody-at-all", Role.SUBMIT, "test")

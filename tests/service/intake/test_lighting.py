@@ -78,13 +78,13 @@ def test_a_view_asks_for_light_without_a_job_and_holds_it(both: tuple[Service, P
     wanted = {"preset": "studio"}
     found = lighting.scene_for(scene, {"environment": wanted}, worker.kind)
     assert found.status == "preparing" or found.compiled
-    with lighting.held(found.id):
+    with lighting.holding(found.id):
         until(lambda: lighting.scene_for(scene, {"environment": wanted}, worker.kind).status == "ready", "the light is prepared")
         ready = lighting.scene_for(scene, {"environment": wanted}, worker.kind)
         assert ready.compiled in ready.blobs
-        lighting.clear(kept=0)
+        lighting.delete_unused(max_kept=0)
         assert service.farm.blobs.exists(ready.compiled or "")
-    lighting.clear(kept=0)
+    lighting.delete_unused(max_kept=0)
     with service.farm.sessions() as session:
         assert session.get(Scene, found.id) is None
     elsewhere = lighting.scene_for(scene, {}, "another kind")
@@ -95,7 +95,7 @@ def test_a_view_asks_for_light_without_a_job_and_holds_it(both: tuple[Service, P
 def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) -> None:
     scene = scene_of(service, b"# again\n")
     job, lit = rendered(service, scene, sky={"elevation": 20})
-    service.farm.lighting.clear(kept=0)
+    service.farm.lighting.delete_unused(max_kept=0)
     with service.farm.sessions() as session:
         assert session.get(Scene, lit) is None
     service.patch(job["id"], more=4)
@@ -108,7 +108,7 @@ def test_only_so_many_stay_that_nobody_needs_and_they_go_with_their_scene(servic
     before = {each.name for each in (service.options["data"] / "blobs").rglob("*") if each.is_file()}
     for elevation in range(MAX_UNUSED + 3):
         service.farm.lighting.row(scene, {"environment": {"sky": {"elevation": elevation}}})
-    service.farm.lighting.clear()
+    service.farm.lighting.delete_unused()
     with service.farm.sessions() as session:
         rows = session.query(Scene).filter(Scene.of.is_not(None)).count()
     assert rows == MAX_UNUSED

@@ -50,7 +50,7 @@ def test_retention_waits_after_a_jump_and_after_the_start(monkeypatch: pytest.Mo
 
     kept._stopping = Stopping()  # type: ignore[assignment]
     monkeypatch.setattr(WallClock, "jumped_s", lambda _: next(jumps))
-    monkeypatch.setattr(Retention, "plan", lambda *_: [])
+    monkeypatch.setattr(Retention, "deletable_items", lambda *_: [])
     monkeypatch.setattr(Retention, "carry_out", lambda *_: looked.append(len(pauses)))
     kept._run()
     assert pauses[:3] == [retention.FIRST_RUN_AFTER_S, retention.EVERY_S, retention.EVERY_S]
@@ -60,12 +60,12 @@ def test_retention_waits_after_a_jump_and_after_the_start(monkeypatch: pytest.Mo
 def test_a_token_outlives_a_clock_that_was_ahead_for_a_day(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
     engine, sessions = connect(new_sqlite(tmp_path))
     keys = Keys(sessions)
-    secret, row = keys.make("token", OWNER, Role.SUBMIT, "nightly", 3600.0)
+    secret, row = keys.create("token", OWNER, Role.SUBMIT, "nightly", 3600.0)
     real = time.time
     with monkeypatch.context() as ahead:
         ahead.setattr(time, "time", lambda: real() + DAY_S)
         assert keys.find(secret) is None, "it is over, by this clock"
-        keys.make("token", OWNER, Role.SUBMIT, "another")
+        keys.create("token", OWNER, Role.SUBMIT, "another")
     assert keys.find(secret) is not None
     with sessions() as session:
         assert session.get(Key, row.id) is not None

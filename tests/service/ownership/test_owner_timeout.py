@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from service.ownership.owner_timeout import MIN_CHECKS, OwnerTimeout
-from service.store.models import Owner
+from service.store.models import FarmOwner
 
 LEASE_S = 6.0
 
 
-def row(epoch: int = 5, answered: int = 0) -> Owner:
-    return Owner(what="farm", epoch=epoch, asked=1, answered=answered)
+def row(epoch: int = 5, answered: int = 0) -> FarmOwner:
+    return FarmOwner(what="farm", epoch=epoch, asked=1, answered=answered)
 
 
 def silent_for(seconds: float, looks: int) -> tuple[OwnerTimeout, list[float]]:
     clock = [100.0]
     silence = OwnerTimeout(LEASE_S, lambda: clock[0])
     assert silence.is_request_due(row()), "it was not asked yet"
-    silence.asked(5, 1)
+    silence.record_request(5, 1)
     for _ in range(looks):
         clock[0] += seconds / looks
         assert not silence.is_request_due(row())
@@ -39,7 +39,7 @@ def test_an_answer_ends_it_and_it_begins_anew() -> None:
     silence, clock = silent_for(LEASE_S - 1.0, 8)
     assert silence.is_request_due(row(answered=1))
     assert silence.has_answered(row(answered=1))
-    silence.asked(5, 2)
+    silence.record_request(5, 2)
     clock[0] += LEASE_S - 1.0
     for _ in range(MIN_CHECKS):
         assert not silence.is_request_due(row(answered=1))

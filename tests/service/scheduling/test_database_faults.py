@@ -106,7 +106,7 @@ def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
     job = under_way(service, worker)
     away = threading.Event()
     away.set()
-    monkeypatch.setattr(Records, "failed", away_while(away, Records.failed))
+    monkeypatch.setattr(Records, "mark_failed", away_while(away, Records.mark_failed))
     service.farm.engine._bulkheads.give_verdict(job, "The film of this job is lost.")
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
     time.sleep(0.5)  # the engine notices it meanwhile

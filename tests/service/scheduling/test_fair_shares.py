@@ -18,7 +18,7 @@ def submit_as(service: Service, user: str, scene: str, **request: object) -> str
     """Submits a user's job with a token as from `rayfarm token`."""
     if not any(each.name == user for each in service.farm.access.users.listed()):
         service.farm.access.users.add(user, Role.SUBMIT, None)
-    secret, _ = service.farm.access.keys.make("token", user, Role.SUBMIT)
+    secret, _ = service.farm.access.keys.create("token", user, Role.SUBMIT)
     with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {secret}"}, verify=False) as http:
         asked = {"scene": scene, "width": 64, "height": 48, "tile_size": 16, "spp": 100_000, **request}
         answer = http.post("/api/jobs", json=asked)

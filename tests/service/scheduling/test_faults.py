@@ -211,7 +211,18 @@ def failing_at_first(method: Any, error: Callable[[], Exception], applies: Calla
     return instead
 
 
-RECORDS = ("pending", "scene", "resolve", "started", "progress", "finished", "prepared", "jobs_of", "all_jobs", "active_jobs")
+RECORDS = (
+    "pending",
+    "scene",
+    "resolve",
+    "mark_started",
+    "store_progress",
+    "mark_finished",
+    "prepared",
+    "jobs_of",
+    "all_jobs",
+    "active_jobs",
+)
 
 
 def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,7 +279,7 @@ def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
     one = under_way(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
     plan = service.farm.engine._scheduler.jobs[one].frames[0].plan
-    monkeypatch.setattr(plan, "next", lambda *_: [][0])
+    monkeypatch.setattr(plan, "next_batch", lambda *_: [][0])
     failed = service.wait_for(one, "failed")
     assert "IndexError" in failed["error"]
     service.wait_for(other, "finished")

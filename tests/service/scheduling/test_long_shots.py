@@ -95,7 +95,7 @@ def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
     service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(frame_changes, "AT_A_TIME", PARTS)
-    parts, next_part = [0], FrameChanges._next
+    parts, next_part = [0], FrameChanges._apply_next
 
     def some(self: FrameChanges, *arguments: Any) -> bool:
         parts[0] += 1
@@ -104,7 +104,7 @@ def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
         return next_part(self, *arguments)
 
     with monkeypatch.context() as patched:
-        patched.setattr(FrameChanges, "_next", some)
+        patched.setattr(FrameChanges, "_apply_next", some)
         assert shoot(service, scene, key="once").status_code == 500
         service.stop()
     service.start()
@@ -116,7 +116,7 @@ def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
 
     parts[0] = 0
     with monkeypatch.context() as patched:
-        patched.setattr(FrameChanges, "_next", some)
+        patched.setattr(FrameChanges, "_apply_next", some)
         assert service.http.patch(f"/api/jobs/{job}", json={"spp": 8}).status_code == 500
         service.stop()
     service.start()
@@ -153,7 +153,7 @@ def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
     monkeypatch.setattr("service.scheduling.records.AT_A_TIME", 10)
     monkeypatch.setattr("service.scheduling.jobs.active_job.FRAMES_PER_STEP", 10)
     rounds: list[bool] = []
-    go_on = Loading.go_on
+    go_on = Loading.continue_loading
 
     def slowly(self: Loading, row: Job) -> bool:
         rounds.append(go_on(self, row))

@@ -150,7 +150,7 @@ def test_whatever_four_people_and_an_administrator_do_every_picture_is_right(cro
     acting = [threading.Thread(target=crowd.administrator, args=[0])]
     for number, name in enumerate(PEOPLE, 1):
         access.users.add(name, Role.SUBMIT, None)
-        secret = access.keys.make("token", name, Role.SUBMIT, "test")[0]
+        secret = access.keys.create("token", name, Role.SUBMIT, "test")[0]
         acting.append(threading.Thread(target=crowd.person, args=[secret, number]))
     for thread in acting:
         thread.start()

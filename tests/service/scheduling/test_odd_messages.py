@@ -246,5 +246,5 @@ def test_whatever_lies_under_the_keys_of_workers_is_no_fault(service: Service, v
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         for key in (worker_key("odd"), offer_key("odd"), vitals_key("odd"), site_key("odd"), b"rayfarm:worker:\xff"):
             store.set(key, value)
-        service.farm.engine._workers.look(now=True)
+        service.farm.engine._workers.refresh(now=True)
         assert not service.farm.engine._workers.roster.reports

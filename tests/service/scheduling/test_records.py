@@ -36,12 +36,12 @@ def active(spp: int) -> Any:
 
 
 def test_a_job_to_which_samples_were_added_is_not_finished(records: Records) -> None:
-    assert not records.finished(active(spp=4))
-    assert records.finished(active(spp=8))
+    assert not records.mark_finished(active(spp=4))
+    assert records.mark_finished(active(spp=8))
     row = records.job("job")
     assert row is not None
     assert (row.state, row.active_s) == ("finished", 1.5)
-    assert not records.finished(active(spp=8)), "it was finished before"
+    assert not records.mark_finished(active(spp=8)), "it was finished before"
 
 
 def test_a_job_that_is_over_is_not_begun_or_failed(records: Records) -> None:
@@ -49,9 +49,9 @@ def test_a_job_that_is_over_is_not_begun_or_failed(records: Records) -> None:
         job = session.get(Job, "job")
         assert job is not None
         job.state = "cancelled"
-    assert not records.started("job", "kind")
-    assert not records.failed("job", "an error")
-    assert not records.finished(active(spp=8))
+    assert not records.mark_started("job", "kind")
+    assert not records.mark_failed("job", "an error")
+    assert not records.mark_finished(active(spp=8))
 
 
 def test_many_jobs_that_are_to_be_taken_up_are_read_by_three_queries(tmp_path: Path) -> None:

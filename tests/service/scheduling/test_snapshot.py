@@ -40,9 +40,9 @@ def test_a_change_is_told_once_the_snapshot_shows_it(monkeypatch: pytest.MonkeyP
     events = Events()
     board = SnapshotHolder(events)
     events.subscribe(ItemChanged, lambda event: told.append((event.kind, event.id, board.latest.jobs[event.id].samples)))
-    board.change("job", "a")
+    board.record_change("job", "a")
     board.publish({"a": job(1)}, look)
-    board.change("job", "a")
+    board.record_change("job", "a")
     board.publish({"a": job(2)}, look)
     assert told == [("job", "a", 1)], "numbers are renewed ten times a second"
     monkeypatch.setattr(snapshot, "NUMBERS_EVERY_S", 0.0)
@@ -57,13 +57,13 @@ def test_another_state_is_told_at_once() -> None:
     board = SnapshotHolder(events)
     events.subscribe(ItemChanged, lambda event: told.append(board.latest.jobs[event.id].state))
     for state in ("running", "paused"):
-        board.change("job", "a")
+        board.record_change("job", "a")
         board.publish({"a": job(1, state)}, look)
     assert told == ["running", "paused"]
 
 
 def numbers(state: str) -> JobNumbers:
-    return JobNumbers.of(job(1, state))
+    return JobNumbers.from_job(job(1, state))
 
 
 @pytest.mark.parametrize(

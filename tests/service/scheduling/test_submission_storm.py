@@ -23,7 +23,7 @@ def test_a_running_job_goes_on_while_many_are_submitted(
 ) -> None:
     begun: list[bool] = []  # whether each transaction was the engine's
     passed: list[int] = []  # number of other transactions that began while each of the engine's waited
-    taken = WriterQueue.turn
+    taken = WriterQueue.wait_for_turn
 
     @contextmanager
     def counted(self: WriterQueue, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
@@ -34,7 +34,7 @@ def test_a_running_job_goes_on_while_many_are_submitted(
             begun.append(is_urgent)
             yield
 
-    monkeypatch.setattr(WriterQueue, "turn", counted)
+    monkeypatch.setattr(WriterQueue, "wait_for_turn", counted)
     worker.on_batch = lambda _: (time.sleep(0.02), True)[1]
     scene = service.ready_scene()
     running = service.submit(scene, spp=100_000, priority=10, **SIZE)

@@ -93,7 +93,7 @@ def test_another_worker_makes_what_clients_ask_for_where_one_machine_cannot(serv
         assert f"small: {LIMIT}" in answer.json()["detail"]
         with service.worker(name="large", slots=1, denoises=True) as large:
             large.on_explain = explained
-            until(lambda: len(service.farm.engine.snapshot.roster.ready()) == 2, "both are there")
+            until(lambda: len(service.farm.engine.snapshot.roster.ready_reports()) == 2, "both are there")
             for url, _ in asked:
                 for _ in range(3):  # either worker may be asked first
                     answer = service.http.get(url)
@@ -105,7 +105,7 @@ def test_another_worker_makes_what_clients_ask_for_where_one_machine_cannot(serv
 def test_another_worker_prepares_the_frame_of_a_view_where_one_machine_cannot(service: Service) -> None:
     with service.worker(name="small", slots=1) as small, service.worker(name="large", slots=1) as large:
         scene = service.ready_scene()
-        until(lambda: len(service.farm.engine.snapshot.roster.ready()) == 2, "both are there")
+        until(lambda: len(service.farm.engine.snapshot.roster.ready_reports()) == 2, "both are there")
         small.unfit = LIMIT
         with look(service, scene) as viewer:
             for id in range(3):

@@ -64,7 +64,7 @@ def test_services_that_begin_at_once_on_a_new_folder_know_it_by_one_id(tmp_path:
 
         def begin(each: Settings, ready: threading.Barrier = ready, ids: list[str] = ids) -> None:
             ready.wait()
-            ids.append(each.instance())
+            ids.append(each.instance_id())
 
         threads = [threading.Thread(target=begin, args=(each,)) for each in settings]
         for thread in threads:

@@ -70,10 +70,10 @@ def test_a_film_that_is_locked_when_it_is_opened_waits(film: Film, tmp_path: Pat
     other.execute("BEGIN EXCLUSIVE")
     again = make(tmp_path / "job.sqlite")
     with pytest.raises(FilmUnavailable):
-        again.load()
+        again.open_file()
     other.execute("ROLLBACK")
     other.close()
-    again.load()
+    again.open_file()
     assert again.coverage(0, 0).total == 2
     again.close()
 
@@ -139,7 +139,7 @@ def test_what_stays_is_lost_with_a_sentence(film: Film, tmp_path: Path, break_it
     break_it(tmp_path / "job.sqlite")
     again = make(tmp_path / "job.sqlite")
     with pytest.raises(FilmLost, match=why) as lost:
-        again.load()
+        again.open_file()
         again.tile_sums(0, 0)
     assert str(lost.value).startswith("The film of this job")
     with pytest.raises(FilmLost):

@@ -19,7 +19,7 @@ def test_a_moment_is_read_while_the_film_grows_and_is_folded(tmp_path: Path) -> 
     film = make(tmp_path / "job.sqlite")
     film.merge([part(film, tile, 0, 1) for tile in range(len(film.tiles))])
     planes = list(range(COLOR.start, COLOR.stop))
-    with film.moment() as moment:
+    with film.snapshot() as moment:
         film.merge([part(film, 0, first, 1) for first in range(1, MAX_ROWS_UNFOLDED + 1)])
         assert film.coverage(0, 0).total == MAX_ROWS_UNFOLDED + 1
         assert moment.coverage(0, 0).total == 1 and moment.coverage(0, 1).total == 1
@@ -34,4 +34,4 @@ def test_a_moment_is_read_while_the_film_grows_and_is_folded(tmp_path: Path) -> 
 
 def test_a_film_without_samples_has_no_moment(tmp_path: Path) -> None:
     with pytest.raises(FilmUnavailable):
-        make(tmp_path / "job.sqlite").moment()
+        make(tmp_path / "job.sqlite").snapshot()

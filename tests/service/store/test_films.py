@@ -140,7 +140,7 @@ def test_damaged_sums_and_unknown_tiles_are_dropped(tmp_path: Path) -> None:
 
 def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
-    film.load(make=True)
+    film.open_file(make=True)
     rows_of(film).execute("CREATE TRIGGER full BEFORE INSERT ON part WHEN NEW.tile = 1 BEGIN SELECT raise(ABORT, 'a fault'); END")
     with pytest.raises(FilmLost, match="a fault"):
         film.merge([part(film, 0, 0, 1), part(film, 1, 0, 1)])

@@ -74,7 +74,7 @@ def full(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -
 
     with monkeypatch.context() as patch:
         patch.setattr(Sessions, "begin", begin_where_there_is_room)
-        patch.setattr(Reserve, "fill", lambda self: None)
+        patch.setattr(Reserve, "refill", lambda self: None)
         yield
 
 
@@ -112,7 +112,7 @@ def test_deleting_works_with_no_byte_free(
 
 def test_the_reserve_is_given_once_and_kept_again(tmp_path: Path) -> None:
     reserve = Reserve(tmp_path / "reserve")
-    reserve.fill()
+    reserve.refill()
     assert (tmp_path / "reserve").stat().st_size == SIZE
     tries = []
 
@@ -136,7 +136,7 @@ def always_full() -> None:
 
 def test_what_is_half_filled_is_filled_anew(tmp_path: Path) -> None:
     (tmp_path / "reserve").write_bytes(os.urandom(100))
-    Reserve(tmp_path / "reserve").fill()
+    Reserve(tmp_path / "reserve").refill()
     assert (tmp_path / "reserve").stat().st_size == SIZE
 
 

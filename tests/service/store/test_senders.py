@@ -43,7 +43,7 @@ def sent(film: Film, worker: str, first: int, count: int = 1) -> None:
 
 def rows(film: Film) -> list[tuple[str, int]]:
     assert film._file is not None
-    return sorted((str(head.workers), head.count) for head in film._file.heads())
+    return sorted((str(head.workers), head.count) for head in film._file.row_heads())
 
 
 def test_what_workers_sent_in_turn_is_folded_apart_and_taken_back_alone(film: Film, tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_what_workers_sent_in_turn_is_folded_apart_and_taken_back_alone(film: Fi
     for each in (film, again):
         np.testing.assert_array_equal(each.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 * MAX_ROWS_UNFOLDED, 0))
         assert each.coverage(0, 0).ranges == [(0, 2 * MAX_ROWS_UNFOLDED)]
-    with film.moment() as moment:
+    with film.snapshot() as moment:
         assert moment.coverage(0, 0).ranges == [(0, 2 * MAX_ROWS_UNFOLDED)]
     assert film_samples(tmp_path / "job.sqlite", SHAPE) == {0: 64 * 2 * MAX_ROWS_UNFOLDED}
     again.close()
@@ -72,7 +72,7 @@ def test_a_folded_row_goes_over_into_copies_and_out_of_damaged_films(film: Film,
         sent(film, "ab"[first % 2], first)
     film.checkpoint()
     with FilmCopy(tmp_path / "copy.sqlite", SHAPE) as made:
-        assert made.take(tmp_path / "job.sqlite", [0], 2 * MAX_ROWS_UNFOLDED) == {0: 64 * 2 * MAX_ROWS_UNFOLDED}
+        assert made.copy_frames(tmp_path / "job.sqlite", [0], 2 * MAX_ROWS_UNFOLDED) == {0: 64 * 2 * MAX_ROWS_UNFOLDED}
     saved = make(tmp_path / "saved.sqlite")
     saved.add_recovered(readable_rows(tmp_path / "copy.sqlite", SHAPE))
     assert saved.coverage(0, 0).ranges == [(0, 2 * MAX_ROWS_UNFOLDED)]

@@ -25,12 +25,12 @@ def adding(value: int, done: list[int]) -> object:
 
 def test_what_is_added_is_added_up_when_somebody_asks() -> None:
     cache, done = TileCache(1 << 20), list[int]()
-    cache.grow(KEY, adding(1, done), 10)  # type: ignore[arg-type]
+    cache.add_samples(KEY, adding(1, done), 10)  # type: ignore[arg-type]
     assert cache.get(KEY) is None, "nobody had asked before"
     cache.put(KEY, sums(5))
     before = cache.get(KEY)
     for value in (1, 2):
-        cache.grow(KEY, adding(value, done), 10)  # type: ignore[arg-type]
+        cache.add_samples(KEY, adding(value, done), 10)  # type: ignore[arg-type]
     assert not done
     np.testing.assert_array_equal(cache.get(KEY), sums(8))
     np.testing.assert_array_equal(cache.get(KEY), sums(8))
@@ -42,11 +42,11 @@ def test_what_nobody_asks_for_is_forgotten_with_all_that_it_holds() -> None:
     cache, done = TileCache(1 << 20), list[int]()
     cache.put(KEY, sums(5))
     for value in range(MAX_PENDING + 1):
-        cache.grow(KEY, adding(value, done), 10)  # type: ignore[arg-type]
+        cache.add_samples(KEY, adding(value, done), 10)  # type: ignore[arg-type]
     assert cache.get(KEY) is None
     assert cache._bytes == 0
     cache.put(KEY, sums(5))
-    cache.drop(KEY)
+    cache.evict(KEY)
     assert cache.get(KEY) is None
     assert not done
 
@@ -59,11 +59,11 @@ def test_its_bytes_are_bounded(by_growth: bool) -> None:
         cache.put(("film", 0, tile), sums(tile))
     cache.get(("film", 0, 0))
     if by_growth:
-        cache.grow(("film", 0, 3), adding(1, []), size)  # type: ignore[arg-type]
+        cache.add_samples(("film", 0, 3), adding(1, []), size)  # type: ignore[arg-type]
     else:
         cache.put(("other", 0, 0), sums(9))
     left = [tile for tile in range(4) if cache.get(("film", 0, tile)) is not None]
     assert left == [0, 2, 3], "what was used longest ago went"
-    cache.forget("film")
-    cache.forget("other")
+    cache.evict_film("film")
+    cache.evict_film("other")
     assert cache._bytes == 0

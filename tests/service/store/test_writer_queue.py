@@ -15,17 +15,17 @@ def test_writers_go_in_line_and_urgent_ones_before_them() -> None:
     turns, order = WriterQueue(), list[str]()
 
     def write(name: str, is_urgent: bool) -> None:
-        with turns.turn(10.0, is_urgent):
+        with turns.wait_for_turn(10.0, is_urgent):
             order.append(name)
 
     threads = []
-    with turns.turn(1.0):
+    with turns.wait_for_turn(1.0):
         for name in ("a", "b", "c", "engine"):
             threads.append(threading.Thread(target=write, args=(name, name == "engine")))
             threads[-1].start()
             while len(turns._line) < len(threads):
                 time.sleep(0.001)
-        with pytest.raises(Unavailable, match="it was locked for"), turns.turn(0.05):
+        with pytest.raises(Unavailable, match="it was locked for"), turns.wait_for_turn(0.05):
             pass
     for thread in threads:
         thread.join()
@@ -34,7 +34,7 @@ def test_writers_go_in_line_and_urgent_ones_before_them() -> None:
 
 def test_a_turn_ends_with_an_exception() -> None:
     turns = WriterQueue()
-    with pytest.raises(KeyError), turns.turn(1.0):
+    with pytest.raises(KeyError), turns.wait_for_turn(1.0):
         raise KeyError
-    with turns.turn(1.0):
+    with turns.wait_for_turn(1.0):
         pass

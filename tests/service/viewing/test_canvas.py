@@ -18,7 +18,7 @@ from tests.service.peer_worker import expected_sums
 def filled(canvas: Canvas, samples: int) -> list[int]:
     """Adds samples in pieces; returns the sample counts at which the first tile is due to be shown."""
     level, shown = canvas.level, []
-    for pieces in iter(Passes([Level(level.width, level.height, samples, level.tiles)], 1e-5).next, []):
+    for pieces in iter(Passes([Level(level.width, level.height, samples, level.tiles)], 1e-5).next_message, []):
         for piece in pieces:
             rect = level.tiles[piece.tile]
             canvas.add(piece.tile, piece.first, piece.count, expected_sums(rect, piece.first, piece.count, 0))

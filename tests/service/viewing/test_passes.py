@@ -10,7 +10,7 @@ from service.viewing.passes import FIRST_PICTURE_S, Passes, Piece, levels_of
 
 def all_of(passes: Passes) -> list[list[Piece]]:
     found = []
-    while pieces := passes.next():
+    while pieces := passes.next_message():
         found.append(pieces)
     return found
 
@@ -44,7 +44,7 @@ def test_the_first_picture_takes_its_time_and_no_more() -> None:
 
 def test_what_is_lost_comes_next() -> None:
     passes = Passes(levels_of(64, 64, 4, 1e-6, 1), 1e-6)
-    first = passes.next()
-    passes.next()
+    first = passes.next_message()
+    passes.next_message()
     passes.requeue(first)
-    assert passes.next()[: len(first)] == first
+    assert passes.next_message()[: len(first)] == first

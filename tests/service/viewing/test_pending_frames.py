@@ -12,11 +12,11 @@ def test_what_nobody_answers_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> No
     pending = PendingFrames()
     for message in ("handed out", "in a hand", "lost", "answered"):
         pending.add(message, f"frame {message}", "scene")
-    pending.forget(["answered", "never pending"])
-    pending.review()
+    pending.remove(["answered", "never pending"])
+    pending.remove_expired()
     assert len(pending) == 3, "they may still come"
     monkeypatch.setattr(pending_frames, "ANSWER_TIMEOUT_S", -1.0)
-    pending.review({"handed out": None}, {"in a hand"})
+    pending.remove_expired({"handed out": None}, {"in a hand"})
     assert len(pending) == 2
-    assert pending.about("lost") == ("", "")
-    assert pending.about("in a hand") == ("frame in a hand", "scene")
+    assert pending.key_and_scene("lost") == ("", "")
+    assert pending.key_and_scene("in a hand") == ("frame in a hand", "scene")

@@ -15,7 +15,7 @@ LARGE = os.urandom(MAX_IN_MEMORY + 2 * PIECE + 7)
 
 @pytest.mark.parametrize("data", [b"", b"few", LARGE])
 def test_every_reader_gets_all_of_it(data: bytes, tmp_path: Path) -> None:
-    made = PictureBody.of(data, tmp_path)
+    made = PictureBody.from_bytes(data, tmp_path)
     assert made.size == len(data)
     one, other = made.pieces(), made.pieces()
     first = next(one)
@@ -26,7 +26,7 @@ def test_every_reader_gets_all_of_it(data: bytes, tmp_path: Path) -> None:
 
 def test_the_file_has_no_name_and_goes_with_its_last_reader(tmp_path: Path) -> None:
     open_before = set(OPEN_FILES.iterdir())
-    made = PictureBody.of(LARGE, tmp_path)
+    made = PictureBody.from_bytes(LARGE, tmp_path)
     assert not list(tmp_path.iterdir())
     (file,) = set(OPEN_FILES.iterdir()) - open_before
     pieces = made.pieces()
@@ -37,7 +37,7 @@ def test_the_file_has_no_name_and_goes_with_its_last_reader(tmp_path: Path) -> N
 
 
 def test_a_disk_without_room_is_done_without(tmp_path: Path) -> None:
-    made = PictureBody.of(LARGE, tmp_path / "not there")
+    made = PictureBody.from_bytes(LARGE, tmp_path / "not there")
     assert b"".join(made.pieces()) == LARGE
 
 
@@ -47,5 +47,5 @@ def test_what_goes_wrong_in_writing_is_told_and_leaves_nothing(tmp_path: Path) -
         raise OSError("the disk is full")
 
     with pytest.raises(OSError, match="the disk is full"):
-        PictureBody.written(fail, tmp_path, ".exr")
+        PictureBody.from_writer(fail, tmp_path, ".exr")
     assert not list(tmp_path.iterdir())

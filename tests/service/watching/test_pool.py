@@ -45,7 +45,7 @@ def run(test: Coroutine[Any, Any, None]) -> None:
 def test_few_run_at_a_time_and_all_come_to_their_turn() -> None:
     async def test() -> None:
         pool, work = Pool(100, threads=2, in_line=10), Work()
-        made = asyncio.gather(*(pool.make(i, 1, work, i) for i in range(9)))
+        made = asyncio.gather(*(pool.run(i, 1, work, i) for i in range(9)))
         await asyncio.to_thread(work.first.wait)
         work.go.set()
         assert await made == list(range(9))
@@ -57,14 +57,14 @@ def test_few_run_at_a_time_and_all_come_to_their_turn() -> None:
 def test_those_who_ask_for_the_same_share_one_answer_also_when_the_first_leaves() -> None:
     async def test() -> None:
         pool, work = Pool(100, threads=2, in_line=10), Work()
-        readers = [asyncio.create_task(pool.make("same", 1, work, 7)) for _ in range(20)]
+        readers = [asyncio.create_task(pool.run("same", 1, work, 7)) for _ in range(20)]
         await asyncio.to_thread(work.first.wait)
         readers[0].cancel()
         await asyncio.sleep(0)
         work.go.set()
         assert await asyncio.gather(*readers[1:]) == [7] * 19
         assert work.begun == [7]
-        assert await pool.make("same", 1, work, 8) == 8, "what is asked for later is made anew"
+        assert await pool.run("same", 1, work, 8) == 8, "what is asked for later is made anew"
 
     run(test())
 
@@ -72,14 +72,14 @@ def test_those_who_ask_for_the_same_share_one_answer_also_when_the_first_leaves(
 def test_a_line_that_is_too_long_turns_readers_away_until_it_is_shorter() -> None:
     async def test() -> None:
         pool, work = Pool(100, threads=1, in_line=2, most_in_line=2), Work()
-        made = [asyncio.create_task(pool.make(i, 1, work, i)) for i in range(3)]
+        made = [asyncio.create_task(pool.run(i, 1, work, i)) for i in range(3)]
         await asyncio.to_thread(work.first.wait)
         with pytest.raises(Unavailable, match="3 other pictures") as refusal:
-            await pool.make(3, 1, work, 3)
+            await pool.run(3, 1, work, 3)
         assert refusal.value.retry_after_s is not None and 1 <= refusal.value.retry_after_s <= 60
         work.go.set()
         assert await asyncio.gather(*made) == [0, 1, 2]
-        assert await pool.make(3, 1, work, 3) == 3
+        assert await pool.run(3, 1, work, 3) == 3
 
     run(test())
 
@@ -87,11 +87,11 @@ def test_a_line_that_is_too_long_turns_readers_away_until_it_is_shorter() -> Non
 def test_one_user_s_flood_turns_that_user_away_and_holds_up_no_other() -> None:
     async def test() -> None:
         pool, work = Pool(100, threads=1, in_line=20, most_in_line=20), Work()
-        flood = [asyncio.create_task(pool.make(i, 1, work, i, user="a")) for i in range(21)]
+        flood = [asyncio.create_task(pool.run(i, 1, work, i, user="a")) for i in range(21)]
         await asyncio.to_thread(work.first.wait)
         with pytest.raises(Unavailable, match="21 other pictures that you asked for"):
-            await pool.make("too many", 1, work, 99, user="a")
-        others = [asyncio.create_task(pool.make((user, i), 1, work, f"{user}{i}", user=user)) for i in range(2) for user in "bc"]
+            await pool.run("too many", 1, work, 99, user="a")
+        others = [asyncio.create_task(pool.run((user, i), 1, work, f"{user}{i}", user=user)) for i in range(2) for user in "bc"]
         await asyncio.sleep(0)
         work.go.set()
         await asyncio.gather(*flood, *others)
@@ -105,12 +105,12 @@ def test_a_long_queue_is_waited_in_while_it_moves_fast_enough() -> None:
     async def test() -> None:
         pool, work = Pool(100, threads=2, in_line=4, most_in_line=400), Work()
         work.go.set()
-        assert await asyncio.gather(*(pool.make(i, 1, work, i) for i in range(300))) == list(range(300))
+        assert await asyncio.gather(*(pool.run(i, 1, work, i) for i in range(300))) == list(range(300))
         pool._seconds, hold = 60.0, Work()
-        waiting = [asyncio.create_task(pool.make(i, 1, hold, i)) for i in range(6)]
+        waiting = [asyncio.create_task(pool.run(i, 1, hold, i)) for i in range(6)]
         await asyncio.to_thread(hold.first.wait)
         with pytest.raises(Unavailable) as refusal:
-            await pool.make(6, 1, hold, 6)
+            await pool.run(6, 1, hold, 6)
         assert refusal.value.retry_after_s == 60.0
         hold.go.set()
         await asyncio.gather(*waiting)
@@ -139,7 +139,7 @@ def test_what_is_made_at_a_time_fits_into_the_memory_and_what_never_does_is_made
                 taken -= size
             return size
 
-        assert await asyncio.gather(*(pool.make(i, size, work, size) for i, size in enumerate(sizes))) == sizes
+        assert await asyncio.gather(*(pool.run(i, size, work, size) for i, size in enumerate(sizes))) == sizes
         assert most <= 100
         assert alone
         assert pool.pending_count == 0
@@ -153,7 +153,7 @@ def test_what_goes_wrong_is_told_to_every_reader() -> None:
 
     async def test() -> None:
         pool = Pool(100, threads=1, in_line=2)
-        answers = await asyncio.gather(*(pool.make("same", 1, fail) for _ in range(3)), return_exceptions=True)
+        answers = await asyncio.gather(*(pool.run("same", 1, fail) for _ in range(3)), return_exceptions=True)
         assert [type(answer) for answer in answers] == [Invalid] * 3
 
     run(test())

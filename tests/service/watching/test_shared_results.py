@@ -58,7 +58,7 @@ def packing(monkeypatch: pytest.MonkeyPatch) -> Packing:
 
 def film_in(folder: Path) -> Film:
     film = Film(folder / "job.sqlite", 64, 32, 16, 24, TileCache(1 << 20))
-    film.load(make=True)
+    film.open_file(make=True)
     return film
 
 
@@ -169,10 +169,10 @@ def test_a_job_is_described_once_until_it_changes(tmp_path: Path) -> None:
             return len(made)
 
         with broadcast.listen("job"):
-            said = await asyncio.gather(*(shared.shared("job", "state", make) for _ in range(20)))
+            said = await asyncio.gather(*(shared.shared_result("job", "state", make) for _ in range(20)))
             assert said == [1] * 20
-            broadcast.tell("job", "job")
+            broadcast.report_change("job", "job")
             await asyncio.sleep(0)
-            assert await shared.shared("job", "state", make) == 2
+            assert await shared.shared_result("job", "state", make) == 2
 
     run(test())

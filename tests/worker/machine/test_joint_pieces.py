@@ -28,16 +28,16 @@ def result(number: int) -> Result:
 
 
 def one(pieces: Pieces) -> ClaimedPiece:
-    taken = pieces.take()
+    taken = pieces.claim()
     assert taken is not None
     return taken
 
 
 def in_a_process_that_is_killed(pieces: Pieces, action: str) -> None:
     def act() -> None:
-        taken = pieces.take()
+        taken = pieces.claim()
         if action == "put" and taken is not None:
-            pieces.put(taken, result(taken.number))
+            pieces.store_result(taken, result(taken.number))
         if action == "send":
             next(iter(pieces.due_results()))
         os._exit(9)
@@ -52,15 +52,15 @@ def sent(pieces: Pieces, at_once: bool = False) -> list[list[int]]:
 
 
 def test_each_piece_is_taken_once_and_sums_go_together_when_the_last_is_there(pieces: Pieces) -> None:
-    pieces.begin("m", b"words", range(3), 60.0)
+    pieces.add_message("m", b"words", range(3), 60.0)
     mine = [one(pieces) for _ in range(3)]
-    assert pieces.take() is None
+    assert pieces.claim() is None
     assert [taken.about for taken in mine] == [b"words"] * 3
     for taken in (mine[2], mine[0]):
-        pieces.put(taken, result(taken.number))
+        pieces.store_result(taken, result(taken.number))
         assert sent(pieces) == []
         assert pieces.messages() == ["m"]
-    pieces.put(mine[1], result(1))
+    pieces.store_result(mine[1], result(1))
     (results,) = pieces.due_results()
     assert [(each.event["first"], each.sums) for each in results] == [(n, bytes([n]) * 9) for n in range(3)]
     assert pieces.messages() == []
@@ -69,14 +69,14 @@ def test_each_piece_is_taken_once_and_sums_go_together_when_the_last_is_there(pi
 
 def test_the_oldest_message_comes_first(pieces: Pieces) -> None:
     for name in ("b", "a"):
-        pieces.begin(name, name.encode(), range(1), 60.0)
+        pieces.add_message(name, name.encode(), range(1), 60.0)
     assert [one(pieces).about, one(pieces).about] == [b"b", b"a"]
 
 
 def test_sums_wait_no_longer_than_they_may(pieces: Pieces) -> None:
-    pieces.begin("m", b"", range(2), 0.5)
+    pieces.add_message("m", b"", range(2), 0.5)
     taken = one(pieces)
-    pieces.put(taken, result(taken.number))
+    pieces.store_result(taken, result(taken.number))
     assert sent(pieces) == []
     old = time.time() - 1
     os.utime(next(taken.folder.glob("done-*")), (old, old))
@@ -85,16 +85,16 @@ def test_sums_wait_no_longer_than_they_may(pieces: Pieces) -> None:
 
 
 def test_a_killed_slots_piece_is_let_go_of_and_the_others_are_sent(pieces: Pieces) -> None:
-    pieces.begin("m", b"", range(2), 60.0)
+    pieces.add_message("m", b"", range(2), 60.0)
     in_a_process_that_is_killed(pieces, "take")
     taken = one(pieces)
-    pieces.put(taken, result(taken.number))
+    pieces.store_result(taken, result(taken.number))
     assert sent(pieces) == [[1]]
     assert pieces.messages() == []
 
 
 def test_what_a_killed_slot_was_about_to_send_is_sent_by_another(pieces: Pieces) -> None:
-    pieces.begin("m", b"", range(1), 60.0)
+    pieces.add_message("m", b"", range(1), 60.0)
     in_a_process_that_is_killed(pieces, "put")
     in_a_process_that_is_killed(pieces, "send")
     assert pieces.messages() == ["m"], "it is not lost"
@@ -103,45 +103,45 @@ def test_what_a_killed_slot_was_about_to_send_is_sent_by_another(pieces: Pieces)
 
 
 def test_a_message_that_comes_again_is_taken_over_but_for_what_others_have(pieces: Pieces) -> None:
-    pieces.begin("m", b"", range(4), 60.0)
+    pieces.add_message("m", b"", range(4), 60.0)
     in_a_process_that_is_killed(pieces, "take")
     in_a_process_that_is_killed(pieces, "put")
     mine = one(pieces)
     assert pieces.withdraw_unfinished("m") == [0, 3]
     assert pieces.withdraw_unfinished("another") is None
-    pieces.put(mine, result(mine.number))
+    pieces.store_result(mine, result(mine.number))
     assert sent(pieces) == [[1, 2]]
 
 
 def test_at_the_end_what_nobody_has_begun_is_taken_back_and_all_sums_are_sent(pieces: Pieces) -> None:
-    pieces.begin("m", b"words", range(3), 60.0)
+    pieces.add_message("m", b"words", range(3), 60.0)
     taken = one(pieces)
-    pieces.put(taken, result(0))
+    pieces.store_result(taken, result(0))
     assert pieces.withdraw() == [(b"words", [1, 2])]
     assert sent(pieces, at_once=True) == [[0]]
-    assert pieces.take() is None
+    assert pieces.claim() is None
 
 
 def test_a_piece_that_comes_to_nothing_holds_nobody_up(pieces: Pieces) -> None:
-    pieces.begin("m", b"", range(2), 60.0)
+    pieces.add_message("m", b"", range(2), 60.0)
     first, second = one(pieces), one(pieces)
-    pieces.put(first, result(0))
+    pieces.store_result(first, result(0))
     pieces.release(second)
     assert sent(pieces) == [[0]]
 
 
 def test_damaged_sums_are_left_out(pieces: Pieces) -> None:
-    pieces.begin("m", b"", range(2), 60.0)
+    pieces.add_message("m", b"", range(2), 60.0)
     for _ in range(2):
         taken = one(pieces)
-        pieces.put(taken, result(taken.number))
+        pieces.store_result(taken, result(taken.number))
     (taken.folder / "done-0000").write_bytes(b"\xff")
     assert sent(pieces) == [[1]]
 
 
 def test_an_id_that_is_a_path_is_refused(pieces: Pieces) -> None:
     with pytest.raises(ValueError, match="no id"):
-        pieces.begin("../m", b"", range(1), 1.0)
+        pieces.add_message("../m", b"", range(1), 1.0)
 
 
 def test_what_a_killed_worker_left_is_removed_and_a_living_ones_stays(pieces: Pieces, tmp_path: Path) -> None:

@@ -18,12 +18,12 @@ __all__ = ["crash_at_frame_1", "full", "link_out", "say"]
 
 def crash_at_frame_1(*given: Any) -> dict[str, Any]:
     """Prepares frames, and crashes at frame 1 by reading address 0."""
-    at = frames.OpenScene.at
+    at = frames.OpenScene.frame_message
 
     def crashing(stage: frames.OpenScene, moment: Moment) -> dict[str, Any]:
         return {"read": ctypes.string_at(0)} if moment.frame == 1 else at(stage, moment)
 
-    frames.OpenScene.at = crashing  # type: ignore[method-assign]
+    frames.OpenScene.frame_message = crashing  # type: ignore[method-assign]
     return frames.serve_requests(*given)
 
 

@@ -63,7 +63,7 @@ class Bench:
         (self.scene / "shot.glb").write_bytes(scene.glb())
         self.out = folder / "out"
         self.out.mkdir()
-        description = self.shot().at()
+        description = self.shot().scene_at()
         self.base = compile_scene(description)
         summary = summarise(description, self.base)
         self.asked = PrepareFrames("work", "job", "scene", [], "base", summary["cameras"][-1]["view"], **asked)
@@ -77,7 +77,7 @@ class Bench:
         stage = reading.OpenScene(self.shot(), self.asked, self.base, out)
         found = {}
         for frame in order:
-            said = stage.at(Moment(frame, self.asked.fps, self.asked.clip))
+            said = stage.frame_message(Moment(frame, self.asked.fps, self.asked.clip))
             own = said["file"] and self.hash_of(compiled_file.load(out / said["file"], lambda sha256, _: next(out.rglob(sha256))))
             found[frame] = own, [said["view"], *said["views"]]
         return found
@@ -90,7 +90,7 @@ class Bench:
         """Returns the same values as computed by `rayfarm render --frame`."""
         moment = Moment(frame, self.asked.fps, self.asked.clip)
         camera = None if self.asked.camera is None else str(self.asked.camera)
-        compiled, summary = OpenScene(self.shot(), camera, shutter=self.asked.shutter).at(moment)
+        compiled, summary = OpenScene(self.shot(), camera, shutter=self.asked.shutter).scene_at(moment)
         picture = Picture(({} if camera is None else {"camera": camera}) | self.asked.shutter)
         order = PictureOrder(picture, [], False, 0.0, "neutral", None, 0, self.asked.turntable, None)
         sha256 = self.hash_of(compiled)
@@ -144,8 +144,8 @@ def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_pat
     for number in (0, 1, 3):
         (tmp_path / f"smoke.{number}.obj").write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 %d 0\nf 1 2 3\n" % (number + 1))
     (tmp_path / "scene.yaml").write_text("shapes: [{type: mesh, file: smoke.#.obj}]\n")
-    base = compile_scene(Shot(tmp_path, "scene.yaml").at())
-    auto = summarise(Shot(tmp_path, "scene.yaml").at(), base)["cameras"][-1]["view"]
+    base = compile_scene(Shot(tmp_path, "scene.yaml").scene_at())
+    auto = summarise(Shot(tmp_path, "scene.yaml").scene_at(), base)["cameras"][-1]["view"]
     work = PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
     said: list[dict[str, Any]] = []
     reading.frame_answerer(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path)(work.frames, said.append)
@@ -164,7 +164,7 @@ class Service(Link):
         self.folder = folder
         self.stored: list[bytes] = []
 
-    def has(self, sha256: str) -> bool:
+    def has_blob(self, sha256: str) -> bool:
         return any(hashlib.sha256(data).hexdigest() == sha256 for data in self.stored)
 
     def fetch(self, sha256: str, out: BinaryIO) -> None:
@@ -182,7 +182,7 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     for number in (0, 1, 3):
         (upload / f"smoke.{number}.obj").write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 %d 0\nf 1 2 3\n" % (number + 1))
     (upload / "scene.yaml").write_text("shapes: [{type: mesh, file: smoke.#.obj}]\n")
-    description = Shot(upload, "scene.yaml").at()
+    description = Shot(upload, "scene.yaml").scene_at()
     base = compile_scene(description)
     auto = summarise(description, base)["cameras"][-1]["view"]
     files = [BlobRef(p.name, hashlib.sha256(p.read_bytes()).hexdigest(), p.stat().st_size) for p in sorted(upload.iterdir())]
@@ -206,9 +206,9 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     assert list(frames._open.values()) == [opened], "another job of the same scene finds it open"
 
     said.clear()
-    has = service.has
+    has = service.has_blob
     monkeypatch.setattr(
-        service, "has", lambda sha256: time.sleep(0.1) or has(sha256)
+        service, "has_blob", lambda sha256: time.sleep(0.1) or has(sha256)
     )  # slow uploads, so that the child gets far ahead
     for again in (other, replace(other, frames=[2, 6, 0])):
         frames.prepare_frames(worker, manifest, again, lambda kind, **more: said.append((kind, more.get("frame"))))

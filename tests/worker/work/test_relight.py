@@ -35,7 +35,7 @@ class Service(Link):
         self.blobs[sha256] = data
         return BlobRef(path, sha256, len(data))
 
-    def has(self, sha256: str) -> bool:
+    def has_blob(self, sha256: str) -> bool:
         return sha256 in self.blobs
 
     def fetch(self, sha256: str, out: BinaryIO) -> None:

@@ -32,7 +32,7 @@ class Service(Link):
         self.sent: list[str] = []
         self.fetched: list[str] = []
 
-    def has(self, sha256: str) -> bool:
+    def has_blob(self, sha256: str) -> bool:
         return sha256 in self.blobs
 
     def store(self, path: Path) -> BlobRef:
@@ -62,7 +62,7 @@ def moments(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
     saver, one = Saver(out), worker(service, tmp_path / "one")
     refs = []
     for angle in (0.0, 20.0, 33.0):
-        compiled = compile_scene(zoo(angle), kept=kept)
+        compiled = compile_scene(zoo(angle), shot_cache=kept)
         assert kept.cuts is not None
         refs.append(store_scene(one, saver.save(compiled, kept.cuts)))
     return service, refs
@@ -89,7 +89,7 @@ def test_a_part_that_went_meanwhile_is_sent_again(tmp_path: Path, is_here: bool)
     out.mkdir()
     saver, one = Saver(out), worker(service, tmp_path / "one")
     for angle in (0.0, 20.0):
-        compiled = compile_scene(zoo(angle), kept=kept)
+        compiled = compile_scene(zoo(angle), shot_cache=kept)
         assert kept.cuts is not None
         ref = store_scene(one, saver.save(compiled, kept.cuts))
         sha256, _ = max(ref.parts, key=lambda part: part[1])

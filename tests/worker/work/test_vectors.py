@@ -38,7 +38,7 @@ VIEWS = {
 def test_they_are_those_of_the_command(tmp_path: Path, name: str) -> None:
     (tmp_path / "shot.glb").write_bytes(moving(True, True).glb())
     given, asked = VIEWS[name]
-    description = Shot(tmp_path, "shot.glb").at()
+    description = Shot(tmp_path, "shot.glb").scene_at()
     cameras = summarise(description, compile_scene(description))["cameras"]
     auto = cameras[-1]["view"]
     picture = Picture({"size": "24x16", **given})

@@ -29,9 +29,9 @@ class Look(FromClient):
     view: dict[str, Any]
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> Look:
+    def of(cls, message: Mapping[str, Any]) -> Look:
         """Returns the message with its fields unvalidated; the service validates them as a job's request."""
-        return cls(dict(said))
+        return cls(dict(message))
 
     def to_json(self) -> dict[str, Any]:
         """Returns the JSON object."""

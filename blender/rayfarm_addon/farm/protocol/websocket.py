@@ -28,9 +28,9 @@ class FromClient:
     KEY: ClassVar[str]
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> Any:
+    def of(cls, message: Mapping[str, Any]) -> Any:
         """Parses the message. Raises ValueError, TypeError or OverflowError if it is malformed."""
-        return cls(said[cls.KEY])  # type: ignore[call-arg]  # a message of one value
+        return cls(message[cls.KEY])  # type: ignore[call-arg]  # a message of one value
 
     def to_json(self) -> dict[str, Any]:
         """Returns the JSON object."""
@@ -50,9 +50,9 @@ class Acknowledge(FromClient):
     seq: int
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> Acknowledge:
+    def of(cls, message: Mapping[str, Any]) -> Acknowledge:
         """Parses the message. Raises ValueError, TypeError or OverflowError if it is malformed."""
-        return cls(int(said[cls.KEY]))
+        return cls(int(message[cls.KEY]))
 
 
 @dataclass(frozen=True)

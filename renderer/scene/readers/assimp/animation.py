@@ -34,18 +34,18 @@ class Movement:
         for i, node in enumerate(imported.nodes):
             channel = self._channels.get(node.name)
             local = node.local if channel is None else self._local(channel, node.local)
-            if (channel is not None and _moves(channel)) or node.parent in self.moving:
+            if (channel is not None and _is_animated(channel)) or node.parent in self.moving:
                 self.moving.add(i)
             self.worlds.append(local if node.parent < 0 else product(self.worlds[node.parent][None], local[None])[0])
 
     def _local(self, channel: Channel, own: F64) -> F64:
-        place, turn, scale = _parts(own)
+        place, turn, scale = _decompose(own)
         if len(channel.places[0]):
-            place = Curve(*_sane(*channel.places)).at(self._seconds)
+            place = Curve(*_sane(*channel.places)).values_at(self._seconds)
         if len(channel.turns[0]):
-            turn = _matrix(Curve(*_sane(*channel.turns), is_rotation=True).at(self._seconds))
+            turn = _matrix(Curve(*_sane(*channel.turns), is_rotation=True).values_at(self._seconds))
         if len(channel.scales[0]):
-            scale = Curve(*_sane(*channel.scales)).at(self._seconds)
+            scale = Curve(*_sane(*channel.scales)).values_at(self._seconds)
         found = np.eye(4)
         found[:3, :3] = turn * np.array(scale)
         found[:3, 3] = place
@@ -58,13 +58,13 @@ def _sane(times: F64, values: F64) -> tuple[F64, F64]:
     return times[order], values[order]
 
 
-def _moves(channel: Channel) -> bool:
+def _is_animated(channel: Channel) -> bool:
     return any(
         len(values) > 1 and bool((values != values[0]).any()) for _, values in (channel.places, channel.turns, channel.scales)
     )
 
 
-def _parts(matrix: F64) -> tuple[list[float], F64, list[float]]:
+def _decompose(matrix: F64) -> tuple[list[float], F64, list[float]]:
     """Returns the translation, rotation and scale of a matrix; a reflection becomes a negative x scale."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if np.linalg.det(matrix[:3, :3]) < 0:

@@ -68,8 +68,8 @@ def import_exactly(data: bytes, name: str) -> Imported:
         found,
         nodes=[_node(*pair, centres) for pair in zip(found.nodes, near.nodes, strict=True)],
         meshes={number: _shape(shape, near.meshes[number], centres) for number, shape in found.meshes.items()},
-        lamps=[_seen(*pair, centres, ("direction",)) for pair in zip(found.lamps, near.lamps, strict=True)],
-        cameras=[_seen(*pair, centres, ("towards", "up")) for pair in zip(found.cameras, near.cameras, strict=True)],
+        lamps=[_at_exact_position(*pair, centres, ("direction",)) for pair in zip(found.lamps, near.lamps, strict=True)],
+        cameras=[_at_exact_position(*pair, centres, ("towards", "up")) for pair in zip(found.cameras, near.cameras, strict=True)],
         animations=[_animation(*pair, centres) for pair in zip(found.animations, near.animations, strict=True)],
     )
 
@@ -141,7 +141,7 @@ def _node(found: Node, near: Node, centres: F64) -> Node:
     return replace(found, local=local)
 
 
-def _seen(found: Any, near: Any, centres: F64, directions: tuple[str, ...]) -> Any:
+def _at_exact_position(found: Any, near: Any, centres: F64, directions: tuple[str, ...]) -> Any:
     """Returns a light or camera at its exact position. directions: names of its fields to take from `near`."""
     offset = _offset(found.position[None], near.position[None], centres)
     if offset is None or not offset.any():

@@ -243,7 +243,7 @@ def import_file(data: bytes, name: str) -> Imported:
     library = _library()
     hint = Path(name).suffix[1:].lower().encode()
     said: Counter[str] = Counter()
-    log = _Log(_Said(lambda line, _: _note(line, said)), None)
+    log = _Log(_Said(lambda line, _: _count_log_line(line, said)), None)
     settings = library.aiCreatePropertyStore()
     library.aiAttachLogStream(ctypes.byref(log))
     try:
@@ -275,12 +275,12 @@ def import_file(data: bytes, name: str) -> Imported:
         library.aiReleaseImport(address)
 
 
-def _note(line: bytes, said: Counter[str]) -> None:
+def _count_log_line(line: bytes, counts: Counter[str]) -> None:
     """Counts a line of assimp's log if it is a warning or an error, such as `Warn,  T0: 3DS: Skipping TCB animation info`."""
     kind, _, text = line.decode("utf-8", "replace").strip().partition(": ")
     text = " ".join(text.split())[:160].rstrip(".")
-    if kind.startswith(("Warn", "Error")) and not text.startswith(_IDLE) and (text in said or len(said) < MAX_SAID):
-        said[text] += 1
+    if kind.startswith(("Warn", "Error")) and not text.startswith(_IDLE) and (text in counts or len(counts) < MAX_SAID):
+        counts[text] += 1
 
 
 def _copied(scene: Any, name: str) -> Imported:

@@ -62,8 +62,8 @@ _NEUTRAL = {  # neutral values of unread properties; 0 for others
 class _MaterialProperties(dict[tuple[str, int], Any]):
     """The properties of a material; records which of them were read."""
 
-    def __init__(self, said: dict[tuple[str, int], Any]) -> None:
-        super().__init__(said)
+    def __init__(self, properties: dict[tuple[str, int], Any]) -> None:
+        super().__init__(properties)
         self._asked: set[tuple[str, int]] = set()
 
     def get(self, key: tuple[str, int], default: Any = None) -> Any:
@@ -76,7 +76,7 @@ class _MaterialProperties(dict[tuple[str, int], Any]):
             self._asked.add(key)
         return super().__contains__(key)
 
-    def left(self) -> list[str]:
+    def unread_names(self) -> list[str]:
         """Returns the names of the unread properties that affect the image."""
         found = []
         for (key, kind), value in self.items():
@@ -108,26 +108,26 @@ class Materials:
             self._known[source] = len(self._materials) - 1
         return self._known[source]
 
-    def _read(self, said: _MaterialProperties) -> Material:
-        name = str(said.get(("?mat.name", 0), "") or "material")
-        material = Material(name, base_color=_color(said, "$clr.base", _color(said, "$clr.diffuse", (0.8, 0.8, 0.8))))
-        texture = self._texture(said, _BASE, name, srgb=True)
+    def _read(self, properties: _MaterialProperties) -> Material:
+        name = str(properties.get(("?mat.name", 0), "") or "material")
+        material = Material(name, base_color=_color(properties, "$clr.base", _color(properties, "$clr.diffuse", (0.8, 0.8, 0.8))))
+        texture = self._texture(properties, _BASE, name, srgb=True)
         if texture is None:
-            texture = self._texture(said, _DIFFUSE, name, srgb=True)
+            texture = self._texture(properties, _DIFFUSE, name, srgb=True)
         material.base_color_texture = texture
-        is_said = ("$clr.base", 0) in said or ("$clr.diffuse", 0) in said
+        is_said = ("$clr.base", 0) in properties or ("$clr.diffuse", 0) in properties
         if texture is not None and (max(material.base_color) == 0 or not is_said):
             material.base_color = (1.0, 1.0, 1.0)
-        material.emission = _color(said, "$clr.emissive", (0.0, 0.0, 0.0), _MAX_RADIANCE)
-        material.emission_texture = self._texture(said, _EMISSIVE, name, srgb=True)
+        material.emission = _color(properties, "$clr.emissive", (0.0, 0.0, 0.0), _MAX_RADIANCE)
+        material.emission_texture = self._texture(properties, _EMISSIVE, name, srgb=True)
         if material.emission_texture is not None and max(material.emission) == 0:
             material.emission = (1.0, 1.0, 1.0)
-        if texture is None and int(_number(said, "$mat.shadingm", 0)) == _UNSHADED and max(material.emission) > 0:
+        if texture is None and int(_number(properties, "$mat.shadingm", 0)) == _UNSHADED and max(material.emission) > 0:
             material.base_color = (0.0, 0.0, 0.0)  # Collada's constant colour
-        self._surface(said, material)
-        self._opacity(said, material)
-        self._normals(said, material)
-        left = [_use(kind) for key, kind in said if key == "$tex.file" and kind not in _TAKEN]
+        self._surface(properties, material)
+        self._opacity(properties, material)
+        self._normals(properties, material)
+        left = [_texture_use_name(kind) for key, kind in properties if key == "$tex.file" and kind not in _TAKEN]
         if left:
             self._shelf.warn_of_surface(
                 Sentence(
@@ -137,40 +137,45 @@ class Materials:
                     textures=sorted(set(left)),
                 )
             )
-        for key in said.left():
+        for key in properties.unread_names():
             self.odd[Sentence("assimp-material-properties", "properties of materials: {key}", key=key)] += 1
         return material
 
-    def _surface(self, said: dict[tuple[str, int], Any], material: Material) -> None:
-        rough, metal = (self._texture(said, kind, material.name, srgb=False) for kind in (_ROUGH, _METAL))
-        if rough is not None or metal is not None or ("$mat.roughnessFactor", 0) in said or ("$mat.metallicFactor", 0) in said:
+    def _surface(self, properties: dict[tuple[str, int], Any], material: Material) -> None:
+        rough, metal = (self._texture(properties, kind, material.name, srgb=False) for kind in (_ROUGH, _METAL))
+        if (
+            rough is not None
+            or metal is not None
+            or ("$mat.roughnessFactor", 0) in properties
+            or ("$mat.metallicFactor", 0) in properties
+        ):
             material.kind = "metallic_roughness"
             material.metallic_roughness_texture = with_roughness_and_metal(self._shelf, rough, metal)
-            material.roughness = 1.0 if rough is not None else unit(_number(said, "$mat.roughnessFactor", 0.5))
-            material.metallic = 1.0 if metal is not None else unit(_number(said, "$mat.metallicFactor", 0.0))
+            material.roughness = 1.0 if rough is not None else unit(_number(properties, "$mat.roughnessFactor", 0.5))
+            material.metallic = 1.0 if metal is not None else unit(_number(properties, "$mat.metallicFactor", 0.0))
             return
-        strength = _number(said, "$mat.shinpercent", 1.0)
-        r, g, b = (unit(c * strength) for c in _color(said, "$clr.specular", (0.0, 0.0, 0.0)))
-        shininess = _number(said, "$mat.shininess", 0.0)
-        if max(r, g, b) > 0 and shininess > 1 and int(_number(said, "$mat.shadingm", 3)) not in _MATTE:
+        strength = _number(properties, "$mat.shinpercent", 1.0)
+        r, g, b = (unit(c * strength) for c in _color(properties, "$clr.specular", (0.0, 0.0, 0.0)))
+        shininess = _number(properties, "$mat.shininess", 0.0)
+        if max(r, g, b) > 0 and shininess > 1 and int(_number(properties, "$mat.shadingm", 3)) not in _MATTE:
             material.kind, material.specular_color = "metallic_roughness", (r, g, b)
             material.roughness = unit((2 / (shininess + 2)) ** 0.25)  # as for MTL
 
-    def _opacity(self, said: dict[tuple[str, int], Any], material: Material) -> None:
-        opacity = unit(_number(said, "$mat.opacity", 1.0))
+    def _opacity(self, properties: dict[tuple[str, int], Any], material: Material) -> None:
+        opacity = unit(_number(properties, "$mat.opacity", 1.0))
         self.odd[Sentence("assimp-opacities-zero", "opacities of 0, which many programs write for opaque materials")] += (
             opacity == 0
         )
         if 0 < opacity < 1:
             material.opacity, material.alpha_mode = opacity, "blend"
-        mask = self._texture(said, _OPACITY, material.name, srgb=False)
+        mask = self._texture(properties, _OPACITY, material.name, srgb=False)
         if mask is not None:
             material.base_color_texture = with_opacity(self._shelf, material.base_color_texture, mask)
             material.alpha_mode = "blend"
 
-    def _normals(self, said: dict[tuple[str, int], Any], material: Material) -> None:
+    def _normals(self, properties: dict[tuple[str, int], Any], material: Material) -> None:
         for kind in (_NORMALS, _HEIGHT):
-            texture = self._texture(said, kind, material.name, srgb=False)
+            texture = self._texture(properties, kind, material.name, srgb=False)
             if texture is not None and holds_normals(self._shelf.image_of(texture)):
                 material.normal_texture = texture
                 return
@@ -183,17 +188,17 @@ class Materials:
                     )
                 )
 
-    def _texture(self, said: dict[tuple[str, int], Any], kind: int, name: str, srgb: bool) -> int | None:
-        reference = str(said.get(("$tex.file", kind), "")).strip()
+    def _texture(self, properties: dict[tuple[str, int], Any], kind: int, name: str, srgb: bool) -> int | None:
+        reference = str(properties.get(("$tex.file", kind), "")).strip()
         if not reference:
             return None
-        wraps = [_WRAPS.get(int(_number(said, key, 0, kind)), "repeat") for key in ("$tex.mapmodeu", "$tex.mapmodev")]
-        number = int(_number(said, "$tex.uvwsrc", 0, kind))
+        wraps = [_WRAPS.get(int(_number(properties, key, 0, kind)), "repeat") for key in ("$tex.mapmodeu", "$tex.mapmodev")]
+        number = int(_number(properties, "$tex.uvwsrc", 0, kind))
         uv_set = min(max(number, 0), 1)
         self.odd[Sentence("assimp-texture-coordinate-sets", "textures that name a set of texture coordinates")] += (
             uv_set != number
         )
-        place = _transform(said.get(("$tex.uvtrafo", kind)), self._main.lower().endswith((".x3d", ".x3db", ".wrl")))
+        place = _transform(properties.get(("$tex.uvtrafo", kind)), self._main.lower().endswith((".x3d", ".x3db", ".wrl")))
         image, tiled = self._image(reference, Sentence("label-material", "Material {name}", name=name), srgb)
         return self._shelf.texture(image, wraps[0], wraps[1], uv_set, composed_transform(place, tiled))
 
@@ -211,7 +216,7 @@ class Materials:
             return self._shelf.image_and_transform(unquote(reference).removeprefix("file:"), self._main, user, srgb)
         found = self._files.resolve_uri(reference, self._main)
         if found is None:
-            self._shelf.missing(reference, user)
+            self._shelf.warn_of_missing(reference, user)
             return None, IDENTITY_UV_TRANSFORM
         return self._shelf.image_file(found, srgb), IDENTITY_UV_TRANSFORM
 
@@ -235,20 +240,20 @@ def _transform(given: Any, is_x3d: bool) -> UvTransform:
     return a, b, c, d, e, f
 
 
-def _number(said: dict[tuple[str, int], Any], key: str, default: float, kind: int = 0) -> float:
-    value = said.get((key, kind))
+def _number(properties: dict[tuple[str, int], Any], key: str, default: float, kind: int = 0) -> float:
+    value = properties.get((key, kind))
     if not isinstance(value, np.ndarray) or not len(value) or not np.isfinite(value[0]):
         return default
     return float(value[0])
 
 
-def _color(said: dict[tuple[str, int], Any], key: str, default: Vec3, high: float = 1.0) -> Vec3:
-    value = said.get((key, 0))
+def _color(properties: dict[tuple[str, int], Any], key: str, default: Vec3, high: float = 1.0) -> Vec3:
+    value = properties.get((key, 0))
     if not isinstance(value, np.ndarray) or len(value) < 3 or not np.isfinite(value[:3]).all():
         return default
     r, g, b = (clamped(float(c), 0.0, high) for c in value[:3])
     return r, g, b
 
 
-def _use(kind: int) -> str:
+def _texture_use_name(kind: int) -> str:
     return _NAMES.get(kind) or Sentence("texture-use-number", "use number {number}", number=kind)

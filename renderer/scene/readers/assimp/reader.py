@@ -52,7 +52,7 @@ def read(
 
     scale: factor of all lengths; change: preprocesses the file's bytes.
     """
-    imported = files.recall(("assimp", main), lambda: _opened(files, main, scale, change))
+    imported = files.get_or_make(("assimp", main), lambda: _opened(files, main, scale, change))
     shelf = TextureShelf(description, files)
     movement = Movement(imported, moment, DEFAULT_FPS, main)
     description.clips = movement.clips
@@ -98,10 +98,10 @@ class _Reader:
         for i, node in enumerate(self._imported.nodes):
             shapes = [number for number in node.meshes if number in self._imported.meshes]
             name = self._unique(node.name or self._imported.meshes[shapes[0]].name or "mesh") if shapes else ""
-            self._make([number for number in shapes if not self._imported.meshes[number].bones])
+            self._add_meshes([number for number in shapes if not self._imported.meshes[number].bones])
             for number in shapes:
-                self._show(number, i, name)
-        middle = self._middle(first)
+                self._add_instance(number, i, name)
+        middle = self._bounds_centre(first)
         for lamp in self._imported.lamps:
             self._light(lamp, middle)
         for camera in self._imported.cameras:
@@ -140,9 +140,9 @@ class _Reader:
                 )
             )
 
-    def _show(self, number: int, node: int, name: str) -> None:
+    def _add_instance(self, number: int, node: int, name: str) -> None:
         shape = self._imported.meshes[number]
-        world = self._world(node)
+        world = self._world_transform(node)
         moves = node in self._movement.moving
         if shape.bones:
             mesh = self._skinned(shape, world)
@@ -154,13 +154,13 @@ class _Reader:
             known = self._numbers[number]
         self._description.instances.append(Instance(known, world, name=name, moves=moves))
 
-    def _make(self, numbers: list[int]) -> None:
+    def _add_meshes(self, numbers: list[int]) -> None:
         """Adds the meshes of a node, which are the parts of one surface with different materials."""
         new = [number for number in numbers if number not in self._numbers]
         if not new:
             return
         shapes = [self._imported.meshes[number] for number in new]
-        found = self._files.recall(("assimp meshes", self._main, tuple(new)), functools.partial(_meshes, shapes))
+        found = self._files.get_or_make(("assimp meshes", self._main, tuple(new)), functools.partial(_meshes, shapes))
         for number, shape, mesh in zip(new, shapes, found, strict=True):
             made = Mesh(**{**vars(mesh), "material": self._materials.number(shape.material)})
             self._description.meshes.append(made)
@@ -176,7 +176,7 @@ class _Reader:
             if at is None:
                 self._odd[Sentence("assimp-bones-without-node", "bones without a node")] += 1
                 continue
-            places.append(self._world(at) @ bone.offset)
+            places.append(self._world_transform(at) @ bone.offset)
             vertex.append(bone.vertices.astype(np.int64))
             joint.append(np.full(len(bone.vertices), len(places) - 1))
             weight.append(bone.weights)
@@ -198,7 +198,7 @@ class _Reader:
         mesh.material = self._materials.number(shape.material)
         return mesh
 
-    def _world(self, node: int) -> F64:
+    def _world_transform(self, node: int) -> F64:
         found = self._movement.worlds[node]
         if not np.isfinite(found).all():
             name = self._imported.nodes[node].name[:80]
@@ -212,7 +212,7 @@ class _Reader:
             )
         return found
 
-    def _middle(self, first: int) -> F64:
+    def _bounds_centre(self, first: int) -> F64:
         """Returns the centre of the bounding box of the instances, beginning with index `first`."""
         corners = []
         for instance in self._description.instances[first:]:
@@ -229,7 +229,7 @@ class _Reader:
             self._odd[kind] += 1
             return
         at = self._by_name.get(lamp.node)
-        world = np.eye(4) if at is None else self._world(at)
+        world = np.eye(4) if at is None else self._world_transform(at)
         position, direction = world[:3, :3] @ lamp.position + world[:3, 3], world[:3, :3] @ lamp.direction
         length = float(np.linalg.norm(direction))
         direction = direction / length if length > 0 else np.array([0.0, -1.0, 0.0])
@@ -257,7 +257,7 @@ class _Reader:
 
     def _camera(self, camera: Camera) -> None:
         at = self._by_name.get(camera.node)
-        world = np.eye(4) if at is None else self._world(at)
+        world = np.eye(4) if at is None else self._world_transform(at)
         eye = world[:3, :3] @ camera.position + world[:3, 3]
         forward, up = world[:3, :3] @ camera.towards, world[:3, :3] @ camera.up
         name = self._unique(camera.node or "camera")

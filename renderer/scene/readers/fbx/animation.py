@@ -8,7 +8,7 @@ from typing import Any
 from renderer.scene.animation import Clip, Moment
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import FbxScene, at, each, is_set, is_visible, pointed, text, value_at
+from renderer.scene.readers.fbx.library import FbxScene, each, is_set, is_visible, pointed, struct_at, text, value_at
 from renderer.scene.readers.name_lookup import number_of
 
 __all__ = ["Stacks"]
@@ -25,30 +25,32 @@ class Stacks:
         # Stacks that animate nothing come last: files of Mixamo and 3ds Max begin with one; Blender skips it too.
         stacks = pointed(scene.stacks, layout.AnimStack)
         self._stacks = (
-            sorted(stacks, key=lambda stack: next(_moved(int(stack.anim)), None) is None) if len(stacks) > 1 else stacks
+            sorted(stacks, key=lambda stack: next(_animated_element_ids(int(stack.anim)), None) is None)
+            if len(stacks) > 1
+            else stacks
         )
         self.clips = [Clip(text(s.name) or f"animation {i}", s.begin, s.end) for i, s in enumerate(self._stacks)]
 
-    def played(self, moment: Moment) -> int | None:
+    def selected_animation(self, moment: Moment) -> int | None:
         """Returns the animation to evaluate at a moment, None without one.
 
         Raises SceneError if the moment's clip does not exist.
         """
         names = [clip.name for clip in self.clips]
         if moment.clip == ALL_CLIPS and ALL_CLIPS not in names and len(names) > 1:
-            return self._together(self._stacks)
+            return self._combine_layers(self._stacks)
         chosen = self._stacks[:1]
         if moment.clip is not None and (moment.clip != ALL_CLIPS or ALL_CLIPS in names):
             chosen = [self._stacks[number_of("clip", names, moment.clip, self._file)]]
         if self._opened.unturned or any(len(_active_layers(stack)) < stack.layers.count for stack in chosen):
-            return self._together(chosen)
+            return self._combine_layers(chosen)
         return int(chosen[0].anim) if chosen else None
 
-    def _together(self, stacks: list[Any]) -> int:
+    def _combine_layers(self, stacks: list[Any]) -> int:
         layers = [layer for stack in stacks for layer in _active_layers(stack)]
         return self._opened.combined_animation([int(layer.typed_id) for layer in layers], self._file)
 
-    def shown(self, anim: int, evaluated: FbxScene, seconds: float) -> dict[int, bool]:
+    def animated_visibility(self, anim: int, evaluated: FbxScene, seconds: float) -> dict[int, bool]:
         """Returns the visibility, by node id, of the nodes whose visibility animation layers set.
 
         The topmost curve of a layer with a weight decides. Maya evaluates visibility, as all booleans, in override mode whatever
@@ -62,8 +64,8 @@ class Stacks:
             for each_property in each(layer.properties, layout.AnimProp):
                 if text(each_property.name) != "Visibility":
                     continue
-                value = at(layout.AnimValue, each_property.value)
-                element = at(layout.Element, each_property.element)
+                value = struct_at(layout.AnimValue, each_property.value)
+                element = struct_at(layout.Element, each_property.element)
                 if value is None or element is None or element.element_id not in still:
                     continue
                 found.setdefault(element.element_id, still[element.element_id])
@@ -72,9 +74,9 @@ class Stacks:
                     found[element.element_id] = int(value_at(curve, seconds)) != 0
         return found
 
-    def moving(self, anim: int | None) -> set[int]:
+    def animated_elements(self, anim: int | None) -> set[int]:
         """Returns the ids of the elements with a property that changes over time."""
-        return set(_moved(anim))
+        return set(_animated_element_ids(anim))
 
 
 def _active_layers(stack: Any) -> list[Any]:
@@ -83,19 +85,19 @@ def _active_layers(stack: Any) -> list[Any]:
     return [layer for layer in layers if is_set(layer, b"Solo")] or [layer for layer in layers if not is_set(layer, b"Mute")]
 
 
-def _moved(anim: int | None) -> Iterator[int]:
-    played = at(layout.Anim, anim)
+def _animated_element_ids(anim: int | None) -> Iterator[int]:
+    played = struct_at(layout.Anim, anim)
     for layer in pointed(played.layers, layout.AnimLayer) if played else []:
         for each_property in each(layer.properties, layout.AnimProp):
-            value = at(layout.AnimValue, each_property.value)
-            element = at(layout.Element, each_property.element)
-            if value is not None and element is not None and _moves(value):
+            value = struct_at(layout.AnimValue, each_property.value)
+            element = struct_at(layout.Element, each_property.element)
+            if value is not None and element is not None and _is_animated(value):
                 yield element.element_id
 
 
-def _moves(value: Any) -> bool:
+def _is_animated(value: Any) -> bool:
     for address in value.curves:
-        curve = at(layout.AnimCurve, address)
+        curve = struct_at(layout.AnimCurve, address)
         if curve is not None and curve.most - curve.least > _STILL * max(1.0, abs(curve.most)):
             return True
     return False

@@ -22,7 +22,6 @@ from renderer.sentences import Sentence
 __all__ = [
     "FbxScene",
     "array",
-    "at",
     "each",
     "is_set",
     "is_visible",
@@ -30,6 +29,7 @@ __all__ = [
     "matrix",
     "number_of",
     "pointed",
+    "struct_at",
     "text",
     "value_at",
 ]
@@ -113,7 +113,7 @@ class FbxScene:
         _library().ufbx_free_scene(self._pointer)
 
     @classmethod
-    def of(cls, data: bytes, name: str) -> FbxScene:
+    def parse(cls, data: bytes, name: str) -> FbxScene:
         """Parses a file's bytes into a scene in metres with Y up. Opens no other file.
 
         Raises SceneError if the file is damaged, MemoryError if memory is exhausted.
@@ -128,16 +128,16 @@ class FbxScene:
         options.unsafe, options.unicode_errors = True, _AS_WRITTEN
         error = layout.Error()
         found = _library().ufbx_load_memory(data, len(data), ctypes.byref(options), ctypes.byref(error))
-        return cls(found) if found else _failed(error, name)
+        return cls(found) if found else _raise_error(error, name)
 
-    def at(self, anim: int, seconds: float, name: str) -> FbxScene:
+    def evaluate(self, anim: int, seconds: float, name: str) -> FbxScene:
         """Returns the scene evaluated at a time of an animation. Raises SceneError if that fails.
 
         name: of the file, for errors.
         """
         options, error = layout.EvaluateOptions(), layout.Error()
         found = _library().ufbx_evaluate_scene(self._pointer, anim, seconds, ctypes.byref(options), ctypes.byref(error))
-        return FbxScene(found) if found else _failed(error, name)
+        return FbxScene(found) if found else _raise_error(error, name)
 
     def combined_animation(self, layers: list[int], name: str) -> int:
         """Returns the address of an animation that combines layers of the scene, the last on top, and respects RotationActive.
@@ -158,7 +158,7 @@ class FbxScene:
                 override.name.data, override.name.count = ctypes.addressof(names[turn]), len(_TURNS[turn])
             options.overrides.data, options.overrides.count = ctypes.addressof(overrides), len(overrides)
             made = _library().ufbx_create_anim(self._pointer, ctypes.byref(options), ctypes.byref(error))
-            self._made[key] = made or int(_failed(error, name))
+            self._made[key] = made or int(_raise_error(error, name))
         return self._made[key]
 
     @functools.cached_property
@@ -204,7 +204,7 @@ def message_of(notice: Any) -> str:
     return _MESSAGES.get(said, said)
 
 
-def _failed(error: Any, name: str) -> Any:
+def _raise_error(error: Any, name: str) -> Any:
     if error.kind in _OUT_OF_MEMORY:
         raise MemoryError
     raise SceneError(
@@ -222,7 +222,7 @@ def text(string: Any) -> str:
     return ctypes.string_at(string.data, string.count).decode("utf-8", "surrogateescape") if string.data else ""
 
 
-def at(kind: Any, address: int | None) -> Any:
+def struct_at(kind: Any, address: int | None) -> Any:
     """Returns the structure at an address; None for a null pointer."""
     return kind.from_address(address) if address else None
 
@@ -232,11 +232,11 @@ def each(values: Any, kind: Any) -> list[Any]:
     return [kind.from_address(values.data + i * ctypes.sizeof(kind)) for i in range(values.count)] if values.data else []
 
 
-def pointed(values: Any, kind: Any, most: int | None = None) -> list[Any]:
-    """Returns the structures that a list of pointers refers to, at most the first `most`; null pointers are skipped."""
+def pointed(values: Any, kind: Any, max_count: int | None = None) -> list[Any]:
+    """Returns the structures that a list of pointers refers to, at most the first `max_count`; null pointers are skipped."""
     if not values.data:
         return []
-    count = values.count if most is None else min(values.count, most)
+    count = values.count if max_count is None else min(values.count, max_count)
     addresses = (ctypes.c_void_p * count).from_address(values.data)
     return [kind.from_address(address) for address in addresses if address]
 

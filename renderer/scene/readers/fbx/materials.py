@@ -79,8 +79,8 @@ class Materials:
         self._opacity(said, material)
         if said.feature("unlit"):
             material.kind, material.roughness, material.emission, material.emission_texture = "unlit", None, (0.0, 0.0, 0.0), None
-        left: list[str] = [words for key, words in _LEFT_OUT.items() if said.has(key)]
-        left += [Sentence("texture-of-property", "the texture of {property}", property=name) for name in said.unread()]
+        left: list[str] = [words for key, words in _LEFT_OUT.items() if said.has_value(key)]
+        left += [Sentence("texture-of-property", "the texture of {property}", property=name) for name in said.unread_properties()]
         if left:
             self._shelf.warn_of_surface(
                 Sentence(
@@ -89,20 +89,20 @@ class Materials:
             )
         return material
 
-    def _emission(self, said: _MaterialValues, material: Material) -> None:
-        material.emission = said.color("emission_color", "emission_factor", (0.0, 0.0, 0.0), _MAX_RADIANCE)
+    def _emission(self, values: _MaterialValues, material: Material) -> None:
+        material.emission = values.color("emission_color", "emission_factor", (0.0, 0.0, 0.0), _MAX_RADIANCE)
         material.double_sided = True  # surfaces are two-sided in FBX and in the programs that write it
-        texture = said.texture("emission_color", srgb=True)
-        factor = said.value("emission_factor", 1.0)
+        texture = values.texture("emission_color", srgb=True)
+        factor = values.value("emission_factor", 1.0)
         if texture is not None and factor > 0:
             material.emission_texture = texture
             level = clamped(factor, 0.0, _MAX_RADIANCE)
             material.emission = (level, level, level)
 
-    def _normals(self, said: _MaterialValues, material: Material) -> None:
-        material.normal_texture = said.texture("normal_map")
+    def _normals(self, values: _MaterialValues, material: Material) -> None:
+        material.normal_texture = values.texture("normal_map")
         if material.normal_texture is None:
-            texture = said.fbx_texture("bump")
+            texture = values.fbx_texture("bump")
             if texture is not None and holds_normals(self._shelf.image_of(texture)):
                 material.normal_texture = texture
                 self.guessed[Sentence("fbx-bump-read-as-normal", "bump maps of mostly blue pixels, read as normal maps")] += 1
@@ -115,14 +115,14 @@ class Materials:
                     )
                 )
 
-    def _opacity(self, said: _MaterialValues, material: Material) -> None:
-        is_old = said.source.shader in (_UNKNOWN, _LAMBERT, _PHONG)
-        opacity = 1 - max(said.fbx_color("transparency_color", "transparency_factor")) if is_old else said.opacity()
+    def _opacity(self, values: _MaterialValues, material: Material) -> None:
+        is_old = values.source.shader in (_UNKNOWN, _LAMBERT, _PHONG)
+        opacity = 1 - max(values.fbx_color("transparency_color", "transparency_factor")) if is_old else values.opacity()
         if opacity < 1 and not (is_old and opacity == 0):  # some exporters write 0 for opaque
             material.opacity, material.alpha_mode = opacity, "blend"
         elif opacity < 1:
             self.guessed[Sentence("fbx-opacity-zero", "materials of opacity 0, read as opaque")] += 1
-        mask = said.fbx_texture("transparency_color") if is_old else said.texture("opacity")
+        mask = values.fbx_texture("transparency_color") if is_old else values.texture("opacity")
         if mask is None:
             return
         if material.transmission > 0:
@@ -141,98 +141,100 @@ class Materials:
         material.base_color_texture = mask if same else with_opacity(self._shelf, material.base_color_texture, mask)
         material.alpha_mode = "blend"
 
-    def _physical(self, said: _MaterialValues, material: Material) -> None:
-        rough, metal = said.texture("roughness"), said.texture("metalness")
+    def _physical(self, values: _MaterialValues, material: Material) -> None:
+        rough, metal = values.texture("roughness"), values.texture("metalness")
         if rough is None:
-            rough = inverted(self._shelf, said.texture("glossiness"))
+            rough = inverted(self._shelf, values.texture("glossiness"))
         material.metallic_roughness_texture = with_roughness_and_metal(self._shelf, rough, metal)
-        material.roughness = 1.0 if rough is not None else said.roughness("", 0.5)
-        material.metallic = 1.0 if metal is not None else unit(said.value("metalness", 0.0))
-        material.ior = clamped(said.value("specular_ior", 1.5), 1.0, ALL_REFLECTING_IOR)
-        material.specular_texture = as_alpha(self._shelf, said.texture("specular_factor"))
-        material.specular = 1.0 if material.specular_texture is not None else unit(said.value("specular_factor", 1.0))
-        if said.source.shader == _BLENDER:
+        material.roughness = 1.0 if rough is not None else values.roughness("", 0.5)
+        material.metallic = 1.0 if metal is not None else unit(values.value("metalness", 0.0))
+        material.ior = clamped(values.value("specular_ior", 1.5), 1.0, ALL_REFLECTING_IOR)
+        material.specular_texture = as_alpha(self._shelf, values.texture("specular_factor"))
+        material.specular = 1.0 if material.specular_texture is not None else unit(values.value("specular_factor", 1.0))
+        if values.source.shader == _BLENDER:
             # Blender's exporter writes 0.25 for a reflectance of 4 %; ufbx does not convert that.
-            level = said.fbx_value("specular_factor", _PLASTIC) if material.specular_texture is None else _PLASTIC
+            level = values.fbx_value("specular_factor", _PLASTIC) if material.specular_texture is None else _PLASTIC
             material.specular = unit(level / _PLASTIC)
-        material.specular_color_texture = said.texture("specular_color", srgb=True)
+        material.specular_color_texture = values.texture("specular_color", srgb=True)
         if material.specular_color_texture is None:
-            material.specular_color = said.color("specular_color", None, (1.0, 1.0, 1.0))
-        material.anisotropy = unit(said.value("specular_anisotropy", 0.0))
-        material.anisotropy_rotation = math.remainder(2 * math.pi * said.value("specular_rotation", 0.0), 2 * math.pi)
-        material.transmission_texture = said.texture("transmission_factor")
-        material.transmission = 1.0 if material.transmission_texture is not None else unit(said.value("transmission_factor", 0.0))
+            material.specular_color = values.color("specular_color", None, (1.0, 1.0, 1.0))
+        material.anisotropy = unit(values.value("specular_anisotropy", 0.0))
+        material.anisotropy_rotation = math.remainder(2 * math.pi * values.value("specular_rotation", 0.0), 2 * math.pi)
+        material.transmission_texture = values.texture("transmission_factor")
+        material.transmission = (
+            1.0 if material.transmission_texture is not None else unit(values.value("transmission_factor", 0.0))
+        )
         if material.transmission > 0:
-            material.thin = said.feature("thin_walled")
-            tint = said.color("transmission_color", None, (1.0, 1.0, 1.0))
-            depth = said.value("transmission_depth", 0.0)
+            material.thin = values.feature("thin_walled")
+            tint = values.color("transmission_color", None, (1.0, 1.0, 1.0))
+            depth = values.value("transmission_depth", 0.0)
             if depth > 0 and not material.thin:
-                self._fill(said, material, tint, depth * self._unit)
+                self._fill(values, material, tint, depth * self._unit)
                 material.base_color = (1.0, 1.0, 1.0)
             else:
                 material.base_color = tint
-            dispersion = said.value("transmission_dispersion", 0.0)
-            if dispersion > 0 and said.source.shader in _BY_ABBE:
+            dispersion = values.value("transmission_dispersion", 0.0)
+            if dispersion > 0 and values.source.shader in _BY_ABBE:
                 dispersion = 20 / dispersion
             material.dispersion = clamped(dispersion, 0.0, 20.0)
-        self._subsurface(said, material)
-        self._coat(said, material)
-        if said.value("sheen_factor", 0.0) > 0:
-            material.sheen_color = said.color("sheen_color", "sheen_factor", (0.0, 0.0, 0.0))
-            material.sheen_color_texture = said.texture("sheen_color", srgb=True)
+        self._subsurface(values, material)
+        self._coat(values, material)
+        if values.value("sheen_factor", 0.0) > 0:
+            material.sheen_color = values.color("sheen_color", "sheen_factor", (0.0, 0.0, 0.0))
+            material.sheen_color_texture = values.texture("sheen_color", srgb=True)
             if material.sheen_color_texture is not None:
-                level = unit(said.value("sheen_factor", 1.0))
+                level = unit(values.value("sheen_factor", 1.0))
                 material.sheen_color = (level, level, level)
-            material.sheen_roughness = unit(said.value("sheen_roughness", 0.3))
-        film = said.value("thin_film_factor", 1.0)  # Arnold's has only a thickness
-        if film > 0 and said.value("thin_film_thickness", 0.0) > 0:
-            thickness = clamped(said.value("thin_film_thickness", 0.0), 0.0, 1e5)
+            material.sheen_roughness = unit(values.value("sheen_roughness", 0.3))
+        film = values.value("thin_film_factor", 1.0)  # Arnold's has only a thickness
+        if film > 0 and values.value("thin_film_thickness", 0.0) > 0:
+            thickness = clamped(values.value("thin_film_thickness", 0.0), 0.0, 1e5)
             material.iridescence = unit(film)
             material.iridescence_thickness = (thickness, thickness)
-            material.iridescence_ior = clamped(said.value("thin_film_ior", 1.4), 1.0, 5.0)
+            material.iridescence_ior = clamped(values.value("thin_film_ior", 1.4), 1.0, 5.0)
 
-    def _fill(self, said: _MaterialValues, material: Material, tint: Vec3, depth: float) -> None:
+    def _fill(self, values: _MaterialValues, material: Material, tint: Vec3, depth: float) -> None:
         """Sets the medium inside glass. tint: transmittance over `depth` metres."""
-        scatter = said.color("transmission_scatter", None, (0.0, 0.0, 0.0), _MOST_SCATTER)
+        scatter = values.color("transmission_scatter", None, (0.0, 0.0, 0.0), _MOST_SCATTER)
         if max(scatter) <= 0:
             material.attenuation_color, material.attenuation_distance = tint, depth
             return
-        found = attenuating(tint, depth, scatter, said.value("transmission_scatter_anisotropy", 0.0))
+        found = attenuating(tint, depth, scatter, values.value("transmission_scatter_anisotropy", 0.0))
         material.sigma_a, material.sigma_s, material.g = found.sigma_a, found.sigma_s, found.g
 
-    def _subsurface(self, said: _MaterialValues, material: Material) -> None:
+    def _subsurface(self, values: _MaterialValues, material: Material) -> None:
         """Sets the subsurface scattering, and mixes its colour into the base colour, since a material has one colour for both."""
-        share = unit(said.value("subsurface_factor", 0.0))
-        if share <= 0 or said.feature("thin_walled"):
+        share = unit(values.value("subsurface_factor", 0.0))
+        if share <= 0 or values.feature("thin_walled"):
             return
-        color = said.color("subsurface_color", None, (1.0, 1.0, 1.0))
-        texture = said.texture("subsurface_color", srgb=True)
+        color = values.color("subsurface_color", None, (1.0, 1.0, 1.0))
+        texture = values.texture("subsurface_color", srgb=True)
         if material.base_color_texture is None and texture is None:
             pairs = zip(material.base_color, color, strict=True)
             material.base_color = unit_color((1 - share) * a + share * b for a, b in pairs)
         elif share >= 0.5 and texture is not None:
             material.base_color, material.base_color_texture = (1.0, 1.0, 1.0), texture
-        scale = said.value("subsurface_scale", 1.0) * self._unit
-        radius = said.color("subsurface_radius", None, (1.0, 1.0, 1.0), MOST_DENSE)
+        scale = values.value("subsurface_scale", 1.0) * self._unit
+        radius = values.color("subsurface_radius", None, (1.0, 1.0, 1.0), MOST_DENSE)
         material.subsurface = share
         material.subsurface_radius = unit_color((scale * c for c in radius), MOST_DENSE)
-        material.subsurface_anisotropy = clamped(said.value("subsurface_anisotropy", 0.0), -MOST_FORWARD, MOST_FORWARD)
+        material.subsurface_anisotropy = clamped(values.value("subsurface_anisotropy", 0.0), -MOST_FORWARD, MOST_FORWARD)
 
-    def _coat(self, said: _MaterialValues, material: Material) -> None:
-        material.clearcoat_texture = said.texture("coat_factor")
-        material.clearcoat = 1.0 if material.clearcoat_texture is not None else unit(said.value("coat_factor", 0.0))
+    def _coat(self, values: _MaterialValues, material: Material) -> None:
+        material.clearcoat_texture = values.texture("coat_factor")
+        material.clearcoat = 1.0 if material.clearcoat_texture is not None else unit(values.value("coat_factor", 0.0))
         if material.clearcoat > 0:
-            material.clearcoat_roughness_texture = said.texture("coat_roughness")
+            material.clearcoat_roughness_texture = values.texture("coat_roughness")
             rough = material.clearcoat_roughness_texture is not None
-            material.clearcoat_roughness = 1.0 if rough else said.roughness("coat_", 0.0)
-            material.clearcoat_normal_texture = said.texture("coat_normal")
-            tint_beneath(material, said.color("coat_color", None, (1.0, 1.0, 1.0)))
+            material.clearcoat_roughness = 1.0 if rough else values.roughness("coat_", 0.0)
+            material.clearcoat_normal_texture = values.texture("coat_normal")
+            tint_beneath(material, values.color("coat_color", None, (1.0, 1.0, 1.0)))
 
-    def _phong(self, said: _MaterialValues, material: Material) -> None:
-        specular = said.fbx_color("specular_color", "specular_factor")
-        exponent = max(said.fbx_value("specular_exponent", 20.0), 0.0)
-        level = unit(said.fbx_value("specular_factor", 1.0))
-        texture = said.fbx_texture("specular_color", srgb=True) if level > 0 else None
+    def _phong(self, values: _MaterialValues, material: Material) -> None:
+        specular = values.fbx_color("specular_color", "specular_factor")
+        exponent = max(values.fbx_value("specular_exponent", 20.0), 0.0)
+        level = unit(values.fbx_value("specular_factor", 1.0))
+        texture = values.fbx_texture("specular_color", srgb=True) if level > 0 else None
         if texture is None and max(specular) == 0:
             material.kind, material.roughness = "diffuse", None
             return
@@ -241,7 +243,7 @@ class Materials:
         material.roughness = unit((2 / (exponent + 2)) ** 0.25)
         material.specular_color = unit_color(specular) if texture is None else (level, level, level)
         material.specular_color_texture = texture
-        material.specular_texture = as_alpha(self._shelf, said.fbx_texture("specular_factor"))
+        material.specular_texture = as_alpha(self._shelf, values.fbx_texture("specular_factor"))
 
 
 class _MaterialValues:
@@ -254,7 +256,7 @@ class _MaterialValues:
     def feature(self, name: str) -> bool:
         return bool(self.source.features[_FEATURES[name]])
 
-    def has(self, name: str) -> bool:
+    def has_value(self, name: str) -> bool:
         """Returns True if a map has a texture or a value other than 0."""
         found = self.source.pbr[_PBR[name]]
         return bool(found.texture and found.texture_enabled) or bool(found.has_value and any(list(found.value)[:3]))
@@ -269,12 +271,12 @@ class _MaterialValues:
         value = float(found.value[0]) if found.has_value else default
         return value if math.isfinite(value) else default
 
-    def roughness(self, of: str, default: float) -> float:
+    def roughness(self, layer: str, default: float) -> float:
         """Returns the roughness of the surface, or of a layer such as `coat_`; converts it if the file stores glossiness."""
-        gloss = f"{of}glossiness"
-        if self.feature(f"{of}roughness_as_glossiness") and self.source.pbr[_PBR[gloss]].has_value:
+        gloss = f"{layer}glossiness"
+        if self.feature(f"{layer}roughness_as_glossiness") and self.source.pbr[_PBR[gloss]].has_value:
             return unit(1 - self.value(gloss, 1 - default))
-        return unit(self.value(f"{of}roughness", default))
+        return unit(self.value(f"{layer}roughness", default))
 
     def color(self, name: str, factor: str | None, default: Vec3, high: float = 1.0) -> Vec3:
         found = self.source.pbr[_PBR[name]]
@@ -298,7 +300,7 @@ class _MaterialValues:
             else None
         )
 
-    def unread(self) -> list[str]:
+    def unread_properties(self) -> list[str]:
         """Returns the properties whose textures were not read, except ambient occlusion and those with their own note."""
         silent = [self.source.pbr[_PBR[name]].texture for name in (*_LEFT_OUT, "ambient_occlusion")]
         silent += [self.source.fbx[_FBX[name]].texture for name in ("displacement", "ambient_color", "ambient_factor")]

@@ -19,7 +19,6 @@ from renderer.scene.readers.fbx.animation import Stacks
 from renderer.scene.readers.fbx.library import (
     FbxScene,
     array,
-    at,
     each,
     is_set,
     is_visible,
@@ -27,6 +26,7 @@ from renderer.scene.readers.fbx.library import (
     message_of,
     number_of,
     pointed,
+    struct_at,
     text,
 )
 from renderer.scene.readers.fbx.materials import Materials
@@ -64,7 +64,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
 
     Raises SceneError if the file is damaged or the clip does not exist.
     """
-    opened = files.recall(("FBX", main), lambda: FbxScene.of(files.read(main), main))
+    opened = files.get_or_make(("FBX", main), lambda: FbxScene.parse(files.read(main), main))
     if opened.scene.nodes.count > MAX_NODES:
         raise SceneError(
             Sentence(
@@ -80,13 +80,13 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     fps = float(opened.scene.settings.fps)
     if 1e-3 <= fps <= 1e4:
         description.fps = fps
-    anim = stacks.played(moment)
-    moving = stacks.moving(anim)
+    anim = stacks.selected_animation(moment)
+    moving = stacks.animated_elements(anim)
     description.moves |= len(moving) > 0
     seconds = moment.seconds(description.fps)
     needs = anim is not None and bool(moving or opened.unturned)
-    evaluated = opened.at(anim, seconds, main) if anim is not None and needs else opened
-    shown = stacks.shown(anim, evaluated, seconds) if anim is not None else {}
+    evaluated = opened.evaluate(anim, seconds, main) if anim is not None and needs else opened
+    shown = stacks.animated_visibility(anim, evaluated, seconds) if anim is not None else {}
     _Reader(files, main, description, evaluated, moving, shown).read()
 
 
@@ -119,12 +119,12 @@ class _Reader:
         """Adds all meshes, lights and cameras to the description."""
         first = len(self._description.instances)
         nodes = pointed(self._scene.nodes, layout.Node)
-        shown, restless = self._shown(nodes)
+        shown, restless = self._visible_nodes(nodes)
         self._restless = restless
         for node in nodes:
             if node.mesh and node.element_id in shown:
-                self._show(node, node.element_id in restless)
-        middle = self._middle(first)
+                self._add_instances(node, node.element_id in restless)
+        middle = self._bounds_centre(first)
         for node in nodes:
             if node.light and node.element_id in shown:
                 self._light(node, middle, node.element_id in restless)
@@ -132,12 +132,12 @@ class _Reader:
             self._camera(node)
         self._warn()
 
-    def _shown(self, nodes: list[Any]) -> tuple[set[int], set[int]]:
+    def _visible_nodes(self, nodes: list[Any]) -> tuple[set[int], set[int]]:
         """Returns the ids of the visible nodes, and those of the nodes that move. nodes: in an order that has parents first."""
         shown: set[int] = set()
         restless: set[int] = set()
         for node in nodes:
-            parent = at(layout.Node, node.parent)
+            parent = struct_at(layout.Node, node.parent)
             if node.element_id in self._moving or (parent is not None and parent.element_id in restless):
                 restless.add(node.element_id)
             if parent is not None and parent.attrib_type == _LOD_GROUP and self._is_coarse(node, parent):
@@ -153,21 +153,21 @@ class _Reader:
 
     @staticmethod
     def _is_coarse(node: Any, parent: Any) -> bool:
-        first = pointed(parent.children, layout.Node, most=1)
+        first = pointed(parent.children, layout.Node, max_count=1)
         return bool(first) and first[0].element_id != node.element_id
 
-    def _show(self, node: Any, moves: bool) -> None:
-        mesh = at(layout.Mesh, node.mesh)
+    def _add_instances(self, node: Any, moves: bool) -> None:
+        mesh = struct_at(layout.Mesh, node.mesh)
         world = self._finite(matrix(node.geometry_to_world), node)
         made_once = ("FBX parts", self._main, mesh.element_id)
-        parts, unfilled = self._files.recall(made_once, functools.partial(parts_of, mesh))
+        parts, unfilled = self._files.get_or_make(made_once, functools.partial(parts_of, mesh))
         if unfilled:
             self._odd[Sentence("unit-concave-polygons", "concave polygons, filled as if convex")] += unfilled
         if not parts:
             self._odd[Sentence("fbx-meshes-without-faces", "meshes without faces")] += 1
             return
         name = self._unique(text(node.name) or text(mesh.name) or "mesh")
-        self._note(mesh)
+        self._note_deformers(mesh)
         slots = pointed(node.materials, layout.Material) or pointed(mesh.materials, layout.Material)
         skins = pointed(mesh.skins, layout.SkinDeformer)
         bends = bool(mesh.blends.count) or bool(skins)
@@ -193,7 +193,7 @@ class _Reader:
                     found = made[i]
                     found.deforms = self._deforms(mesh, skins, moves)
                 else:
-                    points = self._files.recall(
+                    points = self._files.get_or_make(
                         ("FBX points", self._main, mesh.element_id, part.slot), functools.partial(_points, mesh, part)
                     )
                     found = _mesh(name, part, points, part.normals)
@@ -218,8 +218,8 @@ class _Reader:
         made = []
         skin = None
         if skins:
-            skin = self._files.recall(("FBX skin", self._main, mesh.element_id), functools.partial(Skin, skins[0]))
-            places = self._finite(Skin.places(skins[0], world), node)
+            skin = self._files.get_or_make(("FBX skin", self._main, mesh.element_id), functools.partial(Skin, skins[0]))
+            places = self._finite(Skin.joint_transforms(skins[0], world), node)
         for part in parts:
             normals = turned_with(part, rest, points) if added is None else None
             if added is not None and part.normals is not None:
@@ -241,10 +241,10 @@ class _Reader:
         if any(channel.element_id in self._moving for channel in channels):
             return True
         bones = [cluster.bone for skin in skins for cluster in pointed(skin.clusters, layout.SkinCluster)]
-        carriers = (at(layout.Node, bone) for bone in bones)
+        carriers = (struct_at(layout.Node, bone) for bone in bones)
         return bool(skins) and (moves or any(node is not None and node.element_id in self._restless for node in carriers))
 
-    def _note(self, mesh: Any) -> None:
+    def _note_deformers(self, mesh: Any) -> None:
         skins = pointed(mesh.skins, layout.SkinDeformer)
         if len(skins) > 1:
             self._odd[Sentence("fbx-further-skins", "further skins of a mesh")] += len(skins) - 1
@@ -257,7 +257,7 @@ class _Reader:
         if mesh.num_lines or mesh.num_points:
             self._odd[Sentence("fbx-loose-edges-points", "loose edges and points of meshes")] += mesh.num_lines + mesh.num_points
 
-    def _middle(self, first: int) -> npt.NDArray[np.float64]:
+    def _bounds_centre(self, first: int) -> npt.NDArray[np.float64]:
         """Returns the centre of the bounding box of the visible geometry. first: index of the file's first instance."""
         corners = []
         for instance in self._description.instances[first:]:
@@ -271,7 +271,7 @@ class _Reader:
         return found if np.isfinite(found).all() else np.zeros(3)
 
     def _light(self, node: Any, middle: npt.NDArray[np.float64], moves: bool) -> None:
-        light = at(layout.Light, node.light)
+        light = struct_at(layout.Light, node.light)
         world = self._finite(aimed(node, self._scene, matrix(node.node_to_world), np.array(light.direction)), node)
         name = self._unique(text(node.name) or "light")
         if not is_set(light, b"CastShadows", True):
@@ -314,14 +314,14 @@ class _Reader:
 
     def _rank(self, node: Any) -> tuple[bool, bool]:
         """Sort key of a camera: the file's default camera first, then perspective cameras."""
-        is_flat = at(layout.Camera, node.camera).projection == 1
+        is_flat = struct_at(layout.Camera, node.camera).projection == 1
         return text(node.name) != text(self._scene.settings.camera), is_flat
 
     def _camera(self, node: Any) -> None:
         name = self._unique(text(node.name) or "camera")
         try:
             world = self._finite(aimed(node, self._scene, matrix(node.node_to_world), _VIEW), node)
-            camera = at(layout.Camera, node.camera)
+            camera = struct_at(layout.Camera, node.camera)
             offset = number_of(camera, b"FilmOffsetX"), number_of(camera, b"FilmOffsetY")
             unit = float(self._scene.settings.unit)
             near = number_of(camera, b"NearPlane") * unit  # 0 if not stored

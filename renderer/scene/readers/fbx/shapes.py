@@ -11,7 +11,7 @@ from renderer.scene.description import F32
 from renderer.scene.kernel_arguments import read_only
 from renderer.scene.normals import corner_angles, face_normals
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import array, at, each, matrix, pointed
+from renderer.scene.readers.fbx.library import array, each, matrix, pointed, struct_at
 from renderer.scene.readers.fbx.meshes import Part
 from renderer.scene.readers.skinning import carried
 
@@ -29,7 +29,7 @@ def blended(mesh: Any) -> tuple[F64, F64 | None]:
     for deformer in pointed(mesh.blends, layout.BlendDeformer):
         for channel in pointed(deformer.channels, layout.BlendChannel):
             for key in each(channel.keyframes, layout.BlendKeyframe):
-                shape = at(layout.BlendShape, key.shape)
+                shape = struct_at(layout.BlendShape, key.shape)
                 if shape is None or key.weight == 0:
                     continue
                 where = array(shape.vertices, np.uint32)
@@ -88,7 +88,7 @@ class Skin:
         self.weights[self.weights.sum(axis=1) <= 0, -1] = 1.0
 
     @staticmethod
-    def places(deformer: Any, node: F64) -> F64:
+    def joint_transforms(deformer: Any, node: F64) -> F64:
         """Returns (J + 1, 4, 4) transforms from mesh to world space: one for each joint, and last that of the mesh's node."""
         clusters = pointed(deformer.clusters, layout.SkinCluster)
         return np.stack([*(matrix(cluster.geometry_to_world) for cluster in clusters), node])

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import at, each, matrix, pointed, text
+from renderer.scene.readers.fbx.library import each, matrix, pointed, struct_at, text
 
 __all__ = ["aimed"]
 
@@ -39,20 +39,20 @@ def aimed(node: Any, scene: Any, world: F64, along: F64) -> F64:
         side /= np.linalg.norm(side)
         turned[:3, :3] = np.column_stack([towards, np.cross(side, towards), side])
     else:
-        turned[:3, :3] = _turn(now, towards) @ world[:3, :3]
+        turned[:3, :3] = _rotation_between(now, towards) @ world[:3, :3]
     return turned
 
 
 def _target(node: Any, scene: Any) -> F64 | None:
     for link in each(node.connections_dst, layout.Connection):
-        if text(link.dst_prop) == "LookAtProperty" and (source := at(layout.Element, link.src)) is not None:
+        if text(link.dst_prop) == "LookAtProperty" and (source := struct_at(layout.Element, link.src)) is not None:
             for other in pointed(scene.nodes, layout.Node):
                 if other.element_id == source.element_id:
                     return matrix(other.node_to_world)[:3, 3]
     return None
 
 
-def _turn(a: F64, b: F64) -> F64:
+def _rotation_between(a: F64, b: F64) -> F64:
     """Returns the (3, 3) shortest rotation from unit direction `a` to `b`."""
     axis, cosine = np.cross(a, b), float(a @ b)
     if cosine < -1 + 1e-9:

@@ -45,7 +45,7 @@ class Pictures:
         source = layout.Texture.from_address(address)
         files = pointed(source.files, layout.Texture)
         if source.kind != _FILE or not files:
-            self._shelf.warn_of_surface(_unread(user, source.kind == _LAYERED, bool(files)))
+            self._shelf.warn_of_surface(_unread_warning(user, source.kind == _LAYERED, bool(files)))
         if not files:
             return None
         picture = files[0]
@@ -78,7 +78,7 @@ class Pictures:
             tiles = tiles_of(name, lambda each: self._files.find(each, self._main)) if is_tiled(name) else None
             if tiles or (tiles is None and self._files.find(name, self._main) is not None):
                 return self._shelf.image_and_transform(name, self._main, user, srgb)
-        self._shelf.missing(named[0] if named else text(picture.name), user)
+        self._shelf.warn_of_missing(named[0] if named else text(picture.name), user)
         return None, IDENTITY_UV_TRANSFORM
 
 
@@ -113,7 +113,7 @@ def _as_blender_means(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return made
 
 
-def _unread(user: str, is_layered: bool, has_image: bool) -> str:
+def _unread_warning(user: str, is_layered: bool, has_image: bool) -> str:
     if has_image and is_layered:
         return Sentence("fbx-layers-first-shown", "{user}: a texture has layers; only its lowest image is shown.", user=user)
     if has_image:

@@ -168,7 +168,7 @@ class Accessors:
                 data = memoryview(self._files.read(name))
         length = buffer.integer("byteLength")
         if length > len(data):
-            self._root.faults.note(
+            self._root.faults.add_sentence(
                 Sentence(
                     "gltf-buffer-short",
                     "{file}: {place} has {found} of {length} bytes; these are read.",
@@ -186,7 +186,7 @@ class Accessors:
         kind = accessor.text("type", "")
         width = _WIDTH.get(kind, 0)
         if component is None or width not in widths:
-            raise accessor.wrong(
+            raise accessor.damage(
                 "type",
                 Sentence(
                     "gltf-accessor-type-wrong",
@@ -235,17 +235,17 @@ class Accessors:
         count = sparse.integer("count", low=1, high=len(values) + 1)
         places, replacements = sparse.object("indices"), sparse.object("values")
         if places is None or replacements is None:
-            raise sparse.wrong("indices", Sentence("gltf-sparse-values-missing", "or values is missing"))
+            raise sparse.damage("indices", Sentence("gltf-sparse-values-missing", "or values is missing"))
         component = _COMPONENT.get(places.integer("componentType"))
         if component not in (np.uint8, np.uint16, np.uint32):
-            raise places.wrong("componentType", Sentence("gltf-not-unsigned-integer", "is not an unsigned integer"))
+            raise places.damage("componentType", Sentence("gltf-not-unsigned-integer", "is not an unsigned integer"))
         arrays = []
         for part, width, dtype in ((places, 1, np.dtype(component)), (replacements, values.shape[1], values.dtype)):
             view = part.integer("bufferView", high=len(self._views))
             arrays.append(self._strided(view, part.integer("byteOffset", 0), count, width, dtype, part.where))
         at = arrays[0].reshape(-1).astype(np.int64)
         if at.max() >= len(values):
-            raise places.wrong("bufferView", Sentence("gltf-sparse-index-invalid", "contains an index outside of the array"))
+            raise places.damage("bufferView", Sentence("gltf-sparse-index-invalid", "contains an index outside of the array"))
         result = values.copy()
         result[at] = arrays[1]
         return result

@@ -52,7 +52,7 @@ class Animations:
         self.clips = [Clip(name, *self._extent(source)) for name, source in zip(names, self._sources, strict=True)]
         # Blender writes one animation per object; if no two move the same target, they are played together.
         self._is_of_parts = (
-            len(names) > 1 and ALL_CLIPS not in names and files.recall(("clips apart", root.file), self._are_apart)
+            len(names) > 1 and ALL_CLIPS not in names and files.get_or_make(("clips apart", root.file), self._are_apart)
         )
         if self._is_of_parts:
             moving = [clip for clip in self.clips if clip.end > clip.start] or self.clips
@@ -60,7 +60,7 @@ class Animations:
         self.warnings: list[str] = []
         self.moving: set[Path] = set()  # animated paths of the clips that are played
 
-    def at(self, moment: Moment) -> Json:
+    def root_at(self, moment: Moment) -> Json:
         """Returns the file's root with the animated values at a moment.
 
         Raises SceneError if the clip does not exist or is damaged.
@@ -74,13 +74,13 @@ class Animations:
             played = self._sources if number < 0 else [self._sources[number]]
         changed = Changed(self._root.value)
         for source in played:
-            channels, moving, warnings = self._files.recall(
+            channels, moving, warnings = self._files.get_or_make(
                 ("channels", source.file, source.where), functools.partial(self._channels, source)
             )
             self.warnings += [each for each in warnings if each not in self.warnings]
             self.moving |= moving
             for path, kind, curve in channels:
-                values = curve.at(moment.seconds())
+                values = curve.values_at(moment.seconds())
                 if path[-2] == "weights" and not self._has_weight(changed, path):
                     continue
                 changed.set(path, values[0] != 0 if kind == "flag" else values[0] if kind == "number" else values)
@@ -142,7 +142,7 @@ class Animations:
         if at not in self._times:
             times = self._accessors.floats(at, 1, finite=False).reshape(-1).astype(np.float64)
             if (np.diff(times[np.isfinite(times)]) < 0).any():
-                raise sampler.wrong("input", Sentence("gltf-animation-times-descend", "has times that do not ascend"))
+                raise sampler.damage("input", Sentence("gltf-animation-times-descend", "has times that do not ascend"))
             self._times[at] = times
         return self._times[at]
 
@@ -201,7 +201,7 @@ class Animations:
             way = "LINEAR"
         rows = len(times) * (3 if way == "CUBICSPLINE" else 1)
         if not rows or len(values) % rows or (kind != "list" and len(values) != rows):
-            raise sampler.wrong(
+            raise sampler.damage(
                 "output",
                 Sentence(
                     "gltf-animation-value-count-wrong",
@@ -220,7 +220,7 @@ class Animations:
                 total=len(times),
             )
             if not finite.any():
-                raise sampler.wrong("output", what)
+                raise sampler.damage("output", what)
             sampler.fault("output", what)
             times, values = times[finite], values[finite]
         turns = kind == "rotation"

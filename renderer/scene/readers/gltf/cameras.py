@@ -24,15 +24,15 @@ def read_camera(source: Json, world: Matrix) -> View:
     orthographic = source.object("orthographic")
     if source.text("type", "perspective") == "orthographic" and orthographic:
         height = 2 * abs(orthographic.number("ymag", 1.0))
-        near = _near(orthographic)
+        near = _near_distance(orthographic)
         return View(vec3(eye), vec3(target), vec3(up), projection="orthographic", height=height, near=near)
     perspective = source.object("perspective")
     if perspective is None or "yfov" not in perspective:
         source.replace("perspective.yfov", Sentence("gltf-fov-missing", "missing and replaced by 40 degrees"))
     fov = math.degrees(perspective.number("yfov", math.radians(40)) if perspective else math.radians(40))
-    return View(vec3(eye), vec3(target), vec3(up), fov, near=_near(perspective))
+    return View(vec3(eye), vec3(target), vec3(up), fov, near=_near_distance(perspective))
 
 
-def _near(source: Json | None) -> float:
+def _near_distance(source: Json | None) -> float:
     """Returns the near clipping distance, which is applied as in other glTF viewers; 0 if absent."""
     return 0.0 if source is None else clamped(source.number("znear", 0.0), 0.0, _FAR)

@@ -44,21 +44,21 @@ class Json:
     def __contains__(self, key: str) -> bool:
         return key in self.value
 
-    def place(self, key: str) -> str:
+    def path_of(self, key: str) -> str:
         """Returns the path of a key, such as `materials[2].emissiveFactor`."""
         return f"{self.where}.{key}" if self.where else key
 
-    def wrong(self, key: str, what: str) -> DamagedError:
+    def damage(self, key: str, what: str) -> DamagedError:
         """Returns the error to raise for an unusable value. what: the fault, such as "is not a list"."""
-        return DamagedError(self.file, self.place(key), what)
+        return DamagedError(self.file, self.path_of(key), what)
 
     def fault(self, key: str, what: str) -> None:
         """Counts a value as a fault, so that a warning mentions it. what: the fault, such as "is not a list"."""
-        self.faults.add(self.wrong(key, what))
+        self.faults.add(self.damage(key, what))
 
     def replace(self, key: str, what: str) -> None:
         """Counts a value as replaced. what: the rest of a sentence that begins "3 values are"."""
-        self.faults.replace(self.file, self.place(key), what)
+        self.faults.replace(self.file, self.path_of(key), what)
 
     def clamped(self, key: str, value: float, low: float, high: float) -> float:
         """Returns a value clamped to low..high; counts a fault if it is outside by more than float32's precision."""
@@ -68,7 +68,7 @@ class Json:
 
     def object(self, key: str) -> Json | None:
         """Returns the object under a key; None if absent or not an object."""
-        return self._child(self.place(key), self.value[key]) if key in self.value else None
+        return self._child(self.path_of(key), self.value[key]) if key in self.value else None
 
     def objects(self, key: str) -> list[Json]:
         """Returns the list of objects under a key; entries that are not objects become empty objects."""
@@ -76,7 +76,7 @@ class Json:
         if not isinstance(values, list):
             self.fault(key, Sentence("gltf-not-list", "is not a list"))
             return []
-        places = [f"{self.place(key)}[{i}]" for i in range(len(values))]
+        places = [f"{self.path_of(key)}[{i}]" for i in range(len(values))]
         return [
             self._child(place, value) or Json(self.file, place, {}, self.faults)
             for place, value in zip(places, values, strict=True)
@@ -98,14 +98,14 @@ class Json:
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if not isinstance(value, int) or isinstance(value, bool):
-            fault = self.wrong(
+            fault = self.damage(
                 key,
                 Sentence("gltf-value-missing", "is missing")
                 if value is None
                 else Sentence("gltf-not-integer", "is not an integer"),
             )
         elif not low <= value < high:
-            fault = self.wrong(
+            fault = self.damage(
                 key,
                 Sentence(
                     "gltf-index-out-of-range",
@@ -277,7 +277,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
         )
     root = _parse_json(bytes(chunks[_JSON_CHUNK]), file)
     for sentence in notes:
-        root.faults.note(sentence)
+        root.faults.add_sentence(sentence)
     return root, chunks.get(_BINARY_CHUNK)
 
 
@@ -285,13 +285,15 @@ def _is_chunk(data: bytes, at: int) -> bool:
     return at + 8 <= len(data) and struct.unpack_from("<I", data, at + 4)[0] in _CHUNKS
 
 
-def _whole(value: Any) -> Any:
+def _without_lone_surrogates(value: Any) -> Any:
     """Returns the JSON value with lone surrogates replaced by U+FFFD, so that its strings can be encoded."""
     if isinstance(value, str):
         return value.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
     if isinstance(value, list):
-        return [_whole(each) for each in value]
-    return {_whole(k): _whole(v) for k, v in value.items()} if isinstance(value, dict) else value
+        return [_without_lone_surrogates(each) for each in value]
+    return (
+        {_without_lone_surrogates(k): _without_lone_surrogates(v) for k, v in value.items()} if isinstance(value, dict) else value
+    )
 
 
 def _parse_json(data: bytes, file: str) -> Json:
@@ -307,7 +309,7 @@ def _parse_json(data: bytes, file: str) -> Json:
     try:
         text = data.decode("utf-8-sig").rstrip("\0 ")
         value = json.loads(text, parse_int=_integer)
-        root = Json(file, "", _whole(value) if _SURROGATE.search(text) else value)
+        root = Json(file, "", _without_lone_surrogates(value) if _SURROGATE.search(text) else value)
     except (ValueError, RecursionError) as error:
         raise SceneError(
             Sentence(

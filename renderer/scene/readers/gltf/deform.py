@@ -77,7 +77,7 @@ def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
         return np.tile(np.eye(4), (count, 1, 1))
     values = accessors.floats(skin.integer("inverseBindMatrices", high=len(accessors.accessors)), 16)
     if len(values) < count:
-        raise skin.wrong(
+        raise skin.damage(
             "inverseBindMatrices",
             Sentence(
                 "gltf-joint-matrix-count-wrong", "has {matrices} matrices for {joints} joints", matrices=len(values), joints=count

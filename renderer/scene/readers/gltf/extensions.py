@@ -49,9 +49,9 @@ def has_thickness(material: Json) -> bool:
     return volume is not None and volume.number("thicknessFactor", 0.0) > 0
 
 
-def _owner(source: Json, way: list[str]) -> Json | None:
+def _owner(source: Json, path: list[str]) -> Json | None:
     owner: Json | None = source
-    for step in way:
+    for step in path:
         if owner is not None:
             owner = owner.extension(step) if step.startswith(_EXTENSION) else owner.object(step)
     return owner

@@ -44,11 +44,11 @@ class Faults:
         self._file = file
         self._replaced.setdefault(what, {})[place] = None
 
-    def note(self, sentence: str) -> None:
+    def add_sentence(self, sentence: str) -> None:
         """Records a sentence about the file as a whole."""
         self._notes[sentence] = None
 
-    def say(self, warn: Callable[[str], None]) -> None:
+    def pass_on(self, warn: Callable[[str], None]) -> None:
         """Passes all warnings to a callback: one sentence for each kind of fault, with its count."""
         for sentence in self._notes:
             warn(sentence)

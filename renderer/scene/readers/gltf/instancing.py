@@ -47,7 +47,7 @@ def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matri
                 source.faults.add(fault)
     counts = {len(values) for values in found.values()}
     if len(counts) != 1:
-        raise source.wrong(
+        raise source.damage(
             "attributes", Sentence("gltf-instancing-arrays-wrong", "has no arrays of transforms, or arrays of different lengths")
         )
     (count,) = counts

@@ -24,7 +24,7 @@ def read_light(source: Json, name: str, world: Matrix) -> Light:
     """Returns the light on a node. The node's scale, and the light's range (a hint for rasterisers), are ignored."""
     kind = source.text("type", "")
     if kind not in _KINDS:
-        raise source.wrong(
+        raise source.damage(
             "type", Sentence("value-unknown", "is {value}; known are {choices}", value=repr(kind[:20]), choices=[*_KINDS])
         )
     color = [source.clamped("color", value, 0.0, 1.0) for value in source.vector("color", (1.0, 1.0, 1.0))]

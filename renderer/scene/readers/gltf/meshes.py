@@ -57,7 +57,7 @@ class Meshes:
         """Returns the name of a mesh in the file."""
         return self.sources[index].text("name", "") or f"mesh {index}"
 
-    def of(self, index: int, node: Json) -> list[int]:
+    def indices_of(self, index: int, node: Json) -> list[int]:
         """Returns the description's mesh indices of a mesh's primitives, with a node's morph weights applied."""
         weights, alone = self._weights(index, node), self._moving.unshared_shape_key(node)
         if (index, weights, alone) not in self._shaped:
@@ -76,7 +76,7 @@ class Meshes:
             mesh, bones = morphed(primitive.mesh, primitive.targets, weights, self._accessors), primitive.bones
             if matrices is not None and bones is not None:
                 if bones.joints.max(initial=0) >= len(matrices):
-                    raise node.wrong(
+                    raise node.damage(
                         "skin",
                         Sentence(
                             "gltf-joint-count-wrong",
@@ -116,7 +116,7 @@ class Meshes:
             for source in self.sources[index].objects("primitives"):
                 material = self._variants.material_of(source, self._materials.sources)
                 uv_sets = self._materials.uv_sets(material)
-                primitive = self._files.recall(
+                primitive = self._files.get_or_make(
                     ("primitive", self._file, source.where, self._thickness, uv_sets),
                     functools.partial(self._read, source, index, uv_sets),
                 )

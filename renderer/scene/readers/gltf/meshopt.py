@@ -42,14 +42,14 @@ def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
     count, stride = extension.integer("count"), extension.integer("byteStride", low=1, high=257)
     mode, filter = extension.text("mode", ""), extension.text("filter", "NONE")
     if mode not in _MODES or filter not in _FILTERS:
-        raise extension.wrong(
+        raise extension.damage(
             "mode",
             Sentence(
                 "gltf-meshopt-filter-unknown", "or filter is unknown ({mode}, {filter})", mode=mode[:20], filter=filter[:20]
             ),
         )
     if count * stride != length or length > MAX_BYTES:
-        raise extension.wrong(
+        raise extension.damage(
             "count",
             Sentence("gltf-meshopt-length-wrong", "and byteStride do not match the {length} bytes of the view", length=length),
         )

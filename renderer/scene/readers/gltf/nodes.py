@@ -64,7 +64,7 @@ class Nodes:
         self._known_joints: dict[int, tuple[list[int], bool]] = {}  # by skin, and whether any is animated
         self._carrying: dict[int, Matrix] = {}  # results of `_joints`, by skin
 
-    def walk(self) -> None:
+    def add_scene(self) -> None:
         """Adds the meshes, lights and cameras of all nodes of the scene to the description."""
         if len(self._nodes) > MAX_NODES:
             raise SceneError(
@@ -83,7 +83,7 @@ class Nodes:
             self._add_camera(index)
         for index in shown_nodes:  # after all joints' world transforms are known
             before, shining = len(self._description.instances), len(self._description.lights)
-            self._place(self._nodes[index], self._worlds[index], index in self._moving.nodes)
+            self._add_node(self._nodes[index], self._worlds[index], index in self._moving.nodes)
             self._instances[index] = before, len(self._description.instances)
             if len(self._description.lights) > shining:
                 self._shining[index] = shining
@@ -123,7 +123,7 @@ class Nodes:
                 description.lights[number : number + len(moved_lights)] = moved_lights
             first, end = self._instances.get(index, (0, 0))
             if first < end and not self._is_skinned(index):
-                places = self._places(self._nodes[index], world, end - first)
+                places = self._instance_transforms(self._nodes[index], world, end - first)
                 meshes = (end - first) // len(places)
                 for i in range(first, end):
                     known = description.instances[i]
@@ -167,19 +167,19 @@ class Nodes:
             return False
         return self._joints_of(node.integer("skin"))[1]
 
-    def _places(self, node: Json, world: Matrix, most: int) -> Matrix | list[Matrix]:
-        """Returns the world transforms of a node's mesh, one per instance. Raises SceneError if there are more than `most`."""
+    def _instance_transforms(self, node: Json, world: Matrix, max_count: int) -> Matrix | list[Matrix]:
+        """Returns the world transforms of a node's mesh, one per instance. Raises SceneError for more than `max_count`."""
         copies = node.extension(instancing.EXTENSION)
         if copies is None:
             return [world]
         try:
-            return product(world, instancing.instance_transforms(copies, self._accessors, most))
+            return product(world, instancing.instance_transforms(copies, self._accessors, max_count))
         except DamagedError as fault:
             self._root.faults.add(fault)
             return [world]
 
-    def _in_world(self, order: list[int], known: dict[int, Matrix]) -> dict[int, Matrix]:
-        """Returns the world transforms of nodes. In `order`, nodes follow their parents; other parents are in `known`.
+    def _in_world(self, order: list[int], known_transforms: dict[int, Matrix]) -> dict[int, Matrix]:
+        """Returns the world transforms of nodes. In `order`, nodes follow their parents; other parents are in `known_transforms`.
 
         Processes whole levels of the hierarchy at once, since files have tens of thousands of nodes.
         """
@@ -199,7 +199,7 @@ class Nodes:
             places = np.stack([own[index] for index in level])
             if depth[level[0]]:
                 with np.errstate(over="ignore", invalid="ignore"):
-                    outer = [worlds[below[i]] if below[i] in worlds else known[below[i]] for i in level]
+                    outer = [worlds[below[i]] if below[i] in worlds else known_transforms[below[i]] for i in level]
                     places = product(np.stack(outer), places)
             bad = ~np.isfinite(places).all(axis=(1, 2))
             if bad.any():
@@ -218,7 +218,7 @@ class Nodes:
         """Returns the parent of each node in the scene, in an order that has parents first, and the list of visible nodes."""
         parents: dict[int, int | None] = {}
         shown_nodes: list[int] = []
-        stack: list[tuple[int, int | None, bool]] = [(i, None, True) for i in reversed(self._top())]
+        stack: list[tuple[int, int | None, bool]] = [(i, None, True) for i in reversed(self._root_nodes())]
         while stack:
             index, parent, shown = stack.pop()
             node = self._nodes[index]
@@ -243,7 +243,7 @@ class Nodes:
             stack += [(child, index, shown) for child in reversed(node.indices("children", self._nodes))]
         return parents, shown_nodes
 
-    def _top(self) -> list[int]:
+    def _root_nodes(self) -> list[int]:
         scenes = self._root.objects("scenes")
         if scenes:
             scene = scenes[self._root.integer("scene", 0, high=len(scenes))]
@@ -262,17 +262,17 @@ class Nodes:
         children = {c for n in self._nodes for c in n.indices("children", self._nodes)}
         return [i for i in range(len(self._nodes)) if i not in children] or list(range(min(len(self._nodes), 1)))
 
-    def _place(self, node: Json, world: Matrix, moves: bool) -> None:
+    def _add_node(self, node: Json, world: Matrix, moves: bool) -> None:
         mesh = node.index("mesh", self._meshes.sources)
         if mesh is not None:
             name = self._unique(node.text("name", "") or self._meshes.name(mesh))
             skin = node.index("skin", self._skins)
             if self._has_copies(node):
                 left = MAX_INSTANCES - len(self._description.instances)
-                for i, place in enumerate(self._places(node, world, left)):
-                    self._show(node, self._meshes.of(mesh, node), place, f"{name} [{i}]", moves)
+                for i, place in enumerate(self._instance_transforms(node, world, left)):
+                    self._add_instance(node, self._meshes.indices_of(mesh, node), place, f"{name} [{i}]", moves)
             elif skin is None or not self._show_skinned(node, mesh, skin, name):
-                self._show(node, self._meshes.of(mesh, node), world, name, moves)
+                self._add_instance(node, self._meshes.indices_of(mesh, node), world, name, moves)
         self._description.lights += self._lights_on(node, world)
 
     def _show_skinned(self, node: Json, mesh: int, skin: int, name: str) -> bool:
@@ -283,7 +283,7 @@ class Nodes:
             self._root.faults.add(fault)
             self._unskinned.add(node.where)
             return False
-        self._show(node, found, np.eye(4), name, self._moving.appears(node))
+        self._add_instance(node, found, np.eye(4), name, self._moving.appears(node))
         return True
 
     def _lights_on(self, node: Json, world: Matrix, name: str = "") -> list[Light]:
@@ -306,7 +306,7 @@ class Nodes:
         shaped = self._profiles.light(node, name or spare, world)
         return found if shaped is None else [*found, shaped]
 
-    def _show(self, node: Json, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
+    def _add_instance(self, node: Json, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
         restless = self._meshes.restless
         self._description.instances += [
             Instance(m, place, self._passed_by(node, m), name, moves or m in restless) for m in meshes
@@ -338,12 +338,12 @@ class Nodes:
 
     def _skin_matrices(self, skin: Json, joints: list[int]) -> Matrix:
         if not joints or not all(j in self._worlds for j in joints):
-            raise skin.wrong("joints", Sentence("gltf-skeleton-node-missing", "has no nodes, or a node outside of the scene"))
+            raise skin.damage("joints", Sentence("gltf-skeleton-node-missing", "has no nodes, or a node outside of the scene"))
         with np.errstate(over="ignore", invalid="ignore"):
             bind = bind_matrices(skin, len(joints), self._accessors)
             matrices = product(np.stack([self._worlds[j] for j in joints]), bind)
         if not np.isfinite(matrices).all():
-            raise skin.wrong(
+            raise skin.damage(
                 "inverseBindMatrices",
                 Sentence("gltf-joints-not-finite", "with the joints' transforms gives numbers that are not finite"),
             )

@@ -59,16 +59,16 @@ _OF_FORM: dict[str, Kind] = {"number": "number", "degrees": "number", "color": "
 _OF_TEXTURE: dict[str, Kind] = {"offset": "pair", "rotation": "number", "scale": "pair"}
 
 
-def _way(parameter: Parameter) -> str:
+def _pointer_of(parameter: Parameter) -> str:
     steps = (parameter.gltf or "").split(".")
     return "/".join([_MATERIAL, *(f"extensions/{s}" if s in extensions.NAMES else s for s in steps)])
 
 
 for _each in PARAMETERS:
     if _each.gltf and _each.form == "texture":
-        _TEXTURES.append(_way(_each))
+        _TEXTURES.append(_pointer_of(_each))
     elif _each.gltf and _each.form in _OF_FORM:
-        _KINDS[_way(_each)] = _OF_FORM[_each.form]
+        _KINDS[_pointer_of(_each)] = _OF_FORM[_each.form]
 for _texture in _TEXTURES:
     _KINDS |= {f"{_texture}/extensions/KHR_texture_transform/{key}": kind for key, kind in _OF_TEXTURE.items()}
 

@@ -60,7 +60,7 @@ def read_primitive(
         )
         return None
     attributes = _Attributes(source, accessors)
-    for bare in attributes.bare():
+    for bare in attributes.undecoded_accessors():
         accessors.count_empty_accessor(bare)
     positions = attributes.positions()
     if positions is None:
@@ -71,12 +71,12 @@ def read_primitive(
         at = source.integer("indices", high=len(accessors.accessors)) if "indices" in source else None
         indices = np.arange(len(positions), dtype=np.int64) if at is None else accessors.integers(at)
     if not indices.size:
-        raise source.wrong(
+        raise source.damage(
             "attributes" if "indices" not in source else "indices", Sentence("gltf-vertices-missing", "has no vertices")
         )
     if mode < _LIST and thickness is not None:
         if _is_bad(indices, len(positions)).any() or not np.isfinite(positions).all():
-            raise source.wrong(
+            raise source.damage(
                 "indices",
                 Sentence(
                     "gltf-vertex-index-invalid",
@@ -106,7 +106,7 @@ def read_primitive(
     if mode == _LIST and (left := len(indices) % 3):
         source.fault("indices", Sentence("gltf-triangle-incomplete", "ends with {left} of a triangle's three indices", left=left))
     triangles = _triangles(indices, mode)
-    positions, triangles = _usable(source, positions, triangles)
+    positions, triangles = _without_bad_triangles(source, positions, triangles)
     mesh = Mesh(name, positions, triangles.astype(np.int32))
     count = len(positions)
     mesh.normals = attributes.of_vertices("NORMAL", (3,), count)
@@ -121,7 +121,9 @@ def _is_bad(indices: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.bool
     return (indices < 0) | (indices >= count)
 
 
-def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) -> tuple[F32, npt.NDArray[np.integer]]:
+def _without_bad_triangles(
+    source: Json, positions: F32, triangles: npt.NDArray[np.integer]
+) -> tuple[F32, npt.NDArray[np.integer]]:
     """Removes triangles whose vertices are missing or not finite; returns the positions and the remaining triangles.
 
     Raises DamagedError if no triangle remains.
@@ -137,7 +139,7 @@ def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) ->
             count=int(bad.sum()),
         )
         if bad.all():
-            raise source.wrong("indices", what)
+            raise source.damage("indices", what)
         source.fault("indices", what)
         triangles = triangles[~bad]
     finite = np.asarray(np.isfinite(positions).all(axis=1))
@@ -150,7 +152,7 @@ def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) ->
         count=int(needed.sum()),
     )
     if needed.all():
-        raise source.wrong("attributes", what)
+        raise source.damage("attributes", what)
     source.fault("attributes", what)
     positions = np.where(finite[:, None], positions, positions[np.argmax(finite)])
     return positions, triangles[~needed]
@@ -162,7 +164,7 @@ class _Attributes:
     def __init__(self, source: Json, accessors: Accessors) -> None:
         found = source.object("attributes")
         if found is None:
-            raise source.wrong("attributes", Sentence("gltf-value-missing", "is missing"))
+            raise source.damage("attributes", Sentence("gltf-value-missing", "is missing"))
         self._source, self._attributes, self._accessors = source, found, accessors
         compressed = source.extension(draco.EXTENSION)
         self.indices: npt.NDArray[np.int64] | None = None
@@ -178,7 +180,7 @@ class _Attributes:
         words = (key.partition("_") for key in self._attributes.value)
         return any(kind in ("JOINTS", "WEIGHTS") and number.isdigit() and int(number) >= count for kind, _, number in words)
 
-    def bare(self) -> list[int]:
+    def undecoded_accessors(self) -> list[int]:
         """Returns the indices of the accessors of vertex indices and positions, except those in a Draco block."""
         known = self._accessors.accessors
         found = None if self.indices is not None else self._source.index("indices", known)
@@ -222,11 +224,11 @@ class _Attributes:
         normalized = at is not None and self._accessors.accessors[at].value.get("normalized") is True
         values = as_floats(self._decoded[key], normalized)
         if values.shape[1] not in widths:
-            raise self._attributes.wrong(
+            raise self._attributes.damage(
                 key, Sentence("gltf-component-count-wrong", "has {numbers} numbers per vertex", numbers=values.shape[1])
             )
         if finite and not np.isfinite(values).all():
-            raise self._attributes.wrong(key, Sentence("gltf-values-not-finite", "contains values that are not finite numbers"))
+            raise self._attributes.damage(key, Sentence("gltf-values-not-finite", "contains values that are not finite numbers"))
         return values
 
 

@@ -57,7 +57,7 @@ class Profiles:
         if "uri" in profile:
             uri = profile.text("uri", "")
             if uri.startswith("data:"):
-                return self._files.recall(("IES", place), lambda: read_ies(data_uri(uri, place), place))
+                return self._files.get_or_make(("IES", place), lambda: read_ies(data_uri(uri, place), place))
             name = self._files.resolve_uri(uri, self._root.file)
             if name is None:
                 raise SceneError(
@@ -70,4 +70,4 @@ class Profiles:
                 )
             return photometry_of(self._files, name)
         view = profile.integer("bufferView", high=len(self._accessors.views))
-        return self._files.recall(("IES", place), lambda: read_ies(bytes(self._accessors.view_bytes(view)), place))
+        return self._files.get_or_make(("IES", place), lambda: read_ies(bytes(self._accessors.view_bytes(view)), place))

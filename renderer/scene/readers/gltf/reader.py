@@ -61,18 +61,18 @@ def read(
     """
     key = ("glTF again", main, variant, moment.clip, thickness)
     is_alone = not description.materials and not description.meshes
-    known: Reevaluation | None = files.known(key) if is_alone else None
-    if known is not None and known.at(moment, description):
+    known: Reevaluation | None = files.stored(key) if is_alone else None
+    if known is not None and known.fill_at(moment, description):
         return
     meshes_before = len(description.meshes)
-    root, binary = files.recall(("glTF", main), lambda: parse(files.read(main), main))
+    root, binary = files.get_or_make(("glTF", main), lambda: parse(files.read(main), main))
     shelf = TextureShelf(description, files)
     _check_extensions(root, shelf)
     accessors = Accessors(root, binary, files)
     moving = animation.Animations(root, accessors, files)
     description.clips = moving.clips
     description.moves |= len(moving.clips) > 0
-    root = moving.at(moment)
+    root = moving.root_at(moment)
     for sentence in moving.warnings:
         shelf.warn(sentence)
     surfaces = materials.Materials(root, textures.Textures(root, accessors, files, shelf), shelf, description.materials)
@@ -82,19 +82,19 @@ def read(
     meshes = Meshes(root, accessors, files, surfaces, chosen, shelf, description.meshes, restless, thickness)
     shaping = profiles.Profiles(root, accessors, files, shelf)
     walked = nodes.Nodes(root, accessors, meshes, shelf, description, restless, shaping)
-    walked.walk()
-    root.faults.say(shelf.warn)
+    walked.add_scene()
+    root.faults.pass_on(shelf.warn)
     if root.faults.first is not None and len(description.meshes) == meshes_before:
         raise root.faults.first
     if is_alone and moving.clips and restless.only_transforms_move and not any(meshes.refracts(m) for m in walked.deforming()):
-        files.keep(key, Reevaluation(moving, walked, description))
+        files.store(key, Reevaluation(moving, walked, description))
 
 
 def _check_extensions(root: Json, shelf: TextureShelf) -> None:
     for key in ("extensionsRequired", "extensionsUsed"):
         names = root.value.get(key, [])
         if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
-            raise root.wrong(key, Sentence("gltf-not-name-list", "is not a list of names"))
+            raise root.damage(key, Sentence("gltf-not-name-list", "is not a list of names"))
         unknown = [n[:60] for n in names if n not in _READ and n not in _WITHOUT_EFFECT]
         needed = [name for name in unknown if not name.startswith(_OF_CHARACTERS)]
         if needed and key == "extensionsRequired":

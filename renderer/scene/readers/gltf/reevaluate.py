@@ -25,7 +25,7 @@ class Reevaluation:
         self._read = {field.name: copy(getattr(description, field.name)) for field in fields(description)}
         self._read["still"] = self
 
-    def at(self, moment: Moment, description: SceneDescription) -> bool:
+    def fill_at(self, moment: Moment, description: SceneDescription) -> bool:
         """Fills an empty description with the file at another moment. Returns False if the file must be read again.
 
         Raises SceneError if the moment's clip does not exist or is damaged.
@@ -33,7 +33,7 @@ class Reevaluation:
         before = {field.name: getattr(description, field.name) for field in fields(description)}
         for name, value in self._read.items():
             setattr(description, name, copy(value) if isinstance(value, list | dict) else value)
-        if self._nodes.update_nodes(self._animations.at(moment), description):
+        if self._nodes.update_nodes(self._animations.root_at(moment), description):
             return True
         for name, value in before.items():
             setattr(description, name, value)

@@ -64,7 +64,7 @@ def read_scatter(source: Json, material: Material, textures: Textures, shelf: Te
                         name=material.name,
                     )
                 )
-                color = unit_color(_mean(shelf, picture) * np.array(color))
+                color = unit_color(_mean_color(shelf, picture) * np.array(color))
             _fill(material, unit_color(strength * c for c in color), _g(new, "scatterAnisotropy"))
     _read_ours(source, material)
 
@@ -132,5 +132,5 @@ def _g(source: Json, name: str) -> float:
     return clamped(source.number(name, 0.0), -MOST_FORWARD, MOST_FORWARD)
 
 
-def _mean(shelf: TextureShelf, texture: int) -> np.ndarray:
+def _mean_color(shelf: TextureShelf, texture: int) -> np.ndarray:
     return np.asarray(linear(shelf.image_of(texture)).reshape(-1, 3).mean(axis=0))

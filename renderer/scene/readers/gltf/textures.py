@@ -141,7 +141,7 @@ class Textures:
                 return self._shelf.image_bytes(place, data_uri(uri, place), srgb)
             name = self._files.resolve_uri(uri, self._root.file)
             if name is None:
-                self._shelf.missing(uri, Sentence("label-material", "Material {name}", name=user))
+                self._shelf.warn_of_missing(uri, Sentence("label-material", "Material {name}", name=user))
                 return None
             return self._shelf.image_file(name, srgb)
         view = image.integer("bufferView", high=len(self._accessors.views))

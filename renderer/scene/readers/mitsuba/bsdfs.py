@@ -19,7 +19,7 @@ from renderer.scene.readers.coats import internal_albedo, pane_ior
 from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
 from renderer.scene.readers.height_maps import BumpMaps, rounded
 from renderer.scene.readers.linear_images import linear
-from renderer.scene.readers.material_mix import mixed
+from renderer.scene.readers.material_mix import mix_materials
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.media import Media
@@ -85,8 +85,8 @@ class Bsdfs:
 
         spans: returns the lengths per unit of UV (height_maps.py); called only for bump maps.
         """
-        source = next(iter(shape.of("bsdf")), None)
-        emitter = next((each for each in shape.of("emitter") if each.type == "area"), None)
+        source = next(iter(shape.children_of("bsdf")), None)
+        emitter = next((each for each in shape.children_of("emitter") if each.type == "area"), None)
         bumps = None if source is None else _bumps_within(source)
         found = None if bumps is None else spans()
         length = None if found is None else (rounded(found[0]), rounded(found[1]))
@@ -95,8 +95,8 @@ class Bsdfs:
         key = (id(source), id(emitter), length, None if inside is None else (inside.sigma_a, inside.sigma_s, inside.g))
         if key not in self._numbers:
             self._textures.attribute = ""
-            grey = 0.0 if any(shape.of("emitter")) else 0.5  # emissive shapes are black by default
-            made = self._made(source, 0) if source is not None else Material(base_color=(grey,) * 3)
+            grey = 0.0 if any(shape.children_of("emitter")) else 0.5  # emissive shapes are black by default
+            made = self._read_bsdf(source, 0) if source is not None else Material(base_color=(grey,) * 3)
             if bumps is not None and length is not None:
                 made = self._bumpy(bumps, made, length)
                 self.bumpy.add(len(self._description.materials))
@@ -116,13 +116,13 @@ class Bsdfs:
                 self.inside_out.add(self._numbers[key])
         return self._numbers[key]
 
-    def _made(self, source: Element, depth: int) -> Material:
+    def _read_bsdf(self, source: Element, depth: int) -> Material:
         if depth > _MAX_NESTED:
             self._document.ignore(
-                Sentence("mitsuba-bsdf-nested-too-deep", "{what} is nested too deeply: rendered grey", what=source.what)
+                Sentence("mitsuba-bsdf-nested-too-deep", "{what} is nested too deeply: rendered grey", what=source.description)
             )
             return Material(source.id or source.type)
-        source.take()
+        source.mark_used()
         make = {
             "diffuse": self._diffuse,
             "roughdiffuse": self._diffuse,
@@ -142,52 +142,54 @@ class Bsdfs:
         name = source.id or source.type
         if make is not None:
             return replace(make(source), name=name)
-        inner = source.of("bsdf")
+        inner = source.children_of("bsdf")
         if source.type == "null":
             return Material(name, opacity=0.0, alpha_mode="blend")
         if source.type == "twosided" and inner:
             if len(inner) > 1:
-                inner[1].take()
+                inner[1].mark_used()
                 self._document.ignore(
                     Sentence(
                         "mitsuba-twosided-second-ignored",
                         "{what}: has a material for each side; both sides show the first",
-                        what=source.what,
+                        what=source.description,
                     )
                 )
-            return self._made(inner[0], depth + 1)
+            return self._read_bsdf(inner[0], depth + 1)
         if source.type == "mask" and inner:
-            return self._masked(source, self._made(inner[0], depth + 1))
+            return self._masked(source, self._read_bsdf(inner[0], depth + 1))
         if source.type == "normalmap" and inner:
-            return self._bent(source, self._made(inner[0], depth + 1))
+            return self._bent(source, self._read_bsdf(inner[0], depth + 1))
         if source.type == "bumpmap" and inner:
-            return self._made(inner[0], depth + 1)
+            return self._read_bsdf(inner[0], depth + 1)
         if source.type == "blendbsdf" and len(inner) > 1:
-            return self._mixed(source, inner, depth)
+            return self._read_blend(source, inner, depth)
         if inner:
             self._document.ignore(
                 Sentence(
                     "mitsuba-bsdf-wrapper-unsupported",
                     "{what} is not supported: the material inside it is rendered",
-                    what=source.what,
+                    what=source.description,
                 )
             )
-            return self._made(inner[0], depth + 1)
+            return self._read_bsdf(inner[0], depth + 1)
         self._document.ignore(
-            Sentence("bsdf-type-unsupported", "{what} is not supported: rendered as a grey diffuse surface", what=source.what)
+            Sentence(
+                "bsdf-type-unsupported", "{what} is not supported: rendered as a grey diffuse surface", what=source.description
+            )
         )
         return Material(name, base_color=(0.5, 0.5, 0.5))
 
-    def _mixed(self, source: Element, inner: list[Element], depth: int) -> Material:
+    def _read_blend(self, source: Element, inner: list[Element], depth: int) -> Material:
         weight = unit(self._textures.number(source, "weight", 0.5))
-        first, second = (self._made(each, depth + 1) for each in inner[:2])
-        made = mixed(first, second, weight)
+        first, second = (self._read_bsdf(each, depth + 1) for each in inner[:2])
+        made = mix_materials(first, second, weight)
         if made is None:
             self._document.ignore(
                 Sentence(
                     "bsdf-blend-unsupported",
                     "{what} blends materials that cannot be blended here: the one with the larger weight is rendered",
-                    what=source.what,
+                    what=source.description,
                 )
             )
             return second if weight > 0.5 else first
@@ -197,7 +199,7 @@ class Bsdfs:
         """Returns True if a BSDF is glass with a lower index inside than outside, such as a bubble in water."""
         if source.type in ("dielectric", "roughdielectric"):
             return self._ior(source, "int_ior", "bk7") < self._ior(source, "ext_ior", "air")
-        inner = source.of("bsdf")
+        inner = source.children_of("bsdf")
         return source.type in ("mask", "normalmap") and bool(inner) and self._is_inside_out(inner[0])
 
     def _diffuse(self, source: Element) -> Material:
@@ -207,7 +209,7 @@ class Bsdfs:
                 Sentence(
                     "mitsuba-diffuse-roughness-ignored",
                     "{what}: its diffuse roughness is ignored",
-                    what=source.what,
+                    what=source.description,
                 )
             )
         return Material(base_color=color, base_color_texture=texture)
@@ -217,7 +219,7 @@ class Bsdfs:
         color, texture = self._textures.color(source, "specular_transmittance", 1.0)
         if rgb(source.get("specular_reflectance", 1.0)) != (1.0, 1.0, 1.0):
             self._document.ignore(
-                Sentence("mitsuba-specular-colour-ignored", "{what}: its specular colour is ignored", what=source.what)
+                Sentence("mitsuba-specular-colour-ignored", "{what}: its specular colour is ignored", what=source.description)
             )
         ior = max(inside / outside, outside / inside)
         is_thin = source.type == "thindielectric"
@@ -248,7 +250,7 @@ class Bsdfs:
                     Sentence(
                         "mitsuba-conductor-unknown",
                         "{what}: the metal {metal} is unknown; rendered as aluminium",
-                        what=source.what,
+                        what=source.description,
                         metal=str(named)[:40],
                     )
                 )
@@ -269,7 +271,7 @@ class Bsdfs:
         color, texture = self._textures.color(source, "diffuse_reflectance", 0.5)
         inside, outside = self._ior(source, "int_ior", "polypropylene"), self._ior(source, "ext_ior", "air")
         ior = clamped(inside / outside, 1.0, ALL_REFLECTING_IOR)
-        nonlinear = source.flag("nonlinear", False)
+        nonlinear = source.boolean("nonlinear", False)
         painted: dict[str, Any] = {"base_color": color, "base_color_texture": texture, "ior": ior}
         if source.type != "plastic":
             shine, _ = self._textures.color(source, "specular_reflectance", 1.0)
@@ -290,7 +292,7 @@ class Bsdfs:
                 Sentence(
                     "mitsuba-specular-texture-averaged",
                     "specular_reflectance of {what} is a texture: its mean is used",
-                    what=source.what,
+                    what=source.description,
                 )
             )
             r, g, b = (unit(float(v)) for v in linear(self._textures.shelf.image_of(pattern))[..., :3].mean(axis=(0, 1)))
@@ -305,7 +307,7 @@ class Bsdfs:
             Sentence(
                 "mitsuba-hair-replaced",
                 "{what} is rendered as a glossy surface in its colour: its fibres transmit no light",
-                what=source.what,
+                what=source.description,
             )
         )
         source.used.add("scale_tilt")
@@ -326,7 +328,7 @@ class Bsdfs:
                     Sentence(
                         "mitsuba-opacity-colour-averaged",
                         "{what}: its opacity is a colour; its mean is used",
-                        what=source.what,
+                        what=source.description,
                     )
                 )
             return replace(inner, opacity=unit(sum(opacity) / 3), alpha_mode="blend")
@@ -336,8 +338,8 @@ class Bsdfs:
         return replace(inner, base_color_texture=self._textures.cut_out(inner.base_color_texture, mask), alpha_mode="blend")
 
     def _bent(self, source: Element, inner: Material) -> Material:
-        texture = source.child("normalmap") or next(iter(source.of("texture")), None)
-        if source.flag("use_shadowing_function", True):
+        texture = source.child("normalmap") or next(iter(source.children_of("texture")), None)
+        if source.boolean("use_shadowing_function", True):
             self._document.ignore(
                 Sentence(
                     "mitsuba-normal-map-shadowing",
@@ -346,13 +348,13 @@ class Bsdfs:
             )
         return inner if texture is None else replace(inner, normal_texture=self._textures.texture(texture, False))
 
-    def _bumpy(self, source: Element, made: Material, spans: tuple[float, float]) -> Material:
-        textures = source.of("texture")
+    def _bumpy(self, source: Element, material: Material, spans: tuple[float, float]) -> Material:
+        textures = source.children_of("texture")
         heights = None if not textures else self._textures.texture(textures[0], False)
-        found = None if heights is None else self._bumps.of(heights, source.number("scale", 1.0), spans)
+        found = None if heights is None else self._bumps.normal_map(heights, source.number("scale", 1.0), spans)
         if found is None:
-            return made
-        return replace(made, normal_texture=found.texture, normal_scale=found.strength)
+            return material
+        return replace(material, normal_texture=found.texture, normal_scale=found.strength)
 
     def _rough(self, source: Element, default: float, brushes: bool = False) -> dict[str, Any]:
         """Returns the microfacet distribution and roughness as material fields. brushes: whether the BSDF supports anisotropy."""
@@ -362,7 +364,7 @@ class Bsdfs:
                 Sentence(
                     "mitsuba-microfacet-replaced",
                     "{what}: its distribution {distribution} is replaced by Beckmann with the same alpha",
-                    what=source.what,
+                    what=source.description,
                     distribution=repr(named[:40]),
                 )
             )
@@ -375,7 +377,7 @@ class Bsdfs:
                 Sentence(
                     "anisotropy-ignored",
                     "{what}: its anisotropic roughness is not supported; it is equally rough in both directions",
-                    what=source.what,
+                    what=source.description,
                 )
             )
             return facets | {"roughness": math.sqrt(math.sqrt(along * across))}
@@ -391,7 +393,7 @@ class Bsdfs:
                     Sentence(
                         "mitsuba-ior-name-unknown",
                         "{what}: the material {material} is unknown; an index of refraction of 1.5 is used",
-                        what=source.what,
+                        what=source.description,
                         material=repr(found[:40]),
                     )
                 )
@@ -405,5 +407,5 @@ def _bumps_within(source: Element) -> Element | None:
     for _ in range(_MAX_NESTED):
         if found is None or found.type == "bumpmap" or found.type not in _WRAPPERS:
             break
-        found = next(iter(found.of("bsdf")), None)
+        found = next(iter(found.children_of("bsdf")), None)
     return found if found is not None and found.type == "bumpmap" else None

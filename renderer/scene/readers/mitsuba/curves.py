@@ -10,7 +10,7 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.scene.description import Mesh
 from renderer.scene.readers.mitsuba.values import Matrix, numbers
-from renderer.scene.readers.strands import Strand, line_of, together
+from renderer.scene.readers.strands import Strand, line_of, strands_mesh
 from renderer.sentences import Sentence
 
 __all__ = ["CURVES", "mesh_of_curves"]
@@ -41,7 +41,7 @@ def mesh_of_curves(kind: str, data: bytes, name: str, world: Matrix) -> Mesh:
         strands.append((line[:, :3], line[:, 3]))
     if not strands:
         raise SceneError(Sentence("mitsuba-curves-missing", "{name}: has no curves; export it again", name=name))
-    return together(strands)
+    return strands_mesh(strands)
 
 
 def _blocks(text: str, name: str) -> list[Matrix]:

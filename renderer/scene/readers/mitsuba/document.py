@@ -60,7 +60,7 @@ class Element:
     children: list[Element] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
 
-    def take(self) -> None:
+    def mark_used(self) -> None:
         """Marks the object as used, even if none of its properties is read."""
         self.used.add("")
 
@@ -86,13 +86,13 @@ class Element:
                     "{file}: {name} of {what} is {found}; it must be a number",
                     file=self.file,
                     name=name,
-                    what=self.what,
+                    what=self.description,
                     found=repr(found[:40]),
                 )
             )
         return float(found)
 
-    def flag(self, name: str, default: bool) -> bool:
+    def boolean(self, name: str, default: bool) -> bool:
         """Returns a property as a boolean."""
         found = self.get(name, default)
         return found if isinstance(found, bool) else str(found).strip().lower() == "true"
@@ -102,7 +102,7 @@ class Element:
         found = self.get(name)
         return found if isinstance(found, np.ndarray) and found.shape == (4, 4) else np.eye(4)
 
-    def of(self, *tags: str) -> list[Element]:
+    def children_of(self, *tags: str) -> list[Element]:
         """Returns the child objects with any of these tags."""
         return [child for child in self.children if child.tag in tags]
 
@@ -112,7 +112,7 @@ class Element:
         return next((child for child in self.children if child.name == name), None)
 
     @property
-    def what(self) -> str:
+    def description(self) -> str:
         """The object's tag, id and type, for messages."""
         return f"{self.tag} {self.id!r} ({self.type})" if self.id else f"{self.tag} ({self.type})"
 
@@ -212,7 +212,7 @@ class Document:
         tag = _OLD_NAMES.get(source.tag, source.tag)
         made = Element(tag, self._text(source, "type", file), source.get("id", ""), self._key(source.get("name", "")), file)
         self._left_of(source, _OF_OBJECTS)
-        for part, where in self._parts(source, file):
+        for part, where in self._with_includes(source, file):
             if part.tag == "default":
                 self._defaults.setdefault(part.get("name", ""), part.get("value", ""))
             elif part.tag == "ref":
@@ -229,7 +229,7 @@ class Document:
                             "parameter-given-twice",
                             "{name} of {what} is given more than once: the last one is used",
                             name=name[:60],
-                            what=made.what,
+                            what=made.description,
                         )
                     )
                 made.values[name] = self._value(part, where)
@@ -238,14 +238,14 @@ class Document:
                 Sentence(
                     "mitsuba-id-duplicate",
                     "{what} has the id of another object: later references mean this one",
-                    what=made.what,
+                    what=made.description,
                 )
             )
         if made.id:
             self._by_id[made.id] = made
         return made
 
-    def _parts(self, source: ElementTree.Element, file: str) -> Iterator[tuple[ElementTree.Element, str]]:
+    def _with_includes(self, source: ElementTree.Element, file: str) -> Iterator[tuple[ElementTree.Element, str]]:
         """Yields the children of an element and the file of each. An include is replaced by the children of the included file."""
         for part in source:
             if part.tag != "include":
@@ -272,25 +272,25 @@ class Document:
                         name=PurePosixPath(wanted).name[:120],
                     )
                 )
-            yield from self._parts(self._parsed(found), found)
+            yield from self._with_includes(self._parsed(found), found)
 
-    def _refer(self, part: ElementTree.Element, made: Element, file: str) -> None:
+    def _refer(self, part: ElementTree.Element, material: Element, file: str) -> None:
         wanted, name = self._text(part, "id", file), self._key(part.get("name", ""))
         if wanted in self._by_id:
-            made.children.append(self._referred(wanted, name, file))
+            material.children.append(self._referred(wanted, name, file))
             return
-        self._waiting.append((made, len(made.children), wanted, name, file))  # may be defined later
-        made.children.append(made)
+        self._waiting.append((material, len(material.children), wanted, name, file))  # may be defined later
+        material.children.append(material)
 
-    def _referred(self, wanted: str, name: str, file: str) -> Element:
-        found = self._by_id.get(wanted)
+    def _referred(self, id: str, name: str, file: str) -> Element:
+        found = self._by_id.get(id)
         if found is None:
             raise SceneError(
                 Sentence(
                     "mitsuba-reference-unknown",
                     "{file}: refers to {id}, which is not in the scene; correct the reference",
                     file=file,
-                    id=repr(wanted[:80]),
+                    id=repr(id[:80]),
                 )
             )
         if name and name != found.name:
@@ -352,7 +352,7 @@ class Document:
             for step, (_, said) in zip(inner if steps else (), steps, strict=True):
                 self._left_of(step, said.asked)
             is_even = part.tag == "spectrum" and not self.is_old and isinstance(found, np.ndarray) and len(set(found)) == 1
-            return values.Spectrum.even(float(found[0])) if is_even else found
+            return values.Spectrum.constant(float(found[0])) if is_even else found
         except ValueError as error:
             raise SceneError(
                 Sentence(

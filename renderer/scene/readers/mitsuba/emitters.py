@@ -40,7 +40,7 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
         color, emission = _through_a_slide(source, document, shelf, outer)
         r, g, b = (a * c for a, c in zip(radiance_of(source, "intensity"), color, strict=True))
         light = Light("spot", (r, g, b), inner_cone=inner, outer_cone=outer, falloff="linear", emission=emission, name=name)
-        description.lights.append(_placed(light, world))
+        description.lights.append(_in_world(light, world))
     elif source.type == "projector":
         description.lights.append(_projector(source, name, document, shelf))
     elif source.type == "directional":
@@ -55,11 +55,11 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
             description.lights.append(sun)
     else:
         document.ignore(
-            Sentence("light-type-unsupported", "{what} is not supported as a light: it is left out", what=source.what)
+            Sentence("light-type-unsupported", "{what} is not supported as a light: it is left out", what=source.description)
         )
 
 
-def _placed(light: Light, world: np.ndarray) -> Light:
+def _in_world(light: Light, world: np.ndarray) -> Light:
     """Returns the light with its position and axes in world space: it emits along +Z, with +Y up."""
     return replace(light, position=_vec(world[:3, 3]), direction=_vec(_unit(world[:3, 2])), up=_vec(_unit(world[:3, 1])))
 
@@ -74,7 +74,7 @@ def _through_a_slide(source: Element, document: Document, shelf: TextureShelf, o
     if number is None:
         return color, None
     half = math.tan(math.radians(min(outer, 89.0)))
-    side = _side(source)
+    side = _handedness_sign(source)
     emission = EmissionMap("window", _pixels(source, number, document, shelf), (-half * side, half * side, -half, half))
     return color, emission
 
@@ -93,14 +93,14 @@ def _projector(source: Element, name: str, document: Document, shelf: TextureShe
         if lens
         else _HALF_OF_50_MM / math.hypot(width / height, 1)
     )
-    across = -_side(source) * half * width / height
+    across = -_handedness_sign(source) * half * width / height
     scale = math.pi * source.number("scale", 1.0)
     r, g, b = (scale * c for c in color)
     emission = EmissionMap("screen", pixels, (-across, across, half, -half))
-    return _placed(Light("point", (r, g, b), emission=emission, name=name), source.matrix())
+    return _in_world(Light("point", (r, g, b), emission=emission, name=name), source.matrix())
 
 
-def _side(source: Element) -> float:
+def _handedness_sign(source: Element) -> float:
     """Returns 1 if +X is to the right when looking along +Z, as in a mirrored space; otherwise -1."""
     return 1.0 if np.linalg.det(source.matrix()[:3, :3]) < 0 else -1.0
 
@@ -111,7 +111,7 @@ def _pixels(source: Element, number: int, document: Document, shelf: TextureShel
             Sentence(
                 "mitsuba-projector-texture-transform-ignored",
                 "{what}: the transform of its texture is ignored",
-                what=source.what,
+                what=source.description,
             )
         )
     return np.maximum(linear(shelf.image_of(number)), 0)
@@ -123,7 +123,7 @@ def _surround(environment: Environment, source: Element, document: Document, des
             Sentence(
                 "mitsuba-second-environment-dropped",
                 "{what}: a scene can have one environment; this one is left out",
-                what=source.what,
+                what=source.description,
             )
         )
         return
@@ -134,7 +134,7 @@ def _image(source: Element, document: Document, shelf: TextureShelf, description
     wanted = str(source.get("filename", ""))
     name = document.files.find(wanted, source.file)
     if name is None:
-        shelf.missing(wanted, source.what)
+        shelf.warn_of_missing(wanted, source.description)
         return
     image = shelf.environment_file(name)
     if image is None:

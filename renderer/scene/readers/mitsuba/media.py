@@ -35,46 +35,50 @@ class Media:
 
         is_inside_out: whether the shape's exterior is the filled side. A shape with only an exterior medium is empty inside.
         """
-        media = {child.name: child for child in shape.of("medium")}
+        media = {child.name: child for child in shape.children_of("medium")}
         if not media:
             return None
         filled, around = media.get("interior", media.get("")), media.get("exterior")
         if is_inside_out:
             filled, around = around, filled
         if around is not None:
-            self._outside.setdefault(_key(self._of(around)), shape.what)
-        found = NOTHING if filled is None else self._of(filled)
+            self._outside.setdefault(_key(self._get_or_read(around)), shape.description)
+        found = NOTHING if filled is None else self._get_or_read(filled)
         self._inside.add(_key(found))
         return found
 
-    def fill(self, made: Material, found: Medium | None, shape: Element) -> Material:
+    def fill(self, material: Material, found: Medium | None, shape: Element) -> Material:
         """Returns a shape's material filled with the medium inside the shape.
 
         found: that medium, None if the shape names none.
         """
-        lets_through = made.kind in ("glass", "interface") or made.transmission > 0
+        lets_through = material.kind in ("glass", "interface") or material.transmission > 0
         if found is None:
-            self._unsaid |= made.kind == "glass" and not made.thin
-            return made
-        if lets_through and not made.thin:
-            return replace(made, **interior_fields(found))
-        if found != NOTHING and (lets_through or made.alpha_mode == "blend"):
+            self._unsaid |= material.kind == "glass" and not material.thin
+            return material
+        if lets_through and not material.thin:
+            return replace(material, **interior_fields(found))
+        if found != NOTHING and (lets_through or material.alpha_mode == "blend"):
             self._document.ignore(
                 Sentence(
-                    "mitsuba-medium-in-thin-shape", "{what}: its medium is ignored, since its material is thin", what=shape.what
+                    "mitsuba-medium-in-thin-shape",
+                    "{what}: its medium is ignored, since its material is thin",
+                    what=shape.description,
                 )
                 if lets_through
                 else Sentence(
-                    "mitsuba-medium-in-holes", "{what}: its medium is ignored, since its material has holes", what=shape.what
+                    "mitsuba-medium-in-holes",
+                    "{what}: its medium is ignored, since its material has holes",
+                    what=shape.description,
                 )
             )
-        return made
+        return material
 
     def surround(self, description: SceneDescription) -> None:
         """Sets the world's medium to the one around the first sensor. Must be called after all shapes are added."""
-        sensor = next(iter(self._document.scene.of("sensor")), None)
-        around = None if sensor is None else next(iter(sensor.of("medium")), None)
-        found = NOTHING if around is None else self._of(around)
+        sensor = next(iter(self._document.scene.children_of("sensor")), None)
+        around = None if sensor is None else next(iter(sensor.children_of("medium")), None)
+        found = NOTHING if around is None else self._get_or_read(around)
         fill_world(description, found)
         if self._unsaid and any(key != _key(NOTHING) for key in (*self._inside, *self._outside, _key(found))):
             self._document.ignore(
@@ -93,7 +97,7 @@ class Media:
                     )
                 )
 
-    def _of(self, source: Element) -> Medium:
+    def _get_or_read(self, source: Element) -> Medium:
         key = id(source.values)  # shared by references
         if key not in self._known:
             self._known[key] = self._read(source)
@@ -105,19 +109,21 @@ class Media:
                 Sentence(
                     "mitsuba-bsdf-without-subsurface",
                     "{what}: its subsurface scattering is not supported",
-                    what=source.what,
+                    what=source.description,
                 )
             )
             return NOTHING
         if source.type not in ("homogeneous", "heterogeneous"):
             self._document.ignore(
                 Sentence(
-                    "mitsuba-medium-type-unsupported", "{what} is not supported as a medium: it is left out", what=source.what
+                    "mitsuba-medium-type-unsupported",
+                    "{what} is not supported as a medium: it is left out",
+                    what=source.description,
                 )
             )
             return NOTHING
         scale, g = source.number("scale", 1.0), self._direction(source)
-        named = source.get("material", _OLD_SUBSTANCE if self._document.is_old and not _says(source) else None)
+        named = source.get("material", _OLD_SUBSTANCE if self._document.is_old and not _declares_coefficients(source) else None)
         if named is not None:
             known = substance(str(named))
             if known is not None:
@@ -126,7 +132,7 @@ class Media:
                         Sentence(
                             "mitsuba-medium-phase-ignored",
                             "{what}: its phase function is ignored, since it names a material",
-                            what=source.what,
+                            what=source.description,
                         )
                     )
                 return medium(known[1], known[0], 0.0, scale)
@@ -134,7 +140,7 @@ class Media:
                 Sentence(
                     "mitsuba-medium-material-unknown",
                     "{what}: the material {material} is unknown; its numbers are used",
-                    what=source.what,
+                    what=source.description,
                     material=str(named)[:40],
                 )
             )
@@ -161,7 +167,7 @@ class Media:
                 Sentence(
                     "mitsuba-medium-heterogeneous",
                     "{what}: its {name} varies in space, which is not supported: the medium is left out",
-                    what=source.what,
+                    what=source.description,
                     name=name,
                 )
             )
@@ -171,9 +177,9 @@ class Media:
 
     def _direction(self, source: Element) -> float:
         """Returns the mean cosine of the medium's phase function."""
-        phase = next(iter(source.of("phase")), None)
+        phase = next(iter(source.children_of("phase")), None)
         if phase is not None:
-            phase.take()
+            phase.mark_used()
         if phase is None or phase.type == "isotropic":
             return 0.0
         if phase.type == "hg":
@@ -182,7 +188,7 @@ class Media:
             Sentence(
                 "mitsuba-phase-type-unsupported",
                 "{what} is not supported as a phase function: light is scattered evenly",
-                what=phase.what,
+                what=phase.description,
             )
         )
         phase.used.update(phase.values)
@@ -197,7 +203,7 @@ def constant_volume(source: Element) -> object | None:
     return constant_of(source)
 
 
-def _says(source: Element) -> bool:
+def _declares_coefficients(source: Element) -> bool:
     return any(name in source.values for name in ("sigma_a", "sigma_s", "sigma_t", "albedo")) or any(
         child.name in ("sigma_a", "sigma_s", "sigma_t", "albedo") for child in source.children
     )

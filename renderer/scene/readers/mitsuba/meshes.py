@@ -19,7 +19,7 @@ from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.serialized import read_serialized
 from renderer.sentences import Sentence
 
-__all__ = ["FORMULAS", "MESH_FILES", "file_of", "meshes_of", "turned", "wound_to_normals"]
+__all__ = ["FORMULAS", "MESH_FILES", "file_of", "flipped", "meshes_of", "wound_to_normals"]
 
 MESH_FILES = ("obj", "ply", "serialized")
 _NORMALS = {"obj": rb"(?m)^\s*vn\s", "ply": rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"}  # match files with normals
@@ -42,11 +42,11 @@ def meshes_of(shape: Element, document: Document, attribute: str = "") -> list[t
     elif shape.type == "disk":
         found = [(parametric_shapes.disk(name), np.eye(4))]
     elif shape.type == "cylinder":
-        found = [(parametric_shapes.tube(name), _between(shape))]
+        found = [(parametric_shapes.tube(name), _cylinder_transform(shape))]
     else:
         found = _of_file(shape, document, attribute)
-    if shape.flag("flip_normals", False):
-        found = [(turned(mesh), place) for mesh, place in found]
+    if shape.boolean("flip_normals", False):
+        found = [(flipped(mesh), place) for mesh, place in found]
     return found
 
 
@@ -60,7 +60,7 @@ def file_of(shape: Element, document: Document) -> str:
                 "mitsuba-file-missing",
                 "{file}: {name} is not among the files; add it",
                 file=shape.file,
-                name=PurePosixPath(wanted).name[:120] or shape.what,
+                name=PurePosixPath(wanted).name[:120] or shape.description,
             )
         )
     return name
@@ -79,9 +79,9 @@ def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[M
         ply.read_data(document.files.read(name), document.files, name, part, attribute=attribute)
     else:
         read_file(document.files, name, part)
-    if shape.type == "obj" and not shape.flag("flip_tex_coords", True):
+    if shape.type == "obj" and not shape.boolean("flip_tex_coords", True):
         _flip(part)
-    if shape.type == "ply" and not shape.flag("flip_tex_coords", False):
+    if shape.type == "ply" and not shape.boolean("flip_tex_coords", False):
         _flip(part)  # Mitsuba uses v unchanged, other programs measure it from the bottom
     for sentence in part.warnings if shape.type == "ply" else ():  # Mitsuba ignores OBJ's materials
         document.warn(sentence)
@@ -110,12 +110,12 @@ def _shaded(mesh: Mesh, shape: Element, has_normals: bool) -> Mesh:
     """Returns the mesh with Mitsuba's normals: face normals if requested, otherwise the file's; without these, smooth over all
     edges.
     """
-    if shape.flag("face_normals", False):
+    if shape.boolean("face_normals", False):
         return replace(mesh, normals=None)
     return mesh if has_normals else smoothed(replace(mesh, normals=None), _EVERY_EDGE)
 
 
-def turned(mesh: Mesh) -> Mesh:
+def flipped(mesh: Mesh) -> Mesh:
     """Returns the mesh with reversed winding and negated normals."""
     normals = None if mesh.normals is None else -mesh.normals
     return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
@@ -135,7 +135,7 @@ def wound_to_normals(mesh: Mesh) -> Mesh:
     return replace(mesh, triangles=triangles)
 
 
-def _between(shape: Element) -> np.ndarray:
+def _cylinder_transform(shape: Element) -> np.ndarray:
     """Returns the transform of a cylinder between its two points. Raises SceneError if its length or radius is 0."""
     p0, p1 = (np.asarray(shape.get(key, default), float) for key, default in (("p0", (0, 0, 0)), ("p1", (0, 0, 1))))
     radius = shape.number("radius", 1.0)
@@ -147,7 +147,7 @@ def _between(shape: Element) -> np.ndarray:
                 "mitsuba-shape-without-extent",
                 "{file}: {what} has a length or radius of 0; give another",
                 file=shape.file,
-                what=shape.what,
+                what=shape.description,
             )
         )
     z = axis / length

@@ -34,7 +34,7 @@ _FACES = (
 def rectangle(name: str) -> Mesh:
     """Returns the square -1..1 in x and y, facing +Z."""
     mesh = shapes.quad(name)
-    return _held(
+    return _with_tangents(
         replace(mesh, uvs=((mesh.positions[:, :2] + 1) / 2).astype(np.float32)), np.tile(np.array([1, 0, 0], np.float32), (4, 1))
     )
 
@@ -49,7 +49,9 @@ def cube(name: str) -> Mesh:
     normals = np.cross(np.array([f[1] for f in _FACES]), np.array([f[2] for f in _FACES])).astype(np.float32)
     triangles = np.concatenate([np.array([(0, 1, 2), (3, 0, 2)], np.int32) + 4 * i for i in range(6)])
     uvs = np.tile(np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32), (6, 1))
-    return _held(Mesh(name, points, triangles, np.repeat(normals, 4, axis=0), uvs), np.array(along, np.float32).reshape(-1, 3))
+    return _with_tangents(
+        Mesh(name, points, triangles, np.repeat(normals, 4, axis=0), uvs), np.array(along, np.float32).reshape(-1, 3)
+    )
 
 
 def disk(name: str) -> Mesh:
@@ -86,6 +88,6 @@ def _upright(mesh: Mesh) -> Mesh:
     return replace(mesh, positions=np.ascontiguousarray(mesh.positions @ _Y_TO_Z.T), normals=normals, uvs=uvs)
 
 
-def _held(mesh: Mesh, along: npt.NDArray[np.float32]) -> Mesh:
+def _with_tangents(mesh: Mesh, along: npt.NDArray[np.float32]) -> Mesh:
     """Returns the mesh with the tangents `along`, which with the normals form right-handed frames."""
     return replace(mesh, tangents=np.column_stack([along, np.ones(len(along))]).astype(np.float32))

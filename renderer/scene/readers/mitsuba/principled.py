@@ -30,7 +30,9 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
     ior = ior_of(0.08 * number(source, "specular", 0.5)) if given else number(source, "eta", 1.5)
     for name in ("flatness", "spec_tint"):
         if number(source, name, 0.0) > 0:
-            document.ignore(Sentence("mitsuba-parameter-ignored", "{what}: its {name} is ignored", what=source.what, name=name))
+            document.ignore(
+                Sentence("mitsuba-parameter-ignored", "{what}: its {name} is ignored", what=source.description, name=name)
+            )
     through, sheen = unit(number(source, "spec_trans", 0.0)), unit(number(source, "sheen", 0.0))
     is_thin = source.type == "principledthin"
     if through == 1 and not is_thin and texture is None:
@@ -44,7 +46,7 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
             Sentence(
                 "mitsuba-transmission-tint-differs",
                 "{what}: transmitted light is tinted by the full colour at each surface",
-                what=source.what,
+                what=source.description,
             )
         )
     if through == 0 and not is_thin:
@@ -60,11 +62,13 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
         transmission=through,
         thin=is_thin,
         clearcoat=_COAT * unit(number(source, "clearcoat", 0.0)),
-        clearcoat_roughness=math.sqrt(_between(_COAT_ALPHAS, unit(number(source, "clearcoat_gloss", 0.0)))),
+        clearcoat_roughness=math.sqrt(_lerp(_COAT_ALPHAS, unit(number(source, "clearcoat_gloss", 0.0)))),
     )
     if sheen > 0:
         document.ignore(
-            Sentence("mitsuba-sheen-differs", "{what}: its sheen is rendered with the sheen model of glTF", what=source.what)
+            Sentence(
+                "mitsuba-sheen-differs", "{what}: its sheen is rendered with the sheen model of glTF", what=source.description
+            )
         )
         made = replace(made, sheen_color=(_SHEEN * sheen,) * 3, sheen_roughness=_SHEEN_ROUGHNESS)
     share = clamped(number(source, "diff_trans", 0.0), 0.0, 2.0) / 2 if is_thin else 0.0
@@ -75,21 +79,21 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
     return _rough(made, source, textures)
 
 
-def _rough(made: Material, source: Element, textures: Textures) -> Material:
+def _rough(material: Material, source: Element, textures: Textures) -> Material:
     """Returns the material with roughness, anisotropy and metalness set."""
     strength = unit(textures.number(source, "anisotropic", 0.0))
     metal, metal_texture = textures.amount(source, "metallic", 0.0)
-    made = replace(made, metallic=unit(metal))
+    material = replace(material, metallic=unit(metal))
     if strength > 0:
         aspect = math.sqrt(1 - 0.9 * strength)
         alpha = unit(textures.number(source, "roughness", 0.5)) ** 2
-        made = replace(made, **brushed(unit(alpha / aspect), alpha * aspect))
+        material = replace(material, **brushed(unit(alpha / aspect), alpha * aspect))
         rough_texture = None
     else:
         roughness, rough_texture = textures.amount(source, "roughness", 0.5)
-        made = replace(made, roughness=unit(roughness))
-    return replace(made, metallic_roughness_texture=textures.roughness_and_metal(rough_texture, metal_texture))
+        material = replace(material, roughness=unit(roughness))
+    return replace(material, metallic_roughness_texture=textures.roughness_and_metal(rough_texture, metal_texture))
 
 
-def _between(ends: tuple[float, float], share: float) -> float:
+def _lerp(ends: tuple[float, float], share: float) -> float:
     return ends[0] * (1 - share) + ends[1] * share

@@ -34,9 +34,9 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             add_sensor(part, document, description)
         elif part.tag == "integrator":
             add_integrator(part, document, description)
-    if len(document.scene.of("integrator")) > 1:
+    if len(document.scene.children_of("integrator")) > 1:
         document.ignore(Sentence("mitsuba-integrators-several", "The scene has more than one integrator: the last one is used"))
-    for part in document.scene.of("sensor"):
+    for part in document.scene.children_of("sensor"):
         note_far_clipping(part, document, description)
     media.surround(description)
     for sentence in unused_notes(document.scene, document.ignored):

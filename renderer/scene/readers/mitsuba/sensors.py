@@ -35,7 +35,7 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
             Sentence(
                 "mitsuba-mirrored-camera",
                 "{what}: its transform mirrors the picture; it is shown unmirrored",
-                what=source.what,
+                what=source.description,
             )
         )
     near = max(source.number("near_clip", 1e-2), 0.0)
@@ -56,14 +56,18 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
         more = {"projection": "orthographic", "height": 2 * across * height / width, "near": near}
     else:
         document.ignore(
-            Sentence("mitsuba-sensor-type-unsupported", "{what} is not supported as a camera: it is left out", what=source.what)
+            Sentence(
+                "mitsuba-sensor-type-unsupported", "{what} is not supported as a camera: it is left out", what=source.description
+            )
         )
         return
     try:
         view = View(**cropped(fields | more, (width, height), window))
         description.cameras.append(Camera(source.id or f"sensor {len(description.cameras)}", view))
     except SettingsError as error:
-        document.ignore(Sentence("camera-sees-nothing", "{what} has an invalid view: {error}", what=source.what, error=error))
+        document.ignore(
+            Sentence("camera-sees-nothing", "{what} has an invalid view: {error}", what=source.description, error=error)
+        )
 
 
 def vertical_fov(source: Element, width: int, height: int) -> float:
@@ -84,7 +88,7 @@ def vertical_fov(source: Element, width: int, height: int) -> float:
                 "mitsuba-fov-axis-unknown",
                 "{file}: {what}: its fov_axis is {axis}; known are x, y, diagonal, smaller and larger",
                 file=source.file,
-                what=source.what,
+                what=source.description,
                 axis=repr(axis[:40]),
             )
         )
@@ -112,7 +116,7 @@ def _millimetres(source: Element) -> float:
                 "mitsuba-focal-length-invalid",
                 "{file}: {what}: its focal_length is {value}; write it in millimetres, such as 50mm",
                 file=source.file,
-                what=source.what,
+                what=source.description,
                 value=repr(written[:40]),
             )
         )
@@ -124,12 +128,12 @@ def _film(source: Element, document: Document, description: SceneDescription, is
 
     is_first: whether to set the scene's settings from the film and sampler.
     """
-    film = next(iter(source.of("film")), None)
-    sampler = next(iter(source.of("sampler")), None)
-    named = next(iter(film.of("rfilter")), None) if film is not None else None
+    film = next(iter(source.children_of("film")), None)
+    sampler = next(iter(source.children_of("sampler")), None)
+    named = next(iter(film.children_of("rfilter")), None) if film is not None else None
     for part in (sampler, named):
         if part is not None:
-            part.take()
+            part.mark_used()
     width, height = _FILM
     if film is not None:
         width, height = (max(int(film.number(key, size)), 1) for key, size in zip(("width", "height"), _FILM, strict=True))
@@ -139,7 +143,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
                 Sentence(
                     "film-type-replaced",
                     "{what}: is replaced by a film of linear RGB",
-                    what=film.what,
+                    what=film.description,
                 )
             )
         if (pixels := str(film.get("pixel_format", "rgb"))) not in ("rgb", "rgba"):
@@ -147,7 +151,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
                 Sentence(
                     "mitsuba-pixel-format-ignored",
                     "{what}: its pixel_format {format} is ignored: RGB is rendered",
-                    what=film.what,
+                    what=film.description,
                     format=pixels[:40],
                 )
             )
@@ -162,7 +166,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
                     Sentence(
                         "sampler-unknown",
                         "{what} is unknown: only its sample count is used",
-                        what=sampler.what,
+                        what=sampler.description,
                     )
                 )
         if named is not None and named.type in _WIDTHS:
@@ -172,7 +176,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
                     Sentence(
                         "mitsuba-filter-width-ignored",
                         "{what}: its {parameter} of {filter} is ignored; {used} is used",
-                        what=named.what,
+                        what=named.description,
                         parameter=parameter,
                         filter=f"{width_of:g}",
                         used=f"{usual:g}",
@@ -184,7 +188,9 @@ def _film(source: Element, document: Document, description: SceneDescription, is
             description.defaults["filter"] = "tent"  # closer to Mitsuba's Gaussian than Blackman-Harris, which is half as wide
             if named is not None and named.type != "gaussian":
                 document.ignore(
-                    Sentence("pixel-filter-replaced", "{what}: pixels are filtered by a tent of two pixels", what=named.what)
+                    Sentence(
+                        "pixel-filter-replaced", "{what}: pixels are filtered by a tent of two pixels", what=named.description
+                    )
                 )
     elif (window.width, window.height) != (description.defaults["width"], description.defaults["height"]):
         document.ignore(
@@ -206,7 +212,7 @@ def _window(film: Element, width: int, height: int) -> Window:
                 "mitsuba-crop-outside-film",
                 "{file}: {what}: its crop window is outside of its {width}x{height} pixels",
                 file=film.file,
-                what=film.what,
+                what=film.description,
                 width=width,
                 height=height,
             )
@@ -216,20 +222,22 @@ def _window(film: Element, width: int, height: int) -> Window:
 
 def add_integrator(source: Element, document: Document, description: SceneDescription) -> None:
     """Sets the scene's integrator and its settings."""
-    inner = next(iter(source.of("integrator")), None)
-    source.take()
+    inner = next(iter(source.children_of("integrator")), None)
+    source.mark_used()
     if inner is not None:
         add_integrator(inner, document, description)
         return
-    if source.flag("hide_emitters", False):
+    if source.boolean("hide_emitters", False):
         document.ignore(
-            Sentence("mitsuba-hide-emitters-ignored", "{what}: hide_emitters is ignored; lights are visible", what=source.what)
+            Sentence(
+                "mitsuba-hide-emitters-ignored", "{what}: hide_emitters is ignored; lights are visible", what=source.description
+            )
         )
     if source.type == "direct":
         description.defaults["integrator"] = "direct"
         return
     if source.type not in ("path", "volpath", "volpathmis"):
-        document.ignore(Sentence("integrator-replaced", "{what}: rendered by path tracing", what=source.what))
+        document.ignore(Sentence("integrator-replaced", "{what}: rendered by path tracing", what=source.description))
     depth = int(source.number("max_depth", -1))
     description.defaults["max_depth"] = _UNBOUNDED if depth < 0 else min(max(depth, 1), MAX_DEPTH)
     if depth >= 0:
@@ -247,7 +255,7 @@ def note_far_clipping(source: Element, document: Document, description: SceneDes
         box = np.array(list(itertools.product(*np.stack([points.min(axis=0), points.max(axis=0)], axis=1))), np.float64)
         corners += list(box @ instance.transform[:3, :3].T + instance.transform[:3, 3])
     if corners and ((np.array(corners) - eye) @ forward).max() > far:
-        document.ignore(Sentence("mitsuba-far-clip-ignored", "{what}: its far_clip is ignored", what=source.what))
+        document.ignore(Sentence("mitsuba-far-clip-ignored", "{what}: its far_clip is ignored", what=source.description))
 
 
 def _vec(vector: np.ndarray) -> Vec3:

@@ -72,16 +72,16 @@ def _mesh(body: bytes, version: int, name: str, damaged: SceneError) -> Mesh:
     if (vertices * 3 * kind.itemsize) + triangles * 12 > len(body) - at or not vertices or not triangles:
         raise damaged
 
-    def take(width: int) -> npt.NDArray[Any]:
+    def next_rows(width: int) -> npt.NDArray[Any]:
         nonlocal at
         found = np.frombuffer(body, kind, vertices * width, at).reshape(-1, width)
         at += vertices * width * kind.itemsize
         return found
 
-    positions = in_exact_type(take(3))
-    normals = take(3).astype(np.float32) if flags & _NORMALS else None
-    uvs = take(2).astype(np.float32) if flags & _UVS else None
-    colors = take(3).astype(np.float32) if flags & _COLORS else None
+    positions = in_exact_type(next_rows(3))
+    normals = next_rows(3).astype(np.float32) if flags & _NORMALS else None
+    uvs = next_rows(2).astype(np.float32) if flags & _UVS else None
+    colors = next_rows(3).astype(np.float32) if flags & _COLORS else None
     wide = np.dtype("<u8" if vertices > 0xFFFFFFFF else "<u4")
     corners = np.frombuffer(body, wide, triangles * 3, at).reshape(-1, 3)
     if corners.max() >= vertices:

@@ -15,7 +15,7 @@ from renderer.scene.readers.height_maps import spans_of
 from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.curves import CURVES, mesh_of_curves
 from renderer.scene.readers.mitsuba.document import Document, Element
-from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, meshes_of, turned, wound_to_normals
+from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, flipped, meshes_of, wound_to_normals
 from renderer.scene.readers.mitsuba.parametric_shapes import sphere
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.sentences import Sentence
@@ -36,7 +36,7 @@ class Shapes:
 
     def check_expansion(self) -> None:
         """Raises SceneError if nested groups expand to too many shapes. Called before any shape is added."""
-        check_expansion(self._document.scene, _shown, self._document.main)
+        check_expansion(self._document.scene, _contained_shapes, self._document.main)
 
     def add(self, shape: Element, place: Matrix | None = None, depth: int = 0) -> None:
         """Adds a shape. place: (4, 4) transform of the group that contains it.
@@ -49,10 +49,10 @@ class Shapes:
                     "mitsuba-shape-nested-too-deep",
                     "{file}: {what} is nested too deeply; flatten it",
                     file=shape.file,
-                    what=shape.what,
+                    what=shape.description,
                 )
             )
-        shape.take()
+        shape.mark_used()
         if shape.type == "shapegroup":
             return  # added by its instances
         world = (np.eye(4) if place is None else place) @ shape.matrix()
@@ -62,16 +62,16 @@ class Shapes:
                     "mitsuba-transform-not-finite",
                     "{file}: {what} has a transform with numbers that are not finite; correct it",
                     file=shape.file,
-                    what=shape.what,
+                    what=shape.description,
                 )
             )
         if shape.type == "instance":
-            for group in shape.of("shape"):
-                group.take()
-                for part in group.of("shape"):
+            for group in shape.children_of("shape"):
+                group.mark_used()
+                for part in group.children_of("shape"):
                     self.add(part, world @ group.matrix(), depth + 1)
         elif shape.type == "merge":
-            for part in shape.of("shape"):
+            for part in shape.children_of("shape"):
                 self.add(part, world, depth + 1)
         elif shape.type == "sphere":
             self._sphere(shape, world)
@@ -81,7 +81,7 @@ class Shapes:
             self._curves(shape, world)
         else:
             self._document.ignore(
-                Sentence("shape-type-unsupported", "{what} is not supported as a shape: it is left out", what=shape.what)
+                Sentence("shape-type-unsupported", "{what} is not supported as a shape: it is left out", what=shape.description)
             )
 
     def _mesh(self, shape: Element, world: Matrix) -> None:
@@ -90,10 +90,10 @@ class Shapes:
             for mesh, place in self._colored(shape, world):
                 material = mesh.material
                 if material in self._bsdfs.inside_out:
-                    mesh = turned(mesh)
+                    mesh = flipped(mesh)
                 if material in self._bsdfs.bumpy:
                     mesh = replace(mesh, tangents=None)  # bump maps follow the image's own axes
-                if any(shape.of("emitter")):
+                if any(shape.children_of("emitter")):
                     mesh = wound_to_normals(mesh)
                 self._description.meshes.append(mesh)
                 found.append((len(self._description.meshes) - 1, place))
@@ -113,7 +113,7 @@ class Shapes:
                     Sentence(
                         "mitsuba-mesh-attribute-missing",
                         "{what}: its mesh has no attribute {attribute}: it is rendered in one colour",
-                        what=shape.what,
+                        what=shape.description,
                         attribute=attribute[:60],
                     )
                 )
@@ -136,7 +136,7 @@ class Shapes:
         place = np.diag([radius, radius, radius, 1.0])
         place[:3, 3] = center
         material = self._bsdfs.material(shape, _spans(_unit_ball(), world @ place))
-        is_flipped = shape.flag("flip_normals", False) != (material in self._bsdfs.inside_out)
+        is_flipped = shape.boolean("flip_normals", False) != (material in self._bsdfs.inside_out)
         if is_round and not is_flipped and not self._is_painted(material):
             x, y, z = (world @ np.array([*center, 1.0]))[:3]
             self._description.spheres.append(
@@ -174,10 +174,10 @@ def _spans(mesh: Mesh, place: Matrix) -> Callable[[], tuple[float, float] | None
     return lambda: spans_of(mesh, 0, place[:3, :3])
 
 
-def _shown(thing: Element) -> Iterator[Element]:
+def _contained_shapes(thing: Element) -> Iterator[Element]:
     """Yields the shapes that a scene, an instance or a merged shape contains."""
     if thing.type == "instance":
-        for group in thing.of("shape"):
-            yield from group.of("shape")
+        for group in thing.children_of("shape"):
+            yield from group.children_of("shape")
     elif thing.tag == "scene" or thing.type == "merge":
-        yield from (shape for shape in thing.of("shape") if shape.type != "shapegroup")
+        yield from (shape for shape in thing.children_of("shape") if shape.type != "shapegroup")

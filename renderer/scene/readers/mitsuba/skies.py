@@ -35,7 +35,7 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
         Sentence(
             "mitsuba-sky-model-differs",
             "{what}: rendered with Rayfarm's own sky model, at the brightness of Mitsuba's",
-            what=source.what,
+            what=source.description,
         )
     )
     towards = source.get("sun_direction")
@@ -44,10 +44,10 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
             Sentence(
                 "mitsuba-sun-direction-missing",
                 "{what}: has no sun_direction; the sun is placed at 45 degrees",
-                what=source.what,
+                what=source.description,
             )
         )
-        towards = up + _across(up)
+        towards = up + _horizontal_direction(up)
     towards = _unit(np.asarray(towards, float))
     elevation = math.degrees(math.asin(min(max(float(towards @ up), -1.0), 1.0)))
     both = source.number("scale", 1.0)
@@ -58,17 +58,17 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
     aperture = min(max(source.number("sun_aperture", 0.5358) * source.number("sun_radius_scale", 1.0), 0.01), 30.0)
     sky = Sky(elevation, dust=dust, sun_size=aperture, ground_albedo=(r, g, b))
     return (
-        _above(sky, up, towards, shelf, sky_scale) if sky_scale > 0 else None,
+        _sky_above_horizon(sky, up, towards, shelf, sky_scale) if sky_scale > 0 else None,
         _sun(sky, towards, sun_scale, source.id or source.type) if sun_scale > 0 else None,
     )
 
 
-def _above(sky: Sky, up: _F64, towards: _F64, shelf: TextureShelf, strength: float) -> Environment:
+def _sky_above_horizon(sky: Sky, up: _F64, towards: _F64, shelf: TextureShelf, strength: float) -> Environment:
     pixels = np.array(image_of_sky(sky))
     pixels[len(pixels) // 2 :] = 0
     # The image's centre column is below the sun: +Y is up, and -Z towards the sun.
     level = towards - up * float(towards @ up)
-    back = -_unit(level) if float(np.linalg.norm(level)) > 1e-6 else -_across(up)
+    back = -_unit(level) if float(np.linalg.norm(level)) > 1e-6 else -_horizontal_direction(up)
     turn = np.column_stack([np.cross(up, back), up, back])
     image = Image("sky", pixels, False)
     return Environment(_SKY, image=shelf.add(seen_upright(image, turn)), strength=strength)
@@ -85,7 +85,7 @@ def _sun(sky: Sky, towards: _F64, strength: float, name: str) -> Light | None:
     return Light("directional", color, direction=(x, y, z), angle=sky.sun_size, seen="always", name=name)
 
 
-def _across(up: _F64) -> _F64:
+def _horizontal_direction(up: _F64) -> _F64:
     """Returns a horizontal unit direction. up: unit vector."""
     other = np.array((0.0, 0.0, -1.0) if abs(up[2]) < 0.9 else (0.0, 1.0, 0.0))
     return _unit(other - up * float(other @ up))

@@ -51,7 +51,7 @@ class Textures:
                     Sentence(
                         "mitsuba-sky-scale-units",
                         "{what}: its scale of {value} is converted to {unit}",
-                        what=texture.what,
+                        what=texture.description,
                         value=f"{scale:g}",
                         unit=f"{unit(scale):g}",
                     )
@@ -76,7 +76,7 @@ class Textures:
                 "texture-averaged",
                 "{name} of {what} is a texture: its mean is used",
                 name=name,
-                what=owner.what,
+                what=owner.description,
             )
         )
         return float(linear(self.shelf.image_of(image)).mean())
@@ -95,7 +95,7 @@ class Textures:
         inner: the coat's internal albedo.
         """
 
-        def make(image: Image) -> Image:
+        def coat(image: Image) -> Image:
             return Image(
                 f"{image.name} coated",
                 effective_albedo_under_coat(linear(image) * np.array(color, np.float32), inner),
@@ -104,7 +104,7 @@ class Textures:
 
         if texture is None:
             return effective_albedo_under_coat(color, inner), None
-        return WHITE, self.shelf.derived_texture(texture, f"under a coat of {inner} by {color}", make)
+        return WHITE, self.shelf.derived_texture(texture, f"under a coat of {inner} by {color}", coat)
 
     def scaled(self, color: Vec3, texture: int | None, factor: float) -> tuple[Vec3, int | None]:
         """Returns a colour and the index of its texture or None, whose product is multiplied by a factor and clamped to 1."""
@@ -114,10 +114,10 @@ class Textures:
         if factor <= 1:
             return (factor,) * 3, texture
 
-        def make(image: Image) -> Image:
+        def scale(image: Image) -> Image:
             return Image(f"{image.name} by {factor:g}", np.minimum(linear(image) * np.float32(factor), 1), srgb=False)
 
-        return WHITE, self.shelf.derived_texture(texture, f"by {factor}", make)
+        return WHITE, self.shelf.derived_texture(texture, f"by {factor}", scale)
 
     def roughness_and_metal(self, roughness: int | None, metal: int | None) -> int | None:
         """Returns glTF's metallic-roughness texture from two grey textures; None means white."""
@@ -139,12 +139,12 @@ class Textures:
     def _grey(self, texture: int | None, power: float = 1.0) -> int | None:
         """Returns a grey texture with another texture's brightness raised to a power."""
 
-        def make(image: Image) -> Image:
+        def to_grey(image: Image) -> Image:
             bright = np.clip(linear(image) @ _LUMINANCE, 0, 1) ** power
             values = np.stack([bright, bright, bright, np.ones_like(bright)], axis=-1)
             return Image(f"{image.name} to {power:g}", encoded(values, image), srgb=False)
 
-        return self.shelf.derived_texture(texture, f"brightness to {power}", make)
+        return self.shelf.derived_texture(texture, f"brightness to {power}", to_grey)
 
     def _lie_alike(self, first: int, second: int) -> bool:
         a, b = (self.shelf.texture_of(number) for number in (first, second))
@@ -155,7 +155,7 @@ class Textures:
 
         is_color: False for data.
         """
-        transform = _uv(source.get("to_uv", _spread(source)))
+        transform = _uv(source.get("to_uv", _uv_transform_06(source)))
         if source.type == "bitmap":
             return self._bitmap(source, is_color, transform)
         if source.type == "checkerboard":
@@ -165,14 +165,16 @@ class Textures:
             return self.shelf.texture(image, transform=transform, filter="nearest")
         if source.type in ("scale", "volume") and source.children:
             self._document.ignore(
-                Sentence("mitsuba-texture-wrapper-ignored", "{what} is ignored: the texture inside it is used", what=source.what)
+                Sentence(
+                    "mitsuba-texture-wrapper-ignored", "{what} is ignored: the texture inside it is used", what=source.description
+                )
             )
             return self.texture(source.children[0], is_color)
         self._document.ignore(
             Sentence(
                 "mitsuba-texture-type-unsupported",
                 "{what} is not supported: its surface is rendered in one colour",
-                what=source.what,
+                what=source.description,
             )
         )
         return None
@@ -181,15 +183,15 @@ class Textures:
         wanted = str(source.get("filename", ""))
         name = self._document.files.find(wanted, source.file)
         if name is None:
-            self.shelf.missing(wanted, source.what)
+            self.shelf.warn_of_missing(wanted, source.description)
             return None
-        is_raw = source.flag("raw", source.number("gamma", -1.0) == 1.0)  # `gamma` is Mitsuba 0.6's
+        is_raw = source.boolean("raw", source.number("gamma", -1.0) == 1.0)  # `gamma` is Mitsuba 0.6's
         if not is_raw and not is_color:
             self._document.ignore(
                 Sentence(
                     "mitsuba-texture-decoded-as-colour",
                     "{what}: {name} is decoded as a colour, as in Mitsuba; if it contains numbers or normals, set raw to true",
-                    what=source.what,
+                    what=source.description,
                     name=name,
                 )
             )
@@ -199,7 +201,7 @@ class Textures:
                 Sentence(
                     "mitsuba-texture-gamma-ignored",
                     "{what}: its gamma of {gamma} is ignored: the image is decoded according to its format",
-                    what=source.what,
+                    what=source.description,
                     gamma=f"{gamma:g}",
                 )
             )
@@ -208,7 +210,7 @@ class Textures:
                 Sentence(
                     "mitsuba-wrap-mode-unknown",
                     "{what}: the wrap_mode {mode} is unknown: the image repeats",
-                    what=source.what,
+                    what=source.description,
                     mode=repr(mode[:40]),
                 )
             )
@@ -217,7 +219,7 @@ class Textures:
         return self.shelf.texture(self.shelf.image_file(name, not is_raw), wrap, wrap, 0, transform, (), filter)
 
 
-def _spread(source: Element) -> Matrix:
+def _uv_transform_06(source: Element) -> Matrix:
     """Returns the UV transform of Mitsuba 0.6's texture properties: scale, then offset."""
     found = np.diag([source.number("uscale", 1.0), source.number("vscale", 1.0), 1.0, 1.0])
     found[:2, 3] = source.number("uoffset", 0.0), source.number("voffset", 0.0)
@@ -238,7 +240,7 @@ def _uv(matrix: Any) -> UvTransform:
 def constant_of(source: Element) -> Any:
     """Returns the constant value or spectrum of a plugin; None if it varies. Raises SceneError if a spectrum is malformed."""
     if source.type == "uniform":
-        return Spectrum.even(source.number("value", 1.0))
+        return Spectrum.constant(source.number("value", 1.0))
     if source.type in ("srgb", "rawconstant"):
         return source.get("color", source.get("value", 1.0))
     if source.type == "d65":
@@ -255,7 +257,7 @@ def constant_of(source: Element) -> Any:
         return Spectrum(list(np.linspace(first, last, len(values))), list(values))
     except ValueError as error:
         raise SceneError(
-            Sentence("mitsuba-object-invalid", "{file}: {what}: {fault}", file=source.file, what=source.what, fault=error)
+            Sentence("mitsuba-object-invalid", "{file}: {what}: {fault}", file=source.file, what=source.description, fault=error)
         ) from None
 
 

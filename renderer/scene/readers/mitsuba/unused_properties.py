@@ -49,11 +49,11 @@ def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
         if id(element) in seen:
             continue
         seen.add(id(element))
-        if element.what in unread:
+        if element.description in unread:
             stack += [child for child in element.children if child.tag not in ("texture", "emitter")]
             continue
         for name in element.values:
-            if name not in element.used and name and _counts(element, name):
+            if name not in element.used and name and _affects_image(element, name):
                 yield (
                     Sentence(
                         "mitsuba-property-of-type-ignored",
@@ -71,7 +71,7 @@ def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
             if child.tag == "volume":
                 continue  # reported by its medium
             is_named = element.tag == "scene" and (child.type == "shapegroup" or (child.id and child.tag not in _SHOWN))
-            if child.used or child.what in said:
+            if child.used or child.description in said:
                 stack.append(child)
             elif not is_named:
                 owner = f"{element.tag} type={element.type!r}" if element.type else element.tag
@@ -84,6 +84,6 @@ def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
                 )
 
 
-def _counts(element: Element, name: str) -> bool:
+def _affects_image(element: Element, name: str) -> bool:
     """Returns True if a property can affect the image."""
     return element.tag in _IDLE and name not in _IDLE[element.tag]

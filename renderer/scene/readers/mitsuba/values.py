@@ -62,7 +62,7 @@ class Spectrum:
         return float(self.values.mean())
 
     @classmethod
-    def even(cls, value: float) -> Spectrum:
+    def constant(cls, value: float) -> Spectrum:
         """Returns a spectrum that is constant over wavelengths: grey as a reflectance, warmer than Rec.709's white as a light."""
         return cls((300.0, 900.0), (value, value))
 
@@ -81,12 +81,12 @@ def _cached_matching(key: bytes) -> F64:
     return np.stack([x, y, z])
 
 
-def _matching(at: F64) -> F64:
+def _matching(wavelengths: F64) -> F64:
     """Returns (3, W) the CIE 1931 colour matching functions at wavelengths in nanometres.
 
     Source: Wyman, Sloan and Shirley, JCGT 2(2), 2013, multi-lobe fit.
     """
-    return _cached_matching(at.tobytes())
+    return _cached_matching(wavelengths.tobytes())
 
 
 def planck(kelvin: float, scale: float = 1.0) -> Spectrum:

@@ -53,7 +53,7 @@ def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
     speed = film.number("iso", 100.0) if film is not None else 100.0
     found = abs(seconds) * speed / 100
     if not 0 < found < 1e9:
-        raise (film or camera).place.wrong(  # type: ignore[union-attr]
+        raise (film or camera).place.error(  # type: ignore[union-attr]
             Sentence(
                 "pbrt-film-exposure-zero",
                 "the film multiplies light by {factor}; give an iso above 0, and a shutterclose after shutteropen",
@@ -68,7 +68,7 @@ def set_film(source: Parameters, description: SceneDescription, notes: Notes) ->
     for key, name, default in (("width", "xresolution", _FILM[0]), ("height", "yresolution", _FILM[1])):
         size = source.integer(name, default)
         if size < 1:
-            raise source.place.wrong(
+            raise source.place.error(
                 Sentence("pbrt-size-too-small", "{name} is {value}; it must be at least 1", name=name, value=size)
             )
         description.defaults[key] = min(size, MAX_SIZE)
@@ -105,7 +105,7 @@ def _rendered(source: Parameters, width: int, height: int) -> Window:
     elif bounds is None and window is None:
         return Window(0, 0, width, height)
     else:
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-pixel-bounds-malformed",
                 "pixelbounds and cropwindow need four numbers: left, right, top and bottom",
@@ -113,7 +113,7 @@ def _rendered(source: Parameters, width: int, height: int) -> Window:
         )
     left, right, top, bottom = max(ends[0], 0), min(ends[1], width), max(ends[2], 0), min(ends[3], height)
     if not (left < right and top < bottom):
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-pixel-bounds-empty",
                 "pixelbounds or cropwindow leave no pixel of the film of {width}x{height}; correct them",
@@ -148,7 +148,7 @@ def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:
     if film is None or not kelvin > 0:
         return None
     if not 1000 <= kelvin <= 1e5:
-        raise film.place.wrong(
+        raise film.place.error(
             Sentence(
                 "pbrt-white-balance-invalid",
                 "whitebalance is {kelvin} kelvins; give a temperature from 1000 to 100000",
@@ -200,7 +200,7 @@ def set_integrator(source: Parameters, description: SceneDescription, notes: Not
         return
     if source.type not in ("path", "volpath", "simplepath", "simplevolpath", "randomwalk"):
         notes.add(source.place, Sentence("integrator-replaced", "{what}: rendered by path tracing", what=source))
-    if source.flag("regularize", False):
+    if source.boolean("regularize", False):
         notes.add(
             source.place,
             Sentence("pbrt-regularize-ignored", "regularize of the integrator is ignored"),
@@ -288,7 +288,7 @@ def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, floa
     """Returns the screen window as (left, right, bottom, top). ratio: the image's width / height."""
     frame = source.number("frameaspectratio", ratio)
     if not frame > 0:
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-frame-aspect-ratio-invalid",
                 "frameaspectratio of {source} is {value}; it must be above 0",
@@ -300,7 +300,7 @@ def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, floa
     said = source.numbers("screenwindow", "float")
     if said is not None:
         if len(said) != 4 or not said[0] < said[1] or not said[2] < said[3]:
-            raise source.place.wrong(
+            raise source.place.error(
                 Sentence("pbrt-screen-window-malformed", "screenwindow needs four numbers: left, right, low and high")
             )
         window = (float(said[0]), float(said[1]), float(said[2]), float(said[3]))

@@ -27,12 +27,12 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
         )
     source.used.update(("N", "splitdepth"))
     if basis not in ("bezier", "bspline") or degree not in (2, 3):
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence("pbrt-curve-basis-unknown", "a curve needs the basis bezier or bspline, and the degree 2 or 3")
         )
     least = degree + 1
     if points is None or len(points) < least or (basis == "bezier" and (len(points) - 1) % degree):
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-curve-points-too-few",
                 "a curve of degree {degree} needs {least} points, and a bezier curve {degree} more for each further segment",

@@ -33,22 +33,22 @@ def to_square(directions: F64) -> tuple[F64, F64]:
     return (np.copysign(u, x) + 1) / 2, (np.copysign(v, y) + 1) / 2
 
 
-def equirectangular(pixels: F32, turn: Matrix) -> F32:
+def equirectangular(pixels: F32, rotation: Matrix) -> F32:
     """Returns an (h, 2h, 3) equirectangular image with the same total flux as an equal-area image; +Y is up, -Z at the centre.
 
-    pixels: (n, n, 3) equal-area image; turn: (3, 3) rotation applied to its directions.
+    pixels: (n, n, 3) equal-area image; rotation: (3, 3) rotation applied to its directions.
     """
     height = min(len(pixels), _MOST_ROWS)
     whole = np.empty((height, 2 * height, 3), np.float32)
     fine = _FINE * height
     phi = (np.arange(2 * fine) + 0.5) * np.pi / fine - np.pi
-    back = np.ascontiguousarray(turn.T)
+    back = np.ascontiguousarray(rotation.T)
     for first in range(0, height, _ROWS):
         rows = min(_ROWS, height - first)
         theta = ((np.arange(rows * _FINE) + first * _FINE + 0.5) * np.pi / fine)[:, None]
         around = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)), axis=-1)
         u, v = to_square(product(back, around[..., None])[..., 0])
-        found = _mixed(pixels, u, v)
+        found = _bilinear_samples(pixels, u, v)
         whole[first : first + rows] = found.reshape(rows, _FINE, 2 * height, _FINE, 3).mean(axis=(1, 3))
     weight = np.sin((np.arange(height) + 0.5) * np.pi / height)
     seen = (whole.mean(axis=1, dtype=np.float64) * weight[:, None]).sum(axis=0) / weight.sum()
@@ -57,14 +57,14 @@ def equirectangular(pixels: F32, turn: Matrix) -> F32:
     return np.asarray(whole * np.clip(factor, 0.5, 2.0).astype(np.float32))
 
 
-def _mixed(pixels: F32, u: F64, v: F64) -> F64:
+def _bilinear_samples(pixels: F32, u: F64, v: F64) -> F64:
     """Returns bilinear samples of an equal-area image. Beyond an edge, the square continues where that edge is folded."""
     size = len(pixels)
     x, y = u * size - 0.5, v * size - 0.5
     left, above = np.floor(x).astype(int), np.floor(y).astype(int)
     across, down = (x - left)[..., None], (y - above)[..., None]
 
-    def at(column: npt.NDArray[np.int64], row: npt.NDArray[np.int64]) -> F32:
+    def pixel_at(column: npt.NDArray[np.int64], row: npt.NDArray[np.int64]) -> F32:
         out = (column < 0) | (column >= size)
         row = np.where(out, size - 1 - row, row)
         column = np.clip(column, 0, size - 1)
@@ -72,6 +72,6 @@ def _mixed(pixels: F32, u: F64, v: F64) -> F64:
         column = np.where(out, size - 1 - column, column)
         return np.asarray(pixels[np.clip(row, 0, size - 1), column])
 
-    upper = at(left, above) * (1 - across) + at(left + 1, above) * across
-    lower = at(left, above + 1) * (1 - across) + at(left + 1, above + 1) * across
+    upper = pixel_at(left, above) * (1 - across) + pixel_at(left + 1, above) * across
+    lower = pixel_at(left, above + 1) * (1 - across) + pixel_at(left + 1, above + 1) * across
     return np.asarray(upper * (1 - down) + lower * down)

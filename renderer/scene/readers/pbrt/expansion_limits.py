@@ -16,7 +16,7 @@ class TriangleBudget:
         self._made = self._shapes = 0
 
     @property
-    def room(self) -> int:
+    def triangles_left(self) -> int:
         """Maximum number of triangles that the next shape may generate."""
         return min(_MOST_OF_ONE, max(_MOST - self._made, 0))
 

@@ -77,10 +77,10 @@ class Graphics:
 
     def run(self, name: str) -> None:
         """Executes the statements of a file and its includes."""
-        for statement in self._statements.of(name, self._depth):
+        for statement in self._statements.statements_of(name, self._depth):
             do = self._do.get(statement.directive)
             if do is None:
-                raise statement.place.wrong(
+                raise statement.place.error(
                     Sentence(
                         "pbrt-directive-unknown",
                         "{directive} is not a directive of pbrt-v4; convert older scenes with `pbrt --upgrade`",
@@ -89,14 +89,14 @@ class Graphics:
                 )
             do(statement)
 
-    def end(self, main: str) -> None:
+    def end_scene(self, main: str) -> None:
         """Completes the scene. Raises SceneError if a block is open or WorldBegin is missing."""
         if self._shapes is None:
-            raise Place(PurePosixPath(main).name, 1).wrong(
+            raise Place(PurePosixPath(main).name, 1).error(
                 Sentence("pbrt-world-begin-missing", "has no WorldBegin and so no world; give the scene's main file")
             )
         if self._saved:
-            raise Place(PurePosixPath(main).name, 1).wrong(
+            raise Place(PurePosixPath(main).name, 1).error(
                 Sentence("pbrt-block-not-closed", "{block} is not closed; close it", block=self._saved[-1][0])
             )
         self._shapes.flush()
@@ -112,7 +112,7 @@ class Graphics:
         wanted = self._name(statement)
         found = self._files.find(wanted, statement.place.file)
         if found is None:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-include-missing",
                     "includes {name}, which is not among the files; add it",
@@ -120,7 +120,7 @@ class Graphics:
                 )
             )
         if self._depth >= MAX_DEPTH:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-includes-circular",
                     "files include each other to a depth of {depth}; remove the circle",
@@ -142,7 +142,7 @@ class Graphics:
         found = [each for each in statement.arguments if isinstance(each, np.ndarray)]
         numbers = np.concatenate(found) if found else np.zeros(0)
         if len(found) != len(statement.arguments) or len(numbers) != count:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence("pbrt-directive-one-number", "{directive} needs 1 number", directive=statement.directive)
                 if count == 1
                 else Sentence(
@@ -189,7 +189,7 @@ class Graphics:
     def _on_coord_sys_transform(self, statement: Statement) -> None:
         name = self._name(statement)
         if name not in self._named:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-coordinate-system-unknown",
                     "there is no coordinate system {name}; define it with CoordinateSystem first",
@@ -213,14 +213,14 @@ class Graphics:
     def _on_transform_times(self, statement: Statement) -> None:
         start, end = (float(v) for v in self._numbers(statement, 2))
         if not start < end:
-            raise statement.place.wrong(Sentence("pbrt-transform-times-malformed", "TransformTimes needs a time and a later one"))
+            raise statement.place.error(Sentence("pbrt-transform-times-malformed", "TransformTimes needs a time and a later one"))
         self._times = start, end
 
     # Blocks
 
     def _save(self, statement: Statement) -> None:
         if len(self._saved) >= _MOST_STATES:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-blocks-nested-too-deep",
                     "blocks are nested more than {most} levels deep; flatten them",
@@ -231,7 +231,7 @@ class Graphics:
 
     def _restore(self, statement: Statement, opened: str) -> _State:
         if not self._saved or self._saved[-1][0] != opened:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-block-end-unmatched",
                     "{directive} has no matching {block}; remove it",
@@ -257,7 +257,7 @@ class Graphics:
     def _on_object_begin(self, statement: Statement) -> None:
         shapes = self._in_world(statement)
         if shapes.in_object:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence("pbrt-object-nested", "an object cannot be defined within another; end the first one before")
             )
         self._save(statement)
@@ -265,20 +265,20 @@ class Graphics:
 
     def _on_object_end(self, statement: Statement) -> None:
         self._state = self._restore(statement, "ObjectBegin")
-        self._in_world(statement).end()
+        self._in_world(statement).end_object()
 
     def _on_object_instance(self, statement: Statement) -> None:
         shapes = self._in_world(statement)
         if shapes.in_object:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence("pbrt-object-instance-nested", "an object cannot contain an instance of another; move it out")
             )
         shapes.instance(self._name(statement), self._state.ctm, statement.place)
 
     def _on_attribute(self, statement: Statement) -> None:
-        (target,), found = Parameters.of("Attribute", statement, 1, self._state.space)
+        (target,), found = Parameters.parse("Attribute", statement, 1, self._state.space)
         if target not in _ATTRIBUTES:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-attribute-target-unknown",
                     "Attribute applies to {targets}, not to {target}; correct it",
@@ -297,7 +297,7 @@ class Graphics:
     def _on_color_space(self, statement: Statement) -> None:
         name = self._name(statement).lower()
         if name not in SPACES:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-colour-space-unknown",
                     "{name} is not a colour space of pbrt; known are {spaces}",
@@ -336,7 +336,7 @@ class Graphics:
 
     def _on_world_begin(self, statement: Statement) -> None:
         if self._shapes is not None:
-            raise statement.place.wrong(Sentence("pbrt-world-begin-repeated", "has a second WorldBegin; remove it"))
+            raise statement.place.error(Sentence("pbrt-world-begin-repeated", "has a second WorldBegin; remove it"))
         description = self._description
         source = self._camera[0] if self._camera else None
         self._lights.exposure = cameras.exposure_of(source, self._film)
@@ -349,7 +349,7 @@ class Graphics:
         share = (seconds - self._times[0]) / (self._times[1] - self._times[0])
         to_world, outer = np.eye(4), np.eye(4)
         if self._camera is not None:
-            to_world = transforms.between(self._named["camera"], share)
+            to_world = transforms.interpolate(self._named["camera"], share)
             description.moves |= self._named["camera"][0] is not self._named["camera"][1]
         for key, size in (("width", 1280), ("height", 720)):
             description.defaults.setdefault(key, size)
@@ -372,7 +372,7 @@ class Graphics:
         self._state.material = self._deferred_parameters(statement, "material")
 
     def _on_make_named_material(self, statement: Statement) -> None:
-        (name,), found = Parameters.of("material", statement, 1, self._state.space)
+        (name,), found = Parameters.parse("material", statement, 1, self._state.space)
         found.type = found.text("type")
         found.defaults = self._state.attributes.get("material", {})
         self._all.append((found, len(found.used)))
@@ -390,7 +390,7 @@ class Graphics:
     def _on_named_material(self, statement: Statement) -> None:
         name = self._name(statement)
         if name not in self._materials.named:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-material-undefined",
                     "there is no material {name}; define it with MakeNamedMaterial first",
@@ -400,9 +400,9 @@ class Graphics:
         self._state.material = self._materials.named[name]
 
     def _on_texture(self, statement: Statement) -> None:
-        (name, kind, _), found = Parameters.of("texture", statement, 3, self._state.space)
+        (name, kind, _), found = Parameters.parse("texture", statement, 3, self._state.space)
         if kind not in ("float", "spectrum", "color"):
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence("pbrt-texture-kind-unknown", "a texture is of type float or spectrum, not {kind}", kind=repr(kind[:40]))
             )
         found.defaults = self._state.attributes.get("texture", {})
@@ -438,16 +438,16 @@ class Graphics:
         source.say_unused(self._notes)
 
     def _on_make_named_medium(self, statement: Statement) -> None:
-        (name,), found = Parameters.of("medium", statement, 1, self._state.space)
+        (name,), found = Parameters.parse("medium", statement, 1, self._state.space)
         found.type = found.text("type")
         found.defaults = self._state.attributes.get("medium", {})
         self._all.append((found, len(found.used)))
-        self._media.make(name, found)
+        self._media.define(name, found)
 
     def _on_medium_interface(self, statement: Statement) -> None:
         names = [each for each in statement.arguments if isinstance(each, str)]
         if len(names) != len(statement.arguments) or not 1 <= len(names) <= 2:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-medium-interface-malformed",
                     "MediumInterface needs one or two names of media in quotes: inside and outside",
@@ -459,7 +459,7 @@ class Graphics:
 
     def _in_world(self, statement: Statement) -> Shapes:
         if self._shapes is None:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-directive-before-world",
                     "{directive} comes before WorldBegin; move it behind",
@@ -472,13 +472,13 @@ class Graphics:
         first = statement.arguments[0] if statement.arguments else ""
         name = first if isinstance(first, str) else first[0] if isinstance(first, tuple) and first else ""
         if not isinstance(name, str) or not name:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence("pbrt-directive-name-expected", "{directive} needs a name in quotes", directive=statement.directive)
             )
         return name
 
     def _parameters(self, statement: Statement, what: str) -> Parameters:
-        _, found = Parameters.of(what, statement, 1, self._state.space)
+        _, found = Parameters.parse(what, statement, 1, self._state.space)
         found.defaults = self._state.attributes.get(what, {})
         return found
 

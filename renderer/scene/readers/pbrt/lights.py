@@ -44,7 +44,7 @@ class Lights:
         """Adds a light to the description. world: (4, 4) from light space."""
         place = source.place
         if len(self._description.lights) >= _MOST_LIGHTS:
-            raise place.wrong(
+            raise place.error(
                 Sentence(
                     "pbrt-lights-too-many",
                     "there are more than {most} lights; remove some",
@@ -66,7 +66,7 @@ class Lights:
             scale = source.number("scale", 1.0)
             power = source.number("power", -1.0)
             rgb = self._times(self._color(source, "I"), power / (4 * math.pi) * scale if power > 0 else scale)
-            at = self._at(source.vector("from", (0.0, 0.0, 0.0)), world)
+            at = self._transformed_point(source.vector("from", (0.0, 0.0, 0.0)), world)
             self._description.lights.append(Light("point", rgb, at, name=source.type))
         elif source.type == "spot":
             self._spot(source, world)
@@ -91,13 +91,13 @@ class Lights:
                 ),
             )
             return Emission()
-        both = source.flag("twosided", False)
+        both = source.boolean("twosided", False)
         factor = source.number("scale", 1.0)
         texture, mean = None, 1.0
         if source.text("filename"):
             texture = self._picture(source)
             if texture is not None:
-                mean = luminance(self._mean(texture))
+                mean = luminance(self._mean_color(texture))
         power = source.number("power", -1.0)
         if power > 0:
             spread = float(areas.sum())
@@ -118,11 +118,11 @@ class Lights:
     def _picture(self, source: Parameters) -> int | None:
         name = self._files.find(source.text("filename"), source.place.file)
         if name is None:
-            self._textures.shelf.missing(source.text("filename"), str(source.place))
+            self._textures.shelf.warn_of_missing(source.text("filename"), str(source.place))
             return None
         return self._textures.shelf.texture(self._textures.shelf.image_file(name), "clamp", "clamp")
 
-    def _mean(self, texture: int) -> Vec3:
+    def _mean_color(self, texture: int) -> Vec3:
         r, g, b = (float(v) for v in linear(self._textures.shelf.image_of(texture)).reshape(-1, 3).mean(axis=0))
         return r, g, b
 
@@ -135,7 +135,7 @@ class Lights:
         return r, g, b
 
     @staticmethod
-    def _at(point: Vec3, world: Matrix) -> Vec3:
+    def _transformed_point(point: Vec3, world: Matrix) -> Vec3:
         x, y, z = (float(v) for v in product(world, np.array([*point, 1.0])[:, None])[:3, 0])
         return x, y, z
 
@@ -145,7 +145,7 @@ class Lights:
         name = self._files.find(source.text("filename"), source.place.file)
         image = None if name is None else self._textures.shelf.image_file(name)
         if name is None and source.text("filename"):
-            self._textures.shelf.missing(source.text("filename"), str(source.place))
+            self._textures.shelf.warn_of_missing(source.text("filename"), str(source.place))
         if image is None and is_projection:
             self._notes.add(
                 source.place,
@@ -173,7 +173,7 @@ class Lights:
                 projection(pixels, fov, is_mirrored) if is_projection else goniometric(pixels.mean(axis=2), is_mirrored)
             )
         rgb = self._times((1.0, 1.0, 1.0) if is_projection else self._color(source, "I"), scale)
-        at = self._at((0.0, 0.0, 0.0), world)
+        at = self._transformed_point((0.0, 0.0, 0.0), world)
         light = Light("point", rgb, at, _unit(world[:3, 2]), emission=self._maps[key], up=_unit(world[:3, 1]), name=source.type)
         self._description.lights.append(light)
 
@@ -191,7 +191,7 @@ class Lights:
         light = Light(
             "spot",
             rgb,
-            self._at((x, y, z), world),
+            self._transformed_point((x, y, z), world),
             _unit(towards),
             inner_cone=inner,
             outer_cone=outer,
@@ -217,7 +217,7 @@ class Lights:
         name = self._files.find(source.text("filename"), source.place.file)
         image = None
         if name is None:
-            self._textures.shelf.missing(source.text("filename"), str(source.place))
+            self._textures.shelf.warn_of_missing(source.text("filename"), str(source.place))
         else:
             image = self._textures.shelf.environment_file(name)
         if image is None:

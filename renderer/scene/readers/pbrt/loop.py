@@ -31,24 +31,24 @@ class _Mesh(NamedTuple):
 def subdivided(points: F64, triangles: I64, levels: int) -> tuple[F64, I64]:
     """Returns (V, 3) points on the limit surface and (T, 3) triangles, after `levels` subdivisions."""
     for _ in range(levels):
-        points, triangles = _finer(points, triangles)
+        points, triangles = _subdivide_once(points, triangles)
     mesh = _surroundings(points, triangles)
     share = np.where(mesh.on_border, 0.2, 1 / (mesh.valence + 3 / (8 * _beta(mesh.valence))))
-    return _moved(points, mesh, share), triangles
+    return _average_with_neighbours(points, mesh, share), triangles
 
 
-def _finer(points: F64, triangles: I64) -> tuple[F64, I64]:
+def _subdivide_once(points: F64, triangles: I64) -> tuple[F64, I64]:
     mesh = _surroundings(points, triangles)
     ends = points[mesh.edges].sum(axis=1)
     on_edges = np.where(mesh.border[:, None], ends / 2, 0.375 * ends + 0.125 * mesh.opposite)
-    moved = _moved(points, mesh, np.where(mesh.on_border, 0.125, _beta(mesh.valence)))
+    moved = _average_with_neighbours(points, mesh, np.where(mesh.on_border, 0.125, _beta(mesh.valence)))
     a, b, c = triangles.T
     ab, bc, ca = (len(points) + mesh.of).T
     finer = np.stack([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]])
     return np.concatenate([moved, on_edges]), np.ascontiguousarray(finer.transpose(2, 0, 1).reshape(-1, 3))
 
 
-def _moved(points: F64, mesh: _Mesh, share: F64) -> F64:
+def _average_with_neighbours(points: F64, mesh: _Mesh, share: F64) -> F64:
     """Returns each point mixed with its neighbours, each neighbour with the weight `share`; isolated points are unchanged."""
     count = np.where(mesh.on_border, 2, mesh.valence)
     alone = (mesh.valence == 0)[:, None]

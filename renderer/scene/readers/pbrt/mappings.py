@@ -49,7 +49,7 @@ class Mapping(NamedTuple):
         return np.stack([s, t], axis=1)
 
     @property
-    def around(self) -> int | None:
+    def wrapping_coordinate(self) -> int | None:
         """Index of the coordinate that wraps around: 0 for s, 1 for t, None for neither."""
         return {"spherical": 1, "cylindrical": 0}.get(self.kind)
 
@@ -63,7 +63,7 @@ def mapping_of(source: Parameters, ctm: Matrix) -> Mapping | None:
     if kind == "uv":
         return None
     if kind not in ("planar", "spherical", "cylindrical"):
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-mapping-unknown",
                 "{source} has the mapping {kind}; known are uv, planar, spherical and cylindrical",
@@ -82,12 +82,12 @@ def mapped(mesh: Mesh, mapping: Mapping, ctm: Matrix) -> Mesh:
     """Returns the mesh with the mapping's coordinates as its second UV set. ctm: from object to world space."""
     points = mesh.positions.astype(np.float64) @ ctm[:3, :3].T + ctm[:3, 3]
     found = mapping.uvs(points)
-    if mapping.around is not None:
-        mesh, found = _sewn(mesh, found, mapping.around)
+    if mapping.wrapping_coordinate is not None:
+        mesh, found = _split_at_seam(mesh, found, mapping.wrapping_coordinate)
     return replace(mesh, uvs1=np.stack([found[:, 0], 1 - found[:, 1]], axis=1).astype(np.float32))
 
 
-def _sewn(mesh: Mesh, found: F64, around: int) -> tuple[Mesh, F64]:
+def _split_at_seam(mesh: Mesh, found: F64, around: int) -> tuple[Mesh, F64]:
     """Separates the vertices of triangles that cross the wrap line, and lets their coordinates exceed 1 there.
 
     Returns the mesh and the (V, 2) coordinates of its vertices. around: index of the coordinate that wraps around.
@@ -102,9 +102,15 @@ def _sewn(mesh: Mesh, found: F64, around: int) -> tuple[Mesh, F64]:
     triangles = mesh.triangles.copy()
     triangles[across] = np.arange(len(found), len(found) + len(corners), dtype=np.int32).reshape(-1, 3)
 
-    def more(values: npt.NDArray[np.float32] | None) -> npt.NDArray[np.float32] | None:
+    def with_added_vertices(values: npt.NDArray[np.float32] | None) -> npt.NDArray[np.float32] | None:
         return None if values is None else np.concatenate([values, values[corners]])
 
     positions = np.concatenate([mesh.positions, mesh.positions[corners]])
-    mesh = replace(mesh, positions=positions, triangles=triangles, normals=more(mesh.normals), uvs=more(mesh.uvs))
+    mesh = replace(
+        mesh,
+        positions=positions,
+        triangles=triangles,
+        normals=with_added_vertices(mesh.normals),
+        uvs=with_added_vertices(mesh.uvs),
+    )
     return mesh, np.concatenate([found, own])

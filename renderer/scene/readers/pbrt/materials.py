@@ -16,7 +16,7 @@ from renderer.scene.readers.anisotropy import brushed
 from renderer.scene.readers.coats import pane_ior
 from renderer.scene.readers.height_maps import BumpMaps
 from renderer.scene.readers.linear_images import linear
-from renderer.scene.readers.material_mix import mixed
+from renderer.scene.readers.material_mix import mix_materials
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.pbrt.coats import coat_of, coated_albedo, coated_metal_reflectance
 from renderer.scene.readers.pbrt.conductors import absorbing, index_of, of_reflectance
@@ -72,7 +72,7 @@ class Materials:
         """Returns the height texture of a material; None without one."""
         if source is None or is_nothing(source):
             return None
-        self.of(source, 0)
+        self.material_of(source, 0)
         return self._heights.get(id(source))
 
     def number(
@@ -91,14 +91,14 @@ class Materials:
         """
         key = (id(source), emission, alpha, between, spans)
         if key not in self._numbers:
-            made = Material(base_color=_HALF) if source is None else self.of(source, 0)
+            made = Material(base_color=_HALF) if source is None else self.material_of(source, 0)
             if source is not None and spans is not None:
                 made = self._bumpy(source, made, spans)
             if is_nothing(source) and max(emission.radiance) > 0:
                 made = Material(base_color=_NO_LIGHT, lamp=True)
             made = self._media.fill(made, source, between, place)
             is_lamp = alpha.is_constant and alpha.value[0] <= 0
-            made = replace(made, lamp=True, unseen=True) if is_lamp else self._cut(made, alpha, source)
+            made = replace(made, lamp=True, unseen=True) if is_lamp else self._with_alpha(made, alpha, source)
             made = replace(made, emission=emission.radiance, emission_texture=emission.texture, double_sided=emission.both_sides)
             self._description.materials.append(made)
             self._numbers[key] = len(self._description.materials) - 1
@@ -116,19 +116,19 @@ class Materials:
                 )
         return self._numbers[key]
 
-    def of(self, source: Parameters, depth: int) -> Material:
+    def material_of(self, source: Parameters, depth: int) -> Material:
         """Returns a material without emission and alpha. depth: nesting level of mixed materials."""
         if id(source) not in self._made:
             before = len(self._textures.mappings)
-            self._made[id(source)] = self._make(source, depth)
+            self._made[id(source)] = self._read_material(source, depth)
             self._ways[id(source)] = tuple(self._textures.mappings[before:])
         else:
             self._textures.mappings += self._ways[id(source)]
         return self._made[id(source)]
 
-    def _make(self, source: Parameters, depth: int) -> Material:
+    def _read_material(self, source: Parameters, depth: int) -> Material:
         if depth > _MAX_NESTED:
-            raise source.place.wrong(
+            raise source.place.error(
                 Sentence(
                     "pbrt-materials-nested-too-deep", "{source} is made of materials that are nested too deeply", source=source
                 )
@@ -209,13 +209,13 @@ class Materials:
         ior = ior if ior > 0 else 1.0
         thickness = self._thickness(source)
 
-        def beneath(eta: np.ndarray, k: np.ndarray) -> np.ndarray:
+        def reflectance_under_coat(eta: np.ndarray, k: np.ndarray) -> np.ndarray:
             return coated_metal_reflectance(head_on(eta / ior, k / ior), ior, thickness)
 
         if source.get("reflectance") is not None:
             color = self._textures.color(source, "reflectance", _HALF)
             if color.texture is None:
-                r, g, b = (float(v) for v in beneath(*(np.array(v) for v in of_reflectance(color.value))))
+                r, g, b = (float(v) for v in reflectance_under_coat(*(np.array(v) for v in of_reflectance(color.value))))
                 color = Varying((r, g, b))
             else:
                 factor = np.array(color.value, np.float32)
@@ -223,13 +223,15 @@ class Materials:
                     color.texture,
                     f"metal under a coat of {ior} and {thickness} by {color.value}",
                     lambda it: Image(
-                        f"{it.name} coated", beneath(np.ones(1), absorbing(linear(it) * factor)).astype(np.float32), False
+                        f"{it.name} coated",
+                        reflectance_under_coat(np.ones(1), absorbing(linear(it) * factor)).astype(np.float32),
+                        False,
                     ),
                 )
                 color = Varying((1.0, 1.0, 1.0), texture)
         else:
             eta, k = (np.array(v) for v in self._eta_and_k(source, "conductor."))
-            r, g, b = (float(v) for v in beneath(eta, k))
+            r, g, b = (float(v) for v in reflectance_under_coat(eta, k))
             color = Varying((r, g, b))
         coat = self._rough(source, "interface.")
         self._notes.add(
@@ -249,7 +251,7 @@ class Materials:
     def _glass(self, source: Parameters) -> Material:
         ior, dispersion = self._textures.colors.index(self._textures.index(source, "eta"))
         if not ior > 0:
-            raise source.place.wrong(
+            raise source.place.error(
                 Sentence(
                     "pbrt-ior-invalid",
                     "{source} has the index of refraction {ior}; it must be above 0",
@@ -310,7 +312,7 @@ class Materials:
         parts = [self.named.get(name) for name in names]
         if len(parts) != 2 or None in parts:
             missing = [name for name, part in zip(names, parts, strict=True) if part is None]
-            raise source.place.wrong(
+            raise source.place.error(
                 Sentence(
                     "pbrt-mix-material-missing",
                     "{material} needs the names of two materials defined before it; there is no {missing}",
@@ -325,8 +327,8 @@ class Materials:
                 )
             )
         amount = min(max(self._textures.one_number(source, "amount", 0.5), 0.0), 1.0)
-        first, second = (self.of(part, depth + 1) for part in parts if part is not None)
-        made = mixed(first, second, amount)
+        first, second = (self.material_of(part, depth + 1) for part in parts if part is not None)
+        made = mix_materials(first, second, amount)
         if made is None:
             self._notes.add(
                 source.place,
@@ -350,27 +352,30 @@ class Materials:
         source.used.update(source.values)
         return Material(base_color=_HALF)
 
-    def _bent(self, source: Parameters, made: Material) -> Material:
+    def _bent(self, source: Parameters, material: Material) -> Material:
         wanted = source.text("normalmap")
         heights = self._textures.number(source, "displacement", 0.0)
         if heights.texture is not None and not wanted:
             self._heights[id(source)] = heights
         if not wanted:
-            return made
+            return material
         texture = self._textures.normals(wanted, source)
-        return made if texture is None else replace(made, normal_texture=texture)
+        return material if texture is None else replace(material, normal_texture=texture)
 
-    def _bumpy(self, source: Parameters, made: Material, spans: tuple[float, float]) -> Material:
+    def _bumpy(self, source: Parameters, material: Material, spans: tuple[float, float]) -> Material:
         heights = self._heights[id(source)]
         assert heights.texture is not None
-        found = self._bumps.of(heights.texture, heights.value[0], spans)
-        return made if found is None else replace(made, normal_texture=found.texture, normal_scale=found.strength)
+        found = self._bumps.normal_map(heights.texture, heights.value[0], spans)
+        return material if found is None else replace(material, normal_texture=found.texture, normal_scale=found.strength)
 
     def _medium(self, source: Parameters) -> None:
         albedo = source.get("albedo")
         if source.number("g", 0.0) != 0 or (
             albedo is not None
-            and (albedo.type == "texture" or self._textures.mean(self._textures.color(source, "albedo", _NO_LIGHT)) != _NO_LIGHT)
+            and (
+                albedo.type == "texture"
+                or self._textures.mean_value(self._textures.color(source, "albedo", _NO_LIGHT)) != _NO_LIGHT
+            )
         ):
             self._notes.add(
                 source.place,
@@ -379,7 +384,7 @@ class Materials:
 
     def _rough(self, source: Parameters, prefix: str, brushes: bool = True) -> dict[str, Any]:
         """Returns the roughness and anisotropy as material fields. prefix: of the parameters' names."""
-        remaps = source.flag("remaproughness", True)
+        remaps = source.boolean("remaproughness", True)
         power = 0.25 if remaps else 0.5  # our roughness is the root of alpha
         name = f"{prefix}roughness"
         u, v = (f"{prefix}{axis}roughness" for axis in "uv")
@@ -413,11 +418,11 @@ class Materials:
             }
         return brushed(along, across)
 
-    def _cut(self, made: Material, alpha: Varying, source: Parameters | None) -> Material:
+    def _with_alpha(self, material: Material, alpha: Varying, source: Parameters | None) -> Material:
         if alpha.is_constant:
             opacity = min(max(alpha.value[0], 0.0), 1.0)
-            return made if opacity == 1 else replace(made, opacity=opacity, alpha_mode="blend")
-        texture = self._textures.with_alpha(made.base_color_texture, alpha)
+            return material if opacity == 1 else replace(material, opacity=opacity, alpha_mode="blend")
+        texture = self._textures.with_alpha(material.base_color_texture, alpha)
         if texture is None:
             if source is not None:
                 self._notes.add(
@@ -427,8 +432,8 @@ class Materials:
                         "Alpha textures that are placed unlike the colour are replaced by their mean",
                     ),
                 )
-            return replace(made, opacity=min(max(self._textures.mean(alpha)[0], 0.0), 1.0), alpha_mode="blend")
-        return replace(made, base_color_texture=texture, alpha_mode="blend")
+            return replace(material, opacity=min(max(self._textures.mean_value(alpha)[0], 0.0), 1.0), alpha_mode="blend")
+        return replace(material, base_color_texture=texture, alpha_mode="blend")
 
 
 def _painted(color: Varying) -> Material:

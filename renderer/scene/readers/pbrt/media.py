@@ -36,7 +36,7 @@ class Media:
         self._outside: dict[str, Place] = {}  # media named as exteriors
         self._unsaid = False  # whether any glass names no medium
 
-    def make(self, name: str, source: Parameters) -> None:
+    def define(self, name: str, source: Parameters) -> None:
         """Defines a named medium; unsupported kinds become empty, with a note."""
         kind = source.type
         if name in self._named:
@@ -62,7 +62,7 @@ class Media:
     def find(self, name: str, place: Place) -> Medium:
         """Returns a medium by name. Raises SceneError if it is undefined."""
         if name not in self._named:
-            raise place.wrong(
+            raise place.error(
                 Sentence(
                     "pbrt-medium-undefined",
                     "there is no medium {name}; define it with MakeNamedMedium first",
@@ -76,29 +76,29 @@ class Media:
         inside, outside = between
         return inside != outside and (self.find(inside, place) != NOTHING or self.find(outside, place) != NOTHING)
 
-    def fill(self, made: Material, source: Parameters | None, between: Interface, place: Place) -> Material:
+    def fill(self, material: Material, source: Parameters | None, between: Interface, place: Place) -> Material:
         """Returns a material with the medium inside its shape; equal media inside and outside have no effect, as in pbrt.
 
-        made: the material; source: its parameters; between: names of the media inside and outside.
+        material: the material; source: its parameters; between: names of the media inside and outside.
         """
         inside, outside = between
-        lets_through = made.kind in ("glass", "interface") or made.transmission > 0 or made.diffuse_transmission > 0
+        lets_through = material.kind in ("glass", "interface") or material.transmission > 0 or material.diffuse_transmission > 0
         if inside == outside:
-            self._unsaid |= made.kind == "glass" and not made.thin
-            return made
+            self._unsaid |= material.kind == "glass" and not material.thin
+            return material
         found = self.find(inside, place)
         self.find(outside, place)
         self._inside.add(inside)
         self._outside.setdefault(outside, place)
-        if made.kind == "interface":
-            return replace(made, name=inside or "interface", **interior_fields(found))
-        if lets_through and not made.thin:
-            return replace(made, **interior_fields(found))
+        if material.kind == "interface":
+            return replace(material, name=inside or "interface", **interior_fields(found))
+        if lets_through and not material.thin:
+            return replace(material, **interior_fields(found))
         if found != NOTHING and lets_through:
             self._notes.add(
                 place, Sentence("pbrt-thin-shape-with-medium", "{source}: its medium is ignored, since it is thin", source=source)
             )
-        return made
+        return material
 
     def surround(self, description: SceneDescription, camera: str, place: Place) -> None:
         """Sets the world's medium to the one that contains the camera. Must be called after all shapes are added."""
@@ -169,7 +169,7 @@ def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material
             )
         color = textures.color(source, "reflectance", (1.0, 1.0, 1.0))
         path = coefficients(source, "mfp", (1.0,) * 3, textures)
-        radius = seen_through_a_boundary(textures.mean(color), tuple(scale * c for c in path), ior)  # type: ignore[arg-type]
+        radius = seen_through_a_boundary(textures.mean_value(color), tuple(scale * c for c in path), ior)  # type: ignore[arg-type]
         return replace(made, base_color=color.value, base_color_texture=color.texture, subsurface_radius=radius)
     if wanted and wanted not in SUBSTANCES:
         notes.add(

@@ -22,7 +22,7 @@ from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.statements import unpacked
 from renderer.sentences import Sentence
 
-__all__ = ["MESHES", "mesh_of", "turned", "with_uvs"]
+__all__ = ["MESHES", "flipped", "mesh_of", "with_uvs"]
 
 MESHES = ("trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv")
 _NORMALS = rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"
@@ -62,7 +62,7 @@ def _of_file(source: Parameters, files: SceneFiles, notes: Notes) -> Mesh:
     wanted = source.text("filename")
     name = files.find(wanted, source.place.file)
     if name is None:
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "file-missing",
                 "{name} is not among the files; add it",
@@ -75,8 +75,8 @@ def _of_file(source: Parameters, files: SceneFiles, notes: Notes) -> Mesh:
                 source.place,
                 Sentence("pbrt-mesh-displacement-ignored", "displacement of meshes is ignored"),
             )
-    part: SceneDescription = files.recall(("ply", name), lambda: _read(files, name))
-    mesh = _one(part)
+    part: SceneDescription = files.get_or_make(("ply", name), lambda: _read(files, name))
+    mesh = _single_mesh(part)
     return replace(_facing(mesh))
 
 
@@ -92,7 +92,7 @@ def _read(files: SceneFiles, name: str) -> SceneDescription:
     return part
 
 
-def _one(part: SceneDescription) -> Mesh:
+def _single_mesh(part: SceneDescription) -> Mesh:
     mesh = part.meshes[0] if part.meshes else Mesh("plymesh", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
     return replace(mesh, colors=None, material=0)
 
@@ -116,7 +116,7 @@ def _patches(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mesh:
     skew = quads[:, 3] - quads[:, 1] - quads[:, 2] + quads[:, 0]  # 0 for parallelograms, whose UVs are exact with two triangles
     even = np.linalg.norm(skew, axis=1) <= _FLAT * np.linalg.norm(quads[:, 3] - quads[:, 0], axis=1)
     steps = 1 if (away <= _FLAT * size).all() and (even.all() or uvs is None) else _PATCH
-    while steps > 1 and 2 * steps * steps * len(corners) > growth.room:
+    while steps > 1 and 2 * steps * steps * len(corners) > growth.triangles_left:
         steps //= 2
     growth.add(2 * (steps * steps - 1) * len(corners))
     side = np.linspace(0, 1, steps + 1)
@@ -124,16 +124,16 @@ def _patches(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mesh:
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], axis=-1).reshape(-1, 4)
     own = np.stack([u, 1 - v], axis=-1).reshape(-1, 2)
 
-    def mixed(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    def interpolate(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
         return np.einsum("sk,qkx->qsx", weights, values[corners].astype(float)).reshape(-1, values.shape[1])
 
     row = steps + 1
     at = (np.arange(steps)[:, None] * row + np.arange(steps)).reshape(-1)
     one = np.concatenate([np.stack([at, at + 1, at + row + 1], 1), np.stack([at, at + row + 1, at + row], 1)])
     triangles = (one[None] + (np.arange(len(corners)) * row * row)[:, None, None]).reshape(-1, 3)
-    mesh = Mesh("bilinearmesh", in_exact_type(mixed(points)), triangles.astype(np.int32))
-    mesh.uvs = np.tile(own, (len(corners), 1)).astype(np.float32) if uvs is None else mixed(uvs).astype(np.float32)
-    mesh.normals = None if normals is None else mixed(normals).astype(np.float32)
+    mesh = Mesh("bilinearmesh", in_exact_type(interpolate(points)), triangles.astype(np.int32))
+    mesh.uvs = np.tile(own, (len(corners), 1)).astype(np.float32) if uvs is None else interpolate(uvs).astype(np.float32)
+    mesh.normals = None if normals is None else interpolate(normals).astype(np.float32)
     if normals is None and steps > 1:
         mesh = smoothed(mesh, _EVERY_EDGE)
     return _facing(mesh)
@@ -144,7 +144,7 @@ def _subdivided(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mes
     triangles = _indices(source, len(points), 3, None)
     wanted = max(source.integer("levels", source.integer("nlevels", 3)), 0)
     levels = min(wanted, 16)
-    while levels and len(triangles) * 4**levels > growth.room:
+    while levels and len(triangles) * 4**levels > growth.triangles_left:
         levels -= 1
     growth.add(len(triangles) * (4**levels - 1))
     if levels < wanted:
@@ -160,10 +160,10 @@ def _subdivided(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mes
         )
     fine, faces = subdivided(points, triangles, levels)
     mesh = Mesh("loopsubdiv", in_exact_type(fine), faces.astype(np.int32))
-    return turned(smoothed(mesh, _EVERY_EDGE))  # pbrt's normals are on the clockwise side
+    return flipped(smoothed(mesh, _EVERY_EDGE))  # pbrt's normals are on the clockwise side
 
 
-def turned(mesh: Mesh) -> Mesh:
+def flipped(mesh: Mesh) -> Mesh:
     """Returns the mesh with reversed winding and negated normals."""
     normals = None if mesh.normals is None else -mesh.normals
     return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
@@ -194,7 +194,7 @@ def _facing(mesh: Mesh) -> Mesh:
 def _points(source: Parameters) -> npt.NDArray[np.float64]:
     found = source.numbers("P", "point3", "point")
     if found is None or not len(found):
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence("pbrt-mesh-points-missing", '{source} has no points; give them as "point3 P" [ ... ]', source=source)
         )
     return found
@@ -204,7 +204,7 @@ def _indices(source: Parameters, count: int, corners: int, default: npt.NDArray[
     found = source.numbers("indices", "integer")
     if found is None:
         if default is None:
-            raise source.place.wrong(
+            raise source.place.error(
                 Sentence(
                     "pbrt-mesh-indices-missing",
                     '{source} has no indices; give them as "integer indices" [ ... ]',
@@ -213,7 +213,7 @@ def _indices(source: Parameters, count: int, corners: int, default: npt.NDArray[
             )
         found = default.astype(float)
     if len(found) % corners or not len(found):
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-mesh-index-count-wrong",
                 "{source} has {count} indices; their number must be a multiple of {multiple}",
@@ -224,7 +224,7 @@ def _indices(source: Parameters, count: int, corners: int, default: npt.NDArray[
         )
     if found.min() < 0 or found.max() >= count:
         worst = found.max() if found.max() >= count else found.min()
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-mesh-index-invalid",
                 "{source} has the index {index}, but only {count} points",
@@ -241,7 +241,7 @@ def _vectors(source: Parameters, name: str, count: int) -> npt.NDArray[np.float3
     if found is None:
         return None
     if len(found) != count:
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-mesh-value-count-wrong",
                 "{source} has {found} values of {name} for {count} points",
@@ -261,7 +261,7 @@ def _uvs(source: Parameters, count: int) -> npt.NDArray[np.float32] | None:
     if found is None:
         return None
     if found.size != 2 * count:
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-mesh-uv-count-wrong",
                 "{source} has {found} values of uv for {count} points",

@@ -22,13 +22,13 @@ class Place(NamedTuple):
     def __str__(self) -> str:
         return f"{self.file}, line {self.line}"
 
-    def said(self, fault: str) -> str:
+    def with_position(self, fault: str) -> str:
         """Returns a sentence about a fault, preceded by the file and line."""
         return Sentence("fault-in-line", "{file}, line {line}: {fault}", file=self.file, line=self.line, fault=fault)
 
-    def wrong(self, sentence: str) -> SceneError:
+    def error(self, sentence: str) -> SceneError:
         """Returns a SceneError with the sentence, preceded by the file and line."""
-        return SceneError(self.said(sentence))
+        return SceneError(self.with_position(sentence))
 
 
 class Notes:
@@ -46,10 +46,10 @@ class Notes:
         else:
             self._left += 1
 
-    def say(self, description: SceneDescription) -> None:
+    def add_warnings(self, description: SceneDescription) -> None:
         """Adds one warning per note to the description, with the number of occurrences."""
         for sentence, (place, count) in self._found.items():
-            description.warnings.append(place.said(with_count(sentence, count)))
+            description.warnings.append(place.with_position(with_count(sentence, count)))
         if self._left:
             description.warnings.append(
                 Sentence("pbrt-omissions-more", "{count} more features of this file are ignored", count=self._left)

@@ -28,7 +28,7 @@ _DAYLIGHT = """49.98 54.65 82.75 91.49 93.43 86.68 104.86 117.01 117.81 114.86 1
 75.09 63.59 46.42 66.81 63.38"""
 
 
-def _between(rows: str) -> F64:
+def _at_5_nm(rows: str) -> F64:
     """Returns a table with 10 nm steps interpolated to 5 nm, cubically through four points."""
     tens = np.array(rows.split(), float)
     wide = np.r_[2 * tens[0] - tens[1], tens, 2 * tens[-1] - tens[-2]]
@@ -38,7 +38,7 @@ def _between(rows: str) -> F64:
     return found
 
 
-MATCHING = np.stack([_between(_X), _between(_Y), _between(_Z)])  # (3, W)
+MATCHING = np.stack([_at_5_nm(_X), _at_5_nm(_Y), _at_5_nm(_Z)])  # (3, W)
 D65 = np.interp(WAVELENGTHS, _TENS, np.array(_DAYLIGHT.split(), float))  # linear between 10 nm steps, as CIE specifies
 
 _H, _C, _K = 6.62606957e-34, 299792458.0, 1.3806488e-23

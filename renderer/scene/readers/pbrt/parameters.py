@@ -51,7 +51,7 @@ class Parameters:
     space: str = "srgb"  # current colour space
 
     @classmethod
-    def of(cls, what: str, statement: Statement, names: int, space: str) -> tuple[list[str], Parameters]:
+    def parse(cls, what: str, statement: Statement, names: int, space: str) -> tuple[list[str], Parameters]:
         """Returns the leading names of a directive, and its parameters; the last name is the parameters' type.
 
         names: number of leading names. Raises SceneError if a name is missing or a parameter malformed.
@@ -59,7 +59,7 @@ class Parameters:
         place, arguments = statement.place, statement.arguments
         first = arguments[:names]
         if len(first) < names or not all(isinstance(each, str | tuple) for each in first):
-            raise place.wrong(
+            raise place.error(
                 Sentence(
                     "pbrt-directive-name-count",
                     '{directive} needs 1 name in quotes, such as "diffuse"',
@@ -82,7 +82,7 @@ class Parameters:
                 made.repeated.add(name)
             made.values[name] = parameter
         if len(rest) % 2:
-            raise place.wrong(
+            raise place.error(
                 Sentence(
                     "pbrt-parameter-without-value",
                     '{what} has a parameter without a value; write it as "float radius" 2',
@@ -104,7 +104,7 @@ class Parameters:
         if found is None:
             return None
         if types and found.type not in types:
-            raise found.place.wrong(
+            raise found.place.error(
                 Sentence(
                     "pbrt-parameter-type-wrong",
                     "{name} of {what} has the type {type}; possible are {types}",
@@ -119,13 +119,13 @@ class Parameters:
     def number(self, name: str, default: float) -> float:
         """Returns the first number of a float or integer parameter."""
         found = self.get(name, "float", "integer")
-        return default if found is None else float(self._some(found, name, 1)[0])
+        return default if found is None else float(self._check_count(found, name, 1)[0])
 
     def integer(self, name: str, default: int) -> int:
         """Returns a number truncated to an integer and clamped to 32 bits."""
         return int(min(max(self.number(name, default), -(2**31)), 2**31 - 1))
 
-    def flag(self, name: str, default: bool) -> bool:
+    def boolean(self, name: str, default: bool) -> bool:
         """Returns a boolean parameter, which older files write as a string."""
         found = self.get(name, "bool", "string")
         if found is None or isinstance(found.value, np.ndarray) or not len(found.value):
@@ -150,7 +150,7 @@ class Parameters:
         found = self.get(name, "point3", "vector3", "point", "vector", "normal", "normal3")
         if found is None:
             return default
-        x, y, z = (float(v) for v in self._some(found, name, 3)[:3])
+        x, y, z = (float(v) for v in self._check_count(found, name, 3)[:3])
         return x, y, z
 
     def numbers(self, name: str, *types: str) -> F64 | None:
@@ -158,10 +158,10 @@ class Parameters:
         found = self.get(name, *(types or _NUMBERS))
         if found is None:
             return None
-        values = self._some(found, name, 0)
+        values = self._check_count(found, name, 0)
         width = _WIDTHS.get(found.type, 1)
         if len(values) % width:
-            raise found.place.wrong(
+            raise found.place.error(
                 Sentence(
                     "pbrt-parameter-number-count",
                     "{name} of {what} has {count} numbers; their number must be a multiple of {multiple}",
@@ -214,15 +214,15 @@ class Parameters:
                     ),
                 )
 
-    def _some(self, found: Parameter, name: str, least: int) -> F64:
-        if not isinstance(found.value, np.ndarray) or len(found.value) < least:
-            raise found.place.wrong(
+    def _check_count(self, found: Parameter, name: str, min_count: int) -> F64:
+        if not isinstance(found.value, np.ndarray) or len(found.value) < min_count:
+            raise found.place.error(
                 Sentence("pbrt-parameter-not-number", "{name} of {what} must be a number", name=repr(name), what=self)
-                if least == 1
+                if min_count == 1
                 else Sentence("pbrt-parameter-not-number-list", "{name} of {what} must be numbers", name=repr(name), what=self)
             )
-        if 0 < least < len(found.value):
-            self.cut[name] = len(found.value), least
+        if 0 < min_count < len(found.value):
+            self.cut[name] = len(found.value), min_count
         return found.value
 
 
@@ -238,7 +238,7 @@ def _declared(declared: Argument, value: Argument, statement: Statement, space: 
     words = declared.split() if isinstance(declared, str) else []
     if len(words) != 2 or words[0] not in _TYPES:
         said = declared[:40] if isinstance(declared, str) else "a value"
-        raise statement.place.wrong(
+        raise statement.place.error(
             Sentence(
                 "pbrt-parameter-malformed",
                 '{text} of {directive} is not a parameter; write a type and a name, such as "float radius"',
@@ -248,7 +248,7 @@ def _declared(declared: Argument, value: Argument, statement: Statement, space: 
         )
     kind, name = words
     if kind in _NUMBERS and not isinstance(value, np.ndarray):
-        raise statement.place.wrong(
+        raise statement.place.error(
             Sentence(
                 "pbrt-parameter-not-numbers",
                 "{name} of {directive} needs numbers",

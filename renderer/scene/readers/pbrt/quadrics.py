@@ -65,7 +65,7 @@ def quadric(source: Parameters, coarser: int = 1) -> Quadric:
         normals = _surface(ring, np.zeros(2), around)
         positions = _surface(ring * radius, height, around)
     if not high > low or not turn > 0:
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-quadric-cut-away",
                 "zmin, zmax or phimax of {source} leave nothing of it; correct them",
@@ -75,11 +75,11 @@ def quadric(source: Parameters, coarser: int = 1) -> Quadric:
     return Quadric(_mesh(source.type, positions, normals), radius * turn * (high - low))
 
 
-def _disk(source: Parameters, radius: float, turn: float, around: F64) -> Quadric:
+def _disk(source: Parameters, radius: float, angle: float, around: F64) -> Quadric:
     inner = min(max(source.number("innerradius", 0.0), 0.0), radius)
     height = source.number("height", 0.0)
-    if not inner < radius or not turn > 0:
-        raise source.place.wrong(
+    if not inner < radius or not angle > 0:
+        raise source.place.error(
             Sentence(
                 "pbrt-disk-cut-away",
                 "innerradius or phimax of {source} leave nothing of it; correct them",
@@ -88,13 +88,13 @@ def _disk(source: Parameters, radius: float, turn: float, around: F64) -> Quadri
         )
     positions = _surface(np.array([radius, inner]), np.full(2, height), around)
     normals = np.broadcast_to(np.array([0.0, 0.0, 1.0]), positions.shape)
-    return Quadric(_mesh("disk", positions, normals), turn / 2 * (radius**2 - inner**2))
+    return Quadric(_mesh("disk", positions, normals), angle / 2 * (radius**2 - inner**2))
 
 
 def _radius(source: Parameters) -> float:
     radius = source.number("radius", 1.0)
     if not 0 < radius < 1e15:
-        raise source.place.wrong(
+        raise source.place.error(
             Sentence(
                 "pbrt-radius-invalid", "{source} has the radius {radius}; it must be above 0", source=source, radius=f"{radius:g}"
             )

@@ -16,7 +16,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     notes = Notes()
     graphics = Graphics(files, description, moment, notes)
     graphics.run(main)
-    graphics.end(main)
+    graphics.end_scene(main)
     if description.moves:
         description.defaults.setdefault("shutter", 1.0)
-    notes.say(description)
+    notes.add_warnings(description)

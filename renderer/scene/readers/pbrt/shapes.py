@@ -18,13 +18,13 @@ from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.mappings import mapped
 from renderer.scene.readers.pbrt.materials import Emission, Materials, is_nothing
 from renderer.scene.readers.pbrt.media import Interface
-from renderer.scene.readers.pbrt.meshes import MESHES, mesh_of, turned, with_uvs
+from renderer.scene.readers.pbrt.meshes import MESHES, flipped, mesh_of, with_uvs
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.quadrics import QUADRICS, Quadric, quadric, shape_key, whole_sphere
 from renderer.scene.readers.pbrt.textures import Textures, Varying
-from renderer.scene.readers.pbrt.transforms import Ctm, between
-from renderer.scene.readers.strands import Strand, together
+from renderer.scene.readers.pbrt.transforms import Ctm, interpolate
+from renderer.scene.readers.strands import Strand, strands_mesh
 from renderer.sentences import Sentence
 
 __all__ = ["Part", "ShapeState", "Shapes"]
@@ -88,7 +88,7 @@ class Shapes:
         self._open = self.objects[name] = []
         self._places.pop(name, None)
 
-    def end(self) -> None:
+    def end_object(self) -> None:
         """Ends the definition of the open object."""
         self.flush()
         self._open = None
@@ -101,7 +101,7 @@ class Shapes:
     def instance(self, name: str, ctm: Ctm, place: Place) -> None:
         """Adds an instance of an object to the world. Raises SceneError if the object is undefined."""
         if name not in self.objects:
-            raise place.wrong(
+            raise place.error(
                 Sentence(
                     "pbrt-object-undefined",
                     "there is no object {name}; define it with ObjectBegin first",
@@ -111,14 +111,14 @@ class Shapes:
         parts = self.objects[name]
         self._make_room(len(parts), place)
         if name not in self._places:
-            inner = [between(part.ctm, self._time) for part in parts]
+            inner = [interpolate(part.ctm, self._time) for part in parts]
             self._places[name] = np.stack(inner) if inner else np.zeros((0, 4, 4))
-        worlds = product(product(self._outer, between(ctm, self._time)), self._places[name])
+        worlds = product(product(self._outer, interpolate(ctm, self._time)), self._places[name])
         stands = ctm[0] is ctm[1]
         for part, world in zip(parts, worlds, strict=True):
-            self._show(part, world, moves=not stands or part.ctm[0] is not part.ctm[1], is_within=True)
+            self._add_instance(part, world, moves=not stands or part.ctm[0] is not part.ctm[1], is_within=True)
 
-    def add(self, source: Parameters, looks: ShapeState) -> None:
+    def add(self, source: Parameters, state: ShapeState) -> None:
         """Adds a shape to the world, or to the open object."""
         if source.type not in (*MESHES, *QUADRICS, "curve"):
             source.used.update(source.values)
@@ -127,8 +127,8 @@ class Shapes:
                 Sentence("shape-type-unsupported", "{what} is not supported as a shape: it is left out", what=source),
             )
             return
-        is_idle = looks.area is None and not self._materials.bounds_media(looks.medium, source.place)
-        if is_nothing(looks.material) and is_idle:
+        is_idle = state.area is None and not self._materials.bounds_media(state.medium, source.place)
+        if is_nothing(state.material) and is_idle:
             source.used.update(source.values)
             self._notes.add(
                 source.place,
@@ -138,37 +138,37 @@ class Shapes:
                 ),
             )
             return
-        if source.type in QUADRICS and float(np.linalg.det(looks.ctm[0][:3, :3])) < 0:
-            self._note_mirrored(source, looks)
+        if source.type in QUADRICS and float(np.linalg.det(state.ctm[0][:3, :3])) < 0:
+            self._note_mirrored(source, state)
         alpha = self._textures.number(source, "alpha", 1.0)
         if alpha.is_constant and alpha.value[0] <= 0:
-            if looks.area is None or self.in_object:
+            if state.area is None or self.in_object:
                 source.used.update(source.values)
                 return
-            looks, alpha = looks._replace(material=None), _UNSEEN  # not intersected, but emits
+            state, alpha = state._replace(material=None), _UNSEEN  # not intersected, but emits
         if source.type == "curve":
             strand = strand_of(source, self._notes)
-            number = self._materials.number(looks.material, self._emission(looks, np.zeros(0)), alpha, source.place)
-            key = number, looks.ctm[0].tobytes(), looks.ctm[1].tobytes()
-            self._strands.setdefault(key, ([], looks.ctm))[0].append(strand)
+            number = self._materials.number(state.material, self._emission(state, np.zeros(0)), alpha, source.place)
+            key = number, state.ctm[0].tobytes(), state.ctm[1].tobytes()
+            self._strands.setdefault(key, ([], state.ctm))[0].append(strand)
             return
         radius = whole_sphere(source)
-        mesh, areas = self._mesh(source, looks, radius)
-        spans = self._spans(source, looks, mesh)
-        number = self._materials.number(looks.material, self._emission(looks, areas), alpha, source.place, looks.medium, spans)
-        if radius is not None and not looks.reverse and not self._is_textured(number) and self._is_round(looks.ctm):
-            self._keep(Part(-1, looks.ctm, "sphere", radius, number))
+        mesh, areas = self._mesh(source, state, radius)
+        spans = self._spans(source, state, mesh)
+        number = self._materials.number(state.material, self._emission(state, areas), alpha, source.place, state.medium, spans)
+        if radius is not None and not state.reverse and not self._is_textured(number) and self._is_round(state.ctm):
+            self._add_part(Part(-1, state.ctm, "sphere", radius, number))
             return
         mapping = self._materials.mappings.get(number)
-        shared = (*shape_key(source), number, looks.reverse) if source.type in QUADRICS and mapping is None else None
+        shared = (*shape_key(source), number, state.reverse) if source.type in QUADRICS and mapping is None else None
         if shared is not None and shared in self._quadrics:
-            self._keep(Part(self._quadrics[shared], looks.ctm, source.type))
+            self._add_part(Part(self._quadrics[shared], state.ctm, source.type))
             return
         mesh = mesh if mesh is not None else self._quadric(source).mesh
         if self._is_textured(number):
             mesh = with_uvs(mesh)
         if mapping is not None:
-            mesh = mapped(mesh, mapping, between(looks.ctm, self._time))
+            mesh = mapped(mesh, mapping, interpolate(state.ctm, self._time))
             if self.in_object:
                 self._notes.add(
                     source.place,
@@ -177,13 +177,13 @@ class Shapes:
                         "Textures that are placed in space move with object instances",
                     ),
                 )
-        self._add_mesh(replace(mesh, material=number), looks.ctm)
+        self._add_mesh(replace(mesh, material=number), state.ctm)
         if shared is not None:
             self._quadrics[shared] = len(self._description.meshes) - 1
 
-    def _spans(self, source: Parameters, looks: ShapeState, mesh: Mesh | None) -> tuple[float, float] | None:
+    def _spans(self, source: Parameters, state: ShapeState, mesh: Mesh | None) -> tuple[float, float] | None:
         """Returns the lengths per unit of UV of a shape whose material has a height texture; None without such a texture."""
-        heights = self._materials.heights(looks.material)
+        heights = self._materials.heights(state.material)
         if heights is None:
             return None
         if self.in_object:
@@ -194,15 +194,15 @@ class Shapes:
                 ),
             )
         bumpy = with_uvs(mesh if mesh is not None else self._quadric(source).mesh)
-        place = between(looks.ctm, self._time)
+        place = interpolate(state.ctm, self._time)
         if heights.mapping is not None:
             bumpy = mapped(bumpy, heights.mapping, place)
         found = spans_of(bumpy, int(heights.mapping is not None), place[:3, :3])
         return None if found is None else (rounded(found[0]), rounded(found[1]))
 
-    def _note_mirrored(self, source: Parameters, looks: ShapeState) -> None:
+    def _note_mirrored(self, source: Parameters, state: ShapeState) -> None:
         """Adds a note about a mirrored quadric: in pbrt, it faces inwards for rays, but outwards for light sampling."""
-        if looks.area is not None or (looks.material is not None and looks.material.type == "dielectric"):
+        if state.area is not None or (state.material is not None and state.material.type == "dielectric"):
             self._notes.add(
                 source.place,
                 Sentence(
@@ -216,21 +216,21 @@ class Shapes:
         """Adds the pending curves to the description, as meshes."""
         strands, self._strands = self._strands, {}
         for (number, _, _), (found, ctm) in strands.items():
-            self._add_mesh(replace(together(found), material=number), ctm)
+            self._add_mesh(replace(strands_mesh(found), material=number), ctm)
 
-    def _mesh(self, source: Parameters, looks: ShapeState, radius: float | None) -> tuple[Mesh | None, np.ndarray]:
+    def _mesh(self, source: Parameters, state: ShapeState, radius: float | None) -> tuple[Mesh | None, np.ndarray]:
         """Returns a shape's mesh (None for a complete sphere), and (n,) the areas of the parts that are lights in pbrt."""
-        if radius is not None and not looks.reverse:
+        if radius is not None and not state.reverse:
             return None, np.array([4 * np.pi * radius**2])
         if source.type in QUADRICS:
             made = self._quadric(source)
-            return turned(made.mesh) if looks.reverse else made.mesh, np.array([made.area])
+            return flipped(made.mesh) if state.reverse else made.mesh, np.array([made.area])
         mesh = mesh_of(source, self._files, self._notes, self._growth)
-        if looks.reverse:
-            mesh = turned(mesh)
-        if looks.area is None:
+        if state.reverse:
+            mesh = flipped(mesh)
+        if state.area is None:
             return mesh, np.zeros(0)
-        placed = mesh.positions.astype(float) @ looks.ctm[0][:3, :3].T
+        placed = mesh.positions.astype(float) @ state.ctm[0][:3, :3].T
         areas = 0.5 * np.linalg.norm(face_normals(placed, mesh.triangles), axis=1)
         return mesh, areas
 
@@ -249,16 +249,16 @@ class Shapes:
             self._made[key] = quadric(source, coarser)
         return self._made[key]
 
-    def _emission(self, looks: ShapeState, areas: np.ndarray) -> Emission:
-        if looks.area is None:
+    def _emission(self, state: ShapeState, areas: np.ndarray) -> Emission:
+        if state.area is None:
             return Emission()
         if self.in_object:
             self._notes.add(
-                looks.area.place,
+                state.area.place,
                 Sentence("pbrt-instance-lights-ignored", "Shapes of object instances do not emit, as in pbrt"),
             )
             return Emission()
-        return self._lights.surface_emission(looks.area, areas)
+        return self._lights.surface_emission(state.area, areas)
 
     def _is_textured(self, number: int) -> bool:
         made = self._description.materials[number]
@@ -275,17 +275,17 @@ class Shapes:
 
     def _add_mesh(self, mesh: Mesh, ctm: Ctm) -> None:
         self._description.meshes.append(mesh)
-        self._keep(Part(len(self._description.meshes) - 1, ctm, mesh.name))
+        self._add_part(Part(len(self._description.meshes) - 1, ctm, mesh.name))
 
-    def _keep(self, part: Part) -> None:
+    def _add_part(self, part: Part) -> None:
         if self._open is not None:
             self._open.append(part)
         else:
-            self._place(part)
+            self._add_to_world(part)
 
-    def _make_room(self, more: int, place: Place) -> None:
-        if len(self._description.instances) + len(self._description.spheres) + more > _MOST_INSTANCES:
-            raise place.wrong(
+    def _make_room(self, triangles: int, place: Place) -> None:
+        if len(self._description.instances) + len(self._description.spheres) + triangles > _MOST_INSTANCES:
+            raise place.error(
                 Sentence(
                     "pbrt-shapes-too-many",
                     "with it more than {most} shapes are shown; reduce them",
@@ -293,12 +293,12 @@ class Shapes:
                 )
             )
 
-    def _place(self, part: Part) -> None:
+    def _add_to_world(self, part: Part) -> None:
         """Adds a part to the world, outside of any object."""
-        world = product(self._outer, between(part.ctm, self._time))
-        self._show(part, world, moves=part.ctm[0] is not part.ctm[1], is_within=False)
+        world = product(self._outer, interpolate(part.ctm, self._time))
+        self._add_instance(part, world, moves=part.ctm[0] is not part.ctm[1], is_within=False)
 
-    def _show(self, part: Part, world: Matrix, moves: bool, is_within: bool) -> None:
+    def _add_instance(self, part: Part, world: Matrix, moves: bool, is_within: bool) -> None:
         """Adds a part at a world transform. is_within: whether the part belongs to an instanced object."""
         self._description.moves |= moves
         if part.mesh >= 0:

@@ -89,27 +89,27 @@ class Colors:
         if found is None:
             return 1.0, 1.0, 1.0
         if found.type == "rgb":
-            return self._sound(_INTO_709[found.space] @ self._three(found), found)
+            return self._clamp_to_gamut(_INTO_709[found.space] @ self._rgb_of(found), found)
         if found.type == "blackbody":
             kelvin = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
             if not 0 < kelvin < 1e9:
-                raise found.place.wrong(
+                raise found.place.error(
                     Sentence("pbrt-blackbody-temperature-invalid", "the temperature of a blackbody must be above 0 kelvin")
                 )
-            return self._shown(planck(kelvin), found)
+            return self._light_color(planck(kelvin), found)
         name = text_of(found)
         if name in CHROMATICITIES:
             x, y = CHROMATICITIES[name]
-            return self._sound(_FROM_XYZ @ np.array([x / y, 1.0, (1 - x - y) / y]), found)
-        return self._shown(self.spectrum(found), found)
+            return self._clamp_to_gamut(_FROM_XYZ @ np.array([x / y, 1.0, (1 - x - y) / y]), found)
+        return self._light_color(self.spectrum(found), found)
 
     def albedo(self, found: Parameter) -> Vec3:
         """Returns a reflectance, clamped to 0..1. Raises SceneError for a blackbody."""
         if found.type == "rgb":
             into = _INTO_709[found.space]
-            rgb = (into @ self._three(found)) / into.sum(axis=1)
+            rgb = (into @ self._rgb_of(found)) / into.sum(axis=1)
         elif found.type == "blackbody":
-            raise found.place.wrong(
+            raise found.place.error(
                 Sentence(
                     "pbrt-blackbody-as-colour", "a blackbody is a spectrum of light, not of a surface; give an rgb or a spectrum"
                 )
@@ -124,7 +124,7 @@ class Colors:
         if found.type == "float":
             value = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
             return value, value, value
-        r, g, b = (float(v) for v in (self._three(found) if found.type == "rgb" else WEIGHTS @ self.spectrum(found)))
+        r, g, b = (float(v) for v in (self._rgb_of(found) if found.type == "rgb" else WEIGHTS @ self.spectrum(found)))
         return r, g, b
 
     def index(self, found: Parameter | None) -> tuple[float, float]:
@@ -147,7 +147,7 @@ class Colors:
         else:
             values = self._file(text_of(found), found)
         if len(values) < 2 or len(values) % 2:
-            raise found.place.wrong(
+            raise found.place.error(
                 Sentence(
                     "pbrt-spectrum-malformed",
                     "a spectrum needs pairs of a wavelength in nanometres and a value",
@@ -155,26 +155,26 @@ class Colors:
             )
         return at_wavelengths(values[::2], values[1::2])
 
-    def _file(self, wanted: str, found: Parameter) -> F64:
-        metal = wanted.removeprefix("metal-").rpartition("-")
+    def _file(self, file_name: str, found: Parameter) -> F64:
+        metal = file_name.removeprefix("metal-").rpartition("-")
         if metal[0] in METALS and metal[2] in ("eta", "k"):
-            raise found.place.wrong(
-                Sentence("pbrt-spectrum-is-ior", "{name} is an index of refraction, not a colour", name=repr(wanted[:60]))
+            raise found.place.error(
+                Sentence("pbrt-spectrum-is-ior", "{name} is an index of refraction, not a colour", name=repr(file_name[:60]))
             )
-        name = self._files.find(wanted, found.place.file)
+        name = self._files.find(file_name, found.place.file)
         if name is None:
-            raise found.place.wrong(
+            raise found.place.error(
                 Sentence(
                     "pbrt-spectrum-unknown",
                     "{name} is neither a known spectrum nor a file of the scene; add the file",
-                    name=repr(PurePosixPath(wanted).name[:80]),
+                    name=repr(PurePosixPath(file_name).name[:80]),
                 )
             )
         words = [line.partition("#")[0].split() for line in decoded(self._files.read(name)).splitlines()]
         try:
             values = np.array([float(word) for line in words for word in line])
         except ValueError:
-            raise found.place.wrong(
+            raise found.place.error(
                 Sentence(
                     "pbrt-spectrum-file-malformed",
                     "{name} contains words in place of numbers; the file of a spectrum needs pairs of numbers",
@@ -182,23 +182,23 @@ class Colors:
                 )
             ) from None
         if not np.isfinite(values).all():
-            raise found.place.wrong(
+            raise found.place.error(
                 Sentence("pbrt-spectrum-file-not-finite", "{name} contains numbers that are not finite", name=name)
             )
         return values
 
-    def _shown(self, spectrum: F64, found: Parameter) -> Vec3:
+    def _light_color(self, spectrum: F64, found: Parameter) -> Vec3:
         xyz = MATCHING @ spectrum
         if not xyz[1] > 0:
-            raise found.place.wrong(
+            raise found.place.error(
                 Sentence(
                     "pbrt-light-spectrum-invisible",
                     "the spectrum of a light has no visible part; give one between 380 and 780 nanometres",
                 )
             )
-        return self._sound(_FROM_XYZ @ (xyz / xyz[1]), found)
+        return self._clamp_to_gamut(_FROM_XYZ @ (xyz / xyz[1]), found)
 
-    def _sound(self, rgb: F64, found: Parameter) -> Vec3:
+    def _clamp_to_gamut(self, rgb: F64, found: Parameter) -> Vec3:
         if rgb.min() < -1e-3 * max(float(rgb.max()), 1e-9):
             self._notes.add(
                 found.place,
@@ -211,8 +211,8 @@ class Colors:
         return r, g, b
 
     @staticmethod
-    def _three(found: Parameter) -> F64:
+    def _rgb_of(found: Parameter) -> F64:
         values = np.asarray(found.value, float).reshape(-1)
         if len(values) != 3:
-            raise found.place.wrong(Sentence("pbrt-rgb-malformed", "an rgb needs three numbers"))
+            raise found.place.error(Sentence("pbrt-rgb-malformed", "an rgb needs three numbers"))
         return values

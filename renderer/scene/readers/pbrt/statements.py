@@ -56,7 +56,7 @@ class Statements:
         self._count = self._bytes = self._opened = self._again = 0
         self._seen: set[str] = set()
 
-    def of(self, name: str, depth: int = 0) -> Iterator[Statement]:
+    def statements_of(self, name: str, depth: int = 0) -> Iterator[Statement]:
         """Yields the statements of a file; Include and Import are yielded, not followed. depth: nesting level of the file."""
         if depth > MAX_DEPTH:
             raise SceneError(
@@ -112,7 +112,7 @@ class Statements:
             found = _TOKEN.match(text, at)
             if found is None:
                 line += text.count("\n", counted, at)
-                raise Place(file, line).wrong(
+                raise Place(file, line).error(
                     Sentence(
                         "pbrt-token-unknown",
                         "{text} is not valid pbrt syntax; correct it",
@@ -123,12 +123,12 @@ class Statements:
             word = found["word"]
             if word is not None and word not in _TRUTHS and not _starts_number(word):
                 if directive:
-                    yield self._counted(Statement(directive, arguments, place))
+                    yield self._check_count(Statement(directive, arguments, place))
                 line, counted = line + text.count("\n", counted, at), at
                 directive, arguments, place = word, [], Place(file, line)
             elif found.lastgroup is not None:
                 if not directive:
-                    raise place.wrong(
+                    raise place.error(
                         Sentence(
                             "pbrt-directive-expected",
                             "begins with {text} in place of a directive; is it a pbrt scene?",
@@ -139,15 +139,15 @@ class Statements:
                     value, end = _listed(text, end, place)
                     arguments.append(value)
                 else:
-                    arguments.append(found["text"] if word is None else _one(word, place))
+                    arguments.append(found["text"] if word is None else _parse_value(word, place))
             at = end
         if directive:
-            yield self._counted(Statement(directive, arguments, place))
+            yield self._check_count(Statement(directive, arguments, place))
 
-    def _counted(self, statement: Statement) -> Statement:
+    def _check_count(self, statement: Statement) -> Statement:
         self._count += 1
         if self._count > MAX_STATEMENTS:
-            raise statement.place.wrong(
+            raise statement.place.error(
                 Sentence(
                     "pbrt-statements-too-many",
                     "there are more than {million} million statements; make the scene smaller",
@@ -190,7 +190,7 @@ def _starts_number(word: str) -> bool:
     return word[0].isdigit() or word[0] in "+-."
 
 
-def _one(word: str, place: Place) -> Argument:
+def _parse_value(word: str, place: Place) -> Argument:
     return (_TRUTHS[word],) if word in _TRUTHS else _numbers([word], place)
 
 
@@ -203,7 +203,7 @@ def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
         end = whole.end() - 1 if whole is not None else -1
         inside = text[start:end]
     if end < 0:
-        raise place.wrong(Sentence("pbrt-list-not-closed", "a list in brackets is not closed; close it with ]"))
+        raise place.error(Sentence("pbrt-list-not-closed", "a list in brackets is not closed; close it with ]"))
     if "#" in inside:
         inside = _COMMENT.sub(lambda found: found[1] or "", inside)
     if '"' in inside:
@@ -213,7 +213,7 @@ def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
     words = inside.split()
     if words and words[0] in _TRUTHS:
         if any(word not in _TRUTHS for word in words):
-            raise place.wrong(
+            raise place.error(
                 Sentence("pbrt-booleans-malformed", "{text} are neither numbers nor true and false", text=repr(inside[:40]))
             )
         return tuple(_TRUTHS[word] for word in words), end + 1
@@ -225,7 +225,7 @@ def _numbers(words: list[str], place: Place) -> npt.NDArray[np.float64]:
         found: npt.NDArray[Any] = np.array(words, np.float64)
     except ValueError:
         odd = next((word for word in words if not _is_number(word)), "")
-        raise place.wrong(Sentence("pbrt-number-malformed", "{text} is not a number; correct it", text=repr(odd[:40]))) from None
+        raise place.error(Sentence("pbrt-number-malformed", "{text} is not a number; correct it", text=repr(odd[:40]))) from None
     return _finite(found, place)
 
 
@@ -241,7 +241,7 @@ def _at_once(text: str) -> npt.NDArray[np.float64] | None:
 
 def _finite(found: npt.NDArray[np.float64], place: Place) -> npt.NDArray[np.float64]:
     if not np.isfinite(found).all():
-        raise place.wrong(Sentence("pbrt-number-not-finite", "a number is infinite or NaN; correct it"))
+        raise place.error(Sentence("pbrt-number-not-finite", "a number is infinite or NaN; correct it"))
     return found
 
 

@@ -101,7 +101,7 @@ class Textures:
         if found is not None and found.parameters.type == "constant":
             return found.parameters.get("value", "float", "rgb", "spectrum")
         kind = "float" if ("spectrum", wanted) not in self.named else "spectrum"
-        mean = self.mean(self._of_name(owner, name, kind, _ONE))
+        mean = self.mean_value(self._of_name(owner, name, kind, _ONE))
         self._notes.add(
             owner.place,
             Sentence(
@@ -113,7 +113,7 @@ class Textures:
         )
         return Parameter("rgb", np.array(mean), owner.place, owner.space)
 
-    def mean(self, varying: Varying) -> Vec3:
+    def mean_value(self, varying: Varying) -> Vec3:
         """Returns the mean of a value over its texture."""
         if varying.texture is None:
             return varying.value
@@ -133,13 +133,13 @@ class Textures:
                     what=owner,
                 ),
             )
-        return self.mean(found)[0]
+        return self.mean_value(found)[0]
 
-    def normals(self, wanted: str, owner: Parameters) -> int | None:
+    def normals(self, file_name: str, owner: Parameters) -> int | None:
         """Returns the texture of a normal map file; None, with a warning, if the file is missing."""
-        name = self._files.find(wanted, owner.place.file)
+        name = self._files.find(file_name, owner.place.file)
         if name is None:
-            self.shelf.missing(wanted, str(owner.place))
+            self.shelf.warn_of_missing(file_name, str(owner.place))
             return None
         return self.shelf.texture(self.shelf.image_file(name, srgb=False))
 
@@ -163,10 +163,10 @@ class Textures:
         holes = self._description.textures[alpha.texture]
         factor = alpha.value[0]
 
-        def cut(image: Image | None, by: Image) -> Image:
-            mask = np.clip(linear(by)[..., 0] * factor, 0, 1)
-            sources = [by] if image is None else [image, by]
-            if image is not None and image.pixels.dtype == np.uint8 and image.srgb and by.pixels.dtype == np.uint8:
+        def add_alpha(image: Image | None, mask_image: Image) -> Image:
+            mask = np.clip(linear(mask_image)[..., 0] * factor, 0, 1)
+            sources = [mask_image] if image is None else [image, mask_image]
+            if image is not None and image.pixels.dtype == np.uint8 and image.srgb and mask_image.pixels.dtype == np.uint8:
                 rgb = image.pixels[..., :3]
             else:
                 color = np.ones((*mask.shape, 3), np.float32) if image is None else linear(image)
@@ -174,20 +174,20 @@ class Textures:
             if rgb.shape[:2] != mask.shape:
                 rows, columns = (np.arange(n) * m // n for n, m in zip(rgb.shape[:2], mask.shape, strict=True))
                 mask = mask[rows[:, None], columns[None, :]]
-            return Image(f"{by.name} as holes", np.dstack([rgb, encoded(mask, *sources)]))
+            return Image(f"{mask_image.name} as holes", np.dstack([rgb, encoded(mask, *sources)]))
 
         if color is None:
-            return self.shelf.derived_texture(alpha.texture, f"holes by {factor}", lambda it: cut(None, it))
+            return self.shelf.derived_texture(alpha.texture, f"holes by {factor}", lambda it: add_alpha(None, it))
         own = self._description.textures[color]
         if replace(own, image=0, layers=(), filter="linear") != replace(holes, image=0, layers=(), filter="linear"):
             return None
-        return self.shelf.combined(color, alpha.texture, f"holes by {factor}", cut)
+        return self.shelf.combined(color, alpha.texture, f"holes by {factor}", add_alpha)
 
     def _of_name(self, owner: Parameters, name: str, kind: str, default: Vec3) -> Varying:
         wanted = owner.text(name)
         definition = self.named.get((kind, wanted))
         if definition is None:
-            raise owner.place.wrong(
+            raise owner.place.error(
                 Sentence(
                     "pbrt-texture-undefined",
                     "{owner} uses the texture {texture} as {name}, but no {kind} texture of this name is defined before it",
@@ -197,24 +197,24 @@ class Textures:
                     kind=kind,
                 )
             )
-        found = self.of(definition, default)
+        found = self.value_of(definition, default)
         self.mappings += [found.mapping] if found.mapping is not None else []
         return found
 
-    def of(self, definition: Definition, default: Vec3 = _ONE) -> Varying:
+    def value_of(self, definition: Definition, default: Vec3 = _ONE) -> Varying:
         """Returns the value of a texture; the default if the texture cannot be evaluated."""
-        return self._made(definition, default, 0)
+        return self._get_or_read(definition, default, 0)
 
-    def _made(self, definition: Definition, default: Vec3, depth: int) -> Varying:
+    def _get_or_read(self, definition: Definition, default: Vec3, depth: int) -> Varying:
         key = id(definition.parameters)
         if key not in self._known:
-            self._known[key] = self._make(definition, default, depth)
+            self._known[key] = self._read_texture(definition, default, depth)
         return self._known[key]
 
-    def _make(self, definition: Definition, default: Vec3, depth: int) -> Varying:
+    def _read_texture(self, definition: Definition, default: Vec3, depth: int) -> Varying:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
-            raise source.place.wrong(
+            raise source.place.error(
                 Sentence("pbrt-textures-nested-too-deep", "{source} uses textures that are nested too deeply", source=source)
             )
         if source.type == "imagemap":
@@ -234,7 +234,7 @@ class Textures:
             for name, of, other, kind_of_other in (("scale", "float", "tex", kind), ("tex", kind, "scale", "float")):
                 factor = self._constant_part(definition, name, of, _ONE, depth)
                 if factor is not None:
-                    scaled = self._made(self._child(definition, other, kind_of_other), _ONE, depth + 1)
+                    scaled = self._get_or_read(self._child(definition, other, kind_of_other), _ONE, depth + 1)
                     return replace(scaled, value=_times(scaled.value, factor))
         if source.type == "checkerboard" and source.integer("dimension", 2) == 2:
             first = self._constant_part(definition, "tex1", kind, _ONE, depth)
@@ -253,7 +253,7 @@ class Textures:
     def _same_everywhere(self, definition: Definition, depth: int) -> Vec3 | None:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
-            raise source.place.wrong(
+            raise source.place.error(
                 Sentence("pbrt-textures-nested-too-deep", "{source} uses textures that are nested too deeply", source=source)
             )
         if source.type == "constant":
@@ -279,7 +279,7 @@ class Textures:
         wanted = source.text(name)
         found = definition.parts.get(("float" if kind == "float" else "spectrum", wanted))
         if found is None:
-            raise source.place.wrong(
+            raise source.place.error(
                 Sentence(
                     "pbrt-texture-input-undefined",
                     "{source} uses the texture {texture}, which is not defined before it",
@@ -297,7 +297,7 @@ class Textures:
             return (source.number(name, 1.0),) * 3
         return self.colors.albedo(found) if found.type != "blackbody" else self.colors.light(found)
 
-    def _place(self, definition: Definition) -> UvTransform:
+    def _uv_transform(self, definition: Definition) -> UvTransform:
         """Returns the transform from a mesh's UVs to those of an image or checkerboard, both with v from the top."""
         source = definition.parameters
         source.used.update(("mapping", "uscale", "vscale", "udelta", "vdelta", "v1", "v2"))
@@ -312,7 +312,7 @@ class Textures:
         wanted = source.text("filename")
         name = self._files.find(wanted, source.place.file)
         if name is None:
-            self.shelf.missing(wanted, str(source.place))
+            self.shelf.warn_of_missing(wanted, str(source.place))
             source.used.update(source.values)
             return Varying(default)
         encoding = source.text("encoding", "sRGB")
@@ -343,11 +343,11 @@ class Textures:
         wrap = _WRAPS.get(said, "clamp")
         filter: TexelFilter = "nearest" if source.text("filter", "bilinear") == "point" else "linear"
         source.used.add("maxanisotropy")
-        texture = self.shelf.texture(image, wrap, wrap, int(mapping is not None), self._place(definition), (), filter)
+        texture = self.shelf.texture(image, wrap, wrap, int(mapping is not None), self._uv_transform(definition), (), filter)
         if definition.kind == "float" and texture is not None:
             texture = self._of_red(texture)
         scale = source.number("scale", 1.0)
-        if source.flag("invert", False):
+        if source.boolean("invert", False):
             texture = self.shelf.derived_texture(
                 texture,
                 f"inverted by {scale}",
@@ -367,7 +367,7 @@ class Textures:
         return texture if made is None else made
 
     def _checks(self, definition: Definition, first: Vec3, second: Vec3) -> Varying:
-        su, _, du, _, sv, dv = self._place(definition)
+        su, _, du, _, sv, dv = self._uv_transform(definition)
         # The image has 2 x 2 squares; the lower left one is the first.
         pixels = np.array([[second, first], [first, second]], np.float32)
         image = self.shelf.add(Image(f"checkerboard {len(self._description.images)}", pixels, srgb=False))
@@ -403,49 +403,49 @@ class Textures:
             )
         return Varying(_ONE, self.shelf.texture(image, uv_set=int(mapping is not None)), mapping)
 
-    def _mappings(self, definition: Definition, known: dict[int, set[Mapping | None]]) -> set[Mapping | None]:
+    def _mappings(self, definition: Definition, cache: dict[int, set[Mapping | None]]) -> set[Mapping | None]:
         """Returns the mappings of a texture and of those that it refers to; None stands for UV mapping."""
         key = id(definition.parameters)
-        if key not in known:
+        if key not in cache:
             own = {definition.mapping} if definition.parameters.type in _LAID_ON else set()
-            known[key] = own.union(*(self._mappings(part, known) for part in definition.parts.values()))
-        return known[key]
+            cache[key] = own.union(*(self._mappings(part, cache) for part in definition.parts.values()))
+        return cache[key]
 
-    def _on_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
+    def _on_grid(self, definition: Definition, grid_points: Grid, depth: int, cache: dict[int, np.ndarray]) -> np.ndarray:
         """Returns (SIZE, SIZE, 3) values of a texture over the unit square.
 
-        known: cache of the textures already evaluated for the same image.
+        cache: cache of the textures already evaluated for the same image.
         """
         key = id(definition.parameters)
-        if key not in known:
-            if len(known) >= _MOST_PARTS:
-                raise definition.parameters.place.wrong(
+        if key not in cache:
+            if len(cache) >= _MOST_PARTS:
+                raise definition.parameters.place.error(
                     Sentence(
                         "pbrt-texture-inputs-too-many",
                         "a texture uses more than {most} others; reduce them",
                         most=_MOST_PARTS,
                     )
                 )
-            known[key] = np.asarray(self._on_new_grid(definition, at, depth, known), np.float32)
-        return known[key]
+            cache[key] = np.asarray(self._on_new_grid(definition, grid_points, depth, cache), np.float32)
+        return cache[key]
 
-    def _on_new_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
+    def _on_new_grid(self, definition: Definition, grid_points: Grid, depth: int, cache: dict[int, np.ndarray]) -> np.ndarray:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
-            raise source.place.wrong(
+            raise source.place.error(
                 Sentence("pbrt-textures-nested-too-deep", "{source} uses textures that are nested too deeply", source=source)
             )
 
-        def part(name: str, of: str, default: Vec3) -> np.ndarray:
+        def values_of_input(name: str, kind: str, default: Vec3) -> np.ndarray:
             if source.names_texture(name):
-                return self._on_grid(self._child(definition, name, of), at, depth + 1, known)
-            return np.broadcast_to(np.array(self._value(source, name, of, default)), (SIZE, SIZE, 3))
+                return self._on_grid(self._child(definition, name, kind), grid_points, depth + 1, cache)
+            return np.broadcast_to(np.array(self._value(source, name, kind, default)), (SIZE, SIZE, 3))
 
         if source.type == "scale":
-            return part("tex", kind, _ONE) * part("scale", "float", _ONE)
+            return values_of_input("tex", kind, _ONE) * values_of_input("scale", "float", _ONE)
         if source.type == "mix":
-            amount = part("amount", "float", (0.5,) * 3)
-            return part("tex1", kind, _BLACK) * (1 - amount) + part("tex2", kind, _ONE) * amount
+            amount = values_of_input("amount", "float", (0.5,) * 3)
+            return values_of_input("tex1", kind, _BLACK) * (1 - amount) + values_of_input("tex2", kind, _ONE) * amount
         if source.type == "checkerboard":
             if source.integer("dimension", 2) != 2:
                 self._notes.add(
@@ -454,18 +454,23 @@ class Textures:
                         "pbrt-texture-3d-flattened", "{source} in three dimensions is replaced by one in UVs", source=source
                     ),
                 )
-            return np.where(checks(at, self._place(definition)), part("tex1", kind, _ONE), part("tex2", kind, _BLACK))
+            return np.where(
+                checks(grid_points, self._uv_transform(definition)),
+                values_of_input("tex1", kind, _ONE),
+                values_of_input("tex2", kind, _BLACK),
+            )
         if source.type == "bilerp":
             corners = [np.array(self._value(source, f"v{k}", kind, (float(k[1]),) * 3)) for k in ("00", "01", "10", "11")]
-            x, y = at.moved(self._place(definition))
+            x, y = grid_points.transformed_uvs(self._uv_transform(definition))
             s, t = x[..., None], 1 - y[..., None]
             return (1 - s) * ((1 - t) * corners[0] + t * corners[1]) + s * ((1 - t) * corners[2] + t * corners[3])
         if source.type in ("imagemap", "constant"):
-            found = self._made(definition, _ONE, depth)
+            found = self._get_or_read(definition, _ONE, depth)
             if found.texture is None:
                 return np.broadcast_to(np.array(found.value), (SIZE, SIZE, 3))
             return (
-                looked_up(self._description.textures[found.texture], linear(self.shelf.image_of(found.texture)), at) * found.value
+                looked_up(self._description.textures[found.texture], linear(self.shelf.image_of(found.texture)), grid_points)
+                * found.value
             )
         self._notes.add(
             source.place,

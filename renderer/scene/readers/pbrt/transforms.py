@@ -12,7 +12,7 @@ from renderer.scene.readers.pbrt.notes import Place
 from renderer.sentences import Sentence
 from renderer.trigonometry import sin_cos
 
-__all__ = ["Ctm", "between", "inverse", "look_at", "matrix", "rotation", "scaling", "translation"]
+__all__ = ["Ctm", "interpolate", "inverse", "look_at", "matrix", "rotation", "scaling", "translation"]
 
 Ctm = tuple[Matrix, Matrix]  # (4, 4) matrices at the start and end times
 _TURNS = 64  # iterations of the polar decomposition
@@ -28,7 +28,7 @@ def translation(numbers: Matrix) -> Matrix:
 def scaling(numbers: Matrix, place: Place) -> Matrix:
     """Returns the matrix of a scale by three numbers. Raises SceneError if any of them is 0."""
     if not np.abs(numbers).min() > 0:
-        raise place.wrong(Sentence("pbrt-scale-zero", "a scale is 0, which flattens the shape to nothing; give another"))
+        raise place.error(Sentence("pbrt-scale-zero", "a scale is 0, which flattens the shape to nothing; give another"))
     return np.diag([*numbers, 1.0])
 
 
@@ -36,7 +36,7 @@ def rotation(degrees: float, axis: Matrix, place: Place) -> Matrix:
     """Returns the matrix of a rotation about an axis. Raises SceneError if the axis is zero or the angle excessive."""
     length = math.sqrt(float((axis * axis).sum()))
     if not length > 0 or abs(degrees) > 1e6:
-        raise place.wrong(Sentence("pbrt-rotate-malformed", "Rotate needs degrees and an axis that is not 0 0 0"))
+        raise place.error(Sentence("pbrt-rotate-malformed", "Rotate needs degrees and an axis that is not 0 0 0"))
     x, y, z = (float(v) / length for v in axis)
     sine, cosine = sin_cos(math.radians(degrees))
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -54,7 +54,7 @@ def look_at(numbers: Matrix, place: Place) -> Matrix:
     forward = _unit(target - eye)
     right = _unit(np.cross(_unit(up), forward))
     if not forward.any() or not right.any():
-        raise place.wrong(
+        raise place.error(
             Sentence(
                 "pbrt-look-at-degenerate",
                 "LookAt has no direction or is parallel to up; move the eye, or give another up",
@@ -71,7 +71,7 @@ def matrix(numbers: Matrix) -> Matrix:
     return np.array(numbers.reshape(4, 4).T)
 
 
-def between(ctm: Ctm, share: float) -> Matrix:
+def interpolate(ctm: Ctm, share: float) -> Matrix:
     """Interpolates between the transformations at the start and end times, separately in translation, rotation and scale.
 
     share: fraction of the time between them, clamped to 0..1.
@@ -81,10 +81,10 @@ def between(ctm: Ctm, share: float) -> Matrix:
         return first
     if share >= 1:
         return last
-    (turn_a, scale_a), (turn_b, scale_b) = _parts(first), _parts(last)
+    (turn_a, scale_a), (turn_b, scale_b) = _polar_decomposition(first), _polar_decomposition(last)
     turned = slerp(_quaternion(turn_a), _quaternion(turn_b), share)
     found = np.eye(4)
-    found[:3, :3] = product(_turn(turned), scale_a * (1 - share) + scale_b * share)
+    found[:3, :3] = product(_rotation_matrix(turned), scale_a * (1 - share) + scale_b * share)
     found[:3, 3] = first[:3, 3] * (1 - share) + last[:3, 3] * share
     return found
 
@@ -95,7 +95,7 @@ def _unit(vector: Matrix) -> Matrix:
         return vector / length if length > 0 else np.zeros(3)
 
 
-def _parts(transform: Matrix) -> tuple[Matrix, Matrix]:
+def _polar_decomposition(transform: Matrix) -> tuple[Matrix, Matrix]:
     """Returns the rotation and the stretch whose product is the linear part of the transformation.
 
     Source: polar decomposition, Shoemake and Duff 1992.
@@ -119,8 +119,8 @@ def _parts(transform: Matrix) -> tuple[Matrix, Matrix]:
     return turn, product(np.ascontiguousarray(turn.T), whole)
 
 
-def _quaternion(turn: Matrix) -> list[float]:
-    (a, b, c), (d, e, f), (g, h, i) = turn.tolist()
+def _quaternion(rotation: Matrix) -> list[float]:
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
     squares = [1 + a - e - i, 1 - a + e - i, 1 - a - e + i, 1 + a + e + i]
     largest = squares.index(max(squares))
     rows = (
@@ -133,7 +133,7 @@ def _quaternion(turn: Matrix) -> list[float]:
     return [v / length for v in rows[largest]]
 
 
-def _turn(quaternion: list[float]) -> Matrix:
+def _rotation_matrix(quaternion: list[float]) -> Matrix:
     length = math.sqrt(math.fsum(q * q for q in quaternion)) or 1.0
     x, y, z, w = (q / length for q in quaternion)
     return np.array(
@@ -148,7 +148,7 @@ def _turn(quaternion: list[float]) -> Matrix:
 def inverse(transform: Matrix, place: Place) -> Matrix:
     """Returns the inverse of an affine transformation. Raises SceneError if it is projective or singular."""
     if not np.array_equal(transform[3], (0.0, 0.0, 0.0, 1.0)):
-        raise place.wrong(
+        raise place.error(
             Sentence(
                 "pbrt-transform-projective",
                 "a projective transformation is not allowed here; its last row must be 0 0 0 1",
@@ -158,7 +158,7 @@ def inverse(transform: Matrix, place: Place) -> Matrix:
     rows = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
     determinant = float((x * rows[0]).sum())
     if determinant == 0 or not np.isfinite(determinant):
-        raise place.wrong(
+        raise place.error(
             Sentence(
                 "pbrt-transform-singular",
                 "a transformation cannot be inverted; correct it",

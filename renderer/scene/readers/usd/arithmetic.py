@@ -36,16 +36,16 @@ def _node(kind: str) -> str:
     return kind[3:].split("_")[0]
 
 
-def calculated(kind: str, shelf: TextureShelf, said: Callable[[str], Input]) -> Input | None:
+def calculated(kind: str, shelf: TextureShelf, read_input: Callable[[str], Input]) -> Input | None:
     """Returns the output of an arithmetic node.
 
-    said: returns an input of the node by name. Returns None if the node is not arithmetic, or if its textures have
+    read_input: returns an input of the node by name. Returns None if the node is not arithmetic, or if its textures have
     different UV mappings.
     """
     if not calculates(kind):
         return None
     formula = FORMULAS[_node(kind)]
-    given = [_or(said(name), default) for name, default in formula.inputs.items()]
+    given = [_or_default(read_input(name), default) for name, default in formula.inputs.items()]
     if _node(kind) == "multiply":
         picture, vertices = sorted(given, key=lambda each: each.taken is None)
         if picture.taken is not None and vertices.primvar is not None:
@@ -53,22 +53,22 @@ def calculated(kind: str, shelf: TextureShelf, said: Callable[[str], Input]) -> 
     textures = [at for at, each in enumerate(given) if each.taken is not None]
     values = [np.zeros(4) if each.taken is not None else _four(each.value) for each in given]
 
-    def of(those: list[F64]) -> F64:
+    def evaluate(those: list[F64]) -> F64:
         known = dict(zip(textures, those, strict=True))
         return np.asarray(formula.of(*(known.get(at, values[at]) for at in range(len(given)))), np.float64)
 
     with np.errstate(all="ignore"):
         if not textures:
             count = max((np.size(each.value) for each in given), default=1)
-            found = np.broadcast_to(of([]), 4)
+            found = np.broadcast_to(evaluate([]), 4)
             return Input(float(found[0]) if count == 1 else tuple(float(v) for v in found[:count]))
         if len(textures) == 1 and formula.is_apart:
-            line = _line(shelf, given[textures[0]], of)
+            line = _line(shelf, given[textures[0]], evaluate)
             if line is not None:
                 return line
         taken = [each.taken for each in given if each.taken is not None]
         what = f"{kind} of {[(name, each.value) for name, each in zip(formula.inputs, given, strict=True)]}"
-        made = baked(shelf, taken, what, of, "color4" in kind or "vector4" in kind)
+        made = baked(shelf, taken, what, evaluate, "color4" in kind or "vector4" in kind)
     return None if made is None else Input(None, made)
 
 
@@ -81,17 +81,17 @@ def combined(kind: str, shelf: TextureShelf, found: Sequence[Input]) -> Input | 
         return Input(None, same)
     taken = [replace(each.taken, channel="r") if each.taken.channel == "rgb" else each.taken for each in found if each.taken]
 
-    def of(those: list[F64]) -> F64:
+    def evaluate(those: list[F64]) -> F64:
         rest = iter(those)
         channels = [next(rest) if each.taken else np.full((1, 1, 1), each.number(0.0)) for each in found]
         channels += [np.full((1, 1, 1), float(k == 3)) for k in range(len(channels), 4)]
         return np.concatenate(np.broadcast_arrays(*channels), axis=-1)
 
-    made = baked(shelf, taken, f"{kind} of {[each.value for each in found]}", of, len(found) == 4)
+    made = baked(shelf, taken, f"{kind} of {[each.value for each in found]}", evaluate, len(found) == 4)
     return None if made is None else Input(None, made)
 
 
-def _or(given: Input, default: Any) -> Input:
+def _or_default(given: Input, default: Any) -> Input:
     return Input(default) if given.taken is None and given.value is None else given
 
 
@@ -103,7 +103,7 @@ def _four(value: Any) -> F64:
     return np.array(numbers + [numbers[-1]] * (4 - len(numbers)))
 
 
-def _line(shelf: TextureShelf, given: Input, of: Formula) -> Input | None:
+def _line(shelf: TextureShelf, given: Input, formula: Formula) -> Input | None:
     """Returns the texture input with the formula applied as a scale and a bias; None if it is not linear over its values."""
     assert given.taken is not None
     low, high = span_of(shelf, given.taken)
@@ -114,7 +114,7 @@ def _line(shelf: TextureShelf, given: Input, of: Formula) -> Input | None:
     if (np.abs(span) < _NEAR).any():
         return None
     points = np.broadcast_to(ends[0], 4) + _STEPS[:, None] * span
-    found = np.broadcast_to(of([points]), points.shape)
+    found = np.broadcast_to(formula([points]), points.shape)
     factor = (found[-1] - found[0]) / span
     addend = found[0] - factor * points[0]
     if not np.allclose(found, factor * points + addend, rtol=1e-6, atol=_NEAR * float(np.abs(found).max())):

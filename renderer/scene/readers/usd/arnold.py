@@ -24,7 +24,7 @@ def follow_arnold(network: NetworkContext, shader: Any, kind: str, output: str, 
     """Returns the output of an Arnold node other than a surface shader; an empty input, with a note, if the node is unknown."""
     node = kind.removeprefix(PREFIX)
 
-    def said(name: str, default: Any) -> Any:
+    def constant_input(name: str, default: Any) -> Any:
         value = follow(shader.GetInput(name), False, depth + 1).value
         return default if value is None else value
 
@@ -37,18 +37,21 @@ def follow_arnold(network: NetworkContext, shader: Any, kind: str, output: str, 
     found = file.GetValueProducingAttributes() if file else []
     if not found:
         return Input()
-    space = str(said("color_space", "auto")).lower()
+    space = str(constant_input("color_space", "auto")).lower()
     encoded = srgb if space in ("auto", "") else "srgb" in space
     image = network.images.find(found[0], Sentence("label-material", "Material {name}", name=network.user), encoded, network.time)
     if image is None:
         return Input()
-    uv_set = network.uv_set(str(said("uvset", "")) or "st")
-    scale, offset = ((float(said(f"s{name}", d)), float(said(f"t{name}", d))) for name, d in (("scale", 1.0), ("offset", 0.0)))
+    uv_set = network.uv_set(str(constant_input("uvset", "")) or "st")
+    scale, offset = (
+        (float(constant_input(f"s{name}", d)), float(constant_input(f"t{name}", d)))
+        for name, d in (("scale", 1.0), ("offset", 0.0))
+    )
     transform = composed_transform(transform_2d(scale, 0.0, offset), image[1])
-    wraps = [_WRAPS.get(str(said(f"{axis}wrap", "periodic")), "repeat") for axis in "st"]
+    wraps = [_WRAPS.get(str(constant_input(f"{axis}wrap", "periodic")), "repeat") for axis in "st"]
     texture = network.images.texture(image[0], (wraps[0], wraps[1]), uv_set, transform, network.user)
     if texture is None:
         return Input()
-    tint = Input(said("multiply", (1.0, 1.0, 1.0))).color((1.0, 1.0, 1.0))
+    tint = Input(constant_input("multiply", (1.0, 1.0, 1.0))).color((1.0, 1.0, 1.0))
     taken = TextureInput(texture, output if output in ("r", "g", "b", "a") else "rgb")
     return Input(None, replace(taken, scale=(*tint, 1.0)))

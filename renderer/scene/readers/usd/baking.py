@@ -24,14 +24,14 @@ Formula = Callable[[list[F64]], F64]
 
 
 def baked(
-    shelf: TextureShelf, taken: Sequence[TextureInput], what: str, formula: Formula, has_alpha: bool
+    shelf: TextureShelf, texture_input: Sequence[TextureInput], what: str, formula: Formula, has_alpha: bool
 ) -> TextureInput | None:
     """Returns a texture of the (h, w, 4) values of a formula of other textures; None if their UV mappings differ.
 
     what: key that distinguishes formulas of the same textures. The mappings agree if all textures use the same UV set and
     either the same transform and wrap modes, or transforms that repeat with the unit square.
     """
-    textures = [shelf.texture_of(one.texture) for one in taken]
+    textures = [shelf.texture_of(one.texture) for one in texture_input]
     frame = textures[0]
     if all(_lies_as(texture, frame) for texture in textures):
         textures = [replace(texture, transform=IDENTITY_UV_TRANSFORM) for texture in textures]
@@ -40,11 +40,11 @@ def baked(
     else:
         return None
 
-    images = [shelf.image_of(one.texture) for one in taken]
+    images = [shelf.image_of(one.texture) for one in texture_input]
 
-    def make() -> Image:
+    def bake() -> Image:
         width, height = size = _size(images, textures)
-        each = [_values(*given, size) for given in zip(images, textures, taken, strict=True)]
+        each = [_values(*given, size) for given in zip(images, textures, texture_input, strict=True)]
         rows = max(_ROWS // width, 1)
         name = f"{images[0].name} with others"
 
@@ -71,14 +71,14 @@ def baked(
             lights[at] = values[..., :channels]
         return Image(name, lights, True)
 
-    found = shelf.calculated(f"{what} of {[*zip(taken, textures, strict=True)]}", images, make)
+    found = shelf.calculated(f"{what} of {[*zip(texture_input, textures, strict=True)]}", images, bake)
     texture = shelf.texture(found, frame.wrap_s, frame.wrap_t, frame.uv_set, frame.transform, filter=frame.filter)
     return None if texture is None else TextureInput(texture)
 
 
-def span_of(shelf: TextureShelf, taken: TextureInput) -> tuple[float, float]:
+def span_of(shelf: TextureShelf, texture_input: TextureInput) -> tuple[float, float]:
     """Returns (minimum, maximum) of the values that the image's texels can have; (0, 1) for images of integers."""
-    pixels = shelf.image_of(taken.texture).pixels
+    pixels = shelf.image_of(texture_input.texture).pixels
     return (0.0, 1.0) if pixels.dtype != np.float32 else (float(pixels.min(initial=0)), float(pixels.max(initial=1)))
 
 
@@ -103,20 +103,20 @@ def _size(images: list[Image], textures: list[Texture]) -> tuple[int, int]:
     return max(across, 1), max(down, 1)
 
 
-def _values(image: Image, texture: Texture, taken: TextureInput, size: tuple[int, int]) -> Callable[[slice], F64]:
+def _values(image: Image, texture: Texture, texture_input: TextureInput, size: tuple[int, int]) -> Callable[[slice], F64]:
     """Returns a function that evaluates a texture input for a slice of rows of an image of the given size."""
     width, height = size
     is_as_it_is = image.pixels.shape[:2] == (height, width) and texture.transform == IDENTITY_UV_TRANSFORM
     whole = None if is_as_it_is else linear(image)
 
-    def of(rows: slice) -> F64:
+    def values_of_rows(rows: slice) -> F64:
         if whole is None:
             own = linear(replace(image, pixels=image.pixels[rows])).astype(np.float64)
         else:
             own = looked_up(texture, whole, grid(size, rows.start, rows.stop - rows.start))
-        if taken.channel == "rgb":
-            return np.asarray(own * np.array(taken.scale) + np.array(taken.bias))
-        scale, bias = taken.span(taken.channel)
-        return np.asarray(own[..., CHANNELS[taken.channel], None] * scale + bias)
+        if texture_input.channel == "rgb":
+            return np.asarray(own * np.array(texture_input.scale) + np.array(texture_input.bias))
+        scale, bias = texture_input.span(texture_input.channel)
+        return np.asarray(own[..., CHANNELS[texture_input.channel], None] * scale + bias)
 
-    return of
+    return values_of_rows

@@ -32,13 +32,13 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
     """
     camera = UsdGeom.Camera(prim)
 
-    def said(attribute: Any) -> float:
+    def number_of(attribute: Any) -> float:
         value = attribute.Get(time)
         return float(value) if value is not None and math.isfinite(value) else 0.0
 
     if len(camera.GetClippingPlanesAttr().Get(time) or ()):
         notes.add(Sentence("usd-clipping-planes-ignored", "Clipping planes of cameras are ignored"), prim.GetName())
-    if abs(said(camera.GetExposureAttr())) > 0 or any(
+    if abs(number_of(camera.GetExposureAttr())) > 0 or any(
         attribute.HasAuthoredValue() for name in _EXPOSURE if (attribute := prim.GetAttribute(f"exposure:{name}"))
     ):
         notes.add(
@@ -47,10 +47,10 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
         )
     eye = world[:3, 3]
     forward, up = (v / max(float(np.linalg.norm(v)), 1e-300) for v in (-world[:3, 2], world[:3, 1]))
-    focus = said(camera.GetFocusDistanceAttr()) * unit
+    focus = number_of(camera.GetFocusDistanceAttr()) * unit
     target = eye + forward * (focus if focus > _LEAST else max(unit, float(np.abs(eye).max())))
-    height = abs(said(camera.GetVerticalApertureAttr()))
-    offsets = said(camera.GetHorizontalApertureOffsetAttr()), said(camera.GetVerticalApertureOffsetAttr())
+    height = abs(number_of(camera.GetVerticalApertureAttr()))
+    offsets = number_of(camera.GetHorizontalApertureOffsetAttr()), number_of(camera.GetVerticalApertureOffsetAttr())
     x, y = (clamped(offset / height, -MAX_SHIFT, MAX_SHIFT) if height > 0 else 0.0 for offset in offsets)
     shift: dict[str, Any] = {"shift_x": x, "shift_y": y}
     if camera.GetClippingRangeAttr().HasAuthoredValue():
@@ -58,9 +58,9 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
     if camera.GetProjectionAttr().Get(time) == "orthographic":
         tall = max(height * _TENTH * unit, _LEAST)
         return View(_vec3(eye), _vec3(target), _vec3(up), projection="orthographic", height=tall, **shift)
-    length = max(said(camera.GetFocalLengthAttr()), _LEAST)
+    length = max(number_of(camera.GetFocalLengthAttr()), _LEAST)
     fov = clamped(math.degrees(2 * math.atan(height / (2 * length))), 0.01, 179.0)
-    stop = said(camera.GetFStopAttr())
+    stop = number_of(camera.GetFStopAttr())
     if stop > 0 and focus > _LEAST:
         shift |= {"aperture": length * _TENTH * unit / (2 * stop), "focus": focus}
     return View(_vec3(eye), _vec3(target), _vec3(up), fov, **shift)

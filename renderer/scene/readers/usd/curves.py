@@ -40,7 +40,7 @@ def spheres_of_points(prim: Any, time: Any, notes: Notes) -> PointSpheres:
             notes.add(_WIDTHS, path)
         widths = np.ones(1, np.float32)
     radii = np.broadcast_to(widths / 2, len(centers)).astype(np.float32)
-    primvar = primvars.found(prim, "displayColor")
+    primvar = primvars.find_primvar(prim, "displayColor")
     colors = None if primvar is None else primvars.array(primvar.ComputeFlattened(time), 3)
     sound = np.isfinite(centers).all(axis=1) & np.isfinite(radii) & (radii > 0)
     if lost := int((~sound).sum()):
@@ -64,7 +64,7 @@ def spheres_of_points(prim: Any, time: Any, notes: Notes) -> PointSpheres:
 
 
 def _widths(prim: Any, points: Any, time: Any) -> Any:
-    primvar = primvars.found(prim, "widths")
+    primvar = primvars.find_primvar(prim, "widths")
     return points.GetWidthsAttr().Get(time) if primvar is None else primvar.ComputeFlattened(time)
 
 
@@ -93,7 +93,7 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         )
         basis = "linear"
     interpolation = curves.GetWidthsInterpolation()
-    primvar = primvars.found(prim, "widths")
+    primvar = primvars.find_primvar(prim, "widths")
     if primvar is not None:
         interpolation = primvar.GetInterpolation()
     widths = primvars.array(_widths(prim, curves, time), 1).astype(np.float64)
@@ -102,10 +102,10 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     if not np.isfinite(widths).all():
         notes.add(Sentence("usd-curve-widths-not-finite", "Widths of curves that are not finite are replaced by 0"), path)
         widths = np.nan_to_num(widths, posinf=0.0, neginf=0.0)
-    tint = primvars.found(prim, color) if color else None
+    tint = primvars.find_primvar(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
     sides = 12 if len(counts) <= _FEW else 4
-    if curves.GetNormalsAttr().HasAuthoredValue() or primvars.found(prim, "normals") is not None:
+    if curves.GetNormalsAttr().HasAuthoredValue() or primvars.find_primvar(prim, "normals") is not None:
         notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Ribbon curves are drawn as tubes"), path)
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
     for count in np.unique(counts):
@@ -133,10 +133,10 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         first = (np.cumsum(counts) - counts)[which]
         own = points[first[:, None] + np.arange(count)]
         lines = np.einsum("sc,ncx->nsx", weights, own)
-        radii = _along(widths, interpolation, which, first, spans, weights, between)[..., 0] / 2
+        radii = _values_along(widths, interpolation, which, first, spans, weights, between)[..., 0] / 2
         shown = None
         if colors is not None and tint is not None:
-            shown = _along(colors, tint.GetInterpolation(), which, first, spans, weights, between)
+            shown = _values_along(colors, tint.GetInterpolation(), which, first, spans, weights, between)
         pieces.append(tubes(lines, np.maximum(radii, 0), shown, sides))
     if not pieces:
         return None
@@ -150,10 +150,10 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     return mesh
 
 
-def _along(
+def _values_along(
     values: F64,
     interpolation: str,
-    which: npt.NDArray[np.int64],
+    curve_indices: npt.NDArray[np.int64],
     first: npt.NDArray[np.int64],
     spans: npt.NDArray[np.int64],
     weights: F64,
@@ -161,17 +161,17 @@ def _along(
 ) -> F64:
     """Interpolates a primvar along curves with the same number of points.
 
-    which: (n,) indices of the curves; first: (n,) index of each curve's first point; spans: varying values of every curve of the
-    prim; weights, between: (samples, k) interpolation weights of vertex and varying values.
+    curve_indices: (n,) indices of the curves; first: (n,) index of each curve's first point; spans: varying values of every
+    curve of the prim; weights, between: (samples, k) interpolation weights of vertex and varying values.
 
     Returns (n, samples, w) values; the first value everywhere if the number of values does not fit the interpolation.
     """
     samples, (_, points) = len(weights), weights.shape
-    shape = (len(which), samples, values.shape[1])
+    shape = (len(curve_indices), samples, values.shape[1])
     if interpolation == "uniform" and len(values) == len(spans):
-        return np.broadcast_to(values[which][:, None], shape)
+        return np.broadcast_to(values[curve_indices][:, None], shape)
     if interpolation == "varying" and len(values) == spans.sum():
-        begin = (np.cumsum(spans) - spans)[which]
+        begin = (np.cumsum(spans) - spans)[curve_indices]
         return np.einsum("sc,ncx->nsx", between, values[begin[:, None] + np.arange(between.shape[1])])
     if interpolation == "vertex" and len(values) >= int(first.max()) + points:
         return np.einsum("sc,ncx->nsx", weights, values[first[:, None] + np.arange(points)])

@@ -60,18 +60,18 @@ def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
         )
         return None
     channel = "r" if given.taken.channel == "rgb" else given.taken.channel
-    texture = _plain(read.shelf, given.taken, channel)
+    texture = _single_channel_texture(read.shelf, given.taken, channel)
     if texture is None:
         return None
     network.notes.add(_AS_BUMPS, network.user)
     return Heights(texture, scale * given.taken.span(channel)[0])
 
 
-def _plain(shelf: TextureShelf, taken: TextureInput, channel: str) -> int | None:
+def _single_channel_texture(shelf: TextureShelf, texture_input: TextureInput, channel: str) -> int | None:
     """Returns a texture whose three colour channels hold the linear values of one channel of another texture."""
 
-    def make(image: Image) -> Image:
+    def select_channel(image: Image) -> Image:
         values = linear(image)[..., CHANNELS[channel]] if channel != "a" else alpha(image)
         return Image(f"{image.name} {channel}", np.repeat(values[..., None], 3, axis=2).astype(np.float32), srgb=False)
 
-    return shelf.derived_texture(taken.texture, f"heights in {channel}", make)
+    return shelf.derived_texture(texture_input.texture, f"heights in {channel}", select_channel)

@@ -59,11 +59,11 @@ def add_dome(
     file = dome.GetTextureFileAttr()
     found = (
         images.find(file, Sentence("label-light", "Light {name}", name=prim.GetName()), True, time, is_environment=True)
-        if images.named(file, time)
+        if images.asset_path(file, time)
         else None
     )
     if found is None:
-        if images.named(file, time):
+        if images.asset_path(file, time):
             notes.add(
                 Sentence("usd-dome-texture-unreadable", "Dome lights whose image cannot be read emit their colour evenly"),
                 name,

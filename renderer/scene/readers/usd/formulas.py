@@ -28,7 +28,7 @@ class Formula(NamedTuple):
     is_apart: bool = True  # whether channels are independent
 
 
-def _divided(a: F64, b: F64) -> F64:
+def _safe_quotient(a: F64, b: F64) -> F64:
     a, b = np.broadcast_arrays(a, b)
     return np.divide(a, b, out=np.zeros(a.shape), where=b != 0)
 
@@ -37,19 +37,19 @@ def _power(a: F64, b: F64) -> F64:
     return np.asarray(np.power(np.maximum(a, 0), np.minimum(b, 1e3)))
 
 
-def _remap(x: F64, begin: F64, end: F64, least: F64, most: F64) -> F64:
-    return least + (most - least) * _divided(x - begin, end - begin)
+def _remap(x: F64, begin: F64, end: F64, low: F64, high: F64) -> F64:
+    return low + (high - low) * _safe_quotient(x - begin, end - begin)
 
 
-def _range(x: F64, begin: F64, end: F64, gamma: F64, least: F64, most: F64, clamps: F64) -> F64:
-    share = _divided(x - begin, end - begin)
-    bent = np.where(gamma == 1, share, np.sign(share) * _power(np.abs(share), _divided(np.ones(1), gamma)))
-    found = least + (most - least) * bent
-    return np.where(clamps > 0, np.clip(found, np.minimum(least, most), np.maximum(least, most)), found)
+def _range(x: F64, begin: F64, end: F64, gamma: F64, low: F64, high: F64, clamps: F64) -> F64:
+    share = _safe_quotient(x - begin, end - begin)
+    bent = np.where(gamma == 1, share, np.sign(share) * _power(np.abs(share), _safe_quotient(np.ones(1), gamma)))
+    found = low + (high - low) * bent
+    return np.where(clamps > 0, np.clip(found, np.minimum(low, high), np.maximum(low, high)), found)
 
 
 def _smooth(x: F64, low: F64, high: F64) -> F64:
-    t = np.clip(_divided(x - low, high - low), 0, 1)
+    t = np.clip(_safe_quotient(x - low, high - low), 0, 1)
     return np.asarray(t * t * (3 - 2 * t))
 
 
@@ -66,12 +66,12 @@ def _overlay(b: F64, f: F64) -> F64:
     return np.asarray(np.where(b < 0.5, 2 * f * b, 1 - 2 * (1 - f) * (1 - b)))
 
 
-def _laid(blend: Callable[[F64, F64], F64]) -> Formula:
+def _blend_formula(blend: Callable[[F64, F64], F64]) -> Formula:
     """Returns the formula of a blend mode: `mix * blend(bg, fg) + (1 - mix) * bg`."""
     return Formula({"bg": 0.0, "fg": 0.0, "mix": 1.0}, lambda b, f, share: share * blend(b, f) + (1 - share) * b)
 
 
-def _either(test: Callable[[F64, F64], npt.NDArray[np.bool_]], value1: float) -> Formula:
+def _select_formula(test: Callable[[F64, F64], npt.NDArray[np.bool_]], value1: float) -> Formula:
     inputs = {"value1": value1, "value2": 0.0, "in1": 0.0, "in2": 0.0}
     return Formula(inputs, lambda a, b, one, other: np.asarray(np.where(test(a, b), one, other), np.float64))
 
@@ -82,8 +82,8 @@ FORMULAS: Mapping[str, Formula] = {
     "add": Formula({"in1": 0.0, "in2": 0.0}, np.add),
     "subtract": Formula({"in1": 0.0, "in2": 0.0}, np.subtract),
     "multiply": Formula({"in1": 0.0, "in2": 1.0}, np.multiply),
-    "divide": Formula({"in1": 0.0, "in2": 1.0}, _divided),
-    "modulo": Formula({"in1": 0.0, "in2": 1.0}, lambda a, b: a - b * np.floor(_divided(a, b))),
+    "divide": Formula({"in1": 0.0, "in2": 1.0}, _safe_quotient),
+    "modulo": Formula({"in1": 0.0, "in2": 1.0}, lambda a, b: a - b * np.floor(_safe_quotient(a, b))),
     "power": Formula({"in1": 0.0, "in2": 1.0}, _power),
     "safepower": Formula({"in1": 0.0, "in2": 1.0}, lambda a, b: np.sign(a) * _power(np.abs(a), b)),
     "min": Formula({"in1": 0.0, "in2": 0.0}, np.minimum),
@@ -105,12 +105,12 @@ FORMULAS: Mapping[str, Formula] = {
     "mix": Formula({"bg": 0.0, "fg": 0.0, "mix": 0.0}, lambda b, f, share: share * f + (1 - share) * b),
     "inside": Formula({"in": 0.0, "mask": 1.0}, np.multiply),
     "outside": Formula({"in": 0.0, "mask": 0.0}, lambda x, mask: x * (1 - mask)),
-    "plus": _laid(np.add),
-    "minus": _laid(np.subtract),
-    "difference": _laid(lambda b, f: np.abs(b - f)),
-    "screen": _laid(lambda b, f: 1 - (1 - f) * (1 - b)),
-    "overlay": _laid(_overlay),
-    "ifgreater": _either(np.greater, 1.0),
-    "ifgreatereq": _either(np.greater_equal, 1.0),
-    "ifequal": _either(np.equal, 0.0),
+    "plus": _blend_formula(np.add),
+    "minus": _blend_formula(np.subtract),
+    "difference": _blend_formula(lambda b, f: np.abs(b - f)),
+    "screen": _blend_formula(lambda b, f: 1 - (1 - f) * (1 - b)),
+    "overlay": _blend_formula(_overlay),
+    "ifgreater": _select_formula(np.greater, 1.0),
+    "ifgreatereq": _select_formula(np.greater_equal, 1.0),
+    "ifequal": _select_formula(np.equal, 0.0),
 }

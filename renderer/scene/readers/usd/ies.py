@@ -33,7 +33,7 @@ class Profiles:
     def __init__(self, images: Images, files: SceneFiles, notes: Notes, time: Any) -> None:
         self._images, self._files, self._notes, self._time = images, files, notes, time
 
-    def named(self, prim: Any) -> Any:
+    def profile_attribute(self, prim: Any) -> Any:
         """Returns the attribute that names a light's profile; None if the light has no profile."""
         if not prim.HasAPI(UsdLux.ShapingAPI):
             return None
@@ -59,27 +59,28 @@ class Profiles:
         even = bool(shaping.GetShapingIesNormalizeAttr().Get(self._time))
         key = "IES of USD", file[0], scale, even, is_flat
         try:
-            found: tuple[EmissionMap, list[str]] = self._files.recall(
+            found: tuple[EmissionMap, list[str]] = self._files.get_or_make(
                 key, lambda: _shaped(read_ies(file[1](), file[0]), scale, even, is_flat)
             )
         except SceneError as error:
-            self._notes.say(Sentence("usd-ies-profile-invalid", "{error}; lights shine without it.", error=error))
+            self._notes.add_sentence(Sentence("usd-ies-profile-invalid", "{error}; lights shine without it.", error=error))
             return None
         for note in found[1]:
-            self._notes.say(with_full_stop(note))
+            self._notes.add_sentence(with_full_stop(note))
         return found[0]
 
 
-def _shaped(photometry: Photometry, scale: float, even: bool, is_flat: bool) -> tuple[EmissionMap, list[str]]:
+def _shaped(photometry: Photometry, scale: float, is_normalised: bool, is_flat: bool) -> tuple[EmissionMap, list[str]]:
     """Returns the emission map of a profile, and the notes of its reader.
 
-    scale: factor of the vertical angles, measured from the zenith (theta = pi). even: whether to normalise the values to a mean
-    of 1 over the sphere, or over the hemisphere for profiles within one. is_flat: whether to multiply them by cos(theta).
+    scale: factor of the vertical angles, measured from the zenith (theta = pi). is_normalised: whether to normalise the values
+    to a mean of 1 over the sphere, or over the hemisphere for profiles within one. is_flat: whether to multiply them by
+    cos(theta).
     """
     emission = photometry.emission
     left, right, top, bottom = emission.edges
     values = emission.values.astype(np.float64)
-    if even:
+    if is_normalised:
         whole = (2 if bottom - top <= _HEMISPHERE else 4) * math.pi
         values = values * (whole / max(float(flux_of(emission)[0]), 1e-300))
     if scale != 1.0 or is_flat:

@@ -68,7 +68,7 @@ def as_scene_errors(main: str) -> Iterator[None]:
     try:
         yield
     except Tf.ErrorException as error:
-        reason = _reason(error, "")
+        reason = _error_text(error, "")
         raise SceneError(
             Sentence("usd-file-damaged-at", "{file}: is damaged ({reason}); export it again", file=main, reason=reason)
             if reason
@@ -96,7 +96,10 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
             if name in prim.GetVariantSets().GetNames():
                 prim.GetVariantSet(name).SetVariantSelection(choice)
     for error in stage.GetCompositionErrors():
-        notes.add(Sentence("usd-references-unresolved", "References that lead nowhere are left out"), _place(error, opener.names))
+        notes.add(
+            Sentence("usd-references-unresolved", "References that lead nowhere are left out"),
+            _error_location(error, opener.names),
+        )
     return Stage(stage, opener.names, list(opener.opened.values()), notes), [f"{name}={choice}" for name, choice in names]
 
 
@@ -133,14 +136,14 @@ class _Opener:
             beside = waiting.pop()
             layer = self.opened[beside]
             for reference in filter(None, layer.GetCompositionAssetDependencies()):  # internal references have an empty path
-                found = self._found(reference, beside)
+                found = self._find_file(reference, beside)
                 if found is not None and reference in layer.subLayerPaths and self._is_sublayer(found, beside, layer):
                     found = None
                 if found is not None and found not in self.opened:
                     try:
                         self._read(found)
                     except SceneError as error:
-                        self._notes.say(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
+                        self._notes.add_sentence(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
                         found = None
                     else:
                         waiting.append(found)
@@ -174,7 +177,7 @@ class _Opener:
         for number, offset in zip(at, offsets, strict=False):
             layer.subLayerOffsets[number] = offset
 
-    def _found(self, reference: str, beside: str) -> str | None:
+    def _find_file(self, reference: str, beside: str) -> str | None:
         if reference.startswith("`"):
             self._notes.add(
                 Sentence("usd-path-variables-unsupported", "Paths with variables are not supported and left out"), beside
@@ -190,7 +193,7 @@ class _Opener:
                 )
             said = reference.split(":SDF_FORMAT_ARGS:")[0].replace("\\", "/")
             wanted = said if not PurePosixPath(said).is_absolute() and ":" not in said else PurePosixPath(said).name
-            self._notes.say(
+            self._notes.add_sentence(
                 Sentence(
                     "usd-layer-left-out",
                     "{file}: its layer {layer} {fault}. Rendered without it until then.",
@@ -206,7 +209,7 @@ class _Opener:
         try:
             return self._sources.root_of(found)
         except SceneError as error:
-            self._notes.say(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
+            self._notes.add_sentence(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
             return None
 
     def _read(self, name: str) -> None:
@@ -233,7 +236,7 @@ class _Opener:
                     "usd-layer-unreadable",
                     "{name}: is damaged or not a USD layer ({error}); export it again",
                     name=name,
-                    error=_reason(error, path),
+                    error=_error_text(error, path),
                 )
             ) from None
         if layer is None:
@@ -248,7 +251,7 @@ class _Opener:
     def _without_clips(self, layer: Any) -> None:
         """Removes a layer's value clips, since composition would open their files directly."""
 
-        def visit(path: Any) -> None:
+        def clear_clips(path: Any) -> None:
             if path.IsPrimPath() or path.IsPrimVariantSelectionPath():
                 spec = layer.GetPrimAtPath(path)
                 if spec is not None and spec.HasInfo("clips"):
@@ -258,7 +261,7 @@ class _Opener:
                         str(path),
                     )
 
-        layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+        layer.Traverse(Sdf.Path.absoluteRootPath, clear_clips)
 
 
 def _shifts(layer: Any) -> bool:
@@ -306,35 +309,37 @@ def _knots(layer: Any) -> list[float]:
     return [min(found), max(found)] if found else []
 
 
-def _place(error: Any, names: dict[str, str]) -> str:
+def _error_location(error: Any, names: dict[str, str]) -> str:
     """Returns the location of a composition error, with file names in place of the identifiers of anonymous layers.
 
     names: file names by layer identifier.
     """
-    said = _words(getattr(error, "rootSite", None) or error).splitlines()[0]
+    said = _message_text(getattr(error, "rootSite", None) or error).splitlines()[0]
     for identifier, name in names.items():
         said = said.replace(identifier, name)
     return _without_addresses(said)
 
 
-def _without_addresses(said: str) -> str:
+def _without_addresses(message: str) -> str:
     """Removes the identifiers of anonymous layers, which contain memory addresses, from a text."""
-    return re.sub(r",?@anon:[^@]*@|anon:0x[0-9a-fA-F]+(?::[\w.-]*)?", "", said)
+    return re.sub(r",?@anon:[^@]*@|anon:0x[0-9a-fA-F]+(?::[\w.-]*)?", "", message)
 
 
-def _words(said: Any) -> str:
+def _message_text(message: Any) -> str:
     """Returns the text of a USD message; invalid UTF-8, which USD quotes from damaged files, is replaced."""
     try:
-        return str(said)
+        return str(message)
     except UnicodeDecodeError as odd:
         return odd.object.decode("utf-8", "replace")
 
 
-def _reason(error: Exception, path: str) -> str:
+def _error_text(error: Exception, path: str) -> str:
     """Returns the reason given in a USD error message, at most 200 characters.
 
     Source locations and the folders of this machine are removed. path: a path to remove as well.
     """
-    said = re.sub(r"(?:/[^/\s<>'\"]+)+/", "", _words(error).replace(path, "") if path else _words(error)).splitlines()
+    said = re.sub(
+        r"(?:/[^/\s<>'\"]+)+/", "", _message_text(error).replace(path, "") if path else _message_text(error)
+    ).splitlines()
     last = _without_addresses(next((line for line in said if " in file " in line), said[0] if said else ""))
     return last.split(" : ", 1)[-1].strip(" '\"")[:200]

@@ -86,7 +86,7 @@ def read_light_prim(
     """
     unit = 1.0 if is_written_by_blender(prim) else unit
     found = None
-    if profiles is not None and (file := profiles.named(prim)) is not None:
+    if profiles is not None and (file := profiles.profile_attribute(prim)) is not None:
         found = _with_profile(prim, world, name, unit, time, notes, profiles, file)
     if found is None:
         found = _lamp(prim, world, name, unit, time, notes)
@@ -111,7 +111,7 @@ def _is_unseen(prim: Any, time: Any) -> bool:
 
 def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes) -> Lamp | None:
     light = UsdLux.LightAPI(prim)
-    _note(light, prim, time, notes)
+    _note_unsupported(light, prim, time, notes)
     place = (float(world[0, 3]), float(world[1, 3]), float(world[2, 3]))
     forward = _direction(-world[:3, 2])
     if prim.IsA(UsdLux.DistantLight):
@@ -212,7 +212,7 @@ def _with_profile(
             ),
             name,
         )
-    _note(light, prim, time, notes)
+    _note_unsupported(light, prim, time, notes)
     place = (float(world[0, 3]), float(world[1, 3]), float(world[2, 3]))
     rgb = _times(radiance_of(light, time, whole), facing)
     found = Light("point", rgb, place, _direction(-world[:3, 2]), radius * unit, name=name)
@@ -237,11 +237,11 @@ def _glowing(name: str, radiance: Vec3) -> Material:
     return Material(name, base_color=(0.0, 0.0, 0.0), emission=radiance)
 
 
-def _sized(mesh: Mesh, turn: Matrix, width: float, height: float) -> Mesh:
-    matrix = turn @ np.diag([width, height, 1.0])
+def _sized(mesh: Mesh, rotation: Matrix, width: float, height: float) -> Mesh:
+    matrix = rotation @ np.diag([width, height, 1.0])
     mesh.positions = (mesh.positions @ matrix.T).astype(np.float32)
     if mesh.normals is not None:
-        mesh.normals = (mesh.normals @ turn.T).astype(np.float32)
+        mesh.normals = (mesh.normals @ rotation.T).astype(np.float32)
     return mesh
 
 
@@ -286,7 +286,7 @@ def _cone(prim: Any, time: Any, notes: Notes, is_known: bool) -> tuple[float, fl
     return angle * (1 - soft), angle
 
 
-def _note(light: Any, prim: Any, time: Any, notes: Notes) -> None:
+def _note_unsupported(light: Any, prim: Any, time: Any, notes: Notes) -> None:
     name = str(prim.GetPath())
     for attribute in (light.GetDiffuseAttr(), light.GetSpecularAttr()):
         if attribute.Get(time) not in (None, 1.0):

@@ -51,83 +51,86 @@ def read_materialx(shader: Any, kind: str, read: Read) -> None:
         read_preview_surface(shader, read)
 
 
-def _standard(said: SurfaceInputs, read: Read) -> None:
+def _standard(inputs: SurfaceInputs, read: Read) -> None:
     material = read.material
-    color = _body(said, read, subsurface.STANDARD, said.number("base", 1.0), (0.8, 0.8, 0.8))
-    fill_roughness(read, said("specular_roughness"), 0.2, said("metalness"), 0.0)
-    _specular(read, said("specular"), said("specular_color", True))
-    material.ior = clamped(said.number("specular_IOR", 1.5), 1.0, 1000.0)
-    _anisotropy(read, said.number("specular_anisotropy", 0.0), said.number("specular_rotation", 0.0))
-    material.thin = bool(said.number("thin_walled", 0))
-    if _transmission(read, said, "transmission"):
-        abbe = said.number("transmission_dispersion", 0.0)
+    color = _body(inputs, read, subsurface.STANDARD, inputs.number("base", 1.0), (0.8, 0.8, 0.8))
+    fill_roughness(read, inputs("specular_roughness"), 0.2, inputs("metalness"), 0.0)
+    _specular(read, inputs("specular"), inputs("specular_color", True))
+    material.ior = clamped(inputs.number("specular_IOR", 1.5), 1.0, 1000.0)
+    _anisotropy(read, inputs.number("specular_anisotropy", 0.0), inputs.number("specular_rotation", 0.0))
+    material.thin = bool(inputs.number("thin_walled", 0))
+    if _transmission(read, inputs, "transmission"):
+        abbe = inputs.number("transmission_dispersion", 0.0)
         material.dispersion = clamped(20 / abbe, 0.0, 20.0) if abbe > 0 else 0.0
-        said.leave_out({"transmission_extra_roughness": 0.0})
-    fill_normal(read, "normal", said("normal"))
-    fill_emission(read, _colour(said("emission_color", True), 1.0), said.number("emission", 0.0))
-    if _coat(read, said("coat"), said("coat_roughness"), 0.1, said("coat_normal")):
-        tint_beneath(read.material, said.color("coat_color"))
-        said.leave_out(_SOFT)
-    _sheen(read, said.number("sheen", 0.0), said("sheen_color", True), said.number("sheen_roughness", 0.3))
-    _film(read, 1.0, said.number("thin_film_thickness", 0.0), said.number("thin_film_IOR", 1.5))
-    fill_opacity(read, said("opacity"), 0.0, color.taken)
-    said.leave_out({"diffuse_roughness": 0.0})
+        inputs.leave_out({"transmission_extra_roughness": 0.0})
+    fill_normal(read, "normal", inputs("normal"))
+    fill_emission(read, _colour(inputs("emission_color", True), 1.0), inputs.number("emission", 0.0))
+    if _coat(read, inputs("coat"), inputs("coat_roughness"), 0.1, inputs("coat_normal")):
+        tint_beneath(read.material, inputs.color("coat_color"))
+        inputs.leave_out(_SOFT)
+    _sheen(read, inputs.number("sheen", 0.0), inputs("sheen_color", True), inputs.number("sheen_roughness", 0.3))
+    _film(read, 1.0, inputs.number("thin_film_thickness", 0.0), inputs.number("thin_film_IOR", 1.5))
+    fill_opacity(read, inputs("opacity"), 0.0, color.taken)
+    inputs.leave_out({"diffuse_roughness": 0.0})
 
 
-def _open_pbr(said: SurfaceInputs, read: Read) -> None:
+def _open_pbr(inputs: SurfaceInputs, read: Read) -> None:
     material = read.material
-    color = _body(said, read, subsurface.OPEN_PBR, said.number("base_weight", 1.0), (0.8, 0.8, 0.8))
-    fill_roughness(read, said("specular_roughness"), 0.3, said("base_metalness"), 0.0)
-    _specular(read, said("specular_weight"), said("specular_color", True))
-    material.ior = clamped(said.number("specular_ior", 1.5), 1.0, 1000.0)
-    _anisotropy(read, said.number("specular_roughness_anisotropy", 0.0), 0.0)
-    material.thin = bool(said.number("geometry_thin_walled", 0))
-    if _transmission(read, said, "transmission_weight"):
-        abbe, scale = said.number("transmission_dispersion_abbe_number", 20.0), said.number("transmission_dispersion_scale", 0.0)
+    color = _body(inputs, read, subsurface.OPEN_PBR, inputs.number("base_weight", 1.0), (0.8, 0.8, 0.8))
+    fill_roughness(read, inputs("specular_roughness"), 0.3, inputs("base_metalness"), 0.0)
+    _specular(read, inputs("specular_weight"), inputs("specular_color", True))
+    material.ior = clamped(inputs.number("specular_ior", 1.5), 1.0, 1000.0)
+    _anisotropy(read, inputs.number("specular_roughness_anisotropy", 0.0), 0.0)
+    material.thin = bool(inputs.number("geometry_thin_walled", 0))
+    if _transmission(read, inputs, "transmission_weight"):
+        abbe, scale = (
+            inputs.number("transmission_dispersion_abbe_number", 20.0),
+            inputs.number("transmission_dispersion_scale", 0.0),
+        )
         material.dispersion = clamped(20 * scale / abbe, 0.0, 20.0) if abbe > 0 else 0.0
-    fill_normal(read, "normal", said("geometry_normal"))
-    fill_emission(read, _colour(said("emission_color", True), 1.0), said.number("emission_luminance", 0.0))
-    if _coat(read, said("coat_weight"), said("coat_roughness"), 0.0, said("geometry_coat_normal")):
-        tint_beneath(read.material, said.color("coat_color"))
-        said.leave_out(_COATED)
-    _sheen(read, said.number("fuzz_weight", 0.0), said("fuzz_color", True), said.number("fuzz_roughness", 0.5))
-    film = said.number("thin_film_weight", 0.0)
-    _film(read, film, 1000 * said.number("thin_film_thickness", 0.5), said.number("thin_film_ior", 1.4))
-    fill_opacity(read, said("geometry_opacity"), 0.0, color.taken)
-    said.leave_out({"base_diffuse_roughness": 0.0})
+    fill_normal(read, "normal", inputs("geometry_normal"))
+    fill_emission(read, _colour(inputs("emission_color", True), 1.0), inputs.number("emission_luminance", 0.0))
+    if _coat(read, inputs("coat_weight"), inputs("coat_roughness"), 0.0, inputs("geometry_coat_normal")):
+        tint_beneath(read.material, inputs.color("coat_color"))
+        inputs.leave_out(_COATED)
+    _sheen(read, inputs.number("fuzz_weight", 0.0), inputs("fuzz_color", True), inputs.number("fuzz_roughness", 0.5))
+    film = inputs.number("thin_film_weight", 0.0)
+    _film(read, film, 1000 * inputs.number("thin_film_thickness", 0.5), inputs.number("thin_film_ior", 1.4))
+    fill_opacity(read, inputs("geometry_opacity"), 0.0, color.taken)
+    inputs.leave_out({"base_diffuse_roughness": 0.0})
 
 
-def _gltf(said: SurfaceInputs, read: Read) -> None:
+def _gltf(inputs: SurfaceInputs, read: Read) -> None:
     material = read.material
-    color = said("base_color", True)
+    color = inputs("base_color", True)
     fill_base(read, color, _WHITE)
-    fill_roughness(read, said("roughness"), 1.0, said("metallic"), 1.0)
-    _specular(read, said("specular"), said("specular_color", True))
-    material.ior = clamped(said.number("ior", 1.5), 1.0, 1000.0)
-    _anisotropy(read, said.number("anisotropy_strength", 0.0), said.number("anisotropy_rotation", 0.0) / (2 * math.pi))
-    fill_data(read, "transmission", said("transmission"), 0.0)
-    material.thin = said.number("thickness", 0.0) <= 0
+    fill_roughness(read, inputs("roughness"), 1.0, inputs("metallic"), 1.0)
+    _specular(read, inputs("specular"), inputs("specular_color", True))
+    material.ior = clamped(inputs.number("ior", 1.5), 1.0, 1000.0)
+    _anisotropy(read, inputs.number("anisotropy_strength", 0.0), inputs.number("anisotropy_rotation", 0.0) / (2 * math.pi))
+    fill_data(read, "transmission", inputs("transmission"), 0.0)
+    material.thin = inputs.number("thickness", 0.0) <= 0
     if not material.thin:
-        material.attenuation_color = unit_color(said.color("attenuation_color"))
-        depth = said.number("attenuation_distance", 0.0) * read.network.unit
+        material.attenuation_color = unit_color(inputs.color("attenuation_color"))
+        depth = inputs.number("attenuation_distance", 0.0) * read.network.unit
         material.attenuation_distance = depth if depth > 0 else math.inf
-    material.dispersion = clamped(said.number("dispersion", 0.0), 0.0, 20.0)
-    _coat(read, said("clearcoat"), said("clearcoat_roughness"), 0.0, said("clearcoat_normal"))
-    _sheen(read, 1.0, _colour(said("sheen_color", True), 0.0), said.number("sheen_roughness", 0.0))
-    thickness = said.number("iridescence_thickness", 100.0)
-    _film(read, said.number("iridescence", 0.0), thickness, said.number("iridescence_ior", 1.3))
-    fill_normal(read, "normal", said("normal"))
-    fill_emission(read, said("emissive", True), said.number("emissive_strength", 1.0))
-    mode = int(said.number("alpha_mode", 0.0))
+    material.dispersion = clamped(inputs.number("dispersion", 0.0), 0.0, 20.0)
+    _coat(read, inputs("clearcoat"), inputs("clearcoat_roughness"), 0.0, inputs("clearcoat_normal"))
+    _sheen(read, 1.0, _colour(inputs("sheen_color", True), 0.0), inputs.number("sheen_roughness", 0.0))
+    thickness = inputs.number("iridescence_thickness", 100.0)
+    _film(read, inputs.number("iridescence", 0.0), thickness, inputs.number("iridescence_ior", 1.3))
+    fill_normal(read, "normal", inputs("normal"))
+    fill_emission(read, inputs("emissive", True), inputs.number("emissive_strength", 1.0))
+    mode = int(inputs.number("alpha_mode", 0.0))
     if mode:
-        fill_opacity(read, said("alpha"), said.number("alpha_cutoff", 0.5) if mode == 1 else 0.0, color.taken)
+        fill_opacity(read, inputs("alpha"), inputs.number("alpha_cutoff", 0.5) if mode == 1 else 0.0, color.taken)
 
 
-def _body(said: SurfaceInputs, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
+def _body(inputs: SurfaceInputs, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
     """Fills the base colour and the subsurface parameters; returns the base colour input."""
-    color, weight = subsurface.mixed_color(said, read, names, weight, default)
+    color, weight = subsurface.mixed_color(inputs, read, names, weight, default)
     fill_base(read, _scaled(color, weight, default), (0.0, 0.0, 0.0))
-    subsurface.scatter_beneath(said, read, names)
+    subsurface.scatter_beneath(inputs, read, names)
     return color
 
 
@@ -159,15 +162,15 @@ def _anisotropy(read: Read, strength: float, turns: float) -> None:
     read.material.anisotropy, read.material.anisotropy_rotation = unit(strength), 2 * math.pi * turns
 
 
-def _transmission(read: Read, said: SurfaceInputs, weight: str) -> bool:
+def _transmission(read: Read, inputs: SurfaceInputs, weight: str) -> bool:
     """Fills the transmission parameters; returns True if the surface transmits light."""
     material = read.material
-    fill_data(read, "transmission", said(weight), 0.0)
+    fill_data(read, "transmission", inputs(weight), 0.0)
     if material.transmission == 0:
         return False
-    tint, depth = said.color("transmission_color"), said.number("transmission_depth", 0.0)
+    tint, depth = inputs.color("transmission_color"), inputs.number("transmission_depth", 0.0)
     if depth > 0 and not material.thin:
-        subsurface.fill_glass(said, read, tint, depth)
+        subsurface.fill_glass(inputs, read, tint, depth)
         tint = _WHITE
     # A material has one colour for reflection and transmission: the one with more weight is used.
     if material.transmission_texture is None:

@@ -57,7 +57,7 @@ def area_of(prim: Any, place: npt.NDArray[np.float64], time: Any) -> float:
     counts, corners = (primvars.integers(a.Get(time)) for a in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()))
     if not _is_whole(points, counts, corners):
         return 0.0
-    faces, _ = Faces(counts, corners).kept(counts >= 3)
+    faces, _ = Faces(counts, corners).masked(counts >= 3)
     placed = (points @ place[:3, :3].T).astype(np.float32)
     return (
         float(
@@ -70,7 +70,7 @@ def area_of(prim: Any, place: npt.NDArray[np.float64], time: Any) -> float:
 def read_mesh(
     prim: Any,
     parts: list[UsedPrimvars],
-    of: Codes | None,
+    part_of_face: Codes | None,
     time: Any,
     notes: Notes,
     shape: Shape | None = None,
@@ -78,8 +78,8 @@ def read_mesh(
 ) -> list[Mesh | None]:
     """Returns the parts of a mesh, one per material; None for parts without triangles.
 
-    parts: the primvars each part needs. of: (F,) part index of each face; None if there is one part. shape: replaces the mesh's
-    points. bends: whether the mesh may deform over time. Raises SceneError if the mesh is too large.
+    parts: the primvars each part needs. part_of_face: (F,) part index of each face; None if there is one part. shape: replaces
+    the mesh's points. bends: whether the mesh may deform over time. Raises SceneError if the mesh is too large.
     """
     mesh = UsdGeom.Mesh(prim)
     points = primvars.array(mesh.GetPointsAttr().Get(time), 3) if shape is None else shape.points
@@ -121,23 +121,23 @@ def read_mesh(
         if mesh.GetInterpolateBoundaryAttr().Get(time) == "none":
             solid &= ~of_boundary(faces)
         points, faces, attributes, parent = refine(mesh, points, faces, attributes, time)
-        of, solid = None if of is None else of[parent], solid[parent]
+        part_of_face, solid = None if part_of_face is None else part_of_face[parent], solid[parent]
     mirrored = mesh.GetOrientationAttr().Get(time) == "leftHanded"
     name = prim.GetName()
     whole: list[Mesh | None] = []
-    for part, which in zip(parts, _sorted_out(np.flatnonzero(solid), of, len(parts)), strict=True):
-        whole.append(_part(name, points, faces, which, attributes, part, mirrored))
+    for part, which in zip(parts, _sorted_out(np.flatnonzero(solid), part_of_face, len(parts)), strict=True):
+        whole.append(_mesh_part(name, points, faces, which, attributes, part, mirrored))
     if is_refined:
         return _rounded(whole, bool(mesh.GetCreaseIndicesAttr().Get(time)), bends or shape is not None)
     return whole
 
 
-def _sorted_out(faces: Codes, of: Codes | None, parts: int) -> list[Codes]:
+def _sorted_out(faces: Codes, part_of_face: Codes | None, parts: int) -> list[Codes]:
     """Returns the indices of each part's faces, ascending."""
-    if of is None:
+    if part_of_face is None:
         return [faces]
-    order = np.argsort(of[faces], kind="stable")
-    return np.split(faces[order], np.searchsorted(of[faces][order], np.arange(1, parts)))
+    order = np.argsort(part_of_face[faces], kind="stable")
+    return np.split(faces[order], np.searchsorted(part_of_face[faces][order], np.arange(1, parts)))
 
 
 def _is_whole(points: F32, counts: Codes, corners: Codes) -> bool:
@@ -156,7 +156,7 @@ def _scheme(mesh: Any, counts: Codes) -> str:
     """
     attribute = mesh.GetSubdivisionSchemeAttr()
     if not attribute.HasAuthoredValue() and (
-        mesh.GetNormalsAttr().HasAuthoredValue() or primvars.found(mesh.GetPrim(), "normals") is not None
+        mesh.GetNormalsAttr().HasAuthoredValue() or primvars.find_primvar(mesh.GetPrim(), "normals") is not None
     ):
         return "none"
     scheme = str(attribute.Get())
@@ -164,7 +164,7 @@ def _scheme(mesh: Any, counts: Codes) -> str:
 
 
 def _primvar(prim: Any, name: str, faces: Faces, points: int, time: Any, notes: Notes) -> AtCorners | None:
-    primvar = primvars.found(prim, name)
+    primvar = primvars.find_primvar(prim, name)
     if primvar is None:
         return None
     return primvars.at_corners(primvar, None, faces, points, time, notes)
@@ -176,36 +176,38 @@ def _normals(mesh: Any, scheme: str, faces: Faces, points: int, time: Any, notes
         return None
     if shape is not None and shape.normals is not None:
         kind = "faceVarying" if len(shape.normals) == len(faces.corners) else "vertex"
-        found = primvars.spread(shape.normals, None, kind, faces, points, mesh.GetPath(), notes)
+        found = primvars.values_at_corners(shape.normals, None, kind, faces, points, mesh.GetPath(), notes)
         return None if found is None else replace(found, kinds=shape.straight)
-    primvar = primvars.found(mesh.GetPrim(), "normals")
+    primvar = primvars.find_primvar(mesh.GetPrim(), "normals")
     if primvar is not None:
         return primvars.at_corners(primvar, 3, faces, points, time, notes)
     values = primvars.array(mesh.GetNormalsAttr().Get(time), 3)
     if len(values) == 0:
         return None
     path = mesh.GetNormalsAttr().GetPath()
-    return primvars.spread(values, None, mesh.GetNormalsInterpolation(), faces, points, path, notes)
+    return primvars.values_at_corners(values, None, mesh.GetNormalsInterpolation(), faces, points, path, notes)
 
 
-def _part(
+def _mesh_part(
     name: str,
     points: F32,
     faces: Faces,
-    which: Codes,
+    face_indices: Codes,
     attributes: dict[str, AtCorners],
-    wanted: UsedPrimvars,
+    used_primvars: UsedPrimvars,
     mirrored: bool,
 ) -> Mesh | None:
-    is_all = len(which) == len(faces.counts)
+    is_all = len(face_indices) == len(faces.counts)
     if is_all and not attributes and not mirrored and len(faces.counts) and bool((faces.counts == 3).all()):
         return Mesh(name, points.copy(), faces.corners.astype(np.int32).reshape(-1, 3))
     if not is_all:
-        faces, corners = faces.those(which)
-        attributes = {key: values.at(corners) for key, values in attributes.items()}
+        faces, corners = faces.selected(face_indices)
+        attributes = {key: values.at_corners(corners) for key, values in attributes.items()}
     if len(faces.counts) == 0:
         return None
-    used = {key: attributes[key] for key in ("", *wanted.uvs, wanted.color, wanted.opacity) if key in attributes}
+    used = {
+        key: attributes[key] for key in ("", *used_primvars.uvs, used_primvars.color, used_primvars.opacity) if key in attributes
+    }
     triangles = triangles_of(faces, points, mirrored)
     if all(values.by_point for values in used.values()) and is_all:
         first, vertex, point = None, faces.corners.astype(np.int32), np.arange(len(points))
@@ -216,13 +218,13 @@ def _part(
         first, vertex = joined(faces, list(used.values()))
         point = faces.corners[first]
 
-    def at(key: str | None) -> F32 | None:
+    def vertex_values(key: str | None) -> F32 | None:
         return None if key is None or key not in used else np.ascontiguousarray(used[key].values[used[key].code[first]])
 
-    result = Mesh(name, np.ascontiguousarray(points[point]), vertex[triangles], at(""))
-    sets = [at(key) for key in wanted.uvs]
+    result = Mesh(name, np.ascontiguousarray(points[point]), vertex[triangles], vertex_values(""))
+    sets = [vertex_values(key) for key in used_primvars.uvs]
     result.uvs, result.uvs1 = (_upright(sets[k]) if k < len(sets) else None for k in (0, 1))
-    result.colors = _colors(at(wanted.color), at(wanted.opacity))
+    result.colors = _colors(vertex_values(used_primvars.color), vertex_values(used_primvars.opacity))
     return result
 
 

@@ -36,7 +36,7 @@ def unit_of(stage: Any, notes: Notes) -> float:
     except Tf.ErrorException:
         found = _number(stage, "metersPerUnit", _UNIT, notes)
     if not (math.isfinite(found) and found > 0):
-        notes.say(
+        notes.add_sentence(
             Sentence(
                 "usd-meters-per-unit-invalid",
                 "The stage's metersPerUnit is {value}, which is not a length; {unit} is used.",
@@ -54,7 +54,7 @@ def is_z_up(stage: Any, notes: Notes) -> bool:
         return bool(UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z)
     except Tf.ErrorException:
         found = stored(stage, "upAxis")
-    notes.say(
+    notes.add_sentence(
         Sentence(
             "usd-up-axis-type-wrong",
             "The stage's upAxis is stored as {type} {value}; it is used nevertheless.",
@@ -80,7 +80,7 @@ def _number(stage: Any, key: str, default: float, notes: Notes) -> float:
     try:
         found = float(value)
     except (TypeError, ValueError):
-        notes.say(
+        notes.add_sentence(
             Sentence(
                 "usd-metadata-type-wrong",
                 "The stage's {key} is stored as {type} {value}; {default} is used.",
@@ -91,7 +91,7 @@ def _number(stage: Any, key: str, default: float, notes: Notes) -> float:
             )
         )
         return default
-    notes.say(
+    notes.add_sentence(
         Sentence(
             "usd-metadata-not-double",
             "The stage's {key} is not stored as a double; {value} is used.",

@@ -54,7 +54,7 @@ def layer_of(data: bytes, name: str, included: Callable[[str, str], tuple[str, b
         for reference in document.add(file, content):
             found = included(reference, file)
             if found is None:
-                notes.say(
+                notes.add_sentence(
                     Sentence(
                         "usd-materialx-include-missing",
                         "{file}: includes the document {document}, which is not among the files; add it.",
@@ -115,9 +115,9 @@ class _Document:
             self._gather(name, graph, _inherited(graph, said))
         return [found for each in root.iter(_INCLUDE) if (found := each.get("href"))]
 
-    def _gather(self, scope: str, parent: Element, said: dict[str, str]) -> None:
+    def _gather(self, scope: str, parent: Element, attributes: dict[str, str]) -> None:
         for each in parent:
-            self._scopes[scope].setdefault(each.get("name", ""), (each, said))
+            self._scopes[scope].setdefault(each.get("name", ""), (each, attributes))
 
     def layer(self) -> Any:
         """Returns a layer that contains all materials of the document."""
@@ -129,7 +129,7 @@ class _Document:
                 self._material(stage, element, said)
         return layer
 
-    def _material(self, stage: Any, element: Element, said: dict[str, str]) -> None:
+    def _material(self, stage: Any, element: Element, attributes: dict[str, str]) -> None:
         path = f"/MaterialX/Materials/{_identifier(element.get('name', ''))}"
         material = UsdShade.Material.Define(stage, path)
         waiting: list[tuple[Any, Element, dict[str, str], str]] = []
@@ -169,7 +169,9 @@ class _Document:
             for given in own.findall("input"):
                 self._input(shader, given, _inherited(given, told), scope, node)
 
-    def _input(self, shader: Any, given: Element, said: dict[str, str], scope: str, node: Callable[[str, str], Any]) -> None:
+    def _input(
+        self, shader: Any, given: Element, attributes: dict[str, str], scope: str, node: Callable[[str, str], Any]
+    ) -> None:
         """Sets an input of a shader to a connection or a value."""
         name, kind = given.get("name", ""), given.get("type", "")
         own = given.get("interfacename")
@@ -177,7 +179,7 @@ class _Document:
             outer = self._scopes.get(scope, {}).get(own)
             if outer is None or outer[0].tag != "input":
                 return
-            given, said, scope = outer[0], _inherited(outer[0], outer[1]), ""  # a graph's input continues outside the graph
+            given, attributes, scope = outer[0], _inherited(outer[0], outer[1]), ""  # a graph's input continues outside the graph
         output, source = given.get("output"), None
         graph = given.get("nodegraph")
         if graph is not None:
@@ -193,13 +195,13 @@ class _Document:
                 source.CreateOutput(_identifier(output or "out"), type_name)
             )
         elif given.get("value") is not None:
-            self._value(shader, _identifier(name), kind, given.get("value", ""), said)
+            self._value(shader, _identifier(name), kind, given.get("value", ""), attributes)
 
-    def _value(self, shader: Any, name: str, kind: str, text: str, said: dict[str, str]) -> None:
-        space = said.get("colorspace", "")
+    def _value(self, shader: Any, name: str, kind: str, text: str, attributes: dict[str, str]) -> None:
+        space = attributes.get("colorspace", "")
         if kind == "filename":
             made = shader.CreateInput(name, _TYPES.Asset)
-            made.Set(Sdf.AssetPath(said["fileprefix"] + text))
+            made.Set(Sdf.AssetPath(attributes["fileprefix"] + text))
             if space:
                 made.GetAttr().SetColorSpace(space)
             return
@@ -230,12 +232,12 @@ class _Document:
             )
 
 
-def _inherited(element: Element, said: dict[str, str]) -> dict[str, str]:
-    """Returns the attributes that the children of an element inherit. said: those that the element itself inherits."""
+def _inherited(element: Element, attributes: dict[str, str]) -> dict[str, str]:
+    """Returns the attributes that the children of an element inherit. attributes: those that the element itself inherits."""
     own = {name: value for name in _INHERITED if (value := element.get(name)) is not None}
     if "fileprefix" in own:
-        own["fileprefix"] = said.get("fileprefix", "") + own["fileprefix"]
-    return {**said, **own} if own else said
+        own["fileprefix"] = attributes.get("fileprefix", "") + own["fileprefix"]
+    return {**attributes, **own} if own else attributes
 
 
 def _identifier(name: str) -> str:

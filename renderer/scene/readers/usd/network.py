@@ -96,9 +96,9 @@ class Network:
             return Input(fallback)
         if name not in self.asked:
             self.asked.append(name)
-        if primvars.found(self.prim, name) is None:
+        if primvars.find_primvar(self.prim, name) is None:
             return Input(fallback)
-        value = primvars.single(self.prim, name, self.time)
+        value = primvars.constant_value(self.prim, name, self.time)
         return Input(fallback, None, name) if value is None else Input(value)
 
     def _varname(self, shader: Any, depth: int) -> str | None:
@@ -106,13 +106,13 @@ class Network:
         return str(name) if name else None
 
     def _uv_texture(self, shader: Any, output: str, srgb: bool, depth: int) -> Input:
-        def said(name: str, default: Any) -> Any:
+        def constant_input(name: str, default: Any) -> Any:
             value = self._follow(shader.GetInput(name), False, depth + 1).value
             return default if value is None else value
 
         file = shader.GetInput("file")
         found = file.GetValueProducingAttributes() if file else []
-        space = str(said("sourceColorSpace", "auto"))
+        space = str(constant_input("sourceColorSpace", "auto"))
         encoded = srgb if space == "auto" else space.lower() == "srgb"
         image = (
             self.images.find(found[0], Sentence("label-material", "Material {name}", name=self.user), encoded, self.time)
@@ -121,16 +121,16 @@ class Network:
         )
         if image is None:
             # No file: black. Missing file: the fallback if authored, otherwise the input's default.
-            fallback = said("fallback", None if found else (0.0, 0.0, 0.0, 1.0))
+            fallback = constant_input("fallback", None if found else (0.0, 0.0, 0.0, 1.0))
             if fallback is None:
                 return Input()
             values = _four(fallback, PLAIN[1])
             return Input(values["rgba".index(output)] if output in ("r", "g", "b", "a") else values[:3])
         number, tiles = image
         uv_set, transform = self.coordinates(shader.GetInput("st"), depth + 1)
-        wraps = str(said("wrapS", "useMetadata")), str(said("wrapT", "useMetadata"))
+        wraps = str(constant_input("wrapS", "useMetadata")), str(constant_input("wrapT", "useMetadata"))
         texture = self.images.texture(number, wraps, uv_set, composed_transform(transform, tiles), self.user)
-        scale, bias = (_four(said(name, plain), plain) for name, plain in zip(("scale", "bias"), PLAIN, strict=True))
+        scale, bias = (_four(constant_input(name, plain), plain) for name, plain in zip(("scale", "bias"), PLAIN, strict=True))
         return Input(None, None if texture is None else TextureInput(texture, output, scale, bias))
 
     def coordinates(self, source: Any, depth: int) -> tuple[int, UvTransform]:
@@ -167,12 +167,14 @@ class Network:
         return self.uv_set("st"), transform
 
     def _transform(self, shader: Any, depth: int) -> UvTransform:
-        def said(name: str, default: Any) -> Any:
+        def constant_input(name: str, default: Any) -> Any:
             value = self._follow(shader.GetInput(name), False, depth + 1).value
             return default if value is None else value
 
-        scale, translation = (tuple(float(v) for v in said(n, d)) for n, d in (("scale", (1, 1)), ("translation", (0, 0))))
-        return transform_2d((scale[0], scale[1]), float(said("rotation", 0.0)), (translation[0], translation[1]))
+        scale, translation = (
+            tuple(float(v) for v in constant_input(n, d)) for n, d in (("scale", (1, 1)), ("translation", (0, 0)))
+        )
+        return transform_2d((scale[0], scale[1]), float(constant_input("rotation", 0.0)), (translation[0], translation[1]))
 
     def uv_set(self, name: str) -> int:
         """Returns the index of the UV set with the given primvar name; 0, with a note, if there are already two other sets."""

@@ -21,31 +21,35 @@ def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, sr
     """Returns the output of a MaterialX node other than a surface shader; unsupported nodes are skipped with a note."""
     node = kind[3:].split("_")[0]
 
-    def said(name: str, encoded: bool = srgb) -> Input:
+    def read_input(name: str, encoded: bool = srgb) -> Input:
         return follow(shader.GetInput(name), encoded, depth + 1)
 
     if node in ("image", "tiledimage", "UsdUVTexture"):
         return _image(network, shader, kind, output, srgb, depth, follow)
     if node == "normalmap":
-        return _bumped(said("in", False), said("scale", False))
+        return _bumped(read_input("in", False), read_input("scale", False))
     if node in ("convert", "dot"):
-        return said("in1" if node == "dot" and not shader.GetInput("in") else "in")
+        return read_input("in1" if node == "dot" and not shader.GetInput("in") else "in")
     if node == "constant":
-        return said("value")
+        return read_input("value")
     if node in ("geompropvalue", "UsdPrimvarReader", "geomcolor"):
         named, fallback = ("geomprop", "default") if node == "geompropvalue" else ("varname", "fallback")
-        name = "displayColor" if node == "geomcolor" else said(named).value
-        missing = said(fallback).value
+        name = "displayColor" if node == "geomcolor" else read_input(named).value
+        missing = read_input(fallback).value
         return network.primvar(str(name) if name else None, 0.0 if missing is None else missing)
     if node in ("extract", "separate2", "separate3", "separate4", "swizzle"):
-        return _channel(said("in"), _index(node, output, said))
+        return _channel(read_input("in"), _index(node, output, read_input))
     if node in ("combine2", "combine3", "combine4"):
-        return _combined(network, kind, [said(f"in{k + 1}") for k in range(int(node[-1]))])
-    found = calculated(kind, network.images.shelf, said)
+        return _combined(network, kind, [read_input(f"in{k + 1}") for k in range(int(node[-1]))])
+    found = calculated(kind, network.images.shelf, read_input)
     if found is not None:
         return found
     first = next(
-        (one for name in ("in", "bg", "in1", "fg", "in2") if (one := said(name)).taken is not None or one.value is not None),
+        (
+            one
+            for name in ("in", "bg", "in1", "fg", "in2")
+            if (one := read_input(name)).taken is not None or one.value is not None
+        ),
         Input(),
     )
     if first.taken is None:
@@ -96,7 +100,7 @@ def _image(network: NetworkContext, shader: Any, kind: str, output: str, srgb: b
     uv_set, transform = network.coordinates(shader.GetInput("st" if is_preview else "texcoord"), depth + 1)
     if node == "tiledimage":
         (u, v), (x, y) = (
-            _two(follow(shader.GetInput(name), False, depth + 1), d) for name, d in (("uvtiling", 1.0), ("uvoffset", 0.0))
+            _number_pair(follow(shader.GetInput(name), False, depth + 1), d) for name, d in (("uvtiling", 1.0), ("uvoffset", 0.0))
         )
         transform = composed_transform(transform, transform_2d((u, v), 0.0, (-x, -y)))
     names = ("wrapS", "wrapT") if is_preview else ("uaddressmode", "vaddressmode")
@@ -118,7 +122,7 @@ def _image(network: NetworkContext, shader: Any, kind: str, output: str, srgb: b
     return Input(None, taken)
 
 
-def _two(given: Input, default: float) -> tuple[float, float]:
+def _number_pair(given: Input, default: float) -> tuple[float, float]:
     value = given.value
     if value is None:
         return default, default
@@ -130,12 +134,12 @@ def _four(value: Any, default: tuple[float, float, float, float]) -> tuple[float
     return (found[0], found[1], found[2], found[3]) if len(found) == 4 else default
 
 
-def _index(node: str, output: str, said: Any) -> str:
+def _index(node: str, output: str, channels: Any) -> str:
     """Returns the letters of the channels that an extract, separate or swizzle node selects."""
     if node == "swizzle":
-        return str(said("channels").value or "r")
+        return str(channels("channels").value or "r")
     if node == "extract":
-        return "rgba"[min(max(int(said("index").number(0.0)), 0), 3)]
+        return "rgba"[min(max(int(channels("index").number(0.0)), 0), 3)]
     return output[-1] if output[-1:] in _CHANNELS else "r"
 
 
@@ -177,8 +181,8 @@ def follow_coordinates(
     def value(name: str) -> Any:
         return follow(shader.GetInput(name), False, depth + 1).value
 
-    def two(name: str, default: float) -> tuple[float, float]:
-        return _two(follow(shader.GetInput(name), False, depth + 1), default)
+    def pair_input(name: str, default: float) -> tuple[float, float]:
+        return _number_pair(follow(shader.GetInput(name), False, depth + 1), default)
 
     if node == "texcoord":
         index = int(value("index") or 0)
@@ -186,7 +190,7 @@ def follow_coordinates(
     if node in ("geompropvalue", "UsdPrimvarReader"):
         return str(value("geomprop" if node == "geompropvalue" else "varname") or "st"), IDENTITY_UV_TRANSFORM, None
     if node == "place2d":
-        pivot, scale, offset = (two(name, d) for name, d in (("pivot", 0.0), ("scale", 1.0), ("offset", 0.0)))
+        pivot, scale, offset = (pair_input(name, d) for name, d in (("pivot", 0.0), ("scale", 1.0), ("offset", 0.0)))
         # Subtract the pivot; inverse scale, clockwise rotation, translation (SRT) or the reverse order; add the pivot.
         scaled = transform_2d((1 / (scale[0] or 1.0), 1 / (scale[1] or 1.0)), 0.0, (0.0, 0.0))
         turned = transform_2d((1.0, 1.0), -float(value("rotate") or 0.0), (0.0, 0.0))
@@ -196,12 +200,12 @@ def follow_coordinates(
             whole = composed_transform(whole, step)
         return None, composed_transform(whole, transform_2d((1.0, 1.0), 0.0, pivot)), shader.GetInput("texcoord")
     if node == "UsdTransform2d":
-        own = transform_2d(two("scale", 1.0), float(value("rotation") or 0.0), two("translation", 0.0))
+        own = transform_2d(pair_input("scale", 1.0), float(value("rotation") or 0.0), pair_input("translation", 0.0))
         return None, own, shader.GetInput("in")
     if node == "rotate2d":
         return None, transform_2d((1.0, 1.0), -float(value("amount") or 0.0), (0.0, 0.0)), shader.GetInput("in")
     if node in ("multiply", "divide", "add", "subtract"):
-        x, y = two("in2", 1.0 if node in ("multiply", "divide") else 0.0)
+        x, y = pair_input("in2", 1.0 if node in ("multiply", "divide") else 0.0)
         own = {
             "multiply": lambda: transform_2d((x, y), 0.0, (0.0, 0.0)),
             "divide": lambda: transform_2d((1 / (x or 1.0), 1 / (y or 1.0)), 0.0, (0.0, 0.0)),

@@ -23,7 +23,7 @@ class Notes:
         self._sentences: dict[str, None] = {}
         self._names: dict[str, dict[str, None]] = {}
 
-    def say(self, sentence: str) -> None:
+    def add_sentence(self, sentence: str) -> None:
         """Adds a separate warning; repeated sentences are reported once."""
         self._sentences[sentence] = None
 
@@ -31,7 +31,7 @@ class Notes:
         """Adds an item, by name, to a group of warnings. what: the group's sentence, without a full stop."""
         self._names.setdefault(what, {})[name] = None
 
-    def tell(self, warn: Callable[[str], None]) -> None:
+    def pass_on(self, warn: Callable[[str], None]) -> None:
         """Passes all warnings to a callback; each group with the number of its items and their first names."""
         for sentence in self._sentences:
             warn(sentence)

@@ -46,9 +46,9 @@ def read_omni_pbr(shader: Any, read: Read) -> None:
     if packed is not None:
         rough, metal = (Input(None, replace(packed, channel=channel)) for channel in "gb")
     elif said.number("reflection_roughness_texture_influence", 0.0) > 0:
-        rough = said.either("reflectionroughness_texture", rough)
+        rough = said.texture_or_constant("reflectionroughness_texture", rough)
     if packed is None and said.number("metallic_texture_influence", 0.0) > 0:
-        metal = said.either("metallic_texture", metal)
+        metal = said.texture_or_constant("metallic_texture", metal)
     fill_roughness(read, rough, 0.5, metal, 0.0)
     material.specular = min(max(2 * said.number("specular_level", 0.5), 0.0), 1.0)
     if said.number("enable_clearcoat", 0.0):
@@ -62,7 +62,7 @@ def read_omni_pbr(shader: Any, read: Read) -> None:
         glow = Input(said.value("emissive_color").color((1.0, 0.1, 0.1)))
         fill_emission(read, glow, said.number("emissive_intensity", 40.0))
     if said.number("enable_opacity", 0.0):
-        opacity = said.either("opacity_texture", Input(said.number("opacity_constant", 1.0)))
+        opacity = said.texture_or_constant("opacity_texture", Input(said.number("opacity_constant", 1.0)))
         fill_opacity(read, opacity, said.number("opacity_threshold", 0.0), color.taken)
 
 
@@ -99,7 +99,7 @@ class _ShaderInputs:
         texture = network.images.texture(image[0], _REPEAT, network.uv_set("st"), self._transform, network.user)
         return None if texture is None else TextureInput(texture)
 
-    def either(self, name: str, constant: Input) -> Input:
+    def texture_or_constant(self, name: str, constant: Input) -> Input:
         """Returns the texture of an input, red channel; the constant if the input has no texture."""
         found = self.texture(name)
         return constant if found is None else Input(None, replace(found, channel="r"))

@@ -65,7 +65,7 @@ class DescriptionBuilder:
         self._numbers: dict[Hashable, list[int]] = {}
         self._vertices = 0
 
-    def place(self, found: list[PlacedPrim]) -> None:
+    def add_prims(self, found: list[PlacedPrim]) -> None:
         """Adds all prims to the description; damaged prims are left out with a note."""
         self._bind([each.prim for each in found if each.shown and each.prim.IsA(UsdGeom.Gprim)])
         self._skeletons.gather(found)
@@ -125,7 +125,7 @@ class DescriptionBuilder:
                 prims = [p for p, m in zip(prims, materials, strict=True) if not m]
 
     def _surface(self, prim: Any, shown_by: Any = None) -> Surface:
-        return self._surfaces.of(self._bound.get(prim.GetPath()), prim if shown_by is None else shown_by)
+        return self._surfaces.surface_of(self._bound.get(prim.GetPath()), prim if shown_by is None else shown_by)
 
     def _key(self, prim: Any) -> Hashable:
         """Returns a key that all instances of the same prototype share."""
@@ -141,7 +141,7 @@ class DescriptionBuilder:
             surfaces = [self._shining(surface, each) for surface in surfaces]
         shape = self._skeletons.shape_of(prim)
         bends = shape is not None or (not self._is_still and deforms(prim))
-        if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop" and self._counts(prim).max(initial=3) > 3:
+        if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop" and self._face_sizes(prim).max(initial=3) > 3:
             note = Sentence(
                 "usd-loop-subdivision-not-triangles",
                 "Loop subdivision surfaces with faces other than triangles are drawn as their cage",
@@ -149,32 +149,32 @@ class DescriptionBuilder:
             self._notes.add(note, str(prim.GetPath()))
         key = (self._key(prim), tuple(surfaces), each.prim.GetPath() if shape is not None else None)
         if key not in self._numbers:
-            make = functools.partial(self._parts, prim, surfaces, subsets, shape)
+            make = functools.partial(self._mesh_parts, prim, surfaces, subsets, shape)
             moment = self._time.GetValue() if bends else None
             known = ("usd mesh", *self._source, self._key(prim), moment, tuple(s[1:] for s in surfaces))
-            parts = make() if shape is not None else self._files.recall(known, make)
+            parts = make() if shape is not None else self._files.get_or_make(known, make)
             shown = [(mesh, s) for mesh, s in zip(parts, surfaces, strict=True) if mesh is not None]
             both = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(self._time))
             self._numbers[key] = [self._add(mesh, s, bends, both) for mesh, s in shown]
         moves = each.moves
         if shape is not None:
             each = replace(each, places=self._skeletons.places_of(prim, each.places))
-        self._show(self._numbers[key], replace(each, moves=moves))
+        self._add_instances(self._numbers[key], replace(each, moves=moves))
 
     def _shining(self, surface: Surface, each: PlacedPrim) -> Surface:
         """Returns the emissive surface of a mesh with MeshLightAPI."""
         place = each.places[0] / np.array([self._unit] * 3 + [1.0])[:, None]
         light, material = UsdLux.LightAPI(each.prim), self._surfaces.material(surface)
         changes = mesh_light_fields(light, material, area_of(each.prim, place, self._time), self._time)
-        return self._surfaces.changed(surface, f"shining {sorted(changes.items())}", **changes)
+        return self._surfaces.with_parameters(surface, f"shining {sorted(changes.items())}", **changes)
 
-    def _counts(self, prim: Any) -> npt.NDArray[np.int64]:
+    def _face_sizes(self, prim: Any) -> npt.NDArray[np.int64]:
         """Returns (F,) the number of corners of each face of a mesh."""
         return primvars.integers(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(self._time))
 
-    def _parts(self, prim: Any, surfaces: list[Surface], subsets: list[Any], shape: Shape | None) -> list[Mesh | None]:
+    def _mesh_parts(self, prim: Any, surfaces: list[Surface], subsets: list[Any], shape: Shape | None) -> list[Mesh | None]:
         """Returns the parts of a mesh, one per surface: first the faces in no subset, then each subset."""
-        count = len(self._counts(prim))
+        count = len(self._face_sizes(prim))
         of = np.zeros(count, np.int64)
         for number, subset in enumerate(subsets, 1):
             indices = primvars.integers(subset.GetIndicesAttr().Get(self._time))
@@ -210,9 +210,9 @@ class DescriptionBuilder:
         surface = self._surfaces.bumpy(surface, mesh)
         material = self._surfaces.material(surface)
         if material.transmission > 0 and not material.thin and not is_closed(mesh.positions, mesh.triangles):
-            surface = self._surfaces.changed(surface, "pane", thin=True)
+            surface = self._surfaces.with_parameters(surface, "pane", thin=True)
         if both and max(material.emission) > 0:
-            surface = self._surfaces.changed(surface, "both", double_sided=True)
+            surface = self._surfaces.with_parameters(surface, "both", double_sided=True)
         self._vertices += len(mesh.positions)
         if self._vertices > MAX_VERTICES:
             raise SceneError(
@@ -226,7 +226,7 @@ class DescriptionBuilder:
         self._description.meshes.append(replace(mesh, material=surface.number, deforms=bends))
         return len(self._description.meshes) - 1
 
-    def _show(self, meshes: list[int], each: PlacedPrim) -> None:
+    def _add_instances(self, meshes: list[int], each: PlacedPrim) -> None:
         instances = self._description.instances
         if len(instances) + len(each.places) * len(meshes) > MAX_INSTANCES:
             raise SceneError(
@@ -255,11 +255,11 @@ class DescriptionBuilder:
         sizes = tuple(str(prim.GetAttribute(name).Get(self._time)) for name in _SIZES if prim.HasAttribute(name))
         key = ("shape", str(prim.GetTypeName()), sizes, surface, self._key(prim) if varies else None)
         if key not in self._numbers:
-            mesh = self._files.recall(("usd shape", key[1], sizes), lambda: shape_of(prim, self._time))
+            mesh = self._files.get_or_make(("usd shape", key[1], sizes), lambda: shape_of(prim, self._time))
             if mesh is None:
                 self._notes.add(_SIZELESS, str(prim.GetPath()))
             self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
-        self._show(self._numbers[key], each)
+        self._add_instances(self._numbers[key], each)
 
     def _sphere(self, each: PlacedPrim, radius: float, material: int, moves: bool) -> None:
         x, y, z = (float(v) for v in each.places[0][:3, 3])
@@ -273,7 +273,7 @@ class DescriptionBuilder:
         if key not in self._numbers:
             mesh = tubes_of(prim, self._time, self._notes, surface.color)
             self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
-        self._show(self._numbers[key], each)
+        self._add_instances(self._numbers[key], each)
 
     def _points(self, each: PlacedPrim) -> None:
         prim = each.prim
@@ -324,7 +324,7 @@ class DescriptionBuilder:
         numbers = []
         for code in kinds.tolist():
             color = tuple((code >> shift & 255) / steps for shift in (0, 8, 16))
-            numbers.append(self._surfaces.changed(surface, f"colour {color}", base_color=color).number)
+            numbers.append(self._surfaces.with_parameters(surface, f"colour {color}", base_color=color).number)
         found: npt.NDArray[np.int64] = np.array(numbers)[kind]
         return found
 
@@ -360,7 +360,7 @@ class DescriptionBuilder:
             if lamp.mesh is None:
                 self._sphere(one, lamp.radius, surface.number, each.moves)
             else:
-                self._show([self._add(lamp.mesh, surface)], one)
+                self._add_instances([self._add(lamp.mesh, surface)], one)
 
 
 _SIZES = ("radius", "height", "size", "width", "length", "radiusTop", "radiusBottom", "axis")

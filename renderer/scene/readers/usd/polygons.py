@@ -24,7 +24,7 @@ class Faces:
     corners: Codes  # (C,)
 
     @cached_property
-    def first(self) -> Codes:
+    def first_corners(self) -> Codes:
         """Returns (F,) the index of each face's first corner."""
         return np.cumsum(self.counts) - self.counts
 
@@ -33,18 +33,18 @@ class Faces:
         """Returns (C,) the face of each corner."""
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
-    def kept(self, which: npt.NDArray[np.bool_]) -> tuple[Faces, Codes]:
+    def masked(self, mask: npt.NDArray[np.bool_]) -> tuple[Faces, Codes]:
         """Returns the faces selected by a mask, and the indices of their corners in this object's corners."""
-        return self.those(np.flatnonzero(which))
+        return self.selected(np.flatnonzero(mask))
 
-    def those(self, numbers: Codes) -> tuple[Faces, Codes]:
+    def selected(self, numbers: Codes) -> tuple[Faces, Codes]:
         """Returns the faces with these indices, and the indices of their corners in this object's corners.
 
         Takes time proportional to the selected faces.
         """
         counts = self.counts[numbers]
         step = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
-        corners = np.repeat(self.first[numbers], counts) + step
+        corners = np.repeat(self.first_corners[numbers], counts) + step
         return Faces(counts, self.corners[corners]), corners
 
 
@@ -58,11 +58,11 @@ class AtCorners:
     kinds: F32 | None = None  # (K, w) values that distinguish vertices, independent of time
     is_indexed: bool = False  # whether shared values are indexed
 
-    def at(self, corners: Codes) -> AtCorners:
+    def at_corners(self, corners: Codes) -> AtCorners:
         """Returns the values at a selection of the corners."""
         return replace(self, code=self.code[corners])
 
-    def each(self) -> F32:
+    def corner_values(self) -> F32:
         """Returns (C, w) the value at each corner."""
         return self.values[self.code]
 
@@ -79,11 +79,11 @@ def joined(faces: Faces, attributes: list[AtCorners]) -> tuple[Codes, I32]:
     Returns (V,) the index of one corner of each vertex, and (C,) the vertex of each corner.
     """
     # By 64-bit hashes: the probability of a collision among three million is 2e-7.
-    key = _mixed(faces.corners.astype(np.uint64), np.zeros(len(faces.corners), np.uint64))
+    key = _hash_pair(faces.corners.astype(np.uint64), np.zeros(len(faces.corners), np.uint64))
     for attribute in attributes:
         if not attribute.by_point:
             values, code = attribute.values if attribute.kinds is None else attribute.kinds, attribute.code
-            key = _mixed(key, _hashed(values)[code] if len(values) <= len(code) else _hashed(values[code]))
+            key = _hash_pair(key, _hashed(values)[code] if len(values) <= len(code) else _hashed(values[code]))
     _, first, vertex = np.unique(key, return_index=True, return_inverse=True)
     return first, vertex.astype(np.int32)
 
@@ -93,11 +93,11 @@ def _hashed(values: F32) -> npt.NDArray[np.uint64]:
     words = np.ascontiguousarray(values + np.float32(0)).view(np.uint32)  # + 0 turns -0 into 0
     found = np.zeros(len(values), np.uint64)
     for column in words.T:
-        found = _mixed(found, column.astype(np.uint64))
+        found = _hash_pair(found, column.astype(np.uint64))
     return found
 
 
-def _mixed(one: npt.NDArray[np.uint64], other: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+def _hash_pair(one: npt.NDArray[np.uint64], other: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
     # The finalizer of SplitMix64 (Steele, Lea & Flood 2014) of the combined bits.
     key = (one * np.uint64(0x9E3779B97F4A7C15)) ^ other
     key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)

@@ -7,7 +7,7 @@ from typing import Any
 
 from renderer.scene.description import Vec3
 from renderer.scene.material import Material
-from renderer.scene.readers.linear_images import most
+from renderer.scene.readers.linear_images import white_value
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
 from renderer.scene.readers.number_ranges import clamped, unit, unit_color
 from renderer.scene.readers.usd.inputs import Input
@@ -160,7 +160,7 @@ def _opaque(image: Any) -> Any:
     if image.pixels.shape[2] < 4:
         return image
     pixels = image.pixels.copy()
-    pixels[..., 3] = most(pixels)
+    pixels[..., 3] = white_value(pixels)
     return replace(image, name=f"{image.name} opaque", pixels=pixels)
 
 

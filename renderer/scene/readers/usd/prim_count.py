@@ -25,7 +25,7 @@ def check_composition(layers: dict[str, Any], root: Any, file: str) -> None:
     Raises SceneError if there are too many prims, or they are nested too deeply.
     """
 
-    def below(key: Key) -> Iterator[Key]:
+    def children(key: Key) -> Iterator[Key]:
         layer = layers[key[0]]
         if key[1] == "/":
             yield from ((each, "/") for each in layer.subLayerPaths if each in layers)
@@ -48,7 +48,7 @@ def check_composition(layers: dict[str, Any], root: Any, file: str) -> None:
                 if chosen in variants.variants:
                     yield key[0], str(variants.variants[chosen].primSpec.path)
 
-    check_expansion((root.identifier, "/"), below, file, MAX_COMPOSED, is_circle_error=False)
+    check_expansion((root.identifier, "/"), children, file, MAX_COMPOSED, is_circle_error=False)
 
 
 def _target(layers: dict[str, Any], identifier: str, path: Any) -> Iterator[Key]:

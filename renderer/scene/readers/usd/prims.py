@@ -16,7 +16,7 @@ from renderer.scene.readers.usd.metadata import is_z_up, unit_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
 
-__all__ = ["MAX_INSTANCES", "PlacedPrim", "matrix", "walk"]
+__all__ = ["MAX_INSTANCES", "PlacedPrim", "matrix", "placed_prims"]
 
 MAX_PRIMS = 2_000_000
 MAX_INSTANCES = 500_000
@@ -53,23 +53,23 @@ def matrix(given: Any) -> Matrix:
     return np.asarray(given, np.float64).T.copy()
 
 
-def walk(stage: Any, time: Any, notes: Notes) -> list[PlacedPrim]:
+def placed_prims(stage: Any, time: Any, notes: Notes) -> list[PlacedPrim]:
     """Returns the stage's geometry, lights, cameras and skeleton roots, in stage order.
 
     Prims with the purpose proxy are included only if no other geometry is visible.
     """
     walked = _Walk(stage, time, notes)
-    found = list(walked.below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
+    found = list(walked.prims_below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
     if walked.proxies and not walked.stands_in:
         if not any(each.prim.IsA(UsdGeom.Gprim) for each in found):
-            notes.say(
+            notes.add_sentence(
                 Sentence(
                     "usd-proxy-drawn",
                     "All visible prims have the purpose proxy, which is usually not rendered; they are drawn here.",
                 )
             )
             walked = _Walk(stage, time, notes, (*_DRAWN_PURPOSES, "proxy"))
-            found = list(walked.below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
+            found = list(walked.prims_below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
         else:
             for path in walked.proxies:
                 notes.add(
@@ -97,7 +97,7 @@ class _Walk:
         self._seen = 0
         self._copies = 0
 
-    def below(self, top: Any, places: Matrix, depth: int = 0) -> Iterator[PlacedPrim]:
+    def prims_below(self, top: Any, places: Matrix, depth: int = 0) -> Iterator[PlacedPrim]:
         """Yields the drawn prims below `top` with their transforms. places: (N, 4, 4) transforms of `top`."""
         which = _ABSTRACT if top.IsAbstract() else _DEFINED if top.IsDefined() else _UNDEFINED
         stack = [(child, places, False, True, "default") for child in reversed(top.GetFilteredChildren(which))]
@@ -123,7 +123,7 @@ class _Walk:
                     str(prim.GetPath()),
                 )
             if prim.IsA(UsdPhysics.Scene):
-                self._notes.say(
+                self._notes.add_sentence(
                     Sentence(
                         "usd-physics-ignored",
                         "Physics is not simulated: objects stay where the file places them.",
@@ -157,9 +157,9 @@ class _Walk:
                     yield PlacedPrim(prim, inner, moves, shown=False)
             stack += [(c, inner, moves, shown, purpose) for c in reversed(self._children(prim, which))]
 
-    def _children(self, prim: Any, which: Any) -> list[Any]:
+    def _children(self, prim: Any, predicate: Any) -> list[Any]:
         """Returns the children of a prim to visit; of levels of detail, only the default level."""
-        children = list(prim.GetFilteredChildren(which))
+        children = list(prim.GetFilteredChildren(predicate))
         if len(children) > 1 and _LEVELS in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
             said = prim.GetAttribute("lod:default:index")
             index = int((said.Get(self._time) if said else None) or 0)
@@ -292,4 +292,4 @@ class _Walk:
             if str(imageable.ComputePurpose()) not in self._drawn:
                 return
             yield PlacedPrim(prototype, still)
-        yield from self.below(prototype, still, depth)
+        yield from self.prims_below(prototype, still, depth)

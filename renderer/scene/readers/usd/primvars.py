@@ -13,7 +13,7 @@ from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import AtCorners, Faces
 from renderer.sentences import Sentence
 
-__all__ = ["array", "at_corners", "constant", "found", "integers", "single", "varies"]
+__all__ = ["array", "at_corners", "constant", "constant_value", "find_primvar", "integers", "varies"]
 
 
 def array(value: Any, width: int) -> F32:
@@ -32,7 +32,7 @@ def integers(value: Any) -> npt.NDArray[np.int64]:
     return np.asarray(values if values.dtype.kind in "iu" else (), np.int64).reshape(-1)
 
 
-def found(prim: Any, name: str) -> Any:
+def find_primvar(prim: Any, name: str) -> Any:
     """Returns a prim's own or inherited primvar; None if it has no value."""
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     return primvar if primvar and primvar.HasValue() else None
@@ -45,16 +45,16 @@ def varies(primvar: Any) -> bool:
 
 def constant(prim: Any, name: str, width: int, time: Any) -> npt.NDArray[np.float32] | None:
     """Returns the (width,) value of a constant primvar; None if it varies over the surface or is absent."""
-    primvar = found(prim, name)
+    primvar = find_primvar(prim, name)
     if primvar is None:
         return None
     values = array(primvar.ComputeFlattened(time), width)
     return values[0] if len(values) == 1 or (len(values) and primvar.GetInterpolation() == "constant") else None
 
 
-def single(prim: Any, name: str, time: Any) -> float | tuple[float, ...] | None:
+def constant_value(prim: Any, name: str, time: Any) -> float | tuple[float, ...] | None:
     """Returns the value of a constant primvar as number or tuple; None if it varies over the surface or is not numeric."""
-    primvar = found(prim, name)
+    primvar = find_primvar(prim, name)
     if primvar is None or primvar.GetInterpolation() != "constant":
         return None
     values = np.asarray(primvar.ComputeFlattened(time))
@@ -73,10 +73,10 @@ def at_corners(primvar: Any, width: int | None, faces: Faces, points: int, time:
     shape = np.shape(given)
     values = array(given, (shape[1] if len(shape) == 2 else 1) if width is None else width)
     indices = np.asarray(primvar.GetIndices(time) or (), np.int64) if primvar.IsIndexed() else None
-    return spread(values, indices, primvar.GetInterpolation(), faces, points, primvar.GetAttr().GetPath(), notes)
+    return values_at_corners(values, indices, primvar.GetInterpolation(), faces, points, primvar.GetAttr().GetPath(), notes)
 
 
-def spread(
+def values_at_corners(
     values: F32,
     indices: npt.NDArray[np.int64] | None,
     interpolation: str,

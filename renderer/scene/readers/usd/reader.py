@@ -15,7 +15,7 @@ from renderer.scene.readers.usd.layers import Stage, as_scene_errors, muted, ope
 from renderer.scene.readers.usd.metadata import rate_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.placing import DescriptionBuilder
-from renderer.scene.readers.usd.prims import PlacedPrim, walk
+from renderer.scene.readers.usd.prims import PlacedPrim, placed_prims
 from renderer.scene.readers.usd.sources import Sources
 from renderer.scene.readers.usd.textures import Images
 from renderer.scene.textures import TextureShelf
@@ -29,8 +29,8 @@ def read_stage(files: SceneFiles, main: str, description: SceneDescription, vari
     """Adds the stage of a USD file to the description. Raises SceneError if it cannot be read or lacks the variant or clip."""
     shelf = TextureShelf(description, files)
     with as_scene_errors(main), muted():
-        sources = files.recall(("usd files", main), lambda: Sources(files))
-        stage, variants = files.recall(("usd stage", main, variant), lambda: open_stage(sources, main, variant))
+        sources = files.get_or_make(("usd files", main), lambda: Sources(files))
+        stage, variants = files.get_or_make(("usd stage", main, variant), lambda: open_stage(sources, main, variant))
         description.variants = variants
         notes = Notes()
         time = _time(stage, main, description, moment, notes)
@@ -38,9 +38,9 @@ def read_stage(files: SceneFiles, main: str, description: SceneDescription, vari
             files, (main, variant), stage, description, shelf, Images(stage, sources, shelf, notes), notes, time
         )
         settings = _render_settings(stage.stage)
-        placing.place(with_render_camera_first(walk(stage.stage, time, notes), settings))
+        placing.add_prims(with_render_camera_first(placed_prims(stage.stage, time, notes), settings))
         for told in (stage.notes, notes):
-            told.tell(shelf.warn)
+            told.pass_on(shelf.warn)
         _resolution(settings, description)
 
 

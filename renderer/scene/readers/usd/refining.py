@@ -28,13 +28,13 @@ def refine(
     """
     old = np.arange(len(faces.counts))
     whole = faces.counts >= 3
-    faces, corners = faces.kept(whole)
-    attributes, old = {name: values.at(corners) for name, values in attributes.items()}, old[whole]
+    faces, corners = faces.masked(whole)
+    attributes, old = {name: values.at_corners(corners) for name, values in attributes.items()}, old[whole]
     smooth = {name: values for name, values in attributes.items() if values.by_point and len(values.values) > 1}
     columns = [points.astype(np.float64)]
     for values in smooth.values():
         at_points = np.zeros((len(points), values.values.shape[1]))
-        at_points[faces.corners] = values.each()
+        at_points[faces.corners] = values.corner_values()
         columns.append(at_points)
     lengths = np.asarray(mesh.GetCreaseLengthsAttr().Get(time) or (), np.int64)
     edges, sharpness = _creases(
@@ -100,11 +100,11 @@ def _creases(
     return np.stack([indices[begin], indices[begin + 1]], axis=1), np.maximum(sharpness, 0)
 
 
-def _face_varying_cage(cage: Cage, values: AtCorners, how: str) -> Cage:
+def _face_varying_cage(cage: Cage, values: AtCorners, interpolation: str) -> Cage:
     """Returns a cage whose points are the values of a face-varying primvar, to subdivide the primvar like positions.
 
-    Where neighbouring faces do not share a value, the cage has a border. how: UsdGeomMesh's faceVaryingLinearInterpolation, any
-    value but `all`.
+    Where neighbouring faces do not share a value, the cage has a border. interpolation: UsdGeomMesh's
+    faceVaryingLinearInterpolation, any value but `all`.
     """
     old, code = cage.faces.corners, values.code
     keys, first, corner = np.unique(old * (int(code.max(initial=0)) + 1) + code, return_index=True, return_inverse=True)
@@ -112,17 +112,17 @@ def _face_varying_cage(cage: Cage, values: AtCorners, how: str) -> Cage:
     begin, end = np.searchsorted(point, np.arange(len(cage.points))), np.searchsorted(point, np.arange(len(cage.points)), "right")
     still = np.zeros(len(keys), bool)
     pieces, sides = end - begin, np.bincount(corner, minlength=len(keys))
-    if how in ("cornersPlus1", "cornersPlus2"):
+    if interpolation in ("cornersPlus1", "cornersPlus2"):
         still = pieces[point] > 2
-    if how == "cornersPlus2":  # with two pieces, both are sharp if one has a corner
+    if interpolation == "cornersPlus2":  # with two pieces, both are sharp if one has a corner
         still |= (pieces == 2)[point] & (np.bincount(point, sides == 1, len(cage.points)) > 0)[point]
-    if how == "none" and cage.sharp_boundary_corners:  # at corners of the mesh itself
+    if interpolation == "none" and cage.sharp_boundary_corners:  # at corners of the mesh itself
         still = np.bincount(old, minlength=len(cage.points))[point] == 1
     faces = Faces(cage.faces.counts, corner)
-    if how == "boundaries":
+    if interpolation == "boundaries":
         still = still | _on_boundary(faces, len(keys))
     ahead = np.arange(len(old)) + 1
-    ahead[faces.first + faces.counts - 1] = faces.first
+    ahead[faces.first_corners + faces.counts - 1] = faces.first_corners
     edges, sharpness = np.zeros((0, 2), np.int64), np.zeros(0)
     if len(cage.edges):
         count = len(cage.points)
@@ -144,7 +144,7 @@ def _face_varying_cage(cage: Cage, values: AtCorners, how: str) -> Cage:
         sharpness,
         corners,
         strength,
-        how != "none",
+        interpolation != "none",
         cage.is_loop,
         cage.has_smooth_triangles,
     )
@@ -161,7 +161,7 @@ def _on_boundary(faces: Faces, points: int) -> npt.NDArray[np.bool_]:
     """Returns (P,) True for the end points of edges that belong to a single face."""
     ahead = np.arange(len(faces.corners)) + 1
     some = faces.counts > 0
-    ahead[(faces.first + faces.counts - 1)[some]] = faces.first[some]
+    ahead[(faces.first_corners + faces.counts - 1)[some]] = faces.first_corners[some]
     a, b = faces.corners, faces.corners[ahead]
     keys, times = np.unique(np.minimum(a, b) * points + np.maximum(a, b), return_counts=True)
     outer = np.zeros(points, bool)

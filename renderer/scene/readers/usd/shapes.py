@@ -27,40 +27,40 @@ def shape_of(prim: Any, time: Any) -> Mesh | None:
     """Returns an analytic shape as a mesh in the prim's local space; None if its size is zero."""
     name = prim.GetName()
 
-    def said(attribute: str) -> float:
+    def dimension(attribute: str) -> float:
         value = prim.GetAttribute(attribute).Get(time)
         return max(float(value), 0.0) if value is not None and np.isfinite(value) else 0.0
 
     if prim.IsA(UsdGeom.Cube):
-        return _scaled(cube(name), said("size") / 2)
+        return _scaled(cube(name), dimension("size") / 2)
     if prim.IsA(UsdGeom.Sphere):
-        return _turned(lathe(name, _arc(said("radius"), -1.0, 1.0, 0.0), _SEGMENTS), "Z")
+        return _align_to_axis(lathe(name, _arc(dimension("radius"), -1.0, 1.0, 0.0), _SEGMENTS), "Z")
     axis = str(prim.GetAttribute("axis").Get() or "Z")
     if prim.IsA(UsdGeom.Plane):
         plane = quad(name)
-        plane.positions = plane.positions * np.array([said("width") / 2, said("length") / 2, 1], np.float32)
+        plane.positions = plane.positions * np.array([dimension("width") / 2, dimension("length") / 2, 1], np.float32)
         plane.positions, plane.normals = (_facing(v, axis) for v in (plane.positions, plane.normals))
         return plane
-    half = said("height") / 2
+    half = dimension("height") / 2
     if prim.IsA(UsdGeom.Cone):
-        radius = said("radius")
+        radius = dimension("radius")
         profile = [(0.0, -half), (radius, -half), (0.0, half)]
     elif prim.IsA(UsdGeom.Cylinder) or prim.IsA(UsdGeom.Cylinder_1):
-        bottom, top = _radii(prim, said)
+        bottom, top = _radii(prim, dimension)
         profile = [(0.0, -half), (bottom, -half), (top, half), (0.0, half)]
     else:
-        bottom, top = _radii(prim, said)
+        bottom, top = _radii(prim, dimension)
         profile = _arc(bottom, -1.0, 0.0, -half) + _arc(top, 0.0, 1.0, half)
     profile = [point for i, point in enumerate(profile) if i == 0 or point != profile[i - 1]]
     if len({y for _, y in profile}) < 2 or max(r for r, _ in profile) <= 0:
         return None
-    return _turned(lathe(name, profile, _SEGMENTS), axis)
+    return _align_to_axis(lathe(name, profile, _SEGMENTS), axis)
 
 
-def _radii(prim: Any, said: Any) -> tuple[float, float]:
+def _radii(prim: Any, values: Any) -> tuple[float, float]:
     if prim.IsA(UsdGeom.Cylinder_1) or prim.IsA(UsdGeom.Capsule_1):
-        return said("radiusBottom"), said("radiusTop")
-    return said("radius"), said("radius")
+        return values("radiusBottom"), values("radiusTop")
+    return values("radius"), values("radius")
 
 
 def _arc(radius: float, start: float, end: float, height: float) -> list[tuple[float, float]]:
@@ -85,7 +85,7 @@ def _scaled(mesh: Mesh, factor: float) -> Mesh | None:
     return mesh if factor > 0 else None
 
 
-def _turned(mesh: Mesh, axis: str) -> Mesh:
+def _align_to_axis(mesh: Mesh, axis: str) -> Mesh:
     columns = _COLUMNS[axis]
     mesh.positions = np.ascontiguousarray(mesh.positions[:, columns])
     if mesh.normals is not None:

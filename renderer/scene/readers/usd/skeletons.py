@@ -78,8 +78,8 @@ class Skeletons:
         whole = transforms @ bind
         bent = np.zeros_like(points)
         for k in range(joints.shape[1]):
-            bent += weights[:, k : k + 1] * _moved(whole[joints[:, k]], points)
-        turned = None if normals is None else self._turned(mesh, normals, whole, joints, weights)
+            bent += weights[:, k : k + 1] * _transform_points(whole[joints[:, k]], points)
+        turned = None if normals is None else self._skinned_normals(mesh, normals, whole, joints, weights)
         return Shape(in_exact_type(bent), turned, None if normals is None else normals.astype(np.float32))
 
     def _in_order(self, transforms: Matrix, order: Any, skinning: Any) -> Matrix:
@@ -165,7 +165,7 @@ class Skeletons:
 
     def _normals(self, mesh: Any) -> F64 | None:
         """Returns a mesh's normals per point or per corner, with per-face normals repeated for each corner; None if absent."""
-        primvar = primvars.found(mesh.GetPrim(), "normals")
+        primvar = primvars.find_primvar(mesh.GetPrim(), "normals")
         given = mesh.GetNormalsAttr().Get(self._time) if primvar is None else primvar.ComputeFlattened(self._time)
         values = primvars.array(given, 3).astype(np.float64)
         kind = mesh.GetNormalsInterpolation() if primvar is None else primvar.GetInterpolation()
@@ -174,16 +174,18 @@ class Skeletons:
             values = np.repeat(values, counts, axis=0)
         return values if len(values) else None
 
-    def _turned(self, mesh: Any, normals: F64, whole: Matrix, joints: npt.NDArray[np.int64], weights: F64) -> F32 | None:
+    def _skinned_normals(
+        self, mesh: Any, normals: F64, transform: Matrix, joints: npt.NDArray[np.int64], weights: F64
+    ) -> F32 | None:
         """Returns the normals, per point or per corner, transformed by their points' joints; None if their number does not fit.
 
-        whole: (J, 4, 4) joint transforms; joints, weights: (V, k) influences of each point.
+        transform: (J, 4, 4) joint transforms; joints, weights: (V, k) influences of each point.
         """
         corners = primvars.integers(mesh.GetFaceVertexIndicesAttr().Get(self._time))
         point = corners if len(normals) == len(corners) else np.arange(len(normals))
         if point.max(initial=-1) >= len(joints) or point.min(initial=0) < 0:
             return None
-        x, y, z = (whole[:, :3, k] for k in range(3))
+        x, y, z = (transform[:, :3, k] for k in range(3))
         carry = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=2)  # det(M) M^-T
         turned = np.zeros_like(normals)
         for k in range(joints.shape[1]):
@@ -192,6 +194,6 @@ class Skeletons:
         return found
 
 
-def _moved(matrices: Matrix, points: F64) -> F64:
+def _transform_points(matrices: Matrix, points: F64) -> F64:
     found: F64 = np.einsum("vij,vj->vi", matrices[:, :3, :3], points) + matrices[:, :3, 3]
     return found

@@ -37,10 +37,10 @@ class Sources:
         beside: name of the layer's file.
         """
         wanted = reference.split(":SDF_FORMAT_ARGS:")[0].replace("\\", "/")
-        package, inner = split(beside)
+        package, inner = split_package_path(beside)
         if inner is not None and (found := self._in_package(package, wanted, inner)):
             return found
-        outer, inside = split(wanted)
+        outer, inside = split_package_path(wanted)
         found = self._files.find(outer, package)
         if found is None or inside is None:
             return found
@@ -48,17 +48,17 @@ class Sources:
 
     def is_outside(self, reference: str, beside: str) -> bool:
         """Returns True if an asset path, relative to the layer `beside`, leads outside the scene's folder."""
-        return self._files.is_outside(split(reference)[0], split(beside)[0])
+        return self._files.is_outside(split_package_path(reference)[0], split_package_path(beside)[0])
 
     def path(self, name: str) -> str:
         """Returns the path by which USD opens a file. Raises SceneError if the file must not be opened."""
-        outer, inner = split(name)
+        outer, inner = split_package_path(name)
         path = str(self._files.path(outer))
         return path if inner is None else f"{path}[{inner}]"
 
     def read(self, name: str) -> bytes:
         """Returns the bytes of a file. Raises SceneError if it cannot be read or is compressed inside its package."""
-        outer, inner = split(name)
+        outer, inner = split_package_path(name)
         if inner is None:
             return self._files.read(outer)
         package = self._package(outer)
@@ -89,7 +89,7 @@ class Sources:
 
         Raises SceneError if the package does not begin with a USD layer.
         """
-        outer, inner = split(name)
+        outer, inner = split_package_path(name)
         if inner is not None or not outer.lower().endswith(_PACKAGE):
             return name
         first = next((entry for entry in self._package(outer).namelist() if not entry.endswith("/")), None)
@@ -105,7 +105,7 @@ class Sources:
 
     def tiles(self, reference: str, beside: str) -> dict[int, str]:
         """Returns the files of a UDIM texture by tile number, 1001 to 1100."""
-        package, inner = split(beside)
+        package, inner = split_package_path(beside)
 
         def find(name: str) -> str | None:
             at = self._in_package(package, name, inner) if inner is not None else None
@@ -113,16 +113,16 @@ class Sources:
 
         return tiles_of(reference, find)
 
-    def _in_package(self, package: str, wanted: str, beside: str) -> str | None:
+    def _in_package(self, package: str, file_name: str, beside: str) -> str | None:
         if package not in self._names:
             listed = sorted(self._package(package).namelist())
             self._names[package] = set(listed), {posixpath.basename(name): name for name in reversed(listed)}
         names, by_bare_name = self._names[package]
-        near = posixpath.normpath(posixpath.join(posixpath.dirname(beside), wanted))
-        for name in (near, posixpath.normpath(wanted).lstrip("/")):
+        near = posixpath.normpath(posixpath.join(posixpath.dirname(beside), file_name))
+        for name in (near, posixpath.normpath(file_name).lstrip("/")):
             if name in names:
                 return f"{package}[{name}]"
-        bare = by_bare_name.get(posixpath.basename(wanted)) if posixpath.basename(wanted) else None
+        bare = by_bare_name.get(posixpath.basename(file_name)) if posixpath.basename(file_name) else None
         return f"{package}[{bare}]" if bare is not None else None
 
     def _size(self, outer: str) -> int:
@@ -144,7 +144,7 @@ class Sources:
         return self._packages[outer]
 
 
-def split(name: str) -> tuple[str, str | None]:
+def split_package_path(name: str) -> tuple[str, str | None]:
     """Splits the name of a file in a package into (package, inner file); returns (name, None) for other files."""
     at = name.find(f"{_PACKAGE}[")
     if at < 0 or not name.endswith("]"):

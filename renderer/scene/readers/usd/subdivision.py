@@ -57,18 +57,18 @@ def refined(cage: Cage, along: list[AtCorners]) -> tuple[Cage, list[AtCorners], 
     if cage.is_loop:
         smooth = loop.on_edges(points, edges.ends, edges.of, faces.corners[back])
         old, new_points = loop.smoothed(points, edges.ends), np.zeros((0, points.shape[1]))
-        finer_faces, parent = loop.split(faces.corners, count + edges.of)
-        within = loop.within
+        finer_faces, parent = loop.split_triangles(faces.corners, count + edges.of)
+        within = loop.interpolate
     else:
-        middle = _mean(points[faces.corners], face, len(faces.counts))
+        middle = _group_means(points[faces.corners], face, len(faces.counts))
         beside = np.where(cage.has_smooth_triangles & (faces.counts[face] == 3), SMOOTH_TRIANGLE, 0.25)[:, None]
-        share = 2 * _mean(beside, edges.of, len(edges.ends))
-        smooth = (1 - share) * onto + share * _mean(middle[face], edges.of, len(edges.ends))
+        share = 2 * _group_means(beside, edges.of, len(edges.ends))
+        smooth = (1 - share) * onto + share * _group_means(middle[face], edges.of, len(edges.ends))
         old, new_points = _smoothed(cage, edges, middle, face), middle
         # Each corner becomes a quad: the corner, the next edge point, the face point and the previous edge point.
         quads = np.stack([faces.corners, count + edges.of, count + len(edges.ends) + face, count + edges.of[back]], axis=1)
         finer_faces, parent = Faces(np.full(len(quads), 4), quads.reshape(-1)), face
-        within = _within
+        within = _interpolate
     share = np.clip(edges.sharpness, 0, 1)[:, None]
     on_edges = share * onto + (1 - share) * smooth
     moved = _points(cage, edges, old)
@@ -121,11 +121,11 @@ def _limit(cage: Cage) -> F64:
     if cage.is_loop:
         smooth = loop.limit(points, edges.ends)
     else:
-        around, across = _mean(points[others], ends, count), _mean(points[opposite], faces.corners, count)
+        around, across = _group_means(points[others], ends, count), _group_means(points[opposite], faces.corners, count)
         smooth = (n * points + 4 * around + across) / (n + 5)
     is_sharp = np.repeat(edges.sharpness > 0, 2)
     sharp = np.bincount(ends[is_sharp], minlength=count)[:, None]
-    crease = (4 * points + 2 * _mean(points[others[is_sharp]], ends[is_sharp], count)) / 6
+    crease = (4 * points + 2 * _group_means(points[others[is_sharp]], ends[is_sharp], count)) / 6
     still = _point_sharpness(cage, edges, sharp[:, 0])[:, None]
     return np.where((still > 0) | (n == 0), points, np.where(sharp == 2, crease, smooth))
 
@@ -133,7 +133,7 @@ def _limit(cage: Cage) -> F64:
 def _neighbours(faces: Faces) -> tuple[Codes, Codes]:
     """Returns (C,) the index of the next corner in the face of each corner, and (C,) that of the previous one."""
     ahead = np.arange(len(faces.corners)) + 1
-    ahead[faces.first + faces.counts - 1] = faces.first
+    ahead[faces.first_corners + faces.counts - 1] = faces.first_corners
     back = np.empty_like(ahead)
     back[ahead] = np.arange(len(ahead))
     return ahead, back
@@ -161,7 +161,7 @@ def _smoothed(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
     count = len(points)
     ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
     n = np.maximum(np.bincount(ends, minlength=count), 1)[:, None]
-    around, about = _mean(points[others], ends, count), _mean(middle[face], cage.faces.corners, count)
+    around, about = _group_means(points[others], ends, count), _group_means(middle[face], cage.faces.corners, count)
     return np.asarray((about + around + (n - 2.0) * points) / n)
 
 
@@ -172,7 +172,7 @@ def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
     ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
     is_sharp = np.repeat(edges.sharpness > 0, 2)
     sharp = np.bincount(ends[is_sharp], minlength=count)
-    crease = (6 * points + 2 * _mean(points[others[is_sharp]], ends[is_sharp], count)) / 8
+    crease = (6 * points + 2 * _group_means(points[others[is_sharp]], ends[is_sharp], count)) / 8
     # Fractional sharpness of edges that become smooth at this level: OpenSubdiv's weight between two rules.
     ceases = is_sharp & (np.repeat(edges.sharpness, 2) <= 1)
     ceasing = np.bincount(ends[ceases], minlength=count)
@@ -200,16 +200,16 @@ def _point_sharpness(cage: Cage, edges: _Edges, sharp: Codes) -> F64:
     return still
 
 
-def _within(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCorners:
-    own = values.each().astype(np.float64)
-    middle = _mean(own, faces.face, len(faces.counts))[faces.face]
+def _interpolate(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCorners:
+    own = values.corner_values().astype(np.float64)
+    middle = _group_means(own, faces.face, len(faces.counts))[faces.face]
     onward = (own + own[ahead]) / 2
     four = np.stack([own, onward, middle, onward[back]], axis=1)
     found: F32 = four.reshape(-1, own.shape[1]).astype(np.float32)
     return AtCorners(found, np.arange(len(found)))
 
 
-def _mean(values: F64, group: Codes, count: int) -> F64:
+def _group_means(values: F64, group: Codes, count: int) -> F64:
     """Returns (count, w) the mean of the values in each group; 0 for empty groups. group: (N,) group index of each value."""
     total = np.stack([np.bincount(group, values[:, k], count) for k in range(values.shape[1])], axis=1)
     result: F64 = total / np.maximum(np.bincount(group, minlength=count), 1)[:, None]

@@ -44,15 +44,15 @@ OPEN_PBR = Names(
 )
 
 
-def mixed_color(said: SurfaceInputs, read: Read, names: Names, weight: float, default: Vec3) -> tuple[Input, float]:
+def mixed_color(inputs: SurfaceInputs, read: Read, names: Names, weight: float, default: Vec3) -> tuple[Input, float]:
     """Mixes the base colour with the subsurface colour, since a material has one colour for both; returns it and its weight.
 
     If either is textured, the one with the larger weight is used, with a note.
     """
-    color, share = said("base_color", True), unit(said.number(names.weight, 0.0))
-    if share <= 0 or _is_sheet(said):
+    color, share = inputs("base_color", True), unit(inputs.number(names.weight, 0.0))
+    if share <= 0 or _is_sheet(inputs):
         return color, weight
-    under = said("subsurface_color", True)
+    under = inputs("subsurface_color", True)
     if not _varies(color) and not _varies(under):
         pairs = zip(color.color(default), under.color(default), strict=True)
         return Input(tuple(weight * (1 - share) * a + share * b for a, b in pairs)), 1.0
@@ -65,19 +65,19 @@ def mixed_color(said: SurfaceInputs, read: Read, names: Names, weight: float, de
     return (under, 1.0) if share > 0.5 or (share == 0.5 and _varies(under)) else (color, weight)
 
 
-def scatter_beneath(said: SurfaceInputs, read: Read, names: Names) -> None:
+def scatter_beneath(inputs: SurfaceInputs, read: Read, names: Names) -> None:
     """Fills the subsurface parameters; for thin sheets, diffuse transmission. The base colour must be filled first."""
-    material, share = read.material, unit(said.number(names.weight, 0.0))
+    material, share = read.material, unit(inputs.number(names.weight, 0.0))
     if share <= 0:
         return
-    g = said.number(names.anisotropy, 0.0)
-    if not _is_sheet(said):
-        scale = said.number(names.scale, 1.0) * read.network.unit
+    g = inputs.number(names.anisotropy, 0.0)
+    if not _is_sheet(inputs):
+        scale = inputs.number(names.scale, 1.0) * read.network.unit
         material.subsurface = share
-        material.subsurface_radius = unit_color((scale * c for c in said.color(names.radius, names.path)), MOST_DENSE)
+        material.subsurface_radius = unit_color((scale * c for c in inputs.color(names.radius, names.path)), MOST_DENSE)
         material.subsurface_anisotropy = clamped(g, -MOST_FORWARD, MOST_FORWARD)
         return
-    under = said("subsurface_color", True)
+    under = inputs("subsurface_color", True)
     color = under.color((0.8, 0.8, 0.8))
     if under.taken is not None:
         color, material.diffuse_transmission_color_texture = colored(read.shelf, under.taken)
@@ -88,20 +88,20 @@ def scatter_beneath(said: SurfaceInputs, read: Read, names: Names) -> None:
         material.base_color = unit_color(((1 - share) * b + (share - onwards) * c) / (1 - onwards) for b, c in pairs)
 
 
-def fill_glass(said: SurfaceInputs, read: Read, tint: Vec3, depth: float) -> None:
+def fill_glass(inputs: SurfaceInputs, read: Read, tint: Vec3, depth: float) -> None:
     """Fills the interior of solid glass with the medium that transmits `tint` over the distance `depth`, in stage units."""
     material = read.material
-    scatter = said.color("transmission_scatter", (0.0, 0.0, 0.0))
+    scatter = inputs.color("transmission_scatter", (0.0, 0.0, 0.0))
     if max(scatter) <= 0:
         material.attenuation_color, material.attenuation_distance = unit_color(tint), depth * read.network.unit
         return
-    found = attenuating(tint, depth * read.network.unit, scatter, said.number("transmission_scatter_anisotropy", 0.0))
+    found = attenuating(tint, depth * read.network.unit, scatter, inputs.number("transmission_scatter_anisotropy", 0.0))
     for name, value in interior_fields(found).items():
         setattr(material, name, value)
 
 
-def _is_sheet(said: SurfaceInputs) -> bool:
-    return any(said.number(name, 0) != 0 for name in ("thin_walled", "geometry_thin_walled"))
+def _is_sheet(inputs: SurfaceInputs) -> bool:
+    return any(inputs.number(name, 0) != 0 for name in ("thin_walled", "geometry_thin_walled"))
 
 
 def _varies(given: Input) -> bool:

@@ -27,13 +27,13 @@ class SurfaceInputs:
 
     def number(self, name: str, default: float) -> float:
         """Returns an input as a number; a texture is left out with a note."""
-        return self._even(name, self(name)).number(default)
+        return self._constant_value(name, self(name)).number(default)
 
     def color(self, name: str, default: Vec3 = _WHITE) -> Vec3:
         """Returns an input as a colour; a texture is left out with a note."""
-        return self._even(name, self(name, True)).color(default)
+        return self._constant_value(name, self(name, True)).color(default)
 
-    def _even(self, name: str, given: Input) -> Input:
+    def _constant_value(self, name: str, given: Input) -> Input:
         if given.taken is not None or given.primvar is not None:
             self._note(
                 Sentence(

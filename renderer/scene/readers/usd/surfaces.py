@@ -52,32 +52,32 @@ class Surfaces:
         self._known: dict[Any, Any] = {}
         self._asked: dict[Any, tuple[str, ...]] = {}  # primvars that a material reads, except UVs
 
-    def of(self, material: Any, prim: Any) -> Surface:
+    def surface_of(self, material: Any, prim: Any) -> Surface:
         """Returns the surface of a prim. material: its bound material; if None or unsupported, the display colour is used."""
         if not material:
-            return self._shown(prim)
+            return self._display_color_surface(prim)
         source = material.GetPrim()
         key = (source.GetPrimInPrototype() if source.IsInstanceProxy() else source).GetPath()
         if key not in self._asked:
-            self._take(key, material, prim)
-        states = tuple(self._state(prim, name) for name in self._asked[key])
+            self._read_cached(key, material, prim)
+        states = tuple(self._primvar_state(prim, name) for name in self._asked[key])
         if (key, states) not in self._known:
-            self._take(key, material, prim)
-        return self._known.get((key, states)) or self._shown(prim)
+            self._read_cached(key, material, prim)
+        return self._known.get((key, states)) or self._display_color_surface(prim)
 
-    def _take(self, key: Any, material: Any, prim: Any) -> None:
+    def _read_cached(self, key: Any, material: Any, prim: Any) -> None:
         """Reads a material for a prim; caches it for all prims with equal values of the primvars that the material reads."""
         found, self._asked[key] = self._read(material, prim)
-        self._known[key, tuple(self._state(prim, name) for name in self._asked[key])] = found
+        self._known[key, tuple(self._primvar_state(prim, name) for name in self._asked[key])] = found
 
-    def _state(self, prim: Any, name: str) -> Any:
+    def _primvar_state(self, prim: Any, name: str) -> Any:
         """Returns None if a prim lacks a primvar, its value if it is constant, or a marker if it varies over the surface."""
-        if primvars.found(prim, name) is None:
+        if primvars.find_primvar(prim, name) is None:
             return None
-        value = primvars.single(prim, name, self._time)
+        value = primvars.constant_value(prim, name, self._time)
         return _VARIES if value is None else value
 
-    def changed(self, surface: Surface, key: str, **values: Any) -> Surface:
+    def with_parameters(self, surface: Surface, key: str, **values: Any) -> Surface:
         """Returns a copy of a surface with other material parameters, cached by key."""
         if (surface.number, key) not in self._known:
             made = self._add(replace(self._materials[surface.number], **values), surface)
@@ -95,10 +95,10 @@ class Surfaces:
         if found is None:
             return surface
         spans = rounded(found[0]), rounded(found[1])
-        bumps = self._bumps.of(heights.texture, heights.rise, spans)
+        bumps = self._bumps.normal_map(heights.texture, heights.rise, spans)
         if bumps is None:
             return surface
-        return self.changed(surface, f"bumps {spans}", normal_texture=bumps.texture, normal_scale=bumps.strength)
+        return self.with_parameters(surface, f"bumps {spans}", normal_texture=bumps.texture, normal_scale=bumps.strength)
 
     def material(self, surface: Surface) -> Material:
         """Returns the description's material of a surface."""
@@ -112,12 +112,12 @@ class Surfaces:
         self._materials.append(material)
         return like._replace(number=len(self._materials) - 1)
 
-    def _shown(self, prim: Any) -> Surface:
+    def _display_color_surface(self, prim: Any) -> Surface:
         """Returns a diffuse surface with a prim's display colour and opacity, for prims without a material."""
-        shown = next((name for name in _SHOWN if primvars.found(prim, name) is not None), _SHOWN[0])
+        shown = next((name for name in _SHOWN if primvars.find_primvar(prim, name) is not None), _SHOWN[0])
         color, opacity = (primvars.constant(prim, name, n, self._time) for name, n in ((shown, 3), ("displayOpacity", 1)))
         varying = [
-            None if c is not None or primvars.found(prim, n) is None else n
+            None if c is not None or primvars.find_primvar(prim, n) is None else n
             for c, n in ((color, shown), (opacity, "displayOpacity"))
         ]
         clear = 1.0 if opacity is None else float(unit_color([opacity[0]] * 3)[0])
@@ -155,7 +155,7 @@ class Surfaces:
                 name,
             )
             return None, ()
-        if any(self._state(prim, each) is _VARIES for each in network.asked if each not in (read.color, read.opacity)):
+        if any(self._primvar_state(prim, each) is _VARIES for each in network.asked if each not in (read.color, read.opacity)):
             self._notes.add(
                 Sentence(
                     "usd-primvar-inputs-fallback",

@@ -57,7 +57,7 @@ class Images:
         self._stage, self._sources, self.shelf, self._notes = stage, sources, shelf, notes
         self._atlases: dict[tuple[str, str, bool], tuple[int, UvTransform] | None] = {}
 
-    def named(self, attribute: Any, time: Any) -> tuple[str, str] | None:
+    def asset_path(self, attribute: Any, time: Any) -> tuple[str, str] | None:
         """Returns the asset path in an attribute and the file whose layer sets it; None if the attribute is empty."""
         path = attribute.Get(time) if attribute else None
         named = getattr(path, "path", path)  # Arnold's nodes store a string
@@ -76,7 +76,7 @@ class Images:
 
         user: the object named in the warning. srgb: whether the image is sRGB-encoded.
         """
-        named = self.named(attribute, time)
+        named = self.asset_path(attribute, time)
         if named is None:
             return None
         reference, beside = named
@@ -84,7 +84,7 @@ class Images:
             return self._atlas(reference, beside, user, srgb)
         name = self._sources.find(reference, beside)
         if name is None:
-            self.shelf.missing(reference, user)
+            self.shelf.warn_of_missing(reference, user)
             return None
         if is_environment:
             found = self.shelf.environment_file(name, lambda: self._sources.read(name))
@@ -94,7 +94,7 @@ class Images:
 
     def file(self, attribute: Any, time: Any) -> tuple[str, Callable[[], bytes]] | None:
         """Returns the name of the file that an attribute names, and a function that reads the file; None if it is missing."""
-        named = self.named(attribute, time)
+        named = self.asset_path(attribute, time)
         name = None if named is None else self._sources.find(*named)
         return None if name is None else (name, lambda: self._sources.read(name))
 
@@ -122,7 +122,7 @@ class Images:
         if key not in self._atlases:
             tiles = self._sources.tiles(reference, beside)
             if not tiles:
-                self.shelf.missing(tile_name(reference, 1001), user)
+                self.shelf.warn_of_missing(tile_name(reference, 1001), user)
                 self._atlases[key] = None
                 return None
             pixels = {n: read_image(self._sources.read(name), name) for n, name in tiles.items()}
@@ -158,58 +158,62 @@ def linear(image: Image) -> F32:
     return values
 
 
-def grey(shelf: TextureShelf, taken: TextureInput) -> int | None:
+def grey(shelf: TextureShelf, texture_input: TextureInput) -> int | None:
     """Returns a texture of linear values with one channel of another texture in red, green and blue, scale and bias applied."""
-    channel = "r" if taken.channel == "rgb" else taken.channel
-    scale, bias = taken.span(channel)
+    channel = "r" if texture_input.channel == "rgb" else texture_input.channel
+    scale, bias = texture_input.span(channel)
 
-    def make(image: Image) -> Image:
+    def to_grey(image: Image) -> Image:
         values = np.clip(linear(image)[..., CHANNELS[channel]] * scale + bias, 0, 1)
         return Image(f"{image.name} {channel}", encoded(np.dstack([values] * 3 + [np.ones_like(values)]), image), srgb=False)
 
-    return shelf.derived_texture(taken.texture, f"{channel} {scale} {bias}", make)
+    return shelf.derived_texture(texture_input.texture, f"{channel} {scale} {bias}", to_grey)
 
 
-def colored(shelf: TextureShelf, taken: TextureInput, most: float = 1.0) -> tuple[tuple[float, float, float], int | None]:
+def colored(
+    shelf: TextureShelf, texture_input: TextureInput, maximum: float = 1.0
+) -> tuple[tuple[float, float, float], int | None]:
     """Returns an RGB factor and a texture whose product is the colour of a texture input.
 
-    most: upper limit of the factor.
+    maximum: upper limit of the factor.
     """
-    red, green, blue = taken.scale[:3]
+    red, green, blue = texture_input.scale[:3]
     lightest, darkest = max(red, green, blue), min(red, green, blue)
-    if taken.channel == "rgb" and max(map(abs, taken.bias[:3])) < 1e-6 and darkest >= 0 and lightest <= most:
-        return (red, green, blue), taken.texture
+    if texture_input.channel == "rgb" and max(map(abs, texture_input.bias[:3])) < 1e-6 and darkest >= 0 and lightest <= maximum:
+        return (red, green, blue), texture_input.texture
 
-    def make(image: Image) -> Image:
+    def apply_scale(image: Image) -> Image:
         values = linear(image)
-        if taken.channel != "rgb":
-            scale, bias = taken.span(taken.channel)
-            values[..., :3] = (values[..., CHANNELS[taken.channel]] * scale + bias)[..., None]
+        if texture_input.channel != "rgb":
+            scale, bias = texture_input.span(texture_input.channel)
+            values[..., :3] = (values[..., CHANNELS[texture_input.channel]] * scale + bias)[..., None]
         else:
-            values[..., :3] = values[..., :3] * np.array(taken.scale[:3], np.float32) + np.array(taken.bias[:3], np.float32)
-        name = f"{image.name} {taken.channel}"
+            values[..., :3] = values[..., :3] * np.array(texture_input.scale[:3], np.float32) + np.array(
+                texture_input.bias[:3], np.float32
+            )
+        name = f"{image.name} {texture_input.channel}"
         if image.pixels.dtype == np.float32:
-            return Image(name, np.clip(values, 0, max(most, 1.0)).astype(np.float32), srgb=True)
+            return Image(name, np.clip(values, 0, max(maximum, 1.0)).astype(np.float32), srgb=True)
         return Image(name, encoded(values, image, srgb=True), srgb=True)
 
-    key = f"colour {taken.channel} {taken.scale} {taken.bias}"
-    return (1.0, 1.0, 1.0), shelf.derived_texture(taken.texture, key, make)
+    key = f"colour {texture_input.channel} {texture_input.scale} {texture_input.bias}"
+    return (1.0, 1.0, 1.0), shelf.derived_texture(texture_input.texture, key, apply_scale)
 
 
-def normals(shelf: TextureShelf, taken: TextureInput) -> tuple[int | None, float]:
+def normals(shelf: TextureShelf, texture_input: TextureInput) -> tuple[int | None, float]:
     """Returns a normal map in glTF's encoding, and its scale.
 
     The normal is `2 x - 1` of the texel x unless the input's scale and bias specify otherwise.
     """
-    if taken.is_plain:
-        return taken.texture, 1.0
-    (x, y, _, _), (_, below, _, _) = taken.scale, taken.bias
+    if texture_input.is_plain:
+        return texture_input.texture, 1.0
+    (x, y, _, _), (_, below, _, _) = texture_input.scale, texture_input.bias
     if y > 0 and below < 0.5:
-        return taken.texture, x / 2
+        return texture_input.texture, x / 2
 
-    def make(image: Image) -> Image:
+    def flip_green(image: Image) -> Image:
         pixels = image.pixels.copy()
         pixels[..., 1] = (1 if pixels.dtype == np.float32 else np.iinfo(pixels.dtype).max) - pixels[..., 1]
         return replace(image, name=f"{image.name} with green downwards", pixels=pixels)
 
-    return shelf.derived_texture(taken.texture, "green downwards", make), abs(x) / 2
+    return shelf.derived_texture(texture_input.texture, "green downwards", flip_green), abs(x) / 2

@@ -16,17 +16,17 @@ from renderer.scene.readers.yaml.values import vec3
 from renderer.sentences import Sentence
 from renderer.settings import View
 
-__all__ = ["between", "moved"]
+__all__ = ["animated_view", "interpolated_view"]
 
 _NUMBERS = ("fov", "height", "aperture", "near", "shift_x", "shift_y")
 
 
-def moved(view: View, source: dict[str, Any], time: float) -> View:
+def animated_view(view: View, source: dict[str, Any], time: float) -> View:
     """Returns the view of a camera at a time in seconds, rotated about its target if the camera is on a turntable."""
     return orbit(view, time / source["turntable"]) if "turntable" in source else view
 
 
-def between(views: Sequence[View], seconds: float, time: float, document: Yaml, path: Path) -> View:
+def interpolated_view(views: Sequence[View], seconds: float, time: float, document: Yaml, path: Path) -> View:
     """Returns the view at a time of a camera that moves smoothly through views, the first at 0, the last at `seconds`.
 
     time: in seconds; path: of the camera, for errors. Raises SceneError if the views cannot be interpolated.
@@ -41,7 +41,7 @@ def between(views: Sequence[View], seconds: float, time: float, document: Yaml, 
             ),
         )
     rows = np.array([_row(view) for view in views])
-    x = smooth(np.linspace(0.0, seconds, len(views)), rows).at(time)
+    x = smooth(np.linspace(0.0, seconds, len(views)), rows).values_at(time)
     try:
         numbers: dict[str, Any] = dict(zip(_NUMBERS, x[9:], strict=False))
         focus = None if all(view.focus is None for view in views) else x[-1]

@@ -98,7 +98,7 @@ class Shapes:
         elif source["type"] == "mesh":
             self._mesh_file(source, material, placed, path, moves, deforms)
         else:
-            mesh = self._made(source, name, path)
+            mesh = self._make_mesh(source, name, path)
             mesh.deforms = deforms
             self._mesh(mesh, material, placed, path, moves)
 
@@ -114,7 +114,7 @@ class Shapes:
                 ),
             )
 
-    def _made(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
+    def _make_mesh(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
         if source["type"] == "lathe":
             return shapes.lathe(name, [(r, y) for r, y in source["profile"]], source.get("segments", 96))
         if source["type"] == "disk":
@@ -227,7 +227,9 @@ class Shapes:
         wanted = (name, variant, clip, None if thickness is None else float(thickness))
         key = (*wanted, material, deforms)
         if key not in self._parts:
-            part = self._files.recall(("mesh file", *wanted), lambda: self._still(*wanted)) or self._part(*wanted)
+            part = self._files.get_or_make(("mesh file", *wanted), lambda: self._read_still_part(*wanted)) or self._read_part(
+                *wanted
+            )
             self._description.moves |= part.moves
             self.clips += part.clips if clip is None else [each for each in part.clips if each.name == clip]
             first = len(self._description.meshes)
@@ -247,13 +249,15 @@ class Shapes:
                 for s in self._parts[key]
             ]
 
-    def _part(self, name: str, variant: str | None, clip: str | None, thickness: float | None) -> SceneDescription:
+    def _read_part(self, name: str, variant: str | None, clip: str | None, thickness: float | None) -> SceneDescription:
         part = SceneDescription(name=name)
         read_file(self._files, name, part, variant, MESH_FORMATS, replace(self._moment, clip=clip), thickness)
         return part
 
-    def _still(self, name: str, variant: str | None, clip: str | None, thickness: float | None) -> SceneDescription | None:
-        part = self._part(name, variant, clip, thickness)
+    def _read_still_part(
+        self, name: str, variant: str | None, clip: str | None, thickness: float | None
+    ) -> SceneDescription | None:
+        part = self._read_part(name, variant, clip, thickness)
         return None if part.moves else part
 
     def _material_of(self, source: dict[str, Any], path: Path) -> int | None:

@@ -55,11 +55,11 @@ class Keys(NamedTuple):
     patterns: list[Path]  # file names with a frame number, such as smoke.####.obj
 
     @property
-    def moves(self) -> bool:
+    def is_animated(self) -> bool:
         """True if any value is animated."""
         return bool(self.tracks or self.patterns)
 
-    def moving(self) -> AnimatedPaths:
+    def animated_paths(self) -> AnimatedPaths:
         """Returns the paths of all animated values."""
         paths = {*self.tracks, *self.patterns}
         below: dict[Path, set[str | int]] = {}
@@ -68,7 +68,7 @@ class Keys(NamedTuple):
                 below.setdefault(path[:k], set()).add(step)
         return AnimatedPaths(paths, below)
 
-    def at(self, data: dict[str, Any], time: float, name_of: Callable[[str], str]) -> dict[str, Any]:
+    def data_at(self, data: dict[str, Any], time: float, name_of: Callable[[str], str]) -> dict[str, Any]:
         """Returns the file's data at a time in seconds. name_of: returns a pattern's file name at that time."""
         changed = Changed(data)
         for path, track in self.tracks.items():
@@ -82,7 +82,7 @@ def find_keys(document: Yaml) -> Keys:
     """Returns all keyframes of a file. Raises SceneError, with the line, for invalid keyframes."""
     tracks: dict[Path, Track] = {}
     ends: list[float] = []
-    for path, source in _found(document.data, ()):
+    for path, source in _find_keys(document.data, ()):
         if path[0] in _OF_THE_WHOLE:
             raise document.error(path, Sentence("keys-not-allowed", "has keys, but {path} cannot be animated", path=path[0]))
         times = _times(source["keys"], document, (*path, "keys"))
@@ -96,11 +96,11 @@ def find_keys(document: Yaml) -> Keys:
     return Keys(tracks, min(ends, default=0.0), max(ends, default=0.0), _patterns(document.data, ()))
 
 
-def _found(value: Any, path: Path) -> list[tuple[Path, dict[str, Any]]]:
+def _find_keys(value: Any, path: Path) -> list[tuple[Path, dict[str, Any]]]:
     if isinstance(value, dict) and isinstance(value.get("keys"), list) and value.keys() <= {"keys", "curve"} and path:
         return [(path, value)]
     children = value.items() if isinstance(value, dict) else enumerate(value)
-    return [found for key, child in children if isinstance(child, dict | list) for found in _found(child, (*path, key))]
+    return [found for key, child in children if isinstance(child, dict | list) for found in _find_keys(child, (*path, key))]
 
 
 def _value_at(data: Any, path: Path) -> Any:
@@ -150,7 +150,7 @@ def _maker(curve: Any, times: npt.NDArray[np.float64], document: Yaml, path: Pat
 
 def _jumping(times: npt.NDArray[np.float64], values: list[Any]) -> Track:
     which = Curve(times, np.arange(len(values), dtype=np.float64)[:, None], is_step=True)
-    return lambda time: values[int(which.at(time)[0])]
+    return lambda time: values[int(which.values_at(time)[0])]
 
 
 def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
@@ -171,11 +171,11 @@ def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
         )
     if all(map(_is_number, values)):
         curve = make(np.array(values, np.float64)[:, None])
-        return lambda time: curve.at(time)[0]
+        return lambda time: curve.values_at(time)[0]
     rows = _vectors(values)
     if rows is not None:
         curve = make(np.array(rows, np.float64))
-        return curve.at
+        return curve.values_at
     if all(isinstance(value, dict) and value.keys() == first.keys() for value in values):
         parts = {key: _track([value[key] for value in values], make, document, (*path, key)) for key in first}
         return lambda time: {key: part(time) for key, part in parts.items()}

@@ -112,13 +112,13 @@ class Lights:
                         ),
                     )
         if "profile" in source:
-            photometry = photometry_of(self._files, self._named(source, "profile", path))
+            photometry = photometry_of(self._files, self._find_file(source, "profile", path))
             self._description.warnings += [note for note in photometry.notes if note not in self._description.warnings]
             r, g, b = (value / LUMENS_PER_WATT for value in light.intensity)
             return replace(light, intensity=(r, g, b), emission=photometry.emission)
         if "picture" not in source:
             return light
-        number = self._shelf.image_file(self._named(source, "picture", path))
+        number = self._shelf.image_file(self._find_file(source, "picture", path))
         if number is None:
             raise document.error((*path, "picture"), Sentence("light-picture-unreadable", "could not be read; give an image"))
         image = self._description.images[number]
@@ -133,7 +133,7 @@ class Lights:
                     ),
                 )
             x, y, z = light.direction
-            made = self._files.recall(known, lambda: (all_around(linear(image)), image.pixels))
+            made = self._files.get_or_make(known, lambda: (all_around(linear(image)), image.pixels))
             return replace(light, emission=made[0], direction=vec3(top), up=(-x, -y, -z))
         half = light.outer_cone if kind == "spot" else float(source.get("fov", 40)) / 2
         if half > _WIDEST:
@@ -145,10 +145,10 @@ class Lights:
                     most=f"{2 * _WIDEST:g}",
                 ),
             )
-        made = self._files.recall(known, lambda: (_thrown(linear(image), kind, math.tan(math.radians(half))), image.pixels))
+        made = self._files.get_or_make(known, lambda: (_thrown(linear(image), kind, math.tan(math.radians(half))), image.pixels))
         return replace(light, emission=made[0])
 
-    def _named(self, source: dict[str, Any], field: str, path: Path) -> str:
+    def _find_file(self, source: dict[str, Any], field: str, path: Path) -> str:
         name = self._files.find(source[field], self._document.file)
         if name is None:
             raise self._document.error(

@@ -40,7 +40,7 @@ class Yaml:
         self._aliased = 0
         self._taken: set[int] = set()
 
-    def holding(self, data: Any) -> Yaml:
+    def with_data(self, data: Any) -> Yaml:
         """Returns a copy with other data; errors about it use the lines of the original's values."""
         other = copy(self)
         other.data = data
@@ -62,7 +62,7 @@ class Yaml:
             )
         )
 
-    def take(self, node: yaml.Node, path: Path) -> Any:
+    def plain_data(self, node: yaml.Node, path: Path) -> Any:
         """Converts a YAML node to plain data, and records its lines. Raises SceneError for invalid values and exceeded limits."""
         self._count += 1
         if self._count > MAX_VALUES:
@@ -98,7 +98,7 @@ class Yaml:
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)
         if isinstance(node, yaml.SequenceNode):
-            return [self.take(child, (*path, i)) for i, child in enumerate(node.value)]
+            return [self.plain_data(child, (*path, i)) for i, child in enumerate(node.value)]
         return self._scalar(node, path)
 
     def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[str, Any]:
@@ -124,7 +124,7 @@ class Yaml:
                         key=key[:80],
                     )
                 )
-            result[key] = self.take(value_node, (*path, key))
+            result[key] = self.plain_data(value_node, (*path, key))
         return result
 
     def _scalar(self, node: yaml.Node, path: Path) -> Any:
@@ -187,7 +187,7 @@ def parse(data: bytes, file: str) -> Yaml:
                 "scene-description-empty", "{file}: is empty; docs/scene-format.md describes the content of a scene", file=file
             )
         )
-    result.data = result.take(node, ())
+    result.data = result.plain_data(node, ())
     return result
 
 

@@ -12,7 +12,7 @@ from renderer.errors import SceneError, SettingsError
 from renderer.scene.animation import DEFAULT_FPS, Clip, Moment
 from renderer.scene.description import Camera, SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers.yaml.camera_moves import between, moved
+from renderer.scene.readers.yaml.camera_moves import animated_view, interpolated_view
 from renderer.scene.readers.yaml.cameras import read_view
 from renderer.scene.readers.yaml.geometry import Shapes
 from renderer.scene.readers.yaml.keys import AnimatedPaths, Keys, find_keys
@@ -39,14 +39,14 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
                 file=main,
             )
         )
-    written, keys = files.recall(("YAML", main), lambda: _parsed(files.read(main), main))
+    written, keys = files.get_or_make(("YAML", main), lambda: _parsed(files.read(main), main))
     fps = _fps(written)
     document = written
-    if keys.moves:
-        document = written.holding(
-            keys.at(written.data, moment.seconds(fps), lambda pattern: files.at_frame(pattern, moment.frame, main))
+    if keys.is_animated:
+        document = written.with_data(
+            keys.data_at(written.data, moment.seconds(fps), lambda pattern: files.at_frame(pattern, moment.frame, main))
         )
-    moving = keys.moving()
+    moving = keys.animated_paths()
     _check(files, main, document, moving)
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
@@ -54,7 +54,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     description.warnings += data.get("notes", [])
     _add_defaults(data.get("settings", {}), document, description)
     ends = _add_cameras(data.get("cameras", []), moment.seconds(fps), document, description)
-    description.moves = description.moves or keys.moves or len(ends) > 0
+    description.moves = description.moves or keys.is_animated or len(ends) > 0
     if keys.tracks or ends:
         description.clips = [Clip(description.name, min(keys.start, 0.0) if ends else keys.start, max(keys.end, *ends, 0.0))]
     if "environment" in data:
@@ -115,15 +115,17 @@ def _add_cameras(sources: list[dict[str, Any]], time: float, document: Yaml, des
                 ("cameras", i, "name"),
                 Sentence("camera-name-duplicate", "another camera is called {name}; rename one", name=name),
             )
-        views[name] = None if "through" in source else moved(read_view(source, document, ("cameras", i)), source, time)
+        views[name] = None if "through" in source else animated_view(read_view(source, document, ("cameras", i)), source, time)
     for i, (name, source) in enumerate(zip(views, sources, strict=True)):
         if (view := views[name]) is None:
-            view = between(_named(source["through"], views, document, i), source["seconds"], time, document, ("cameras", i))
+            view = interpolated_view(
+                _views_by_name(source["through"], views, document, i), source["seconds"], time, document, ("cameras", i)
+            )
         description.cameras.append(Camera(name, view))
     return [float(source[key]) for source in sources for key in ("turntable", "seconds") if key in source]
 
 
-def _named(names: list[str], views: dict[str, View | None], document: Yaml, camera: int) -> list[View]:
+def _views_by_name(names: list[str], views: dict[str, View | None], document: Yaml, camera: int) -> list[View]:
     found = []
     for i, name in enumerate(names):
         view = views.get(name)
@@ -150,11 +152,11 @@ def _check(files: SceneFiles, main: str, document: Yaml, moving: AnimatedPaths) 
     Raises SceneError for the first fault.
     """
 
-    def held() -> Yaml:
+    def validate() -> Yaml:
         _validate(document, document.data, {})
         return document
 
-    if files.recall(("YAML, held to its schema", main), held) is not document:
+    if files.get_or_make(("YAML, held to its schema", main), validate) is not document:
         _validate(document, *_part_of(document.data, moving))
 
 

@@ -90,10 +90,10 @@ def material_properties(descriptions: Mapping[str, str] = MappingProxyType({})) 
 
 def _described(parameter: Parameter, descriptions: Mapping[str, str]) -> Json:
     words = {"description": descriptions[parameter.name]} if parameter.name in descriptions else {}
-    return {**words, **_form(parameter)}
+    return {**words, **_json_schema(parameter)}
 
 
-def _form(p: Parameter) -> Json:
+def _json_schema(p: Parameter) -> Json:
     if p.form == "texture":
         return {"$ref": "#/$defs/texture_name"}
     if p.form == "flag":
@@ -116,9 +116,9 @@ def _form(p: Parameter) -> Json:
 
 
 def _range(p: Parameter) -> Json:
-    lowest = {"exclusiveMinimum" if p.above else "minimum": _plain(p.low)} if math.isfinite(p.low) else {}
-    return {**lowest, **({"maximum": _plain(p.high)} if math.isfinite(p.high) else {})}
+    lowest = {"exclusiveMinimum" if p.above else "minimum": _int_if_integral(p.low)} if math.isfinite(p.low) else {}
+    return {**lowest, **({"maximum": _int_if_integral(p.high)} if math.isfinite(p.high) else {})}
 
 
-def _plain(value: float) -> float:
+def _int_if_integral(value: float) -> float:
     return int(value) if value == int(value) else value

@@ -29,7 +29,7 @@ class Textures:
             if ("image" in source) == ("checker" in source):
                 raise document.error(("textures", name), Sentence("texture-source-choice", "needs either image or checker"))
             if "image" in source and files.find(source["image"], document.file) is None:
-                shelf.missing(source["image"], f"Texture {name}")
+                shelf.warn_of_missing(source["image"], f"Texture {name}")
 
     def find(self, name: str, path: Path, srgb: bool) -> int | None:
         """Returns the description's index of a texture; None if its image is missing. Raises SceneError for an unknown name.
@@ -76,7 +76,7 @@ class Textures:
             number = self.find(layer["texture"], (*path, i), srgb)
             if number is not None:
                 layers.append(TextureLayer(number, layer.get("blend", "over"), float(layer.get("strength", 1))))
-        return self._shelf.stacked(lowest, tuple(layers))
+        return self._shelf.with_layers(lowest, tuple(layers))
 
     def _image(self, name: str, source: dict[str, Any], srgb: bool) -> int | None:
         if "image" in source:

@@ -24,12 +24,12 @@ def quaternion(degrees, axis=(0.0, 0.0, 1.0)):
     [(-5, [0, 10]), (1, [0, 10]), (1.5, [2, 10]), (1.75, [3, 10]), (2, [4, 10]), (2.5, [5, 15]), (4, [8, 30]), (9, [8, 30])],
 )
 def test_linear_goes_straight_from_key_to_key_and_stands_still_outside(time, value):
-    assert Curve(TIMES, VALUES).at(time) == value
+    assert Curve(TIMES, VALUES).values_at(time) == value
 
 
 @pytest.mark.parametrize(("time", "value"), [(0, 0), (1, 0), (1.999, 0), (2, 4), (3.9, 4), (4, 8), (7, 8)])
 def test_steps_hold_until_the_next_key(time, value):
-    assert Curve(TIMES, VALUES, is_step=True).at(time)[0] == value
+    assert Curve(TIMES, VALUES, is_step=True).values_at(time)[0] == value
 
 
 def test_cubics_follow_the_specification():
@@ -49,14 +49,14 @@ def test_cubics_follow_the_specification():
             + (-2 * t**3 + 3 * t**2) * 5
             + d * (t**3 - t**2) * 3
         )
-        assert curve.at(float(2 * t))[0] == pytest.approx(float(expected), rel=1e-15)
-    assert curve.at(1.0)[0] == 1.75  # by hand at t = 1/2: 1/2 - 1/2 + 5/2 - 3/4
+        assert curve.values_at(float(2 * t))[0] == pytest.approx(float(expected), rel=1e-15)
+    assert curve.values_at(1.0)[0] == 1.75  # by hand at t = 1/2: 1/2 - 1/2 + 5/2 - 3/4
 
 
 def test_rotations_are_turned_by_even_steps_along_the_shorter_arc():
     curve = Curve(np.array([0.0, 1.0]), np.array([quaternion(0), quaternion(90)]), is_rotation=True)
     for share in (0.25, 0.5, 0.9):
-        np.testing.assert_allclose(curve.at(share), quaternion(90 * share), atol=1e-15)
+        np.testing.assert_allclose(curve.values_at(share), quaternion(90 * share), atol=1e-15)
     # -q is the same rotation: from 10 to 30 degrees it turns by 20, whichever sign the file has.
     np.testing.assert_allclose(np.abs(slerp(quaternion(10), -quaternion(30), 0.5)), quaternion(20), atol=1e-15)
     # The shorter arc is taken: from 0 to 270 degrees, half way is -45.
@@ -76,34 +76,36 @@ def test_at_a_key_there_is_that_keys_value_to_the_bit():
     values = np.array([quaternion(17.3), quaternion(62.1), quaternion(-11)]) * 1.0000001
     curve = Curve(TIMES, values, is_rotation=True)
     for time, value in zip(TIMES, values, strict=True):
-        assert curve.at(float(time)) == value.tolist()
+        assert curve.values_at(float(time)) == value.tolist()
 
 
 def test_of_keys_at_one_time_the_last_counts_and_nothing_is_divided_by_nothing():
     curve = Curve(np.array([0.0, 1.0, 1.0, 2.0]), np.array([[0.0], [1.0], [5.0], [6.0]]))
-    assert [curve.at(t)[0] for t in (0.5, 1.0, 1.5, 2.0)] == [0.5, 5.0, 5.5, 6.0]
-    assert Curve(np.array([3.0]), np.array([[7.0]])).at(0.0) == [7.0]
+    assert [curve.values_at(t)[0] for t in (0.5, 1.0, 1.5, 2.0)] == [0.5, 5.0, 5.5, 6.0]
+    assert Curve(np.array([3.0]), np.array([[7.0]])).values_at(0.0) == [7.0]
 
 
 def test_smooth_goes_through_its_keys_rests_at_its_ends_and_never_overshoots():
     times, values = np.array([0.0, 1.0, 2.0, 5.0, 6.0]), np.array([[0.0], [1.0], [1.0], [4.0], [2.0]])
     curve = smooth(times, values)
-    assert [curve.at(float(t)) for t in times] == values.tolist()
-    dense = np.array([curve.at(float(t))[0] for t in np.linspace(0, 6, 2001)])
+    assert [curve.values_at(float(t)) for t in times] == values.tolist()
+    dense = np.array([curve.values_at(float(t))[0] for t in np.linspace(0, 6, 2001)])
     assert dense.min() == 0
     assert 3.9999 < dense.max() <= 4
-    assert abs(curve.at(1e-4)[0]) < 1e-7, "it starts at rest"
-    assert abs(curve.at(6 - 1e-4)[0] - 2) < 1e-7
-    kink = (curve.at(2 + 1e-5)[0] - 2 * curve.at(2.0)[0] + curve.at(2 - 1e-5)[0]) / 1e-5
+    assert abs(curve.values_at(1e-4)[0]) < 1e-7, "it starts at rest"
+    assert abs(curve.values_at(6 - 1e-4)[0] - 2) < 1e-7
+    kink = (curve.values_at(2 + 1e-5)[0] - 2 * curve.values_at(2.0)[0] + curve.values_at(2 - 1e-5)[0]) / 1e-5
     assert abs(kink) < 1e-3
     # With two keys the curve is Hermite's 3u^2 - 2u^3.
-    assert smooth(np.array([0.0, 4.0]), np.array([[0.0], [8.0]])).at(1.0)[0] == pytest.approx(8 * (3 / 16 - 2 / 64), rel=1e-15)
+    assert smooth(np.array([0.0, 4.0]), np.array([[0.0], [8.0]])).values_at(1.0)[0] == pytest.approx(
+        8 * (3 / 16 - 2 / 64), rel=1e-15
+    )
 
 
 def test_a_slope_inside_is_the_weighted_harmonic_mean_of_both_sides():
     # Slopes 1 and 4 over spans of 1 and 2: (w1 + w2) / (w1 / 1 + w2 / 4), w1 = 2 * 2 + 1, w2 = 2 + 2 * 1.
     curve = smooth(np.array([0.0, 1.0, 3.0]), np.array([[0.0], [1.0], [9.0]]))
-    measured = (curve.at(1 + 1e-6)[0] - curve.at(1 - 1e-6)[0]) / 2e-6
+    measured = (curve.values_at(1 + 1e-6)[0] - curve.values_at(1 - 1e-6)[0]) / 2e-6
     assert measured == pytest.approx((5 + 4) / (5 / 1 + 4 / 4), rel=1e-5)
 
 
@@ -117,7 +119,7 @@ def test_a_bezier_bends_time():
     x, y = 27 / 64 * 0.42 + 9 / 64 * 0.58 + 1 / 64, 9 / 64 + 1 / 64
     assert eased(ease, x) == pytest.approx(y, abs=1e-12)
     curve = Curve(np.array([2.0, 4.0]), np.array([[0.0], [10.0]]), easing=ease)
-    assert curve.at(2 + 2 * x)[0] == pytest.approx(10 * y, abs=1e-11)
+    assert curve.values_at(2 + 2 * x)[0] == pytest.approx(10 * y, abs=1e-11)
 
 
 def exact(angle, cosine=False):

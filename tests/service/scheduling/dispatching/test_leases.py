@@ -12,11 +12,11 @@ def test_an_answer_may_have_come_at_the_last_of_the_looks() -> None:
     """The end of the stream at the last poll counts, since a slot may take a batch and answer between two polls."""
     lease = Lease("job", "kind", Range(0, 0, 1), 30.0)
     for look in range(1, MAX_UNSEEN_POLLS + 1):
-        lease.seen(False, lambda look=look: (look, 0))  # type: ignore[misc]
+        lease.record_poll(False, lambda look=look: (look, 0))  # type: ignore[misc]
         assert (lease.unseen, lease.answered_by) == (look, (look, 0))
-    lease.seen(False, lambda: (99, 0))
+    lease.record_poll(False, lambda: (99, 0))
     assert lease.answered_by == (MAX_UNSEEN_POLLS, 0), "else what comes faster than it is read would hide it for ever"
-    lease.seen(True, lambda: (100, 0))
+    lease.record_poll(True, lambda: (100, 0))
     assert (lease.unseen, lease.answered_by) == (0, None)
 
 
@@ -35,7 +35,7 @@ def test_what_is_counted_as_it_changes_is_what_there_is() -> None:
             leases.add(new)
             there.append(new)
         elif there and deed < 0.65:
-            leases.arrived(chance.choice(there))
+            leases.mark_answered(chance.choice(there))
         elif there and deed < 0.75:
             leases.update_state(chance.choice(there), chance.random() < 0.5, chance.random() < 0.5)
         elif there:
@@ -44,11 +44,15 @@ def test_what_is_counted_as_it_changes_is_what_there_is() -> None:
             assert leases.end(gone.id) is None
         out = [lease for lease in there if lease.takes_a_slot]
         for owner in "ab":
-            assert leases.held()[owner] == len({lease.turn for lease in out if lease.owner == owner})
-            assert leases.of(owner) == [lease for lease in there if lease.owner == owner]
-            assert leases.has(owner) == any(lease.owner == owner for lease in there)
+            assert leases.slots_by_job()[owner] == len({lease.slot_unit for lease in out if lease.owner == owner})
+            assert leases.leases_of(owner) == [lease for lease in there if lease.owner == owner]
+            assert leases.has_any(owner) == any(lease.owner == owner for lease in there)
         for kind in "kl":
-            assert leases.turns(kind) == leases.slots_waiting_in(kind) == len({lease.turn for lease in out if lease.kind == kind})
+            assert (
+                leases.occupied_slots(kind)
+                == leases.slots_waiting_in(kind)
+                == len({lease.slot_unit for lease in out if lease.kind == kind})
+            )
         assert len(leases) == len(there)
 
 

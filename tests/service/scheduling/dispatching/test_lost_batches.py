@@ -37,16 +37,16 @@ class World(FakeClock):
         job: Any = SimpleNamespace(id="job", film=SimpleNamespace(tiles=[Tile(0, 0, 8, 8)]))
         self.jobs = {"job": job}
 
-    def waiting(self, queue: str) -> set[str]:
+    def waiting_messages(self, queue: str) -> set[str]:
         return self.messages
 
-    def away(self) -> set[str]:
+    def silent_workers(self) -> set[str]:
         return self.living - self.reports.keys()
 
     def has_late_report(self) -> bool:
         return self.late
 
-    def end(self) -> Position:
+    def latest_position(self) -> Position:
         return 1, 0
 
     def has_read(self, position: Position) -> bool:
@@ -92,11 +92,13 @@ def test_who_does_not_report_but_lives_is_away_and_loses_nothing(world: World) -
     world.works("starved", mine)
     world.works("other", others)
     world.look()
-    assert world.leases.turns("kind") == 2
+    assert world.leases.occupied_slots("kind") == 2
     del world.reports["starved"]
     world.living = {"starved"}
     assert world.look() == {mine.id: LossVerdict.LATE}, "for slots that have nothing else to do"
-    assert world.leases.turns("kind") == world.leases.held()["job"] == 1, "others are given what it would have been given"
+    assert world.leases.occupied_slots("kind") == world.leases.slots_by_job()["job"] == 1, (
+        "others are given what it would have been given"
+    )
     mine.doubled = others.doubled = True
     taken = world.lease()
     for _ in range(int(PATIENCE_S)):
@@ -104,16 +106,16 @@ def test_who_does_not_report_but_lives_is_away_and_loses_nothing(world: World) -
     world.leases.end(taken.id)
     world.works("starved", mine)
     assert not world.look()
-    assert (mine.is_away, world.leases.turns("kind")) == (False, 2)
+    assert (mine.is_away, world.leases.occupied_slots("kind")) == (False, 2)
     del world.reports["starved"]
     assert not world.look()
-    assert world.leases.turns("kind") == 1
+    assert world.leases.occupied_slots("kind") == 1
     world.living = set()
     assert world.look() == {mine.id: LossVerdict.DEAD}, "its connection has ended"
     world.leases.end(mine.id)
     world.leases.end(others.id)
-    assert not world.leases.turns("kind")
-    assert not world.leases.held()
+    assert not world.leases.occupied_slots("kind")
+    assert not world.leases.slots_by_job()
 
 
 def test_a_worker_that_died_loses_what_it_had_at_once(world: World) -> None:
@@ -138,7 +140,7 @@ def test_one_that_comes_back_without_it_has_lost_it(world: World) -> None:
     mine.doubled = True
     assert mine.id not in world.look(0.1)
     assert world.look(0.1) == {mine.id: LossVerdict.UNSEEN}
-    assert world.leases.turns("kind") == 1
+    assert world.leases.occupied_slots("kind") == 1
 
 
 @pytest.mark.parametrize("late", [False, True])
@@ -165,16 +167,16 @@ def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(worl
         assert not world.look()
 
     work_on()
-    assert world.leases.turns("kind") == 2, "none of them is begun"
+    assert world.leases.occupied_slots("kind") == 2, "none of them is begun"
     work_on(first)
     work_on(second)
-    assert (first.is_rendered, second.is_rendered, world.leases.turns("kind")) == (True, False, 1)
+    assert (first.is_rendered, second.is_rendered, world.leases.occupied_slots("kind")) == (True, False, 1)
     work_on(first, second)
-    assert world.leases.turns("kind") == 2, "it was begun again, whatever was there of it"
+    assert world.leases.occupied_slots("kind") == 2, "it was begun again, whatever was there of it"
     work_on()
-    assert world.leases.turns("kind") == 0
-    world.leases.arrived(first)
-    assert world.leases.turns("kind") == 0
+    assert world.leases.occupied_slots("kind") == 0
+    world.leases.mark_answered(first)
+    assert world.leases.occupied_slots("kind") == 0
 
 
 def test_what_waits_at_a_site_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
@@ -182,11 +184,11 @@ def test_what_waits_at_a_site_for_the_others_of_its_run_takes_no_slot(world: Wor
     world.leases.add(lease)
     world.works("m", lease)
     assert not world.look()
-    assert world.leases.turns("kind") == 1
+    assert world.leases.occupied_slots("kind") == 1
     world.works("m")
     world.sites = {"attic": SiteReport("attic", "host", 1, "127.0.0.1", 8010, 0.0, in_hand=[lease.id])}
     assert not world.look()
-    assert world.leases.turns("kind") == 0
+    assert world.leases.occupied_slots("kind") == 0
 
 
 def test_where_results_travel_for_long_so_may_what_is_handed_out(world: World) -> None:

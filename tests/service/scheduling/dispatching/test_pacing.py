@@ -20,7 +20,7 @@ def clock() -> FakeClock:
 
 
 def take_in(of: BatchSizing, clock: FakeClock, results: int, result_s: float, seconds: float = 1.0) -> None:
-    with of.busy():
+    with of.measuring():
         clock.now += results * result_s
     clock.now += max(seconds - results * result_s, 0.0)
     of.record_results(results)
@@ -64,29 +64,29 @@ def test_batches_of_few_slots_do_not_grow(clock: FakeClock) -> None:
 def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_handing_out(clock: FakeClock) -> None:
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     take_in(of, clock, 50, 0.001)
-    of.unread(512, 1024.0)
-    assert of.room(100) == 50
+    of.record_unread(512, 1024.0)
+    assert of.scaled_room(100) == 50
     take_in(of, clock, 50, 0.001)
     longer = of.batch_s(10)
     assert longer > 0.5
-    of.unread(4096, 1024.0)
-    assert of.room(100) == 0
-    assert of.room(-5) == -5, "what is out too much stays so"
-    of.unread(0, 1024.0)
+    of.record_unread(4096, 1024.0)
+    assert of.scaled_room(100) == 0
+    assert of.scaled_room(-5) == -5, "what is out too much stays so"
+    of.record_unread(0, 1024.0)
     for _ in range(20):
         take_in(of, clock, 50, 0.001)
-    assert (of.room(100), of.batch_s(10)) == (100, 0.5)
+    assert (of.scaled_room(100), of.batch_s(10)) == (100, 0.5)
 
 
 def test_few_slots_get_results_shown_one_by_one(clock: FakeClock) -> None:
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
-    assert (of.of_a_tile(2), of.gather_s) == (1, 0.0)
+    assert (of.batches_of_a_tile(2), of.gather_s) == (1, 0.0)
     take_in(of, clock, 8, 0.001)
     assert of.gather_s == 0.0
     take_in(of, clock, 400, 0.001)
     assert 0.0 < of.gather_s < 0.5
-    assert of.of_a_tile(100_000) == MAX_BATCHES_OF_A_TILE
-    assert [of.of_a_tile(slots, joint=True) for slots in (2, 32, 33, 100, 100_000)] == [1, 1, 2, 6, MAX_JOINT_BATCHES]
+    assert of.batches_of_a_tile(100_000) == MAX_BATCHES_OF_A_TILE
+    assert [of.batches_of_a_tile(slots, joint=True) for slots in (2, 32, 33, 100, 100_000)] == [1, 1, 2, 6, MAX_JOINT_BATCHES]
     assert (of.hold_s(0.1), of.hold_s(4.0)) == (1.0, 4.0)
 
 
@@ -94,7 +94,7 @@ def test_a_batch_costs_less_where_its_sums_come_with_those_of_others(clock: Fake
     alone, together = BatchSizing(0.5, 10.0, 1 << 20, clock=clock), BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     for _ in range(5):
         take_in(alone, clock, 100, 0.004)
-        with together.busy():
+        with together.measuring():
             clock.now += 0.016
         clock.now += 1.0
         together.record_results(2, 32, 0.016)
@@ -105,7 +105,7 @@ def test_a_batch_costs_less_where_its_sums_come_with_those_of_others(clock: Fake
 def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: FakeClock) -> None:
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     for seconds, longer in ((0.05, False), (5.0, True)):
-        of.unread(60, 1024.0)
+        of.record_unread(60, 1024.0)
         clock.now += 1.0
         of.record_results(10, 160, seconds)
         assert (of.batch_s(1) > 0.5) == longer

@@ -44,14 +44,14 @@ def test_what_passes_is_tried_again_after_a_second(clock: FakeClock) -> None:
     heads = Bulkheads(clock)
     done: list[str] = []
     assert not heads.run("job", Step.RESULTS, raising(FilmUnavailable("The film is locked.")))
-    assert heads.sentences() == {"job": "Waits: the film is locked."}
+    assert heads.waiting_reasons() == {"job": "Waits: the film is locked."}
     assert not heads.may_render("job")
     assert not heads.run("job", Step.RESULTS, lambda: done.append("too early"))
     assert heads.run("other", Step.RESULTS, lambda: done.append("other"))
     clock.now += 1.1
     assert heads.run("job", Step.RESULTS, lambda: done.append("job"))
     assert done == ["other", "job"]
-    assert heads.sentences() == {}
+    assert heads.waiting_reasons() == {}
     assert heads.may_render("job")
 
 
@@ -115,11 +115,11 @@ def test_a_verdict_stays_until_the_database_takes_it(clock: FakeClock) -> None:
     heads = Bulkheads(clock)
     heads.give_verdict("job", "It failed.", "rayfarm render")
     ended: list[str] = []
-    heads.carry_out(lambda id, verdict: raising(FULL)())
-    heads.carry_out(lambda id, verdict: ended.append("too early"))
+    heads.end_failed_jobs(lambda id, verdict: raising(FULL)())
+    heads.end_failed_jobs(lambda id, verdict: ended.append("too early"))
     clock.now += 1.1
-    heads.carry_out(lambda id, verdict: ended.append(f"{id} {verdict.error} {verdict.reproduce}"))
-    heads.carry_out(lambda id, verdict: ended.append("twice"))
+    heads.end_failed_jobs(lambda id, verdict: ended.append(f"{id} {verdict.error} {verdict.reproduce}"))
+    heads.end_failed_jobs(lambda id, verdict: ended.append("twice"))
     assert ended == ["job It failed. rayfarm render"]
     assert heads.may_render("job")
 
@@ -127,5 +127,5 @@ def test_a_verdict_stays_until_the_database_takes_it(clock: FakeClock) -> None:
 def test_a_verdict_that_cannot_be_carried_out_is_given_up(clock: FakeClock) -> None:
     heads = Bulkheads(clock)
     heads.give_verdict("job", "It failed.")
-    heads.carry_out(lambda id, verdict: raising(ValueError("a row that cannot be read"))())
+    heads.end_failed_jobs(lambda id, verdict: raising(ValueError("a row that cannot be read"))())
     assert heads.verdicts == {}

@@ -20,7 +20,7 @@ def test_needs_are_read_and_said_the_same_way() -> None:
     needs = Needs.parse(["gpu", "memory_gb=16", "bigmem", "gpu", "memory_gb=8"])
     assert needs == Needs(("bigmem", "gpu"), 16.0)
     assert needs.texts == ["bigmem", "gpu", "memory_gb=16"]
-    assert Needs.of(needs.to_json()) == Needs.parse(needs.texts) == needs
+    assert Needs.from_json(needs.to_json()) == Needs.parse(needs.texts) == needs
     assert needs.queue("kind") == Needs(("bigmem", "gpu"), 16.0).queue("kind") != needs.queue("other")
     assert Needs.parse([]) is None
     for wrong in ("GPU", "a b", "memory_gb=-1", "", "memory_gb=1e9"):
@@ -48,7 +48,7 @@ def test_needs_are_read_and_said_the_same_way() -> None:
 def test_which_need_nobody_has(needs: list[str], offers: list[Any], sentence: str | None) -> None:
     wanted = Needs.parse(needs)
     assert wanted is not None
-    found = wanted.lacking(offers)
+    found = wanted.unmet_reason(offers)
     assert (found is None) == (sentence is None)
     assert (sentence or "") in (found or "")
 

@@ -80,8 +80,8 @@ def test_a_number_beyond_all_others_written_in_another_way_is_none() -> None:
 def test_the_fastest_that_is_believed_can_be_added_up() -> None:
     speeds = Speeds(now=0.0)
     for second in range(20):
-        speeds.note([read("one", samples_per_s=1e12, slots=4096, current=[{"batch": "b"}] * 4096)], now=float(second))
-    assert all(speed > 0 for speed in speeds.latest["one"])
+        speeds.add_reports([read("one", samples_per_s=1e12, slots=4096, current=[{"batch": "b"}] * 4096)], now=float(second))
+    assert all(speed > 0 for speed in speeds.speeds_by_worker["one"])
 
 
 @pytest.mark.parametrize(

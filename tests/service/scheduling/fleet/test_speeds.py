@@ -13,18 +13,18 @@ def report(name: str, slots_at_work: int, speed: float) -> WorkerReport:
 
 def test_a_mean_a_minute_over_the_slots_that_render() -> None:
     speeds = Speeds(0.0)
-    speeds.note([report("a", 2, 100.0)], 1.0)
-    speeds.note([report("a", 0, 100.0)], 30.0)
-    assert speeds.latest == {"a": (100.0,)}
-    speeds.note([report("a", 3, 100.0), report("b", 1, 7.0)], 61.0)
-    assert speeds.latest == {"a": (100.0, 300.0), "b": (7.0,)}
+    speeds.add_reports([report("a", 2, 100.0)], 1.0)
+    speeds.add_reports([report("a", 0, 100.0)], 30.0)
+    assert speeds.speeds_by_worker == {"a": (100.0,)}
+    speeds.add_reports([report("a", 3, 100.0), report("b", 1, 7.0)], 61.0)
+    assert speeds.speeds_by_worker == {"a": (100.0, 300.0), "b": (7.0,)}
 
 
 def test_of_the_last_hour_and_of_workers_that_were_there_in_it() -> None:
     speeds = Speeds(0.0)
     for minute in range(200):
-        speeds.note([report("a", 1, float(minute))], 60.0 * minute)
-    assert speeds.latest["a"] == tuple(float(minute) for minute in range(200 - INTERVALS_KEPT, 200))
+        speeds.add_reports([report("a", 1, float(minute))], 60.0 * minute)
+    assert speeds.speeds_by_worker["a"] == tuple(float(minute) for minute in range(200 - INTERVALS_KEPT, 200))
     for minute in range(200, 270):
-        speeds.note([report("b", 1, 1.0)], 60.0 * minute)
-    assert set(speeds.latest) == {"b"}
+        speeds.add_reports([report("b", 1, 1.0)], 60.0 * minute)
+    assert set(speeds.speeds_by_worker) == {"b"}

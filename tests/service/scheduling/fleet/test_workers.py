@@ -59,28 +59,28 @@ def test_what_makes_no_sense_is_refused(service: Service, worker: PeerWorker) ->
 def test_suspicion_is_of_those_that_fail_alone_and_is_forgiven() -> None:
     suspicion = Suspicion()
     for _ in range(3):
-        suspicion.succeeded("good", ["bad", "bad"])
-    suspicion.succeeded("bad", ["bad"])  # the worker's own second attempt
-    assert (suspicion.of("bad", ["good"]), suspicion.of("good", ["bad"])) == (2, 0)
+        suspicion.record_success("good", ["bad", "bad"])
+    suspicion.record_success("bad", ["bad"])  # the worker's own second attempt
+    assert (suspicion.failures_of("bad", ["good"]), suspicion.failures_of("good", ["bad"])) == (2, 0)
     for _ in range(int(3 / FORGIVEN_PER_SUCCESS)):
-        suspicion.succeeded("bad", [])
-    assert suspicion.of("bad", ["good"]) == 0
-    suspicion.succeeded("good", ["bad"])
+        suspicion.record_success("bad", [])
+    assert suspicion.failures_of("bad", ["good"]) == 0
+    suspicion.record_success("good", ["bad"])
     suspicion.clear_failures("bad")
-    assert suspicion.of("bad", ["good"]) == 0
+    assert suspicion.failures_of("bad", ["good"]) == 0
 
 
 def test_a_row_of_failures_counts_once_another_can() -> None:
     suspicion = Suspicion()
-    suspicion.succeeded("good", [])
+    suspicion.record_success("good", [])
     for batch in (1, 2, 2, 3):
-        suspicion.failed("bad", batch)
-    assert suspicion.of("bad", ["good"]) == 0, "perhaps it is the job: the other's success was before"
-    suspicion.succeeded("good", [])
-    assert suspicion.of("bad", ["good"]) == 3
-    assert suspicion.of("bad", []) == 0
-    suspicion.succeeded("bad", [])
-    assert suspicion.of("bad", ["good"]) == 0
+        suspicion.record_failure("bad", batch)
+    assert suspicion.failures_of("bad", ["good"]) == 0, "perhaps it is the job: the other's success was before"
+    suspicion.record_success("good", [])
+    assert suspicion.failures_of("bad", ["good"]) == 3
+    assert suspicion.failures_of("bad", []) == 0
+    suspicion.record_success("bad", [])
+    assert suspicion.failures_of("bad", ["good"]) == 0
 
 
 def test_machines_tell_their_memory_and_where_somebody_reads_it_their_log(service: Service, worker: PeerWorker) -> None:

@@ -34,7 +34,7 @@ class Records:
     past: list[str] = field(default_factory=list)
     is_there: bool = True
 
-    def late(self, id: str, since: float | None) -> bool:
+    def store_lateness(self, id: str, since: float | None) -> bool:
         self.lates.append((id, since))
         return self.is_there
 
@@ -49,7 +49,7 @@ def run(id: str, action: Callable[[], object]) -> bool:
 
 def look(deadlines: Deadlines, job: Job, *times: float) -> None:
     for now in times:
-        deadlines.review([cast(ActiveJob, job)], forecast, now)
+        deadlines.update([cast(ActiveJob, job)], forecast, now)
 
 
 def forecast(job: ActiveJob, now: float) -> Forecast:
@@ -81,7 +81,7 @@ def test_a_forecast_must_hold_for_a_while_both_ways() -> None:
 def test_one_that_waits_is_late_once_its_deadline_has_passed() -> None:
     records = Records(past=["waits"])
     told: list[str] = []
-    Deadlines(records, run, lambda _, id: told.append(id)).review([], forecast, 1000.0)
+    Deadlines(records, run, lambda _, id: told.append(id)).update([], forecast, 1000.0)
     assert (records.lates, told) == ([("waits", 1000.0)], ["waits"])
 
 
@@ -105,6 +105,6 @@ def test_a_clock_that_is_put_back_is_gone_by_at_once() -> None:
     records, job, other = Records(past=["waiting"]), Job(deadline=5000.0), Job(id="other", deadline=5000.0)
     deadlines = Deadlines(records, run, lambda what, id: None)
     for now in (9000.0, 4000.0):
-        deadlines.review([cast(ActiveJob, job), cast(ActiveJob, other)], forecast, now)
+        deadlines.update([cast(ActiveJob, job), cast(ActiveJob, other)], forecast, now)
     assert job.expected == 4010.0
     assert [each for each in records.lates if each[0] == "waiting"] == [("waiting", 9000.0), ("waiting", 4000.0)]

@@ -70,7 +70,7 @@ class Lines:
 def expected(job: Job, *others: Job, slots: int = 4, terms: Mapping[str, Terms] | None = None) -> float | None:
     shares = Shares()
     shares.terms = terms or {}
-    found = Forecaster(cast(Any, Lines([job, *others], slots)), shares).of(cast(ActiveJob, job), NOW)
+    found = Forecaster(cast(Any, Lines([job, *others], slots)), shares).forecast(cast(ActiveJob, job), NOW)
     return None if found.at is None else found.at - NOW
 
 
@@ -93,8 +93,10 @@ def test_of_one_that_is_alone_what_is_missing_at_the_speed_of_now(job: Job, left
 def test_where_nobody_knows_it_says_why() -> None:
     forecaster = Forecaster(cast(Any, Lines([], 0)), Shares())
     resting = Job(state="running", samples_per_s=1e-9, eta_s=1e10)
-    assert forecaster.of(cast(ActiveJob, resting), NOW) == Forecast(None, NO_SLOTS)
-    assert Forecaster(cast(Any, Lines([])), Shares()).of(cast(ActiveJob, Job(sample_s=0.0)), NOW) == Forecast(None, SPEED_UNKNOWN)
+    assert forecaster.forecast(cast(ActiveJob, resting), NOW) == Forecast(None, NO_SLOTS)
+    assert Forecaster(cast(Any, Lines([])), Shares()).forecast(cast(ActiveJob, Job(sample_s=0.0)), NOW) == Forecast(
+        None, SPEED_UNKNOWN
+    )
 
 
 @pytest.mark.parametrize(
@@ -155,10 +157,10 @@ def played(jobs: list[Job], slots: int, terms: Mapping[str, Terms]) -> dict[str,
     while left:
         line = [job for job in jobs if job.id in left]
         top = [job for job in line if job.priority == max(each.priority for each in line)]
-        queue = shares.line("kind", top, Counter[str](), Counter({job.share: 1 for job in top if job.share in at_work}))
+        queue = shares.queue_of("kind", top, Counter[str](), Counter({job.share: 1 for job in top if job.share in at_work}))
         at_work = {job.share for job in top}
         for _ in range(slots):
-            if (job := queue.next()) is None:
+            if (job := queue.next_job()) is None:
                 break
             turn += 1
             job.served = turn

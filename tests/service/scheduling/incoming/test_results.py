@@ -43,15 +43,15 @@ def test_what_is_kept_in_the_stream_holds_up_nothing(connection: redis.Redis) ->
 
 def test_an_answer_may_be_unread_up_to_the_end(connection: redis.Redis) -> None:
     results = Results(connection)
-    assert results.has_read(results.end()), "there is no stream"
+    assert results.has_read(results.latest_position()), "there is no stream"
     for number in range(70):
         append(connection, number)
-    end = results.end()
+    end = results.latest_position()
     entries = results.read(10)
     assert not results.has_read(end)
     results.delete(entries + results.read(10))
     assert results.has_read(end)
-    assert (results.length(), results.end()) == (0, end)
+    assert (results.length(), results.latest_position()) == (0, end)
 
 
 @pytest.fixture
@@ -103,7 +103,7 @@ def test_the_end_is_known_without_reading_the_last_entry(limited: redis.Redis) -
     results = Results(limited)
     id = limited.xadd(RESULTS, {"sums": bytes(3 << 20)}, id="5-1")
     assert id == b"5-1"
-    assert results.end() == (5, 1)
+    assert results.latest_position() == (5, 1)
     assert not results.has_read((5, 1))
 
 

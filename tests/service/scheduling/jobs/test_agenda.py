@@ -46,7 +46,7 @@ def agenda(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> An
     made: Any = {frame.key: frame for frame in frames}
     plan = FrameOrder(made, order, every, spp)
     for frame in frames:
-        frame.on_change = plan.turns.note
+        frame.on_change = plan.turns.mark_changed
     return plan
 
 

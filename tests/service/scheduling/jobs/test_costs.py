@@ -14,7 +14,7 @@ def rendered(costs: Costs, pace: float, rounds: int = 1) -> list[float]:
     ratios = []
     for _ in range(rounds):
         for tile, cost in TILES.items():
-            ratios.append(pace * cost / (costs.of(tile) or pace * cost))
+            ratios.append(pace * cost / (costs.expected_cost(tile) or pace * cost))
             costs.record(tile, pace * cost)
     return ratios
 
@@ -35,8 +35,10 @@ def test_a_machine_that_gets_idle_lengthens_batches_cautiously() -> None:
     rendered(costs, 3.0, rounds=2)
     ratios = rendered(costs, 1.0)
     assert min(ratios) >= 1 / 3 - 1e-9
-    assert max(costs.of(tile) / (3.0 * cost) for tile, cost in TILES.items()) <= 1.0
-    assert all(costs.of(tile) >= cost / MOST_FASTER for tile, cost in TILES.items()), "a batch is at most so much too long"
+    assert max(costs.expected_cost(tile) / (3.0 * cost) for tile, cost in TILES.items()) <= 1.0
+    assert all(costs.expected_cost(tile) >= cost / MOST_FASTER for tile, cost in TILES.items()), (
+        "a batch is at most so much too long"
+    )
 
 
 def test_first_batches_that_compile_kernels_say_nothing_of_others() -> None:
@@ -50,6 +52,6 @@ def test_first_batches_that_compile_kernels_say_nothing_of_others() -> None:
 
 def test_costs_are_positive_and_bounded_below() -> None:
     costs = Costs()
-    assert not costs.record(0, 0.0) and costs.of(0) == 0.0
+    assert not costs.record(0, 0.0) and costs.expected_cost(0) == 0.0
     assert costs.record(0, 1.0)
-    assert costs.record(1, 0.0) and costs.of(1) == pytest.approx(1.0 / LEAST_COST)
+    assert costs.record(1, 0.0) and costs.expected_cost(1) == pytest.approx(1.0 / LEAST_COST)

@@ -22,7 +22,7 @@ def test_it_stays_small_and_keeps_its_ends() -> None:
     assert history.events[0][2] == "1" and history.events[-1][2] == "99996"
     assert [p[1] for p in history.points] == sorted(p[1] or 0 for p in history.points)
     assert len(json.dumps(history.to_json())) < 16_000
-    assert History.of(history.to_json()).to_json() == history.to_json()
+    assert History.parse(history.to_json()).to_json() == history.to_json()
 
 
 def test_the_end_is_a_point_though_it_is_no_step_further() -> None:
@@ -41,15 +41,15 @@ def test_workers_come_and_go_once_each() -> None:
         history.rendered_by("a")
         history.rendered_by("b")
     history.note_departed({"b"})
-    again = History.of(history.to_json())
+    again = History.parse(history.to_json())
     again.rendered_by("b")
     again.rendered_by("a")
     assert [tuple(event[1:]) for event in again.events] == [("worker", "a"), ("worker", "b"), ("left", "a"), ("worker", "a")]
 
 
 def test_what_cannot_be_made_out_begins_anew() -> None:
-    assert History.of({"points": [[1, "x", 2]], "events": []}).points == []
-    assert History.of({"points": 3}).events == []
+    assert History.parse({"points": [[1, "x", 2]], "events": []}).points == []
+    assert History.parse({"points": 3}).events == []
 
 
 @pytest.mark.long

@@ -14,7 +14,7 @@ from tests.service.peer_worker import PeerWorker
 
 def test_batches_are_counted_and_told_before_what_comes_after_them(tmp_path: Path) -> None:
     logs = JobLogs(tmp_path / "logs")
-    log = logs.of("job")
+    log = logs.log_of("job")
     log.count_given(2)
     log.count_returned("a", 4096, 0.25)
     log.count_returned("a", 4096, 0.25)
@@ -36,7 +36,7 @@ def test_batches_are_counted_and_told_before_what_comes_after_them(tmp_path: Pat
 def test_a_long_log_keeps_its_newest_lines(tmp_path: Path) -> None:
     logs = JobLogs(tmp_path)
     for number in range(20_000):
-        logs.of("job").add_line(f"line {number} {'x' * 40}")
+        logs.log_of("job").add_line(f"line {number} {'x' * 40}")
         if number % 500 == 0:
             logs.flush()
     logs.flush()
@@ -50,11 +50,11 @@ def test_a_long_log_keeps_its_newest_lines(tmp_path: Path) -> None:
 def test_a_line_is_one_line_and_no_disk_is_no_trouble(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     logs = JobLogs(tmp_path / "file")  # a path where no folder can be created
-    logs.of("job").add_line("here")
+    logs.log_of("job").add_line("here")
     logs.flush()
     assert logs.text("job") == b""
     logs = JobLogs(tmp_path)
-    logs.of("job").add_line("one\x1b[31m\nline" + "x" * 5000)
+    logs.log_of("job").add_line("one\x1b[31m\nline" + "x" * 5000)
     logs.flush()
     assert logs.text("job").count(b"\n") == 1 and b"\x1b" not in logs.text("job") and len(logs.text("job")) < 1100
 
@@ -138,15 +138,15 @@ def test_of_each_tile_it_is_known_who_rendered_what_and_what_was_warned_of(servi
 def test_tiles_and_jobs_that_are_told_of_are_bounded() -> None:
     logs = TileLogs()
     for number in range(40):
-        logs.note("job", 0, 7, f"batch {number}")
-        logs.note(f"job {number}", 0, 0, "x")
+        logs.add_line("job", 0, 7, f"batch {number}")
+        logs.add_line(f"job {number}", 0, 0, "x")
     assert logs.text("job 0", 0, 0) == "" and logs.text("job 39", 0, 0)
     for tile in range(TILES + 5):
         for number in range(20):
-            logs.note("many", 0, tile, f"batch {number}") if tile < 2 or number == 0 else None
+            logs.add_line("many", 0, tile, f"batch {number}") if tile < 2 or number == 0 else None
     assert logs.text("many", 0, 0) == "" and logs.text("many", 0, TILES)
     for number in range(40):
-        logs.note("last", 0, 7, f"batch {number}")
+        logs.add_line("last", 0, 7, f"batch {number}")
     assert [line.split()[-1] for line in logs.text("last", 0, 7).splitlines()] == [str(n) for n in range(24, 40)]
 
 
@@ -154,9 +154,9 @@ def test_the_services_log_has_a_jobs_counts_once_a_minute(tmp_path: Path, caplog
     logs = JobLogs(tmp_path)
     with caplog.at_level(logging.INFO):
         for _ in range(5):
-            logs.of("job").count_given(2)
+            logs.log_of("job").count_given(2)
             logs.flush()
-        logs.of("job").add_line("something happened")
+        logs.log_of("job").add_line("something happened")
         logs.flush()
     assert [record.getMessage() for record in caplog.records] == ["handed out: 2 batches", "something happened"]
     assert logs.text("job").count(b"handed out: 2 batches") == 5, "the job's own log has all"

@@ -51,7 +51,7 @@ class Bench:
                 continue
 
     def arrive(self, batch: Range) -> None:
-        if self.plan.wants(batch) and not self.coverage[batch.tile].overlaps(batch.first, batch.count):
+        if self.plan.needs_batch(batch) and not self.coverage[batch.tile].overlaps(batch.first, batch.count):
             self.coverage[batch.tile].add(batch.first, batch.count)
         self.again(lambda: self.plan.update_from_film(batch))
 
@@ -67,13 +67,14 @@ class Bench:
             return dice.randint(1, wanted)
 
         for _ in range(20_000):
-            if self.plan.done:
+            if self.plan.is_done:
                 return history
             if restart and dice.random() < restart:
                 self.plan = self.again(lambda: FramePlan(*self.args))  # batches in `out` arrive late, after a restart
             while (
                 len(out) < 6
-                and (batch := self.again(lambda: self.plan.next(lambda tile: dice.randint(1, wanted), of_a_tile))) is not None
+                and (batch := self.again(lambda: self.plan.next_batch(lambda tile: dice.randint(1, wanted), of_a_tile)))
+                is not None
             ):
                 out.append(batch)
                 history.append(batch)
@@ -130,7 +131,7 @@ def test_nothing_is_handed_out_twice_without_need() -> None:
 
 def test_the_first_wave_covers_the_whole_frame_from_the_middle() -> None:
     bench = Bench(64, None)
-    wave = [bench.plan.next(lambda tile: 1000) for _ in bench.tiles]
+    wave = [bench.plan.next_batch(lambda tile: 1000) for _ in bench.tiles]
     assert {batch.tile for batch in wave if batch} == set(range(len(bench.tiles)))
     assert all(batch and (batch.first, batch.count) == (0, 1) for batch in wave)
     assert wave[0] is not None
@@ -140,13 +141,13 @@ def test_the_first_wave_covers_the_whole_frame_from_the_middle() -> None:
 def test_batches_of_a_tile_follow_each_other_once_all_tiles_have_some() -> None:
     bench = Bench(4096, None)
     for _ in range(400):
-        batch = bench.plan.next(lambda tile: 8, 4)
+        batch = bench.plan.next_batch(lambda tile: 8, 4)
         assert batch is not None
         if batch.first < MIN_SAMPLES_FOR_RUNS:
             latest = batch.tile
             bench.arrive(batch)
             continue
-        run = [batch, *(bench.plan.next(lambda tile: 8, 4) for _ in range(3))]
+        run = [batch, *(bench.plan.next_batch(lambda tile: 8, 4) for _ in range(3))]
         assert min(covered.total for covered in bench.coverage) >= MIN_SAMPLES_FOR_RUNS - 8
         assert [each and (each.tile, each.first) for each in run] == [(batch.tile, batch.first + 8 * i) for i in range(4)]
         assert batch.tile != latest, "then another has its turn"
@@ -160,7 +161,7 @@ def test_more_samples_on_a_finished_frame_begin_where_it_ended() -> None:
     bench = Bench(10, None)
     bench.finish(2)
     bench.plan = FramePlan(bench.tiles, 25, *bench.args[2:])
-    assert not bench.plan.done
+    assert not bench.plan.is_done
     assert min(batch.first for batch in bench.finish(3)) == 10
     assert all(c.ranges == [(0, 25)] for c in bench.coverage)
 
@@ -168,20 +169,20 @@ def test_more_samples_on_a_finished_frame_begin_where_it_ended() -> None:
 def test_what_is_in_focus_comes_first_and_the_end_is_the_same() -> None:
     bench = Bench(64, None)
     bench.plan.focus([5, 7])
-    first = [bench.plan.next(lambda tile: 4) for _ in bench.tiles]
+    first = [bench.plan.next_batch(lambda tile: 4) for _ in bench.tiles]
     assert {batch.tile for batch in first if batch} == set(range(len(bench.tiles))), "the first wave is everybody's"
     for batch in first:
         assert batch is not None
         bench.arrive(batch)
     while not {5, 7} <= {i for i, c in enumerate(bench.coverage) if c.total == 64}:
-        batch = bench.plan.next(lambda tile: 4)
+        batch = bench.plan.next_batch(lambda tile: 4)
         assert batch is not None and batch.tile in (5, 7)
         bench.arrive(batch)
-    batch = bench.plan.next(lambda tile: 4)
+    batch = bench.plan.next_batch(lambda tile: 4)
     assert batch is not None and batch.tile not in (5, 7)
     bench.arrive(batch)
     bench.plan.focus([0])
-    batch = bench.plan.next(lambda tile: 4)
+    batch = bench.plan.next_batch(lambda tile: 4)
     assert batch is not None and batch.tile == 0
     bench.arrive(batch)
     bench.plan.focus([])
@@ -193,7 +194,7 @@ def test_a_ceiling_over_what_is_in_focus_does_not_hold_up_the_others() -> None:
     bench = Bench(64, None)
     bench.plan.ceiling = 2
     bench.plan.focus([3])
-    while (batch := bench.plan.next(lambda tile: 4)) is not None:
+    while (batch := bench.plan.next_batch(lambda tile: 4)) is not None:
         bench.arrive(batch)
     assert {c.total for c in bench.coverage} == {2}
 
@@ -226,8 +227,8 @@ def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
         return film.noise(planes, 10)
 
     plan = FramePlan(tiles, 16384, 0.2, lambda _: coverage, noise)
-    while not plan.done:
-        batch = plan.next(lambda _: 1024)
+    while not plan.is_done:
+        batch = plan.next_batch(lambda _: 1024)
         assert batch is not None
         for number in range(batch.first, batch.first + batch.count):
             sums[0 if film.in_half(number) else 1] += 50.0 * (dice.random((side, side)) < 0.02)

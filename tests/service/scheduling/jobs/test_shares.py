@@ -68,9 +68,9 @@ class Farm:
         for job in self.jobs:
             shares_held[job.share] += self.held[job.id]
         open = [job for job in self.jobs if job.begins <= self.now and job.work_s > 0]
-        line = self.shares.line(KIND, open, self.held, shares_held)
+        line = self.shares.queue_of(KIND, open, self.held, shares_held)
         room = 2 * self.slots - self.held.total()
-        while room > 0 and (job := line.next()) is not None:
+        while room > 0 and (job := line.next_job()) is not None:
             if job.work_s <= 0:
                 continue
             job.work_s -= job.batch_s
@@ -157,9 +157,9 @@ def test_it_costs_little_with_ten_thousand_jobs_and_a_thousand_slots() -> None:
     each = math.inf
     for _ in range(10):
         begun = time.process_time()
-        line = shares.line(KIND, jobs, held, Counter())
+        line = shares.queue_of(KIND, jobs, held, Counter())
         for turn in range(100):
-            job = line.next()
+            job = line.next_job()
             assert job is not None
             job.served = turn + 1
             line.record_served(job, 1, 0.5)

@@ -35,8 +35,8 @@ def test_totals_follow_the_frames() -> None:
         frame = frames[2 * chance.randrange(300)]
         frame.samples, frame.state = chance.randrange(100), chance.choice(["queued", "running", "finished", "failed"])
         frame.bad_samples, frame.noise = chance.randrange(3), chance.choice([None, chance.random()])
-        totals.note(frame.key)
-        totals.note(frame.key)
+        totals.mark_changed(frame.key)
+        totals.mark_changed(frame.key)
         totals.updated()
         noises = [each.noise for each in frames.values() if each.state != "failed"]
         assert totals.noise.value == (None if None in noises else max(noises))
@@ -56,7 +56,7 @@ def test_the_greatest_is_known_once_all_are() -> None:
         key = chance.randrange(12)
         if chance.random() < 0.2:
             values.pop(key, None)
-            greatest.drop(key)
+            greatest.remove(key)
         else:
             values[key] = None if chance.random() < 0.05 else chance.randrange(5) / 4
             greatest.set(key, values[key])

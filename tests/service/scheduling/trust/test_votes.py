@@ -38,13 +38,13 @@ def votes(*cast: tuple[str, bytes]) -> Votes:
 )
 def test_two_that_agree_are_right(cast: list[tuple[str, bytes]], wrong: set[str], is_known: bool) -> None:
     found = votes(*cast)
-    assert (found.wrong, found.right is not None) == (wrong, is_known)
+    assert (found.outvoted_workers, found.agreed_index is not None) == (wrong, is_known)
 
 
 def test_the_same_sums_in_other_bytes_are_the_same_value() -> None:
     plain = pack_sums(expected_sums(TILE, 0, 2, 0), packing=1)
     assert plain != X
-    assert votes(("a", X), ("b", plain)).right == 0
+    assert votes(("a", X), ("b", plain)).agreed_index == 0
     with pytest.raises(ValueError, match="sums"):
         votes(("a", lz4.block.compress(b"no sums", store_size=False)))
 
