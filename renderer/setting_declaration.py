@@ -256,7 +256,6 @@ def _shown(value: Any) -> str:
 def number_text(value: Any) -> str:
     """Returns a number as short text."""
     if isinstance(value, Integral):
-        return (
-            str(value) if abs(int(value)) < 10**18 else f"{'>' if value > 0 else '<-'}1e18"
-        )  # Python formats at most 4300 digits
+        number = int(value)
+        return str(number) if abs(number) < 10**18 else f"{'>' if number > 0 else '<-'}1e18"  # Python formats at most 4300 digits
     return f"{float(value):g}"

@@ -67,7 +67,7 @@ class running_redis:  # noqa: N801 - used like a function
 
 def code_of(error: BaseException) -> str:
     """Returns the code of an error's sentence; empty if it is a plain text."""
-    return Sentence.of(str(error)).code
+    return Sentence.from_text(str(error)).code
 
 
 def wait_until(condition: Callable[[], bool], seconds: float, what: str) -> None:

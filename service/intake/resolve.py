@@ -82,7 +82,7 @@ def refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
 
     The warning about missing lights is ignored if the request sets an environment.
     """
-    relevant = [each for each in warnings if not (request.get("environment") and Sentence.of(each).code in LIGHT_WARNINGS)]
+    relevant = [each for each in warnings if not (request.get("environment") and Sentence.from_text(each).code in LIGHT_WARNINGS)]
     if relevant:
         raise SettingsError(refusal(relevant), field="strict")
 
