@@ -174,7 +174,7 @@ def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
 @pytest.mark.long
 def test_what_stands_still_is_made_once(folder, monkeypatch):
     made = []
-    for name in ("make_still", "make_bodies", "pack"):
+    for name in ("build_static", "build_bodies", "pack"):
         known = getattr(__import__("renderer.scene.placed_bodies", fromlist=[name]), name)
         monkeypatch.setattr(
             f"renderer.scene.placed_bodies.{name}", lambda *args, name=name, known=known: made.append(name) or known(*args)
@@ -184,7 +184,7 @@ def test_what_stands_still_is_made_once(folder, monkeypatch):
         stage = OpenScene(Shot(folder, name), threads=1)
         for frame in range(5):
             stage.scene_at(Moment(frame))
-        assert sorted(made) == ["make_bodies", "make_still", "pack"], name
+        assert sorted(made) == ["build_bodies", "build_static", "pack"], name
 
 
 def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):

@@ -242,7 +242,7 @@ def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service,
     assert set(failed) == set(RECORDS)
 
 
-FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_planes", "index_of")
+FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_planes", "tile_index")
 
 
 @pytest.mark.long

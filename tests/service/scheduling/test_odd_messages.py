@@ -156,9 +156,9 @@ def test_a_fault_with_one_batch_hands_it_out_again_and_stops_no_other(
 
     Results of one tile fail, once before and once after the film accepted them.
     """
-    left = [3]
+    left = [2]  # a batch that fails three times ends its job
     answers = service.farm.engine._answers
-    name = {"merge": "_add", "note": "_note_one"}[where]
+    name = {"merge": "_add", "note": "_record_batch"}[where]
     real = getattr(answers, name)
 
     def instead(job: Any, what: Any, *more: Any) -> Any:
