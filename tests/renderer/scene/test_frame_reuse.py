@@ -7,7 +7,7 @@ from renderer.scene.frame_reuse import ShotCache
 
 def recalled(kept, key, token=None, asked=None):
     made = []
-    found = kept.recall(
+    found = kept.get_or_make(
         "slot", lambda: (asked.append(1) if asked is not None else None, key)[1], lambda: made.append(1) or object(), token
     )
     return found, bool(made)

@@ -48,7 +48,7 @@ class Renderer:
         self.card = card
         self.loaded: set[str] = set()
 
-    def has(self, variant: str) -> bool:
+    def has_kernel(self, variant: str) -> bool:
         return variant in self.loaded
 
     def load(self, variant: str, fetch: Any) -> None:

@@ -93,7 +93,7 @@ class Queues:
         self.sizes: list[int] = []  # of messages for cards
 
     @contextmanager
-    def at_once(self) -> Iterator[None]:
+    def send_together(self) -> Iterator[None]:
         yield
 
     def send_batch(self, batch: RenderBatch, queue: str) -> None:
@@ -138,8 +138,8 @@ class Farm:
         )
         film: Any = MemoryFilm(*size)
         job = ActiveJob(row, film, {KIND: "compiled"}, set(), lambda frame: settings)
-        job.take([FrameRow(0, 0, 0, 0, "queued", None, None, None, None, False)])
-        for _ in job.begin():
+        job.add_frames([FrameRow(0, 0, 0, 0, "queued", None, None, None, None, False)])
+        for _ in job.prepare_in_steps():
             pass
         self.scheduler.jobs[job.id] = job
         return job
@@ -148,7 +148,7 @@ class Farm:
         """Simulates until the job is done, or until a time. Returns the time of the last result."""
         last = self.now
         self._at(self.now, self._step)
-        while self._events and not self.job.done and self._events[0][0] <= until:
+        while self._events and not self.job.is_done and self._events[0][0] <= until:
             self.now, _, action = heapq.heappop(self._events)
             action()
             last = self.now
@@ -159,7 +159,7 @@ class Farm:
         heapq.heappush(self._events, (time, next(self._order), action))
 
     def _step(self) -> None:
-        self.scheduler.fill(lambda job, kind: True)
+        self.scheduler.hand_out(lambda job, kind: True)
         for slot in list(self.free):
             if self.queues.messages[slot.queue]:
                 self.free.remove(slot)
@@ -192,9 +192,9 @@ class Farm:
             return
         film: Any = self.job.film
         found = Range(film.tiles.index(batch.tile), batch.first, batch.count)
-        if self.job.wants(found) and not film.coverage(0, found.tile).overlaps(batch.first, batch.count):
+        if self.job.needs_batch(found) and not film.coverage(0, found.tile).overlaps(batch.first, batch.count):
             film.covered[0, found.tile].add(batch.first, batch.count)
-            self.scheduler.came_back(self.job, batch.batch, found, seconds, worker)
+            self.scheduler.end_batch(self.job, batch.batch, found, seconds, worker)
             self.job.update_from_film()
 
     def _refuse(self, batch: RenderBatch) -> None:
@@ -214,7 +214,7 @@ def test_cards_and_cpus_end_together_and_none_waits(case: str) -> None:
     """After a start in which costs are measured, every slot is busy to the end of the frame."""
     farm = Farm(*CASES[case])
     end = farm.run()
-    assert farm.job.done
+    assert farm.job.is_done
     for slot in farm.slots:
         assert slot.idle(0.5, end) < 0.06
         assert slot.busy[-1][1] > end - 0.2
@@ -234,7 +234,7 @@ def test_sums_come_back_while_a_message_is_rendered() -> None:
 def test_a_card_alone_renders_a_frame() -> None:
     farm = Farm(0, 1, 2048, (640, 384))
     end = farm.run()
-    assert farm.job.done
+    assert farm.job.is_done
     assert end < 1.1 * farm.work / (FASTER * RATE) + 0.5
     assert not farm.job.knows_cost
 
@@ -256,7 +256,7 @@ def test_a_lost_card_loses_its_own_batches_alone() -> None:
     assert others <= {lease.id for lease in farm.scheduler.leases}
     assert farm.job.samples == samples
     farm.run()
-    assert farm.job.done
+    assert farm.job.is_done
     assert all(lease.only == "" for lease in farm.scheduler.leases)
 
 
@@ -264,7 +264,7 @@ def test_what_a_card_cannot_render_goes_to_the_cpus() -> None:
     farm = Farm(8, 1, spp=4, size=(256, 128))
     farm.refuses = True
     farm.run()
-    assert farm.job.done
+    assert farm.job.is_done
     assert farm.job.card_refusals == {"card"}
     assert len(farm.queues.sizes) <= 2
     assert "does not render with these settings" in farm.job.history.log.drain()
@@ -274,23 +274,23 @@ def test_without_slots_of_the_cpu_the_workers_processor_renders_what_its_card_ca
     farm = Farm(0, 1, spp=4, size=(256, 128))
     farm.refuses = True
     card = farm.slots[0]
-    farm.scheduler.fill(lambda job, kind: True)
+    farm.scheduler.hand_out(lambda job, kind: True)
     farm.run(until=1.0)
     assert farm.job.card_refusals == {"card"}
     card.is_card, card.rate = False, RATE
     farm.run()
-    assert farm.job.done
+    assert farm.job.is_done
     assert farm.job.knows_cost
 
 
 def test_a_job_with_requirements_gets_only_cards_that_meet_them() -> None:
     farm = Farm(1, 1, spp=4, size=(256, 128))
     farm.job.needs = Needs(("gpu",))
-    farm.scheduler.fill(lambda job, kind: True)
+    farm.scheduler.hand_out(lambda job, kind: True)
     assert not farm.queues.sizes
     offers = {"card": Offer(("gpu",), 1 << 30, 1, "terms")}
     farm.workers.roster = WorkerSnapshot(reports=farm.reports, offers=offers)
-    farm.scheduler.fill(lambda job, kind: True)
+    farm.scheduler.hand_out(lambda job, kind: True)
     assert farm.queues.sizes
 
 
@@ -302,13 +302,13 @@ def test_what_a_card_cannot_render_is_left_to_its_processor_where_no_core_meets_
     farm.workers.roster = WorkerSnapshot(reports=farm.reports, offers=offers)
     farm.slots[1].is_card, farm.slots[1].rate = False, RATE
     farm.run()
-    assert farm.job.done
+    assert farm.job.is_done
     assert not farm.slots[0].busy
 
 
 def test_a_job_whose_batches_are_rendered_twice_is_left_to_the_cpus() -> None:
     farm = Farm(1, 1, spp=4, size=(256, 128))
     farm.job.verify = 0.5
-    farm.scheduler.fill(lambda job, kind: True)
+    farm.scheduler.hand_out(lambda job, kind: True)
     assert not farm.queues.sizes
     assert farm.queues.messages[render_queue(KIND)]

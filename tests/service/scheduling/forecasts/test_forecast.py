@@ -33,7 +33,7 @@ class Job:
     max_slots: int | None = None
     sample_s: float = 0.01
     samples: int = 0
-    done: bool = False
+    is_done: bool = False
     seconds: float | None = None
     active_s: float = 0.0
     served: int = 0
@@ -82,7 +82,7 @@ def expected(job: Job, *others: Job, slots: int = 4, terms: Mapping[str, Terms] 
         (Job(state="running", samples_per_s=1.0, eta_s=33.0), 33.0),
         (Job(state="running", samples_per_s=1.0, eta_s=33.0, sample_s=0.0), 33.0),
         (Job(state="paused"), 25.0),
-        (Job(done=True), 0.0),
+        (Job(is_done=True), 0.0),
         (Job(seconds=15.0, active_s=5.0), 10.0),
     ],
 )
@@ -110,7 +110,7 @@ def test_where_nobody_knows_it_says_why() -> None:
         ([Job("anna", 1000, share="user:anna")], 50.0),
         ([Job("anna", 30, share="user:anna")], 32.5),
         ([Job("unknown", 1000, sample_s=0.0)], 50.0),
-        ([Job("over", 1000, done=True)], 25.0),
+        ([Job("over", 1000, is_done=True)], 25.0),
         ([Job("timed", 1000, priority=1, seconds=10.0)], 35.0),
     ],
 )

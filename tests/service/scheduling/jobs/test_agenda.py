@@ -24,13 +24,13 @@ class Frame:
         self.own: dict[str, object] = {}
         self.is_preparing = False
         self.on_change: Callable[[int], None] = lambda key: None
-        self.plan = SimpleNamespace(done=False, has=lambda samples: True)
+        self.plan = SimpleNamespace(is_done=False, every_tile_has=lambda samples: True)
 
     @property
     def is_over(self) -> bool:
         return self.state in ("finished", "failed")
 
-    def measured(self) -> float:
+    def measured_noise(self) -> float:
         self.noise = self.grain / math.sqrt(self.ceiling)
         return self.noise
 
@@ -56,7 +56,7 @@ def laid_out(frames: list[Frame], spp: int) -> Any:
     rounds = 0
     while not all(frame.is_over for frame in frames):
         for frame in frames:
-            while plan.passed(frame):
+            while plan.raise_ceiling(frame):
                 pass
             plan.finish_if_complete(frame)
         plan.begin_round()
@@ -71,8 +71,8 @@ def test_the_pilot_is_for_all_and_the_rest_goes_where_the_noise_is() -> None:
     assert frames[0].ceiling == PILOT_SAMPLES, "quiet as it is"
     assert sum(frame.ceiling for frame in frames) <= 3 * 256
     assert sum(frame.ceiling for frame in frames) > 0.99 * 3 * 256, "the budget is spent"
-    assert frames[2].measured() == pytest.approx(frames[1].measured(), rel=0.05), "equal noise"
-    assert plan.forecast == pytest.approx(frames[2].measured(), rel=0.05), "as it was foretold"
+    assert frames[2].measured_noise() == pytest.approx(frames[1].measured_noise(), rel=0.05), "equal noise"
+    assert plan.forecast == pytest.approx(frames[2].measured_noise(), rel=0.05), "as it was foretold"
 
 
 def test_a_frame_that_failed_leaves_its_samples_to_the_others() -> None:
@@ -105,7 +105,7 @@ def test_where_nothing_is_known_everyone_keeps_what_they_have() -> None:
 def test_every_nth_goes_on_with_those_between() -> None:
     frames = [Frame(key) for key in range(9)]
     plan = agenda("every-nth", frames, every=6)
-    order = sorted(frames, key=plan.turn)
+    order = sorted(frames, key=plan.sort_key)
     assert [frame.key for frame in order] == [0, 6, 3, 1, 2, 4, 5, 7, 8]
 
 
@@ -113,11 +113,11 @@ def test_breadth_first_a_frame_rises_when_all_under_its_ceiling_is_handed_out() 
     frames = [Frame(key, spp=6) for key in range(2)]
     plan = agenda("breadth-first", frames, 6)
     seen = []
-    while (frame := plan.next("kind")) is not None:
+    while (frame := plan.next_frame("kind")) is not None:
         seen.append((frame.key, frame.ceiling))
-        if not plan.passed(frame):
+        if not plan.raise_ceiling(frame):
             frame.is_idle = True
-            plan.turns.note(frame.key)
+            plan.turns.mark_changed(frame.key)
     assert seen == [(0, 1), (1, 1), (0, 2), (1, 2), (0, 4), (1, 4), (0, 6), (1, 6)]
 
 
@@ -126,7 +126,7 @@ def test_what_is_not_prepared_waits_and_is_named_in_turn() -> None:
     for key in (1, 3):
         frames[key].compiled = {}
     plan = agenda("centre-out", frames)
-    plan.first = 3
-    assert [frame.key for frame in plan.turns.lacking("kind", 5)] == [3, 1]
-    assert plan.next("kind").key == 2
-    assert plan.next("another") is None
+    plan.first_key = 3
+    assert [frame.key for frame in plan.turns.frames_to_prepare("kind", 5)] == [3, 1]
+    assert plan.next_frame("kind").key == 2
+    assert plan.next_frame("another") is None
