@@ -21,6 +21,7 @@ __all__ = ["farm_address", "run", "token_to_send"]
 
 GRACE_S = 10.0
 FATAL = 3  # exit code after which a restart does not help
+_LAST_LINES = 100  # of a log, in which the reason of an exit is looked for
 
 
 def farm_address(join: str) -> str:
@@ -90,13 +91,22 @@ def run(
         while not signals.stop():
             _follow(shown)
             if (failed := supervisor.check_parts()) is not None:
-                raise CommandError(_sentence(failed.last_log_lines(1)).removeprefix(f"rayfarm {name}: "))
+                raise CommandError(_reason(failed.last_log_lines(_LAST_LINES), f"rayfarm {name}: "))
             time.sleep(0.2)
     finally:
         supervisor.stop(signals.is_immediate)
         _follow(shown)
         for log in shown:
             log.unlink(missing_ok=True)
+
+
+def _reason(log: str, prefix: str) -> str:
+    """Returns the last message of the log that starts with `prefix`, without it; if there is none, the last message.
+
+    A library may print lines while the process exits, after its message.
+    """
+    messages = [_sentence(line) for line in log.splitlines()] or [""]
+    return next((each for each in reversed(messages) if each.startswith(prefix)), messages[-1]).removeprefix(prefix)
 
 
 def _sentence(line: str) -> str:
