@@ -1,4 +1,4 @@
-"""Renders docs/blender.jpg, a scene built here, with the add-on on a farm. Run by a Python that has bpy.
+"""Renders docs/pictures/blender.jpg, a scene built here, with the add-on on a farm. Run by a Python that has bpy.
 
 python make_picture.py FOLDER URL, where FOLDER has the add-on's package and receives the picture.
 """

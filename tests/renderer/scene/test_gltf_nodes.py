@@ -128,5 +128,5 @@ def test_a_chain_of_many_nodes_is_read(scene):
         g.root["nodes"][last]["children"] = children
         description = scene("a.glb", g.glb())
         assert len(description.instances) == 1
-        assert any("hangs below two parents or below itself" in warning for warning in description.warnings)
+        assert any("has two parents or is its own ancestor" in warning for warning in description.warnings)
         g.root["nodes"][7]["children"] = [8]
