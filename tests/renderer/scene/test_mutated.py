@@ -75,7 +75,7 @@ def test_a_mutated_glb_is_a_scene_or_a_sentence(samples, tmp_path, png, file):
             assert all(m.triangles.max(initial=-1) < len(m.positions) for m in description.meshes)
             if file == "full":
                 compiled_or_told(description)
-    assert 0.1 < told / FILES[file] < 0.9  # some mutations fail, but not all
+    assert 0 < told / FILES[file] < 0.9  # some mutations are refused; most only cost a part of the scene
 
 
 def sample(samples, png, file):
