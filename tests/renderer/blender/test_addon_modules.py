@@ -14,7 +14,7 @@ ADDON = ROOT / "blender" / "rayfarm_addon"
 HOLDERS = ("modules", "_modules")  # variables and attributes that hold all modules
 # Variables and attributes that hold one module, by file.
 MODULES = {
-    "settings.py": {"known": "cycles"},
+    "settings.py": {"addon_module": "cycles"},
     "lights.py": {"_known": "lights"},
     "world.py": {"skies": "skies", "subsurface": "subsurface"},
 }

@@ -204,7 +204,7 @@ def test_a_scene_that_does_not_fit_is_an_error(card: CardRenderer, with_cards: p
 
 def test_settings_that_cards_lack_are_an_error(card: CardRenderer) -> None:
     scene, settings = made("diffuse")
-    with pytest.raises(SettingsError, match="a graphics card renders with"):
+    with pytest.raises(SettingsError, match="a graphics card renders only with"):
         render_frame(scene, replace(settings, integrator="ao"), 1, card=card)
 
 

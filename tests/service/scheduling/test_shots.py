@@ -296,7 +296,7 @@ def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWo
         assert answer.status_code in (409, 422)
         assert says in answer.text
     refused = service.http.post("/api/jobs", json={"scene": scene, "frames": "0-9", "seconds": 5, "order": "in-turn"})
-    assert "needs an end for each frame" in refused.text
+    assert "order-needs-goal" in refused.text
 
 
 @pytest.mark.long
