@@ -176,7 +176,7 @@ def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         "--log-format", choices=FORMATS, help=f"json: each line of the log an object, for programs; ${FORMAT_VARIABLE}"
     )
     parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
-    parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="how much they may take together")
+    parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="maximum size of all cached scenes together, in bytes")
     parser.add_argument(
         "--blender",
         nargs="?",

@@ -321,7 +321,7 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
             )
             ViewAnswers(worker, work).send("failed", error=sentence)
         else:
-            hand.speed = render_view(worker, work, hand.compiling)
+            hand.speed = render_view(worker, work, hand.report_compiling)
 
 
 def _view_frame(task: Any, frame: dict[str, Any]) -> None:
@@ -360,4 +360,4 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
         return
     with SlotTask(worker, {"explain": work.job, "message": work.message}) as hand:
         if not count_deaths(task, worker, work.message):  # after a death the client has already got an error
-            explain_pixel(worker, work, hand.compiling)
+            explain_pixel(worker, work, hand.report_compiling)

@@ -99,12 +99,12 @@ class Layout:
             self.width += max(width_of(declared) for declared in shared)
 
     def column(self, declared: type, field: str) -> np.uintp:
-        """Returns the first column of a field."""
+        """Returns the index of the first column of the row array that holds `field` of the named tuple class `declared`."""
         return np.uintp(self.first[declared] + _places(declared)[field].column)
 
 
 def _type_of(declared: Any, wide: bool) -> Any:
-    """Returns the Numba type of a named tuple of plain numbers, or if `wide` of lanes."""
+    """Returns the Numba type of the named tuple class `declared`: its fields are scalars or, if `wide`, eight-lane vectors."""
     fields = []
     for place in _places(declared).values():
         number = place.kind.lanes if wide else place.kind.number

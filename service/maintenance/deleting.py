@@ -51,9 +51,9 @@ class JobDeleter:
         return [long.get(each.id, each) for each in self._delete_jobs(ids)]
 
     def _mark_long_shots(self, ids: Sequence[str]) -> dict[str, DeletedJob]:
-        """Cancels the long shots among these jobs, and marks their frames to be deleted in several transactions.
+        """Cancels those of the jobs that have too many frames for one transaction, and marks these frames for deletion.
 
-        Returns those shots.
+        The frames are deleted later, in several transactions. Returns these jobs.
         """
         with self._sessions() as session:
             counted = select(Frame.job).where(Frame.job.in_(ids)).group_by(Frame.job).having(func.count() > AT_A_TIME)

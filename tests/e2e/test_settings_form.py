@@ -221,7 +221,7 @@ def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
 
 @pytest.mark.long
 def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
-    """All settings of a finished job are requested again, except those that equal the scene's own."""
+    """The form of a finished job submits all its settings again, except those that equal the scene's own."""
     view = settings.View((0.1, 2, 3), (0, 0.5, 0), fov=33, aperture=0.02, focus=2.5)
     chosen = {"seed": 7, "integrator": "direct", "sampling": "bsdf", "light_samples": 3, "filter": "tent"}
     light = {"environment": (0.123456, 2.0, 0.5), "environment_strength": 0.7}

@@ -44,9 +44,9 @@ class SlotTask:
         self._doing = doing
         self._worker.board.write(slot(), doing)
 
-    def compiling(self, is_so: bool) -> None:
-        """Reports whether the slot is making a kernel ready at present."""
-        self._worker.board.write(slot(), self._doing | {"compiling": is_so})
+    def report_compiling(self, is_compiling: bool) -> None:
+        """Writes to the worker's board whether this slot is compiling a kernel."""
+        self._worker.board.write(slot(), self._doing | {"compiling": is_compiling})
 
 
 @contextmanager
@@ -59,7 +59,7 @@ def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> I
             # A piece shared by another slot comes without a trace context from the service.
             parent = tracing.current_span() or tracing.root_span("job", work.job)
             with collect_warnings() as heard, tracing.span("batch", parent, **message_ids(vars(work))):
-                result = render(worker, work, hand.compiling)
+                result = render(worker, work, hand.report_compiling)
                 if tracing.is_on():
                     result.event["traceparents"] = [str(tracing.current_span())]
             result.event.update(heard.result_fields())

@@ -85,7 +85,7 @@ def triangulated(
 
 
 def without_bad_vertices(mesh: Mesh) -> Mesh:
-    """Returns the mesh without non-finite vertices, which no triangle uses."""
+    """Returns the mesh without its non-finite vertices. No triangle may use one of them."""
     if np.isfinite(mesh.positions).all():
         return mesh
     return of_triangles(mesh, slice(None))

@@ -88,9 +88,9 @@ def dense_medium_surface(sigma_a: Vec3, sigma_s: Vec3, ior: float) -> tuple[Vec3
 
 
 def seen_through_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
-    """Returns the subsurface radius of a medium that has the diffuse reflectance `color` beneath a boundary.
+    """Returns the RGB subsurface radius of a medium whose diffuse reflectance, seen through a dielectric surface, is `color`.
 
-    path: RGB mean free paths.
+    path: RGB mean free paths in the medium. ior: relative index of refraction of the surface.
     """
     low, high = np.zeros(3), np.full(3, _MOST_ALBEDO)
     for _ in range(50):

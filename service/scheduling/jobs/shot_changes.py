@@ -172,7 +172,7 @@ def _raised_goal(now: int | None, request: ShotRequest, what: str) -> int:
         raise Conflict(
             Sentence(
                 "shot-more-spp-unknown",
-                "more: the samples of {what} are not known in advance, since noise or time ends it. Give spp.",
+                "more: {what} ends at a limit of noise or time, so its number of samples is not known in advance. Give spp.",
                 what=what,
             )
         )

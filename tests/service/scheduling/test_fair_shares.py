@@ -66,7 +66,7 @@ def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Serv
     with service.worker(slots=8) as worker:
 
         def look(batch: RenderBatch) -> None:
-            """Records the number of outstanding messages besides the current one; eight slots would have sixteen."""
+            """Records the number of waiting messages; without the limit there would be sixteen: two for each of eight slots."""
             waiting.append(worker.redis.llen(render_queue(worker.kind)))  # type: ignore[arg-type]
 
         scene = service.ready_scene()

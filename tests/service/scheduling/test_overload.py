@@ -28,7 +28,7 @@ SLOTS = 200
 @pytest.mark.long
 @pytest.mark.timeout(300)
 def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is rendered twice with a slow disk, and results that wait longer than until a batch counts as lost."""
+    """No batch is rendered twice if the disk is slow and results wait longer than the time after which batches count as lost."""
     add = FilmFile.add
 
     def slowly(*arguments: Any) -> None:

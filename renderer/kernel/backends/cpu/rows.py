@@ -55,7 +55,7 @@ SPARE = np.uint32(ROWS)  # an extra row, for writes to be discarded
 
 
 class RowHit(NamedTuple):
-    """The closest hit of the row's ray."""
+    """The closest hit found so far for the ray in one row (path) of the pool."""
 
     t: Float
     u: Float

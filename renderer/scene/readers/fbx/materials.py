@@ -51,7 +51,7 @@ class Materials:
         self.guessed: Counter[str] = Counter()  # counts of assumptions and omissions, by sentence
 
     def number(self, source: Any | None) -> int:
-        """Returns the description's index of a material of the file. None stands for surfaces without a material."""
+        """Returns the index, in the scene description, of an FBX material. source: None for surfaces without a material."""
         key = -1 if source is None else int(source.element_id)
         if key not in self._known:
             self._materials.append(Material() if source is None else self._read(source))

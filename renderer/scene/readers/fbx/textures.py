@@ -83,7 +83,11 @@ class Pictures:
 
 
 def _transform(picture: Any, by_blender: bool) -> UvTransform:
-    """Returns the transform of UVs with v measured from the upper edge: t = M (u, 1 - v), and then 1 - t."""
+    """Returns the texture's UV transform, for v measured downwards from the upper edge.
+
+    FBX's matrix M takes v upwards, so v is flipped before and after M. by_blender: the file is from Blender, which writes M
+    differently.
+    """
     if not picture.has_transform:
         return IDENTITY_UV_TRANSFORM
     m = matrix(picture.uv_to_texture)
