@@ -162,7 +162,7 @@ def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
         return rounds[-1]
 
     other_done, may_go_on = threading.Event(), threading.Event()
-    monkeypatch.setattr(Loading, "go_on", slowly)
+    monkeypatch.setattr(Loading, "continue_loading", slowly)
     shot = shoot(service, scene).raise_for_status().json()["id"]
     until(lambda: len(rounds) > 2, "it is begun to be taken up")
     assert shot not in service.farm.engine.snapshot.jobs
