@@ -93,7 +93,7 @@ def smallpt() -> None:
 
 
 def course_project() -> None:
-    """Renders noise, depth, Whitted beside path tracing, and the causes of dark pictures."""
+    """Renders the figures on noise, path depth, Whitted against path tracing, and the causes of dark pictures."""
     box = Example("course-project", 400)
     pictures = {
         "path, 1 sample, depth 3": box.picture(1, max_depth=3),

@@ -1,4 +1,4 @@
-"""`rayfarm bench`: measures what makes rendering fast, as tables for this machine."""
+"""`rayfarm bench`: measures how much each part of the renderer speeds up rendering on this machine, and prints tables."""
 
 from __future__ import annotations
 

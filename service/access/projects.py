@@ -292,7 +292,7 @@ def read_only_project(name: str) -> NotAllowed:
 
 
 def _amount(kind: Kind, count: int) -> str:
-    """Returns a number of objects of a kind as a parameter of a sentence."""
+    """Returns a count with its noun, such as `3 jobs`, to insert into a message."""
     match kind:
         case "scene":
             return Sentence("amount-scene", "1 scene") if count == 1 else Sentence("amount-scenes", "{count} scenes", count=count)

@@ -174,7 +174,7 @@ def _normals(space: str) -> Callable[[bpy.types.Scene], None]:
 
 
 def _bright(entry: str) -> Callable[[bpy.types.Scene], None]:
-    """Returns a function that adds noise colours above 1."""
+    """Returns a function that connects a Noise texture, scaled to colours above 1, to the input `entry`."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)

@@ -82,7 +82,7 @@ def is_layer(scene, material):
 
 @device
 def with_layer(scene, material, counts):
-    """Returns the counts after passing through a surface."""
+    """Returns the path's depth counts (one per kind) after passing through a surface of this material."""
     diffuse, glossy, transmitted, layers = counts
     return diffuse, glossy, transmitted, layers + where(is_layer(scene, material), _ONE, _ZERO)
 

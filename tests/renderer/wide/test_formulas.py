@@ -190,7 +190,7 @@ def _lifts(tables, given, order, eight, one):
 
 
 def test_lifts():
-    """Lifted points of a ball, a box with bent normals, and a triangle without area, for normals on either side."""
+    """Offsets of ray origins by eight lanes equal those of one, for a smooth ball, bent normals and a triangle without area."""
     rng = np.random.default_rng(9)
     ball = icosphere(2)
     normal = ball.positions + rng.choice([0, 1.5], (len(ball.positions), 1)) * directions(rng, len(ball.positions))

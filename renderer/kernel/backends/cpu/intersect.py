@@ -150,7 +150,7 @@ def _light_through(scene, alone, pool, lists, options):
 
 @device
 def _light(scene, alone, stack, pool, lists, options):
-    """Adds the direct light of the rows on WAITING in scenes without transparent surfaces and media."""
+    """Adds direct light to the rows on the list WAITING. Only for scenes without transparent surfaces and media."""
     count = pad(lists, WAITING)
     for k in range(0, count, 8):
         rows = eight_rows(lists, WAITING, k)

@@ -116,7 +116,7 @@ def _splitting(pool, lists, which):
 
 @device
 def _copy_vertices(scene, pool, rows, stream, facet, shading):
-    """Copies the vertices to the rows of their paths' second branches, which get separate random numbers."""
+    """Copies the vertex of each path that splits to the row of its second branch, which gets random numbers of its own."""
     others = rows + SECOND
     own = gather(pool, rows, Sample)
     pixel = second_branch_stream(stream).pixel
