@@ -29,8 +29,8 @@ __all__ = [
     "Frames",
     "Order",
     "Overwrite",
+    "Placement",
     "Server",
-    "Standing",
     "Turntable",
     "Variant",
     "denoised_name",
@@ -193,8 +193,8 @@ class Env(NamedTuple):
     preset: str | None = None
 
 
-class Standing(NamedTuple):
-    """How a scene stands: the axis of its file that is up (None: the file's own, or a guess), and its floor.
+class Placement(NamedTuple):
+    """The up axis of a scene's file (None: the file's own, or a guess) and the studio's floor.
 
     floor: "on"; "auto" for scenes without lights; None for none.
     """

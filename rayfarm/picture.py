@@ -106,12 +106,12 @@ class Picture:
         """Returns the environment from --env."""
         return options.environment_of(self.given.get("env"))
 
-    def standing(self) -> options.Standing:
+    def placement(self) -> options.Placement:
         """Returns the up axis and floor. The default floor is for the studio's light: none if --env gives another."""
         default = options.AUTO if self.environment() == options.Env() else None
         asked = self.given.get("floor")
         floor = default if asked is None else "on" if asked else None
-        return options.Standing(options.parse_up_axis(self.given.get("up_axis")), floor)
+        return options.Placement(options.parse_up_axis(self.given.get("up_axis")), floor)
 
     def floor_notes(self, has_floor: bool) -> list[str]:
         """Returns a sentence about a floor for which no option asked; empty without one."""
@@ -126,7 +126,7 @@ class Picture:
         """Raises CommandError for values that are invalid for every scene. Called before an upload."""
         self._size()
         self.environment()
-        self.standing()
+        self.placement()
         for options_of in (SETTINGS_OPTIONS, LIMIT_OPTIONS, ENVIRONMENT_OPTIONS, VIEW):
             typed_settings(options_of, self.given)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from rayfarm.options import Env, Standing
+from rayfarm.options import Env, Placement
 from rayfarm.preload import PRELOAD
 from rayfarm.reading_files import bounds_of
 from rayfarm.scene_files import opened_scene
@@ -117,7 +117,7 @@ def open_stage(
     threads: int | None = None,
     shutter: Mapping[str, Any] = MappingProxyType({}),
     root: Path | None = None,
-    standing: Standing = Standing(),
+    placement: Placement = Placement(),
 ) -> Iterator[ConfinedScene]:
     """Context manager that opens a scene for rendering its frames.
 
@@ -131,7 +131,7 @@ def open_stage(
         if environment.sky is not None:
             inside = "sky:{:g},{:g}".format(*environment.sky)
         options = {"variant": variant, "camera": camera, "brute": brute, "threads": threads, "shutter": dict(shutter)}
-        options |= standing._asdict()
+        options |= placement._asdict()
         stage = ConfinedScene(_SceneFiles(folder.resolve(), main, environment.preset or inside), room, options)
         try:
             yield stage

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rayfarm.console import PlainProgress, bar
 from rayfarm.errors import CommandError
-from rayfarm.options import Env, Standing
+from rayfarm.options import Env, Placement
 from rayfarm.reading import ConfinedScene, open_stage
 from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings, Tile
@@ -54,7 +54,7 @@ def load_scene(
     shutter: Mapping[str, Any] = MappingProxyType({}),
     before: Callable[[ConfinedScene], None] = lambda stage: None,
     root: Path | None = None,
-    standing: Standing = Standing(),
+    placement: Placement = Placement(),
 ) -> tuple[CompiledScene, dict[str, Any]]:
     """Reads and compiles a scene; returns it with its summary. brute: without a BVH. variant: material variant.
 
@@ -62,7 +62,7 @@ def load_scene(
     before: called first, while the scene's files are open. root: a folder that contains the scene; the scene may refer to all
     files in it.
     """
-    with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads, shutter, root, standing) as stage:
+    with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads, shutter, root, placement) as stage:
         task = progress.add_task("reading", total=None)
 
         def show_step(step: str) -> None:

@@ -1,7 +1,7 @@
 """The folders of this machine's cache: kernels, hashes of sources, fetched scenes, a worker's log.
 
-Kernels are pickles and machine code: whoever can write them can run code as this user. Therefore only files and folders are used
-that are owned by this user or root and that no other user can write. New folders get mode 0700.
+Kernels are pickles and machine code: a user who can write them can run code as this user. Therefore only files and folders are
+used that are owned by this user or root and that no other user can write. New folders get mode 0700.
 """
 
 from __future__ import annotations

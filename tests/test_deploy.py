@@ -255,7 +255,7 @@ def test_the_workers_of_the_cluster_are_started_with_options_that_there_are(name
     monkeypatch.setattr("sys.argv", arguments[2:])
     options = _options()
     assert options.service == "http://rayfarm:8000"
-    assert (options.gpu, options.beside) == (("only", True) if name == "gpu-worker" else ("none", False))
+    assert (options.gpu, options.paired) == (("only", True) if name == "gpu-worker" else ("none", False))
 
 
 def test_workers_with_cards_are_given_them() -> None:
@@ -265,7 +265,7 @@ def test_workers_with_cards_are_given_them() -> None:
     (devices,) = compose["deploy"]["resources"]["reservations"]["devices"]
     assert devices == {"driver": "nvidia", "count": "all", "capabilities": ["gpu"]}
     assert compose["profiles"] == ["gpu"]
-    assert compose["command"][-3:] == ["--gpu", "only", "--beside"]
+    assert compose["command"][-3:] == ["--gpu", "only", "--paired"]
     assert compose["environment"].items() > COMPOSE["worker"]["environment"].items()
 
 

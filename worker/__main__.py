@@ -139,7 +139,7 @@ def _run_worker(options: argparse.Namespace) -> int:
         blender=blender,
         cards=cards,
         cards_unused=cards_unused,
-        is_beside_cpu=options.beside,
+        is_beside_cpu=options.paired,
         keeping=TermsKeeper(options.slots, _tags(options, host, kind), _command_line_terms(options)),
         pieces=_create_pieces(log),
     )
@@ -166,9 +166,9 @@ def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--slots", type=_positive, default=os.cpu_count() or 1, help="batches rendered at a time")
     parser.add_argument("--gpu", default="none", help=f"NVIDIA cards to render with, a slot each: {CHOICES}; {NOT_YET_TRIED}")
     parser.add_argument(
-        "--beside",
+        "--paired",
         action="store_true",
-        help="another worker of this machine has what this one does not use: the cards, or with --gpu the cores",
+        help="a second worker on this machine uses the cards, or with --gpu the cores",
     )
     parser.add_argument("--redis", help="the broker, if not the one that the service tells; $RAYFARM_REDIS_URL")
     parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
@@ -238,7 +238,7 @@ def _choose_cards(options: argparse.Namespace) -> tuple[tuple[Card, ...], tuple[
 
     Raises RefusedError if a card is missing or cannot be used.
     """
-    if options.gpu == "none" and (options.beside or not has_nvidia_hardware()):
+    if options.gpu == "none" and (options.paired or not has_nvidia_hardware()):
         return (), ()
     found = find_cards_before_fork()
     try:

@@ -156,7 +156,7 @@ def render(
     if shot is not None:
         with open_stage(
             *(scene, picture.environment(), variant, picture.camera, no_bvh, threads, picture.shutter(), root),
-            standing=picture.standing(),
+            placement=picture.placement(),
         ) as stage:
             if is_movie(output):
                 about = (picture, variant, turntable, exposure, tonemap, tile, first)
@@ -179,7 +179,7 @@ def render(
         *(scene, environment, clock, no_bvh, variant, threads, moment, picture.camera, picture.shutter()),
         before=lambda stage: motion.append(motion_of(stage, order, moment, clock)),
         root=root,
-        standing=picture.standing(),
+        placement=picture.placement(),
     )
     warnings = options.relevant_warnings(summary["warnings"], environment)
     refuse_warnings(scene.name, warnings, strict)
@@ -249,7 +249,7 @@ def _replay(
     compiled, summary = load_scene(
         *(scene, environment, Clock(), no_bvh, variant, None, moment, camera, shutter),
         root=root,
-        standing=order.picture.standing(),
+        placement=order.picture.placement(),
     )
     refuse_warnings(scene.name, options.relevant_warnings(summary["warnings"], environment), order.strict)
     settings = order.settings(summary, moment)

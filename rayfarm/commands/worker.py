@@ -109,8 +109,8 @@ def worker(
     arguments += [f"--site={site}"] if site else []
     cards = {}
     if gpu not in ("none", "only"):  # a worker of its own, as its batches are of another size
-        cards["worker-gpu"] = [*arguments, f"--gpu={gpu}", "--beside", "--name", f"{name or socket.gethostname()}-gpu"]
-        arguments.append("--beside")
+        cards["worker-gpu"] = [*arguments, f"--gpu={gpu}", "--paired", "--name", f"{name or socket.gethostname()}-gpu"]
+        arguments.append("--paired")
     arguments.append(f"--gpu={gpu if gpu == 'only' else 'none'}")
     arguments += ["--name", name] if name else []
     if (program := program_for(blender, blender_program, lambda text: err.print(text, markup=False, soft_wrap=True))) is not None:

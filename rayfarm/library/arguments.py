@@ -13,7 +13,7 @@ import numpy as np
 from rayfarm import options
 from rayfarm.errors import CommandError
 from rayfarm.graphics_card import check_device
-from rayfarm.options import Env, Standing
+from rayfarm.options import Env, Placement
 from rayfarm.picture import ENVIRONMENT_OPTIONS, LIMIT_OPTIONS, SETTINGS_OPTIONS, Picture
 from renderer import aovs
 from renderer.errors import SettingsError
@@ -42,13 +42,13 @@ class _LibraryPicture(Picture):
         light: Env = self.given["env"]
         return light
 
-    def standing(self) -> Standing:
+    def placement(self) -> Placement:
         """Returns the up axis and floor; by default no floor, so that a program's scene is what it made."""
         floor = self.given.get("floor")
         if not isinstance(floor, bool | str | None) or floor not in _FLOORS:
             raise SettingsError(f"floor is {floor!r}; it is True, False, or 'auto': if the scene has no light")
         try:
-            return Standing(options.parse_up_axis(_text(self.given.get("up_axis"))), _FLOORS[floor])
+            return Placement(options.parse_up_axis(_text(self.given.get("up_axis"))), _FLOORS[floor])
         except CommandError as error:
             raise SettingsError(str(error).replace("--up-axis", "up_axis")) from None
 
@@ -88,7 +88,7 @@ def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
             "floor": given.get("floor"),
         }
     )
-    picture.standing()
+    picture.placement()
     wanted = given.get("aovs")
     named = [wanted] if isinstance(wanted, str) else wanted or ()
     planes = aovs.AOVS if wanted is None else aovs.parse_names(name for name in named if name != "color")  # always present

@@ -49,7 +49,7 @@ def passes(scene: Path, arguments: RenderArguments, at_once: bool) -> Generator[
             *(scene, light, arguments.variant, picture.camera),
             threads=arguments.threads,
             shutter=picture.shutter(),
-            standing=picture.standing(),
+            placement=picture.placement(),
         ) as stage,
     ):
         motion = motion_of(stage, order, arguments.moment, clock)

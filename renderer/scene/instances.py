@@ -29,8 +29,8 @@ __all__ = [
 ]
 
 _MIN_TREE_TRIANGLES = 8  # triangles: fewer are not worth a separate tree
-_MIN_SAVED_TRIANGLES = 30_000  # a mesh is stored once if copying would add at least so many triangles
-_LARGE = 2_000_000  # from so many triangles of all copies on, every repeated mesh is stored once
+_MIN_SAVED_TRIANGLES = 30_000  # a mesh is stored once if its copies would add at least this many triangles
+_LARGE = 2_000_000  # every repeated mesh is stored once if all copies have at least this many triangles
 _CONDITION = 1e6  # transforms of a higher condition number are too imprecise for rays
 
 

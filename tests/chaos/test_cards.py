@@ -49,7 +49,7 @@ def farm(tmp_path: Path) -> Iterator[Farm]:
 
 def join(farm: Farm, ends: ExitStack, driver: dict[str, str], megabytes: int) -> subprocess.Popen[bytes]:
     """Starts a worker with a card; returns when it is ready."""
-    command = [sys.executable, "-m", "worker", "--service", farm.url, "--name", "attic-gpu", "--gpu", "only", "--beside"]
+    command = [sys.executable, "-m", "worker", "--service", farm.url, "--name", "attic-gpu", "--gpu", "only", "--paired"]
     log = ends.enter_context((farm.data.parent / "gpu.log").open("ab"))
     environment = {**os.environ, **driver, "FAKE_CUDA_CARDS": f"RTX Test:8:6:{megabytes}", "RAYFARM_TOKEN": farm.token}
     process = subprocess.Popen(

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from protocol.reproduce import batch_command
 from rayfarm.errors import CommandError
-from rayfarm.options import Standing
+from rayfarm.options import Placement
 from rayfarm.picture import Picture, takes_picture
 from renderer.settings import (
     FILTERS,
@@ -91,15 +91,15 @@ def test_every_setting_has_an_option() -> None:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ([], Standing(None, "auto")),
-        (["--up-axis=auto"], Standing(None, "auto")),
-        (["--up-axis=-Z", "--no-floor"], Standing("-z", None)),
-        (["--env=1,1,1"], Standing(None, None)),
-        (["--env=studio", "--floor"], Standing(None, "on")),
+        ([], Placement(None, "auto")),
+        (["--up-axis=auto"], Placement(None, "auto")),
+        (["--up-axis=-Z", "--no-floor"], Placement("-z", None)),
+        (["--env=1,1,1"], Placement(None, None)),
+        (["--env=studio", "--floor"], Placement(None, "on")),
     ],
 )
-def test_a_scene_stands_as_on_the_page_unless_other_light_is_given(words: list[str], expected: Standing) -> None:
-    assert parsed(words).standing() == expected
+def test_a_scene_stands_as_on_the_page_unless_other_light_is_given(words: list[str], expected: Placement) -> None:
+    assert parsed(words).placement() == expected
 
 
 def test_an_unknown_axis_is_refused_and_the_views_up_is_told_apart() -> None:

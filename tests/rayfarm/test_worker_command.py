@@ -136,8 +136,8 @@ def test_a_choice_of_cards_that_is_none_ends_it_with_a_sentence() -> None:
     (
         ("none", ["--gpu=none"], None),
         ("only", ["--gpu=only"], None),
-        ("all", ["--beside", "--gpu=none"], ["--gpu=all", "--beside", "--name", "attic-gpu"]),
-        ("0", ["--beside", "--gpu=none"], ["--gpu=0", "--beside", "--name", "attic-gpu"]),
+        ("all", ["--paired", "--gpu=none"], ["--gpu=all", "--paired", "--name", "attic-gpu"]),
+        ("0", ["--paired", "--gpu=none"], ["--gpu=0", "--paired", "--name", "attic-gpu"]),
     ),
 )
 def test_cards_beside_cores_are_a_worker_of_their_own(

@@ -110,7 +110,7 @@ class Piece(NamedTuple):
 
     batch: Id
     first: Number
-    count: Annotated[int, Field(ge=1, le=MAX_STORED_NUMBER)]  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    count: Annotated[int, Field(ge=1, le=MAX_STORED_NUMBER)]  # type: ignore[assignment]  # hides tuple.count, which is not used
     seconds: Seconds
     worker: Id = ""  # the worker that rendered it, if several contributed
 

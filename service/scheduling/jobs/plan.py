@@ -34,7 +34,7 @@ class Range(NamedTuple):
 
     tile: int
     first: int
-    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    count: int  # type: ignore[assignment]  # hides tuple.count, which is not used
     frame: int = 0
 
 

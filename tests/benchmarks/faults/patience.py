@@ -29,7 +29,7 @@ class Patience:
 
     @property
     def is_over(self) -> bool:
-        """Whether the timeout has passed."""
+        """Returns True if the timeout has passed."""
         now = self._now()
         if now - self._looked >= LOOKS_EVERY_S:
             busy = self._busy()

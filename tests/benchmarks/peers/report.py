@@ -25,7 +25,7 @@ class Verdict:
 
     @property
     def met(self) -> bool:
-        """Whether the target is met."""
+        """Returns True if the figure meets its target."""
         return self.goal.met(self.value)
 
     def __str__(self) -> str:

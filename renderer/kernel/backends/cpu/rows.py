@@ -187,7 +187,7 @@ class LightDescent(NamedTuple):
 
 
 class MediumFlight(NamedTuple):
-    """Whether the row's path scatters in its medium before the hit: 0 or 1."""
+    """1 if the row's path scatters in its medium before it reaches the hit, otherwise 0."""
 
     scatters: Float
 
