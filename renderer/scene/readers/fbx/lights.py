@@ -27,7 +27,7 @@ _QUADRATIC = 2
 _MAX = 1e12
 _FAR = 1e9
 _INCH = 25.4  # millimetres
-AREA_SIDE = 1.0  # metres, of an unscaled area light; FBX does not store the size
+AREA_SIDE = 1.0  # units of the file, of an unscaled area light; FBX does not store the size
 
 
 def is_area(light: Any) -> bool:
@@ -85,7 +85,7 @@ def upright_square(light: Any, world: F64) -> F64:
     turn = np.eye(4)
     turn[:3, :3] = np.column_stack([x, np.cross(z, x), z])
     half = np.diag([AREA_SIDE / 2, AREA_SIDE / 2, 1.0, 1.0])
-    # A unit is a metre here, and the scale of the root, by which units become metres, is no light's own.
+    # `world` includes the root's scale from units of the file to metres, unless the node undoes it, as Blender's do.
     return np.asarray(world @ turn @ half, np.float64)
 
 

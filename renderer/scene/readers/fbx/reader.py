@@ -298,7 +298,6 @@ class _Reader:
                 ] += 1
 
     def _area_light(self, light: Any, name: str, world: npt.NDArray[np.float64], moves: bool) -> None:
-        # The root scales to metres unless the node undoes that, so the square's side is one unit of the file.
         self._description.materials.append(lights.area_material(light, name, world, self._by_blender))
         mesh = quad(name)
         mesh.material = len(self._description.materials) - 1
@@ -308,7 +307,7 @@ class _Reader:
         self._shelf.warn(
             Sentence(
                 "fbx-area-light-size-unknown",
-                "FBX does not store the size of area lights; they are squares of 1 m before scaling.",
+                "FBX does not store the size of area lights: each is a square with a side of one unit of the file, scaled.",
             )
         )
 
