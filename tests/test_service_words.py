@@ -15,7 +15,7 @@ import pytest
 
 from tests.helpers import ROOT
 
-SPEAKERS = ("protocol", "service", "worker", "renderer")
+SPEAKERS = ("protocol", "service", "worker", "renderer", "blender/rayfarm_addon/scene")
 CALL = re.compile(r"(?<!class )(?<![\w.`])Sentence\((?!\))")
 PLACES = re.compile(r"\{\w+\}")
 CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")

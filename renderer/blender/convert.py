@@ -14,13 +14,14 @@ from pathlib import Path
 
 from renderer.blender.program import Blender
 from renderer.errors import SceneError
-from renderer.sentences import Sentence
+from renderer.sentences import Sentence, from_text
 
 __all__ = ["SUFFIX", "convert"]
 
 SUFFIX = ".blend"
 HERE = Path(__file__).resolve().parent
 SCRIPT = HERE / "inside" / "export.py"
+SENTENCES = HERE.parent / "sentences.py"  # loaded by `inside`
 # The folder of Blender's add-on with shader modules: at the top of a clone, in the service's package of an installation.
 _ABOVE = HERE.parents[1]
 _ADDONS = tuple(place / "blender" / "rayfarm_addon" for place in (_ABOVE, _ABOVE / "service"))
@@ -80,7 +81,9 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
                 )
             ) from None
         if "error" in report:
-            raise SceneError(Sentence("blender-import-error", "{file}: {error}.", file=main, error=report["error"]))
+            raise SceneError(
+                Sentence("blender-import-error", "{file}: {error}.", file=main, error=from_text(str(report["error"])))
+            )
         for path in sorted(found for each in OUTPUT_FILES for found in work.glob(each)):
             if path.is_file() and not path.is_symlink():
                 shutil.move(path, out / path.name)
@@ -90,7 +93,16 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
 def _run(blender: Blender, folder: Path, work_folder: Path, job: Path, memory: int, seconds: float) -> str:
     """Runs the conversion; returns a sentence about how the process ended. Raises _SlowError at the time limit."""
     limits = {
-        "reads": [*SYSTEM, *blender.reads, str(HERE), str(SCRIPT.parent), *map(str, _ADDONS), str(folder.resolve()), str(job)],
+        "reads": [
+            *SYSTEM,
+            *blender.reads,
+            str(HERE),
+            str(SCRIPT.parent),
+            str(SENTENCES),
+            *map(str, _ADDONS),
+            str(folder.resolve()),
+            str(job),
+        ],
         "writes": [str(work_folder / "out"), str(work_folder / "home"), "/dev/null"],
         "memory": memory,
         "seconds": int(seconds * (os.cpu_count() or 1)) + 1,

@@ -370,16 +370,16 @@ SURVEY: dict[str, Survey] = {
     "shutter-center": (_blurred("CENTER"), "", ""),
     "shutter-end": (_blurred("END"), "", ""),
     "shutter-of-layer": (_shutter_of_layer, "", ""),
-    "shutter-of-thing": (_still, "though not in Blender", "though not in Blender"),
+    "shutter-of-thing": (_still, "unlike in Blender", "unlike in Blender"),
     "no-world": (_layered(use_sky=False), "Environment", "Environment"),
     "passes": (_layered(use_pass_mist=True, use_pass_diffuse_direct=True), "Mist, Diffuse Direct", ""),
     "transparent-shadows": (_panes, "Transparent Shadows", "Transparent Shadows"),
     "backfaces": (_culled, "", ""),
     "normals-object": (_normals("OBJECT"), "normals are left out", ""),
     "normals-world": (_normals("WORLD"), "normals are left out", ""),
-    "nowhere": (_thing(scale=(math.nan, 1, 1)), "no number", "no number"),
+    "nowhere": (_thing(scale=(math.nan, 1, 1)), "no number", "not finite"),
     "bright-light": (_bright("Emission Color"), "emission", ""),
-    "bright-color": (_bright("Base Color"), "base color", "base color is cut at 1"),
+    "bright-color": (_bright("Base Color"), "base color", "Base Color above 1 are clipped"),
 }
 
 

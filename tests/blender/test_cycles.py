@@ -86,7 +86,7 @@ def test_of_a_scene_as_blender_makes_it_nothing_is_said() -> None:
 @pytest.mark.parametrize(
     ("changed", "word"),
     [
-        ({"transparent_max_bounces": 0}, "lets it pass 0"),
+        ({"transparent_max_bounces": 0}, "0 in Blender"),
         ({"sample_clamp_direct": 3.0}, "clamped at 3"),
         ({"sample_clamp_indirect": 2.0}, "clamped at 2"),
         ({"blur_glossy": 5.0}, "Filter Glossy is 5"),
@@ -98,7 +98,7 @@ def test_of_a_scene_as_blender_makes_it_nothing_is_said() -> None:
         ({"use_multiview": True}, "Stereoscopy"),
         ({"pixel_filter_type": "GAUSSIAN"}, "Gaussian"),
         ({"filter_width": 4.0}, "4 wide"),
-        ({"pixel_aspect_x": 2.0}, "not square"),
+        ({"pixel_aspect_x": 2.0}, "pixel aspect"),
         ({"use_sky": False}, "Environment"),
         ({"use_solid": False}, "Surfaces"),
         ({"use_strand": False}, "Hair"),
@@ -142,7 +142,7 @@ def test_flags_of_many_objects_are_one_sentence() -> None:
         flags.inspect(SimpleNamespace(name=f"thing {i // 2}", cycles=still))
     said: list[str] = []
     flags.warn_of_found(said.append)
-    assert said == ["thing 0, thing 1, thing 2, thing 3: is blurred as it moves, though not in Blender"]
+    assert said == ["thing 0, thing 1, thing 2, thing 3: blurred as it moves, unlike in Blender"]
 
 
 @pytest.mark.long

@@ -53,9 +53,9 @@ def test_heights_become_slopes(space: str, scale: float) -> None:
 
 def test_what_of_displacement_is_otherwise_is_named() -> None:
     picture = image_node(Image("rising", RISING, "Non-Color"))
-    assert displaced(picture, "BOTH")[1] == ["Material m: its displacement is shown as bumps, which move no surface."]
+    assert displaced(picture, "BOTH")[1] == ["Material m: its displacement is shown as bumps, without moving the surface."]
     noise = displaced(Node("TEX_NOISE", {"Vector": None}, ("Fac",)))
-    assert any("its displacement is left out; that of pictures" in each for each in noise[1])
+    assert any("its displacement is left out; only that by UV-mapped" in each for each in noise[1])
     assert "normalTexture" not in noise[0]
 
 

@@ -56,7 +56,7 @@ def test_a_mix_is_what_lies_between() -> None:
     assert told("Metallic") == 1.0
     assert told("Roughness") == pytest.approx(0.3)
     assert told("Base Color") == pytest.approx([0.75, 0, 0.25])
-    assert said == ["of two roughnesses that are mixed, one between is shown"]
+    assert said == ["its two mixed roughnesses are replaced by their mean"]
 
 
 @pytest.mark.parametrize("is_first", [True, False])
@@ -106,7 +106,7 @@ def test_glass_that_casts_no_shadow_is_glass() -> None:
     found, warnings = material(linked(ray, mix, 0, "Is Shadow Ray"))
     assert found["extensions"]["KHR_materials_transmission"]["transmissionFactor"] == 1.0
     assert "alphaMode" not in found
-    assert warnings == ["Material m: of shaders that are for different rays the camera's is shown to all."]
+    assert warnings == ["Material m: of shaders mixed by Light Path, all rays see the one for the camera."]
 
 
 def test_light_through_a_leaf() -> None:
@@ -152,7 +152,7 @@ def test_glass_takes_the_root_of_its_colour_at_each_of_two_surfaces() -> None:
         assert told("Base Color") == pytest.approx(wanted)
         assert said == []
     _, said = looked(Node("BSDF_PRINCIPLED", {**color, "Transmission Weight": 0.5}, OUT))
-    assert said == ["what it lets through is of its base colour, and darker than in Cycles"]
+    assert said == ["transmitted light is tinted by its base color, darker than in Cycles"]
 
 
 def test_a_tinted_transparency_is_a_pane() -> None:
@@ -165,11 +165,11 @@ def test_a_tinted_transparency_is_a_pane() -> None:
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [
-        ({"Coat Weight": 1.0, "Coat IOR": 2.0}, "its coat refracts as 1.5"),
-        ({"Sheen Weight": 0.5}, "its sheen is glTF's, which is brighter towards the rim than Cycles'"),
-        ({"Metallic": 1.0, "Specular Tint": (0.5, 1, 1, 1)}, "the tint of its metal's edge (specular tint) is not taken over"),
-        ({"IOR": 0.8}, "its index of refraction is below 1, and taken as 1"),
-        ({"Base Color": (2.0, 1, 1, 1)}, "its base colour is cut at 1"),
+        ({"Coat Weight": 1.0, "Coat IOR": 2.0}, "its coat has an index of refraction of 1.5"),
+        ({"Sheen Weight": 0.5}, "its sheen follows glTF, which is brighter at grazing angles than Cycles"),
+        ({"Metallic": 1.0, "Specular Tint": (0.5, 1, 1, 1)}, "the edge tint of its metal (specular tint) is ignored"),
+        ({"IOR": 0.8}, "its index of refraction is below 1; 1 is used"),
+        ({"Base Color": (2.0, 1, 1, 1)}, "its base color is clipped at 1"),
     ],
 )
 def test_what_is_otherwise_than_in_cycles_is_named(values: dict[str, Any], sentence: str) -> None:

@@ -84,11 +84,11 @@ def test_volumes_that_are_added_and_mixed() -> None:
 @pytest.mark.parametrize(
     ("node", "sentence"),
     [
-        (linked(Node("TEX_NOISE", {}, ("Fac",)), scatter(), "Density"), "its volume's density varies in Blender"),
-        (scatter(phase="RAYLEIGH"), "not Rayleigh's way"),
-        (principled(**{"Emission Strength": 1.0}), "its volume's own light is left out"),
-        (Node("EMISSION", {"Color": (1.0, 1.0, 1.0, 1.0), "Strength": 1.0}, ("Emission",)), "of its volume, light of its own"),
-        (Node("SCRIPT", {}, VOLUME), "of its volume, Script is left out"),
+        (linked(Node("TEX_NOISE", {}, ("Fac",)), scatter(), "Density"), "input Density of its volume varies in Blender"),
+        (scatter(phase="RAYLEIGH"), "not Rayleigh"),
+        (principled(**{"Emission Strength": 1.0}), "the emission of its volume is left out"),
+        (Node("EMISSION", {"Color": (1.0, 1.0, 1.0, 1.0), "Strength": 1.0}, ("Emission",)), "Emission is left out of its volume"),
+        (Node("SCRIPT", {}, VOLUME), "Script is left out of its volume"),
     ],
 )
 def test_what_of_a_volume_is_not_taken_over_is_named(node: Node, sentence: str) -> None:
@@ -130,10 +130,10 @@ def test_a_volume_fills_what_lets_light_in(surface: Node | None, is_bare: bool) 
 def test_a_volume_within_what_is_opaque_is_named() -> None:
     said, warnings = material(glass(0.0), scatter())
     assert MEDIUM not in said["extensions"]
-    assert warnings == ["Material m: its volume is left out, as its surface lets no light in."]
+    assert warnings == ["Material m: its volume is left out, since its surface is opaque."]
     said, warnings = material(None, Node("SCRIPT", {}, VOLUME))
     assert said["extensions"][MEDIUM]["isInterface"]
-    assert warnings == ["Material m: of its volume, Script is left out."]
+    assert warnings == ["Material m: Script is left out of its volume."]
 
 
 def beneath(weight: float = 0.5, method: str = "RANDOM_WALK", **more: Any) -> Node:
@@ -202,7 +202,7 @@ def test_what_feeds_a_radius_is_named() -> None:
     node = linked(Node("TEX_NOISE", {}, ("Color",)), beneath(), "Subsurface Radius")
     said, warnings = material(node)
     assert said["extensions"][SUBSURFACE]["subsurfaceRadius"][0] == pytest.approx((1 - 0.3) * 0.5 / (4 * math.pi))
-    assert any("subsurface radius is not taken over" in each for each in warnings)
+    assert any("nodes of its subsurface radius are ignored" in each for each in warnings)
 
 
 def test_what_fills_the_world_hides_what_is_infinitely_far_away() -> None:

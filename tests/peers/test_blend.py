@@ -19,6 +19,7 @@ from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.load import Shot, read
+from renderer.sentences import codes_of
 from tests.peers.blender import TO_Y_UP, python_with_bpy, written_by
 from tests.renderer.scene.builders import world
 
@@ -58,10 +59,11 @@ def test_nothing_in_a_hostile_file_runs_and_nothing_outside_is_read(made: Path, 
     assert [instance.name for instance in found.instances] == ["Scene/thing"]  # not the file from outside
     assert pictures(found) == 0
     said = " ".join(found.warnings)
-    assert "Missing pictures: secret.png." in said
+    assert "Missing images: secret.png." in said
     assert "Missing linked files: secret.blend." in said
-    assert "drivers written in Python do not run" in said
+    assert "drivers written in Python are not run" in said
     assert str(made) not in said
+    assert all(codes_of({"warnings": found.warnings})["warnings"]), "warnings have codes, by which the page translates them"
 
 
 def test_what_came_along_is_found_wherever_it_lay(made: Path, tmp_path: Path) -> None:
@@ -138,7 +140,7 @@ def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
     said = " ".join(found.warnings)
     assert "Material odd: its displacement is left out" in said
     assert "Noise" not in said
-    assert "Point clouds that are instanced or made by geometry nodes are not taken over: strewn" in said
+    assert "Point clouds that are instances or made by geometry nodes are left out: strewn" in said
 
 
 def test_what_nodes_make_is_baked(shot: Shot) -> None:

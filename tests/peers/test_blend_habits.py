@@ -29,8 +29,8 @@ NAMES = (
 )
 # Words of the warnings about what differs from Blender.
 SAID = {
-    "layers": ("Markers of the timeline", "view layers", "scenes"),
-    "textures": ("Missing pictures: gone.png",),
+    "layers": ("Camera markers of the timeline", "view layer", "scene"),
+    "textures": ("Missing images: gone.png",),
 }
 
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from ..farm.protocol.sentences import Sentence, first_items
+
 __all__ = ["Flags", "depths_of", "takes_time", "warn_of_material", "warn_of_passes", "warn_of_settings", "warn_of_volumes"]
 
 Warn = Callable[[str], None]
@@ -23,12 +25,12 @@ MOST_NAMES = 5
 
 
 class _CheckedSetting(NamedTuple):
-    """A setting that needs a warning if `differs` of its value is True. {} in the sentence is replaced by the value."""
+    """A setting that needs a warning if `differs` of its value is True. sentence: returns the warning for a value."""
 
     owner: str
     name: str
     differs: Callable[[Any], bool]
-    sentence: str
+    sentence: Callable[[Any], str]
 
 
 def _greater_than(limit: float) -> Callable[[Any], bool]:
@@ -50,57 +52,132 @@ def _other_than(*usual: Any) -> Callable[[Any], bool]:
 ROWS = (
     # Light Paths
     _CheckedSetting(
-        "cycles", "transparent_max_bounces", _less_than(1), "Light passes one transparent surface, where Blender lets it pass {}"
+        "cycles",
+        "transparent_max_bounces",
+        _less_than(1),
+        lambda value: Sentence(
+            "cycles-transparent-bounces", "Light passes one transparent surface, {value} in Blender", value=value
+        ),
     ),
     _CheckedSetting(
-        "cycles", "sample_clamp_direct", _greater_than(0.0), "Light that comes straight from lights is not clamped at {:g}"
+        "cycles",
+        "sample_clamp_direct",
+        _greater_than(0.0),
+        lambda value: Sentence("cycles-clamp-direct", "Direct light is not clamped at {value}", value=f"{value:g}"),
     ),
     _CheckedSetting(
-        "cycles", "blur_glossy", _greater_than(1.0), "Caustics are sharp, not blurred (Filter Glossy is {:g} in Blender)"
+        "cycles",
+        "blur_glossy",
+        _greater_than(1.0),
+        lambda value: Sentence(
+            "cycles-filter-glossy", "Caustics are sharp, not blurred (Filter Glossy is {value} in Blender)", value=f"{value:g}"
+        ),
     ),
     _CheckedSetting(
-        "cycles", "caustics_reflective", _is_off, "Mirrors light what is around them (reflective caustics are off in Blender)"
+        "cycles",
+        "caustics_reflective",
+        _is_off,
+        lambda _: Sentence(
+            "cycles-reflective-caustics", "Mirrors cast light on their surroundings (reflective caustics are off in Blender)"
+        ),
     ),
     _CheckedSetting(
-        "cycles", "caustics_refractive", _is_off, "Light comes through glass (refractive caustics are off in Blender)"
+        "cycles",
+        "caustics_refractive",
+        _is_off,
+        lambda _: Sentence("cycles-refractive-caustics", "Light passes through glass (refractive caustics are off in Blender)"),
     ),
-    _CheckedSetting("cycles", "use_fast_gi", bool, "Light between surfaces is followed, not approximated (Fast GI)"),
+    _CheckedSetting(
+        "cycles",
+        "use_fast_gi",
+        bool,
+        lambda _: Sentence("cycles-fast-gi", "Indirect light is traced, not approximated (Fast GI)"),
+    ),
     # Film
     _CheckedSetting(
-        "render", "film_transparent", bool, "Transparent film: the world is seen behind the scene, and there is no alpha"
+        "render",
+        "film_transparent",
+        bool,
+        lambda _: Sentence("cycles-film-transparent", "Transparent film: the world is visible behind the scene, without alpha"),
     ),
     _CheckedSetting(
         "cycles",
         "film_exposure",
         lambda value: abs(value - 1) > NEAR,
-        "The film's exposure of {:g} is not taken over; set the exposure where the picture is looked at (Color Management)",
+        lambda value: Sentence(
+            "cycles-film-exposure",
+            "The film's exposure of {value} is ignored; set the exposure in the viewer (Color Management)",
+            value=f"{value:g}",
+        ),
     ),
     # Output
-    _CheckedSetting("render", "use_multiview", bool, "Stereoscopy: one picture is rendered, as the camera sees it with one eye"),
+    _CheckedSetting(
+        "render",
+        "use_multiview",
+        bool,
+        lambda _: Sentence("cycles-stereoscopy", "Stereoscopy: one picture is rendered, for one eye"),
+    ),
     # View Layer
-    _CheckedSetting("layer", "use_sky", _is_off, "The world is seen, though the view layer leaves it out (Environment)"),
-    _CheckedSetting("layer", "use_solid", _is_off, "Surfaces are shown, though the view layer leaves them out"),
-    _CheckedSetting("layer", "use_strand", _is_off, "Hair is shown, though the view layer leaves it out"),
+    _CheckedSetting(
+        "layer",
+        "use_sky",
+        _is_off,
+        lambda _: Sentence("cycles-layer-world", "The world is visible, though the view layer excludes it (Environment)"),
+    ),
+    _CheckedSetting(
+        "layer",
+        "use_solid",
+        _is_off,
+        lambda _: Sentence("cycles-layer-surfaces", "Surfaces are visible, though the view layer excludes them"),
+    ),
+    _CheckedSetting(
+        "layer",
+        "use_strand",
+        _is_off,
+        lambda _: Sentence("cycles-layer-hair", "Hair is visible, though the view layer excludes it"),
+    ),
 )
 MOVING = (
     _CheckedSetting(
-        "cycles", "rolling_shutter_type", _other_than("NONE"), "The shutter opens everywhere at once, without rolling"
+        "cycles",
+        "rolling_shutter_type",
+        _other_than("NONE"),
+        lambda _: Sentence("cycles-rolling-shutter", "The shutter opens everywhere at once, not as a rolling shutter"),
     ),
 )
 SIMPLIFIED = (
     _CheckedSetting(
-        "cycles", "texture_limit_render", _other_than("OFF"), "Pictures are as large as they are, not cut at {} texels"
+        "cycles",
+        "texture_limit_render",
+        _other_than("OFF"),
+        lambda value: Sentence(
+            "cycles-texture-limit", "Images keep their size, without the limit of {value} texels", value=value
+        ),
     ),
-    _CheckedSetting("cycles", "use_camera_cull", bool, "Objects that the camera does not see are not left out (Camera Culling)"),
-    _CheckedSetting("cycles", "use_distance_cull", bool, "Objects that are far away are not left out (Distance Culling)"),
+    _CheckedSetting(
+        "cycles",
+        "use_camera_cull",
+        bool,
+        lambda _: Sentence("cycles-camera-culling", "Objects outside the camera's view are not left out (Camera Culling)"),
+    ),
+    _CheckedSetting(
+        "cycles",
+        "use_distance_cull",
+        bool,
+        lambda _: Sentence("cycles-distance-culling", "Distant objects are not left out (Distance Culling)"),
+    ),
 )
 
 # Flags of objects: name, the unsupported value, and the end of the warning.
 OF_MOVING = (
-    ("use_motion_blur", False, "is blurred as it moves, though not in Blender"),
-    ("use_deform_motion", False, "is blurred as it bends, though not in Blender"),
+    ("use_motion_blur", False, Sentence("cycles-motion-blur-on", "blurred as it moves, unlike in Blender")),
+    ("use_deform_motion", False, Sentence("cycles-deform-blur-on", "blurred as it deforms, unlike in Blender")),
 )
-DICED = ("use_adaptive_subdivision", True, "is subdivided as its modifier says, not as the camera sees it")
+DICED = (
+    "use_adaptive_subdivision",
+    True,
+    Sentence("cycles-adaptive-subdivision", "subdivided by its modifier's levels, not adaptively"),
+)
 
 # Supported passes; Combined is the picture.
 PASSES = ("combined", "z", "position", "normal", "object_index", "material_index", "grease_pencil")
@@ -146,27 +223,44 @@ def warn_of_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_f
     for row in (*ROWS, *(MOVING if moves else ()), *(SIMPLIFIED if render.use_simplify else ())):
         value = getattr(owners[row.owner], row.name, None)
         if value is not None and row.differs(value):
-            warn(row.sentence.format(value))
+            warn(row.sentence(value))
     if moves and _is_curved(render.motion_blur_shutter_curve):
-        warn("The shutter opens and closes at once, whatever its curve")
+        warn(Sentence("cycles-shutter-curve", "The shutter opens and closes at once; its curve is ignored"))
     if abs(render.pixel_aspect_x - render.pixel_aspect_y) > NEAR:
-        warn("Pixels that are not square are rendered as square ones")
+        warn(Sentence("cycles-pixel-aspect", "Pixels are square; the pixel aspect is ignored"))
     if cycles is None:
         return
     if not is_clamped and cycles.sample_clamp_indirect not in (0.0, USUAL_CLAMP):
-        warn(f"Bounced light is not clamped at {cycles.sample_clamp_indirect:g}")
+        warn(
+            Sentence(
+                "cycles-clamp-indirect", "Indirect light is not clamped at {value}", value=f"{cycles.sample_clamp_indirect:g}"
+            )
+        )
     if not has_filter:
         told = cycles.pixel_filter_type.replace("_", "-").title()
         if told == "Gaussian" or (told == "Blackman-Harris" and abs(cycles.filter_width - USUAL_WIDTH) > NEAR):
-            warn(f"The pixel filter is Blackman-Harris, {USUAL_WIDTH:g} pixels wide, not {told}, {cycles.filter_width:g} wide")
+            warn(
+                Sentence(
+                    "cycles-pixel-filter",
+                    "The pixel filter is Blackman-Harris, {own_width} pixels wide, not {filter}, {width} wide",
+                    own_width=f"{USUAL_WIDTH:g}",
+                    filter=told,
+                    width=f"{cycles.filter_width:g}",
+                )
+            )
 
 
 def warn_of_volumes(scene: Any, warn: Warn) -> None:
     """Warns about the unsupported volume settings of a scene with scattering volumes."""
     most = getattr(getattr(scene, "cycles", None), "volume_bounces", FEW)
     if scene.render.engine in ENGINES and most < FEW:
-        times = f"{most + 1} times" if most else "once"
-        warn(f"Light is scattered in volumes as often as it bounces, not {times} at most (Volume is {most} in Blender)")
+        warn(
+            Sentence(
+                "cycles-volume-bounces",
+                "Light scatters in volumes up to the limit of all bounces (Volume is {limit} in Blender)",
+                limit=most,
+            )
+        )
 
 
 class Flags:
@@ -188,14 +282,17 @@ class Flags:
     def warn_of_found(self, warn: Warn) -> None:
         """Calls `warn` once for each kind of recorded flag, with the names of the objects."""
         for words, names in self._names.items():
-            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-            warn(f"{', '.join(list(names)[:MOST_NAMES])}{more}: {words}")
+            warn(
+                Sentence("cycles-objects-differ", "{names}: {difference}", names=first_items(names, MOST_NAMES), difference=words)
+            )
 
 
 def warn_of_material(material: Any, warn: Warn) -> None:
     """Warns about a material's unsupported flags."""
     if not getattr(material, "use_transparent_shadow", True) and _is_transparent(material):
-        warn("light passes where it is transparent, though not in Blender (Transparent Shadows)")
+        warn(
+            Sentence("cycles-transparent-shadows", "light passes its transparent parts, unlike in Blender (Transparent Shadows)")
+        )
 
 
 def _is_transparent(material: Any) -> bool:
@@ -223,4 +320,4 @@ def warn_of_passes(layer: Any, warn: Warn) -> None:
     told = [name for name in told if name != "Cryptomatte Accurate"]
     told += [f"{each.name} (shader AOV)" for each in layer.aovs] + [f"{each.name} (light group)" for each in layer.lightgroups]
     if told:
-        warn(f"Passes that the farm does not have are left out: {', '.join(told)}")
+        warn(Sentence("cycles-passes-left-out", "Passes that the farm does not support are left out: {names}", names=told))

@@ -5,31 +5,32 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ..farm.protocol.sentences import Sentence
 from .nodes import Source, constant_value
 
 __all__ = ["NUMBERS", "has_film", "warn_of_pictures", "warn_of_shader", "warn_of_surface"]
 
 # Inputs that are exported as constants even if nodes are connected to them.
 NUMBERS = {
-    "IOR": "index of refraction",
-    "Specular IOR Level": "specular level",
-    "Anisotropic": "anisotropy",
-    "Anisotropic Rotation": "anisotropy's rotation",
-    "Coat IOR": "coat's index of refraction",
-    "Coat Tint": "coat's tint",
-    "Thin Film Thickness": "thin film's thickness",
-    "Thin Film IOR": "thin film's index of refraction",
+    "IOR": Sentence("cycles-input-ior", "index of refraction"),
+    "Specular IOR Level": Sentence("cycles-input-specular-level", "specular level"),
+    "Anisotropic": Sentence("cycles-input-anisotropy", "anisotropy"),
+    "Anisotropic Rotation": Sentence("cycles-input-anisotropy-rotation", "anisotropy's rotation"),
+    "Coat IOR": Sentence("cycles-input-coat-ior", "coat's index of refraction"),
+    "Coat Tint": Sentence("cycles-input-coat-tint", "coat's tint"),
+    "Thin Film Thickness": Sentence("cycles-input-film-thickness", "thin film's thickness"),
+    "Thin Film IOR": Sentence("cycles-input-film-ior", "thin film's index of refraction"),
 }
 WITHIN = {
-    "Subsurface Weight": "subsurface weight",
-    "Subsurface Radius": "subsurface radius",
-    "Subsurface Scale": "subsurface scale",
-    "Subsurface Anisotropy": "subsurface anisotropy",
+    "Subsurface Weight": Sentence("cycles-input-subsurface-weight", "subsurface weight"),
+    "Subsurface Radius": Sentence("cycles-input-subsurface-radius", "subsurface radius"),
+    "Subsurface Scale": Sentence("cycles-input-subsurface-scale", "subsurface scale"),
+    "Subsurface Anisotropy": Sentence("cycles-input-subsurface-anisotropy", "subsurface anisotropy"),
 }
 PALE = 0.9
 NEAR = 0.01
 FILMS_ON_METALS = (5, 0)  # first Blender version in which Cycles supports thin films on metals
-OTHER_FACETS = {"BECKMANN": "Beckmann's", "ASHIKHMIN_SHIRLEY": "Ashikhmin and Shirley's"}
+OTHER_FACETS = {"BECKMANN": "Beckmann", "ASHIKHMIN_SHIRLEY": "Ashikhmin-Shirley"}
 
 SPACES = ("sRGB", "Non-Color", "Linear Rec.709", "Raw")
 
@@ -49,25 +50,25 @@ def warn_of_surface(surface: Any, warn: Warn) -> None:
     for name, words in (NUMBERS | WITHIN if is_within else NUMBERS).items():
         at = surface.input(name)
         if at is not None and constant_value(at) is None:
-            warn(f"what feeds its {words} is not taken over; a plain number stands for it")
+            warn(Sentence("cycles-input-nodes", "nodes of its {input} are ignored; its constant value is used", input=words))
     if number("Coat Weight", 1.0) > 0 and abs(number("Coat IOR", 1.5) - 1.5) > NEAR:
-        warn("its coat refracts as 1.5")
+        warn(Sentence("cycles-coat-ior", "its coat has an index of refraction of 1.5"))
     if number("Sheen Weight", 1.0) > 0 and surface.input("Sheen Weight") is not None:
-        warn("its sheen is glTF's, which is brighter towards the rim than Cycles'")
+        warn(Sentence("cycles-sheen", "its sheen follows glTF, which is brighter at grazing angles than Cycles"))
     if (
         number("Metallic", 1.0) > 0
         and surface.input("Metallic") is not None
         and _is_tinted(surface.input("Specular Tint"), 1 - NEAR)
     ):
-        warn("the tint of its metal's edge (specular tint) is not taken over")
+        warn(Sentence("cycles-specular-tint", "the edge tint of its metal (specular tint) is ignored"))
     is_half = 0 < number("Transmission Weight", 0.5) < 1 and surface.input("Transmission Weight") is not None
     if is_half and _is_tinted(surface.input("Base Color"), PALE):
-        warn("what it lets through is of its base colour, and darker than in Cycles")
+        warn(Sentence("cycles-transmission-tint", "transmitted light is tinted by its base color, darker than in Cycles"))
     base = constant_value(surface.input("Base Color"))
     if isinstance(base, list) and max(base) > 1:
-        warn("its base colour is cut at 1")
+        warn(Sentence("cycles-base-color-clipped", "its base color is clipped at 1"))
     if number("IOR", 1.5) < 1:
-        warn("its index of refraction is below 1, and taken as 1")
+        warn(Sentence("cycles-ior-below-one", "its index of refraction is below 1; 1 is used"))
 
 
 def warn_of_shader(source: Source, warn: Warn) -> None:
@@ -77,12 +78,12 @@ def warn_of_shader(source: Source, warn: Warn) -> None:
     if source.node.type == "BSDF_SHEEN":
         return
     if facets is not None and rough != 0.0:
-        warn(f"its facets are distributed as GGX has them, not {facets} way")
+        warn(Sentence("cycles-microfacets", "its microfacets have the GGX distribution, not {distribution}", distribution=facets))
     if source.node.type == "BSDF_REFRACTION":
-        warn("its Refraction BSDF reflects as well, as glass does")
+        warn(Sentence("cycles-refraction-bsdf", "its Refraction BSDF also reflects, like glass"))
     is_edged = source.node.type == "BSDF_METALLIC" and source.node.fresnel_type == "F82"
     if is_edged and _is_tinted(source.input("Edge Tint"), 1 - NEAR):
-        warn("the tint of its metal's edge is not taken over")
+        warn(Sentence("cycles-edge-tint", "the edge tint of its metal is ignored"))
 
 
 def warn_of_pictures(tree: Any, warn: Warn) -> None:
@@ -92,9 +93,22 @@ def warn_of_pictures(tree: Any, warn: Warn) -> None:
         if image is None or not any(entry.is_linked for entry in node.outputs):
             continue
         if node.extension == "CLIP":
-            warn(f"beyond its edges the picture {image.name} goes on as they are, though it is clipped in Blender")
+            warn(
+                Sentence(
+                    "cycles-image-extended",
+                    "the image {image} extends its edge pixels, unlike in Blender, where it is clipped",
+                    image=image.name,
+                )
+            )
         if image.colorspace_settings.name not in SPACES:
-            warn(f"the colours of the picture {image.name} are not known as {image.colorspace_settings.name}")
+            warn(
+                Sentence(
+                    "cycles-image-color-space",
+                    "the image {image} has an unsupported color space: {space}",
+                    image=image.name,
+                    space=image.colorspace_settings.name,
+                )
+            )
 
 
 def has_film(surface: Any) -> bool:

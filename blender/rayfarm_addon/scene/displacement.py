@@ -6,6 +6,7 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+from ..farm.protocol.sentences import Sentence
 from .nodes import ConstantValue, Product, SocketInGroups, Source, source_of
 
 __all__ = ["Heights", "displaced"]
@@ -41,9 +42,14 @@ def displaced(material: Any, tree: Any, scale: float, warn: Callable[[str], None
         return None
     source, _ = source_of(SocketInGroups(output.inputs["Displacement"]))
     if source is None or source.node.type != "DISPLACEMENT":
-        warn("its displacement is left out; that by a Displacement node and a picture is shown as bumps")
+        warn(
+            Sentence(
+                "cycles-displacement-left-out",
+                "its displacement is left out; only that by a Displacement node with an image is shown, as bumps",
+            )
+        )
         return None
     own = getattr(material, "cycles", None)
     if getattr(material, "displacement_method", getattr(own, "displacement_method", "BUMP")) != "BUMP":
-        warn("its displacement is shown as bumps, which move no surface")
+        warn(Sentence("cycles-displacement-as-bumps", "its displacement is shown as bumps, without moving the surface"))
     return Heights(source, scale)

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from ..farm.protocol.sentences import Sentence
 from .cycles_differences import warn_of_shader, warn_of_surface
 from .fibres import hair_color
 from .nodes import Blend, ConstantValue, SocketInGroups, Source, SquareRoot, constant_value, source_of
@@ -158,7 +159,7 @@ def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | Non
         return _matt({"Base Color": color, "Normal": at("Normal"), "Subsurface Weight": ConstantValue(1.0), **inside})
     if kind in ("BSDF_DIFFUSE", "BSDF_TOON", "BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"):
         if kind != "BSDF_DIFFUSE":
-            warn(f"its {source.node.bl_label or kind} is shown as matt")
+            warn(Sentence("cycles-shader-matte", "its {shader} is shown as matte", shader=source.node.bl_label or kind))
         rough = {"Diffuse Roughness": at("Roughness")} if kind == "BSDF_DIFFUSE" else {}
         color = hair_color(source) if kind == "BSDF_HAIR_PRINCIPLED" else color
         return _matt({"Base Color": color, "Normal": at("Normal"), **rough})
@@ -226,12 +227,12 @@ def _mix_shaders(source: Source, warn: Callable[[str], None]) -> PrincipledLook 
     first, second = (_look_of(source_of(source.input_at(i))[0], warn) for i in (1, 2))
     share = source.input_at(0)
     if (which := input_for_camera_rays(share)) is not None:
-        warn("of shaders that are for different rays the camera's is shown to all")
+        warn(Sentence("cycles-light-path-mix", "of shaders mixed by Light Path, all rays see the one for the camera"))
         return (first, second)[which]
     if first is None or second is None:
         known = first or second
         if known is not None:
-            warn("of the shaders that are mixed one is shown")
+            warn(Sentence("cycles-mix-one-shader", "of its mixed shaders only one is shown"))
         return known
     by, _ = source_of(share)
     if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT") and constant_value(second.input("Metallic")) == 1.0:
@@ -240,7 +241,11 @@ def _mix_shaders(source: Source, warn: Callable[[str], None]) -> PrincipledLook 
     if plain in (0.0, 1.0):
         return second if plain else first
     if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT", "CAMERA", "NEW_GEOMETRY"):
-        warn(f"its shaders are mixed half and half, not by {by.node.bl_label or by.node.type}")
+        warn(
+            Sentence(
+                "cycles-mix-half", "its shaders are mixed in equal parts, not by {node}", node=by.node.bl_label or by.node.type
+            )
+        )
         share = ConstantValue(SHARE)
     polished = _as_coated_diffuse(plain, first, second)
     return polished if polished is not None else _Mix(share, first, second, warn)
@@ -276,7 +281,7 @@ def _with_reflection(
         blend = constant_value(fresnel.input("Blend"))
         ior = 1 / max(1 - (SHARE if blend is None else blend), 1e-3)
         if fresnel.output.name == "Facing":
-            warn("its reflection follows Fresnel's law, not how far it is turned away")
+            warn(Sentence("cycles-reflection-fresnel", "its reflection follows Fresnel's law, not the facing angle"))
     roughness = gloss.input("Roughness")
     if beneath.is_matt:
         said = {"Roughness": roughness, "IOR": ConstantValue(ior or 1.45), "Specular IOR Level": ConstantValue(0.5)}
@@ -290,15 +295,15 @@ def _added(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None
     shining = [each for each in parts if _is_black(each) and constant_value(each.input("Emission Strength")) != 0.0]
     others = [each for each in parts if each not in shining]
     if shining and any(each.is_clear for each in others):
-        warn("what is added to its transparency hides what is behind by half")
+        warn(Sentence("cycles-transparency-half", "shaders added to its transparency hide half of the background"))
         return _Mix(ConstantValue(SHARE), others[0], shining[0], warn)
     if len(others) > 1:
         leaf = next((each for each in others if constant_value(each.input("Translucent Weight")) == 1.0), None)
         solid = next((each for each in others if each is not leaf), others[0])
         if leaf is None:
-            warn("of the shaders that are added one is shown")
+            warn(Sentence("cycles-add-one-shader", "of its added shaders only one is shown"))
         else:
-            warn("its light from both sides is shared, not added")
+            warn(Sentence("cycles-translucency-shared", "light reflected and transmitted by it is shared, not added"))
             solid = _Mix(ConstantValue(SHARE), solid, leaf, warn)
         others = [solid]
     if not others:
@@ -329,12 +334,12 @@ class _Mix(PrincipledLook):
             [constant_value(look.input(name)) for look in (first, second)] for name in ("Transmission Weight", "Roughness")
         )
         if glass[0] != glass[1] and (glass[0] or glass[1]) and not (first.is_clear or second.is_clear):
-            warn("of glass and something else that are mixed, both have the colour between")
+            warn(Sentence("cycles-glass-mix-color", "glass and the shader mixed with it have the same, intermediate color"))
         if rough[0] != rough[1] and not (first.is_matt or second.is_matt or first.is_clear or second.is_clear):
-            warn("of two roughnesses that are mixed, one between is shown")
+            warn(Sentence("cycles-mix-roughness", "its two mixed roughnesses are replaced by their mean"))
         is_one_clear = first.is_clear or second.is_clear or _is_black(first) or _is_black(second)
         if a != b and (None in colors or colors[0] != colors[1]) and not is_one_clear:
-            warn("of a metal and something else that are mixed, both have the colour between")
+            warn(Sentence("cycles-metal-mix-color", "metal and the shader mixed with it have the same, intermediate color"))
 
     def input(self, *names: str) -> Any:
         a, b = self._first.input(*names), self._second.input(*names)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from ..farm.protocol.sentences import Sentence
 from .model import Scene
 from .nodes import constant_value, output_of
 from .volumes import Medium, medium_of, volume_of
@@ -70,7 +71,7 @@ def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
     found = medium_of(source, warn)
     if not is_bare and not lets_in:
         if found is not None and not found.is_nothing():
-            warn("its volume is left out, as its surface lets no light in")
+            warn(Sentence("cycles-volume-opaque", "its volume is left out, since its surface is opaque"))
         return None
     return {**_medium_json(found or Medium()), "isInterface": is_bare}
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from ..farm.protocol.sentences import Sentence
 from . import subsurface
 from .cycles import warn_of_material
 from .cycles_differences import has_film, warn_of_pictures
@@ -88,12 +89,21 @@ class _Reader:
         if heights is None:
             return
         if "normalTexture" in self._said:
-            self._warn("its displacement is left out, as its normals are bent by another picture")
+            self._warn(
+                Sentence(
+                    "blend-displacement-and-normals", "its displacement is left out, since it has another bump or normal map"
+                )
+            )
             return
         found = self._values.bumps(heights, self._density)
         picture = None if found is None else self._pictures.image_use(found, False)
         if picture is None:
-            self._warn("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
+            self._warn(
+                Sentence(
+                    "blend-displacement-not-by-uvs",
+                    "its displacement is left out; only that by UV-mapped images is shown, as bumps",
+                )
+            )
             return
         self._said["normalTexture"] = replace(picture, strength=1.0)
         if (coat := self._more.get("KHR_materials_clearcoat")) is not None:
@@ -104,7 +114,7 @@ class _Reader:
         return self._more.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0) > 0
 
     def _warn(self, what: str) -> None:
-        self._scene.warn(f"Material {self._name}: {what}.")
+        self._scene.warn(Sentence("blend-material", "Material {material}: {note}.", material=self._name, note=what))
 
     def _pbr(self, color: Any, metallic: float, roughness: float, alpha: float = 1.0) -> dict[str, Any]:
         rgb = [min(max(float(c), 0.0), 1.0) for c in color]
@@ -124,7 +134,13 @@ class _Reader:
         if look is not None:
             self._principled(look)
             return
-        self._warn(f"the shader {source.node.bl_label or source.node.type} is not read, and shown as grey")
+        self._warn(
+            Sentence(
+                "blend-shader-grey",
+                "its unsupported shader {shader} is shown as grey",
+                shader=source.node.bl_label or source.node.type,
+            )
+        )
         self._pbr([0.8] * 3, 0.0, 1.0)
 
     def _principled(self, source: PrincipledLook) -> None:
@@ -151,7 +167,7 @@ class _Reader:
         if (beneath := subsurface.subsurface(source)) is not None:
             self._more[subsurface.SUBSURFACE] = beneath
         if _is_some(source.input("Diffuse Roughness")):
-            self._warn("its diffuse roughness is left out")
+            self._warn(Sentence("blend-diffuse-roughness-left-out", "its diffuse roughness is left out"))
 
     def _base(self, color: Value, alpha: Value) -> None:
         opacity = min(max(number(alpha.factor), 0.0), 1.0)
@@ -195,7 +211,7 @@ class _Reader:
         level = self._values.read(source.input("Specular IOR Level", "Specular"), NEUTRAL, "specular level")
         factor = number(level.factor) / NEUTRAL if level.image is None else 1.0
         if level.image is not None:
-            self._warn("the picture of its specular level is left out")
+            self._warn(Sentence("blend-specular-level-image", "the image of its specular level is left out"))
         if transmits:
             if abs(factor - 1) > 1e-3:
                 self._extend("specular", specularFactor=min(factor, 1.0))
@@ -284,14 +300,23 @@ class _Reader:
             found = self._values.bumps(source, self._density)
             picture = None if found is None else self._pictures.image_use(found, False)
             if picture is None:
-                self._warn("its bumps are left out; those of pictures that lie by UVs are read, and normal maps")
+                self._warn(
+                    Sentence(
+                        "blend-bumps-left-out", "its bumps are left out; only UV-mapped images and normal maps are supported"
+                    )
+                )
             else:
                 owner[name] = replace(picture, strength=1.0)
             if source_of(source.input("Normal"))[0] is not None:
-                self._warn("of normals one behind the other the last is read")
+                self._warn(Sentence("blend-last-normals", "of its chained normal inputs, only the last is used"))
             return
         if source.node.type != "NORMAL_MAP" or source.node.space != "TANGENT":
-            self._warn("its normals are left out; bumps and normal maps in tangent space are read")
+            self._warn(
+                Sentence(
+                    "blend-normals-left-out",
+                    "its normals are left out; only bumps and normal maps in tangent space are supported",
+                )
+            )
             return
         strength = constant_value(source.input("Strength"))
         found = self._values.read(source.input("Color"), WHITE, "normal map")
@@ -315,7 +340,7 @@ class _Reader:
         if number(weight.factor) <= 0:
             return
         if weight.image is not None:
-            self._warn("the picture of how much light it lets through is left out")
+            self._warn(Sentence("blend-transmission-image", "the image of its transmission weight is left out"))
         color = value([0.8] * 3, "Translucent Color")
         said = {"diffuseTransmissionFactor": min(number(weight.factor), 1.0)}
         self._extend("diffuse_transmission", **said, diffuseTransmissionColorFactor=as_list(color.factor))
@@ -328,7 +353,7 @@ class _Reader:
         rays, and any other a single principled look.
         """
         if (which := input_for_camera_rays(source.input_at(0))) is not None:
-            self._warn("of shaders that are for different rays the camera's is shown to all")
+            self._warn(Sentence("cycles-light-path-mix", "of shaders mixed by Light Path, all rays see the one for the camera"))
             shown = source_of(source.input_at(1 + which))[0]
             if shown is not None:
                 self._shader(shown)
@@ -358,7 +383,7 @@ class _Reader:
         if under is not None and opacity.channel == 3 and under.image == self._pictures.name(opacity, True):
             return  # the alpha of the same image
         if under is not None:
-            self._warn("the picture of its mix with transparency is left out")
+            self._warn(Sentence("blend-transparency-mix-image", "the image of its mix with transparency is left out"))
             return
         white = Value(WHITE)
         picture = self._pictures.packed([(white, 0), (white, 1), (white, 2), (opacity, 3)], opacity, True)
@@ -370,7 +395,7 @@ class _Reader:
         parts = [source_of(source.input_at(i))[0] for i in (0, 1)]
         clear = [each is not None and each.node.type == "BSDF_TRANSPARENT" for each in parts]
         if any(clear):
-            self._warn("what is added to its transparency hides what is behind by half")
+            self._warn(Sentence("cycles-transparency-half", "shaders added to its transparency hide half of the background"))
             solid = parts[1] if clear[0] else parts[0]
             if solid is not None and not all(clear):
                 self._shader(solid)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..farm.protocol.sentences import Sentence
 from .nodes import SocketInGroups, Source, constant_value, source_of
 
 __all__ = ["Medium", "medium_of", "volume_of"]
@@ -17,7 +18,7 @@ Warn = Callable[[str], None]
 MOST_NESTED = 32
 NONE = 1e-9
 # Unsupported phase functions and their names in warnings; they are replaced by Henyey-Greenstein.
-OTHER_PHASES = {"RAYLEIGH": "Rayleigh's", "MIE": "Mie's", "DRAINE": "Draine's", "FOURNIER_FORAND": "Fournier and Forand's"}
+OTHER_PHASES = {"RAYLEIGH": "Rayleigh", "MIE": "Mie", "DRAINE": "Draine", "FOURNIER_FORAND": "Fournier-Forand"}
 
 
 @dataclass
@@ -64,10 +65,9 @@ def _read(source: Source, warn: Warn, depth: int) -> Medium | None:
         if isinstance(share, float):
             share = min(max(share, 0.0), 1.0)
             return _sum([_read_connected(source.input_at(i), warn, depth) for i in (1, 2)], [1 - share, share])
-        warn("its volume is mixed by what varies, and left out")
+        warn(Sentence("cycles-volume-mix", "its volume is left out, since its mix factor varies"))
         return None
-    what = "light of its own" if kind == "EMISSION" else f"{source.node.bl_label or kind}"
-    warn(f"of its volume, {what} is left out")
+    warn(Sentence("cycles-volume-shader", "{shader} is left out of its volume", shader=source.node.bl_label or kind))
     return None
 
 
@@ -100,7 +100,13 @@ def _number(source: Source, name: str, default: float, warn: Warn) -> float:
         return sum(found) / len(found)
     if isinstance(found, float):
         return found
-    warn(f"its volume's {name.lower()} varies in Blender; its plain value stands for it")
+    warn(
+        Sentence(
+            "cycles-volume-input-nodes",
+            "the input {input} of its volume varies in Blender; its constant value is used",
+            input=name,
+        )
+    )
     own = getattr(at.socket, "default_value", default)
     return float(own) if isinstance(own, int | float) else default
 
@@ -111,7 +117,13 @@ def _color(source: Source, name: str, default: list[float], warn: Warn) -> list[
         return default
     found = constant_value(at)
     if found is None:
-        warn(f"its volume's {name.lower()} varies in Blender; its plain value stands for it")
+        warn(
+            Sentence(
+                "cycles-volume-input-nodes",
+                "the input {input} of its volume varies in Blender; its constant value is used",
+                input=name,
+            )
+        )
         found = getattr(at.socket, "default_value", default)
     values = [float(found)] * 3 if isinstance(found, int | float) else [float(c) for c in found][:3]
     return [max(c, 0.0) for c in values]
@@ -125,7 +137,13 @@ def _direction(source: Source, warn: Warn) -> float:
     """Returns the mean cosine of the scattering angle; warns if the phase function is not supported."""
     phase = getattr(source.node, "phase", "HENYEY_GREENSTEIN")
     if phase in OTHER_PHASES:
-        warn(f"its volume scatters as Henyey and Greenstein have it, not {OTHER_PHASES[phase]} way")
+        warn(
+            Sentence(
+                "cycles-volume-phase",
+                "its volume has the Henyey-Greenstein phase function, not {phase}",
+                phase=OTHER_PHASES[phase],
+            )
+        )
         if phase == "RAYLEIGH":
             return 0.0
         if phase != "DRAINE":
@@ -145,14 +163,14 @@ def _absorption(source: Source, warn: Warn) -> Medium:
 
 def _coefficients(source: Source, warn: Warn) -> Medium:
     if max(_color(source, "Emission Coefficients", [0.0] * 3, warn)) > NONE:
-        warn("its volume's own light is left out")
+        warn(Sentence("cycles-volume-emission", "the emission of its volume is left out"))
     scattered = _color(source, "Scatter Coefficients", [1.0] * 3, warn)
     return Medium(_color(source, "Absorption Coefficients", [1.0] * 3, warn), scattered, _direction(source, warn))
 
 
 def _principled(source: Source, warn: Warn) -> Medium:
     if _number(source, "Emission Strength", 0.0, warn) > NONE or _number(source, "Blackbody Intensity", 0.0, warn) > NONE:
-        warn("its volume's own light is left out")
+        warn(Sentence("cycles-volume-emission", "the emission of its volume is left out"))
     density = _density(source, warn)
     color = _color(source, "Color", [0.5] * 3, warn)
     kept = [c**0.5 for c in _color(source, "Absorption Color", [0.0] * 3, warn)]

@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 from .exporter_support import differs_by_object, is_supported, view_dependent_label
+from .sentences import Sentence
 
 __all__ = ["bake"]
 
@@ -34,23 +35,48 @@ def bake(bpy: Any, scene: Any, objects: list[Any], notes: list[str]) -> None:
     try:
         for material, entries, owners in wanted:
             if time.monotonic() > until:
-                notes.append("What nodes make of some materials took too long to be baked; bake it to images")
+                notes.append(
+                    Sentence(
+                        "blend-bake-timeout",
+                        "Baking of material nodes exceeded {seconds} s, so some are not baked; bake them to images in Blender",
+                        seconds=round(PATIENCE),
+                    )
+                )
                 break
             told = sorted(
                 {view_dependent_label(entry.links[0].from_node, entry.links[0].from_socket.name) for entry in entries} - {""}
             )
             if told:
                 notes.append(
-                    f"Material {material.name}: what {told[0]} makes is another from elsewhere, and baked as of one place"
+                    Sentence(
+                        "blend-bake-view-dependent",
+                        "Material {material}: {node} depends on the view; it is baked as seen from one place",
+                        material=material.name,
+                        node=told[0],
+                    )
                 )
             reason = _reason_not_to_bake(owners)
             if reason:
-                notes.append(f"Material {material.name}: what its nodes make is not baked, as {reason}")
+                notes.append(
+                    Sentence(
+                        "blend-not-baked",
+                        "Material {material}: its nodes are not baked: {reason}",
+                        material=material.name,
+                        reason=reason,
+                    )
+                )
                 continue
             try:
                 _bake(bpy, scene, material, entries, owners, notes)
             except RuntimeError as error:
-                notes.append(f"Material {material.name}: what its nodes make could not be baked ({str(error).strip()[:120]})")
+                notes.append(
+                    Sentence(
+                        "blend-bake-failed",
+                        "Material {material}: its nodes could not be baked ({error})",
+                        material=material.name,
+                        error=str(error).strip()[:120],
+                    )
+                )
     finally:
         for owner, name, value in before:
             setattr(owner, name, value)
@@ -94,11 +120,11 @@ def _unsupported_inputs(material: Any) -> list[Any]:
 def _reason_not_to_bake(owners: list[Any]) -> str:
     """Returns the reason why materials of these objects cannot be baked; empty if they can."""
     if any(thing.type != "MESH" for thing in owners):
-        return "it is on curves or text: make meshes of these"
+        return Sentence("blend-bake-on-curves", "it is on curves or text; convert these to meshes")
     if len(owners) > MOST_THINGS or sum(len(thing.data.polygons) for thing in owners) > MOST_FACES:
-        return "its meshes are too many or too large"
+        return Sentence("blend-bake-too-large", "its meshes are too many or too large")
     if any(len([layer for layer in thing.data.uv_layers if layer.name != LAYER]) >= MOST_LAYERS for thing in owners):
-        return "its meshes have two sets of UVs already"
+        return Sentence("blend-bake-uv-maps", "its meshes have two UV maps already")
     return ""
 
 
@@ -143,7 +169,11 @@ def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[
             _select(bpy, owners)
             bpy.ops.object.bake(type="NORMAL" if is_bent else "EMIT", normal_space="TANGENT")
             if entry.name in LIT:
-                notes += [f"Material {material.name}: {each}" for each in [_within_one(image, entry)] if each]
+                notes += [
+                    Sentence("blend-material", "Material {material}: {note}", material=material.name, note=each)
+                    for each in [_within_one(image, entry)]
+                    if each
+                ]
             image.pack()
             where = tree.nodes.new("ShaderNodeUVMap")
             where.uv_map = LAYER
@@ -232,7 +262,7 @@ def _within_one(image: Any, entry: Any) -> str:
             colors[:, :3] /= most
             power.default_value *= most
         else:
-            told = f"its {entry.name.lower()} is cut at 1"
+            told = Sentence("blend-input-clipped", "values of its input {input} above 1 are clipped", input=entry.name)
     linear = np.clip(colors[:, :3], 0.0, 1.0)
     colors[:, :3] = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     size = tuple(image.size)

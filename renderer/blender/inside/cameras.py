@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 from .keys import keyed
+from .sentences import Sentence
 
 __all__ = ["Cameras", "to_ours"]
 
@@ -102,15 +103,39 @@ class Cameras:
     def _note_limits(self, thing: Any) -> None:
         data, name = thing.data, thing.name
         if data.type != "PANO" and self._distance_to_far_end(thing) > data.clip_end:
-            self._notes.append(f"Camera {name}: what lies beyond its end of {data.clip_end:g} is shown, though not in Blender")
+            self._notes.append(
+                Sentence(
+                    "blend-clip-end",
+                    "Camera {camera}: objects beyond its clip end of {distance} m are shown, unlike in Blender",
+                    camera=name,
+                    distance=f"{data.clip_end:g}",
+                )
+            )
         if data.type == "PANO" and _panorama(data) not in ("EQUIRECTANGULAR", None):
-            self._notes.append(f"Camera {name}: shows all around (equirectangular) in place of {_panorama(data).lower()}")
+            self._notes.append(
+                Sentence(
+                    "blend-panorama",
+                    "Camera {camera}: rendered as an equirectangular panorama, not as {panorama}",
+                    camera=name,
+                    panorama=_panorama(data).lower(),
+                )
+            )
         if data.type == "CUSTOM":
-            self._notes.append(f"Camera {name}: its lens is a script, and not taken over")
+            self._notes.append(
+                Sentence("blend-lens-script", "Camera {camera}: its lens is a script, which is not run", camera=name)
+            )
         if data.dof.use_dof and data.type != "PERSP":
-            self._notes.append(f"Camera {name}: its depth of field is not taken over; only a perspective camera has one")
+            self._notes.append(
+                Sentence(
+                    "blend-depth-of-field",
+                    "Camera {camera}: depth of field is left out, since only perspective cameras have it",
+                    camera=name,
+                )
+            )
         if data.dof.use_dof and (data.dof.aperture_blades or data.dof.aperture_ratio != 1.0):
-            self._notes.append(f"Camera {name}: its aperture is round, without blades and ratio")
+            self._notes.append(
+                Sentence("blend-aperture", "Camera {camera}: its aperture is circular; blades and ratio are ignored", camera=name)
+            )
 
 
 def _panorama(data: Any) -> Any:

@@ -24,6 +24,7 @@ if __name__ == "__main__":  # run as a script: makes the modules next to it impo
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
     __package__ = "inside"
 
+from .sentences import Sentence, to_text
 from .untrusted import DamagedError, safe_copy
 
 ALEMBIC = ".abc"
@@ -116,7 +117,14 @@ def opened(path: Path) -> Any:
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     except RuntimeError as error:
-        raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_error_text(error)})") from None
+        raise DamagedError(
+            Sentence(
+                "blend-open-error",
+                "cannot be opened by Blender {version} ({error})",
+                version=bpy.app.version_string,
+                error=_error_text(error),
+            )
+        ) from None
     return bpy
 
 
@@ -131,9 +139,16 @@ def imported(path: Path) -> Any:
         # Not as a background job, which would never run here.
         bpy.ops.wm.alembic_import(filepath=str(path), as_background_job=False, set_frame_range=True)
     except RuntimeError as error:
-        raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_error_text(error)})") from None
+        raise DamagedError(
+            Sentence(
+                "blend-open-error",
+                "cannot be opened by Blender {version} ({error})",
+                version=bpy.app.version_string,
+                error=_error_text(error),
+            )
+        ) from None
     if not bpy.context.scene.objects:
-        raise DamagedError("holds nothing that Blender shows; is it whole?")
+        raise DamagedError(Sentence("blend-nothing-to-show", "contains nothing that Blender shows; it may be incomplete"))
     bpy.context.scene.name = path.stem
     return bpy
 
@@ -142,7 +157,14 @@ def _started() -> Any:
     import bpy
 
     if bpy.app.version[:2] < LEAST:
-        raise DamagedError(f"is opened by Blender {LEAST[0]}.{LEAST[1]} and later, and this worker's is {bpy.app.version_string}")
+        raise DamagedError(
+            Sentence(
+                "blend-blender-too-old",
+                "needs Blender {needed} or later; this worker has {version}",
+                needed=f"{LEAST[0]}.{LEAST[1]}",
+                version=bpy.app.version_string,
+            )
+        )
     bpy.context.preferences.filepaths.use_scripts_auto_execute = False
     return bpy
 
@@ -171,14 +193,22 @@ def run() -> int:
     try:
         report = main(job)
     except DamagedError as error:
-        report = {"error": str(error)}
+        report = {"error": to_text(str(error))}
     except MemoryError:
-        report = {"error": "needs more memory than this worker grants one scene. Simplify it"}
+        report = {
+            "error": to_text(Sentence("blend-memory", "needs more memory than this worker allows for one scene. Simplify it"))
+        }
     except Exception as error:
         traceback.print_exc()
         report = {
-            "error": f"could not be written as a scene ({type(error).__name__}: {_error_text(error)}). "
-            "Export glTF from it instead"
+            "error": to_text(
+                Sentence(
+                    "blend-conversion-failed",
+                    "could not be converted to a scene ({type}: {error}). Export glTF from it instead",
+                    type=type(error).__name__,
+                    error=_error_text(error),
+                )
+            )
         }
     out = Path(job["out"])
     (out / "report.part").write_text(json.dumps(report))

@@ -7,6 +7,7 @@ from typing import Any
 
 from .prepare_scene import VISIBLE
 from .principled_materials import modules_of
+from .sentences import Sentence
 
 __all__ = ["hair_as_meshes"]
 
@@ -33,7 +34,15 @@ def _mesh_of(bpy: Any, scene: Any, thing: Any, data: Any, tubes: Any, notes: lis
     count = len(data.points)
     if not 0 < count <= MOST_POINTS:
         if count:
-            notes.append(f"{thing.name}: is hair of {count:,} points, and left out; {MOST_POINTS:,} fit")
+            notes.append(
+                Sentence(
+                    "blend-hair-too-large",
+                    "{object}: hair of {count} points is left out; at most {limit} are supported",
+                    object=thing.name,
+                    count=f"{count:,}",
+                    limit=f"{MOST_POINTS:,}",
+                )
+            )
         return None
     points, radii = np.empty(3 * count, np.float32), np.empty(count, np.float32)
     first = np.empty(len(data.curves), np.int32)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-__all__ = ["VISIBLE", "instances_as_objects"]
+from .sentences import Sentence, first_items
+
+__all__ = ["LEFT_OUT", "VISIBLE", "instances_as_objects"]
 
 MOST_INSTANCES = 200_000
 MOST_PLACES = 2_000_000  # of all instances over all frames
 KINDS = ("MESH", "CURVE", "SURFACE", "FONT", "META", "LIGHT")
 LEFT_OUT = {
-    "POINTCLOUD": "Point clouds",
-    "VOLUME": "Volumes",
-    "CURVES": "Hair curves",
-    "GPENCIL": "Grease pencil drawings",
-    "GREASEPENCIL": "Grease pencil drawings",
+    "POINTCLOUD": Sentence("blend-point-clouds", "Point clouds"),
+    "VOLUME": Sentence("blend-volumes", "Volumes"),
+    "CURVES": Sentence("blend-hair-curves", "Hair curves"),
+    "GPENCIL": Sentence("blend-grease-pencil", "Grease pencil drawings"),
+    "GREASEPENCIL": Sentence("blend-grease-pencil", "Grease pencil drawings"),
 }
 VISIBLE = tuple(f"visible_{kind}" for kind in ("camera", "shadow", "diffuse", "glossy", "transmission"))
 ON_MESHES = ("VERTS", "FACES")
@@ -61,10 +63,14 @@ def instances_as_objects(bpy: Any, scene: Any, visible_names: set[str], frames: 
     bent = sorted({each.thing.name for each in found if _is_bent(each.thing)}) if len(frames) > 1 else []
     if bent:
         notes.append(
-            f"{', '.join(bent[:5])}: is bent by bones or shape keys, and as an instance stands still as at the first frame"
+            Sentence(
+                "blend-instance-deformed",
+                "{names}: instances deformed by bones or shape keys are shown as at the first frame",
+                names=first_items(bent, 5),
+            )
         )
     if len(found) >= MOST_INSTANCES:
-        notes.append(f"Of its instances the first {MOST_INSTANCES:,} are shown")
+        notes.append(Sentence("blend-instance-limit", "Only the first {count} instances are shown", count=f"{MOST_INSTANCES:,}"))
 
 
 def _find_instances(bpy: Any, visible_names: set[str]) -> list[_Shown]:
@@ -95,9 +101,15 @@ def _note_left_out(bpy: Any, visible_names: set[str], notes: list[str]) -> None:
             owner = instance.parent.original.name
             if owner in visible_names:
                 names.setdefault(LEFT_OUT[instance.object.type], {})[owner] = None
-    for words, owners in names.items():
-        listed = ", ".join(list(owners)[:5])
-        notes.append(f"{words} that are instanced or made by geometry nodes are not taken over: {listed}")
+    for kinds, owners in names.items():
+        notes.append(
+            Sentence(
+                "blend-instanced-kind-left-out",
+                "{kind} that are instances or made by geometry nodes are left out: {names}",
+                kind=kinds,
+                names=first_items(owners, 5),
+            )
+        )
 
 
 def _key(instance: Any) -> Any:
@@ -112,7 +124,12 @@ def _over_frames(
         return {}
     if len(frames) * len(found) > MOST_PLACES:
         notes.append(
-            f"Its {len(found):,} instances stand still as at the first frame; over {len(frames):,} frames they are too many"
+            Sentence(
+                "blend-instance-motion-limit",
+                "The {count} instances stand still as at the first frame, since they are too many for {frames} frames",
+                count=f"{len(found):,}",
+                frames=f"{len(frames):,}",
+            )
         )
         return {}
     first = {each.key: each.place for each in found}
@@ -136,7 +153,11 @@ def _over_frames(
         is_other = is_other or seen != len(first)
     scene.frame_set(frames[0])
     if is_other:
-        notes.append("Of what is instanced, other things are there at other frames: those of the first frame are shown")
+        notes.append(
+            Sentence(
+                "blend-instance-set-changes", "The set of instances changes between frames; that of the first frame is shown"
+            )
+        )
     return {key: places[key] for key in moving if len(places[key]) == len(frames)}
 
 
@@ -166,7 +187,7 @@ def _place_object(
     straight = [each if back is None else each @ back for each in places]
     _animate(carrier, straight, frames)
     if not all(_is_straight(each) for each in straight):
-        notes.append(f"{thing.name}: is sheared while it moves, which is left out")
+        notes.append(Sentence("blend-shear-in-motion", "{object}: shear while it moves is left out", object=thing.name))
 
 
 def _is_straight(place: Any) -> bool:

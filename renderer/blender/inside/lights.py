@@ -10,6 +10,7 @@ from typing import Any
 from .cameras import to_ours
 from .keys import keyed
 from .light_profiles import EmissionImage, is_animated_light, needs_emission_image, render_emission_image
+from .sentences import Sentence
 
 __all__ = ["Lights", "is_linked_to_lights"]
 
@@ -18,7 +19,11 @@ MOST = 1e9
 WIDE = 0.1  # scene units: larger points are spheres, whose spot cone has no single edge
 LEAST = 1e-4  # the least radius of a point light
 MOST_PICTURES = 64  # of emission images: each takes a second or two
-RAYS = {"diffuse": "what is matt", "glossy": "what is glossy", "transmission": "glass"}
+RAYS = {
+    "diffuse": Sentence("blend-matte-surfaces", "matte surfaces"),
+    "glossy": Sentence("blend-glossy-surfaces", "glossy surfaces"),
+    "transmission": Sentence("blend-glass", "glass"),
+}
 
 
 class Lights:
@@ -157,31 +162,79 @@ class Lights:
         return self._known.constant_emission_factor(data.node_tree) if has_some else None
 
     def _note_limits(self, thing: Any, notes: list[str]) -> None:
-        data, name = thing.data, f"Light {thing.name}"
+        data = thing.data
         if thing.name in self._thrown:
             if data.type == "POINT" and data.shadow_soft_size > LEAST:
-                notes.append(f"{name}: is not seen in mirrors, as its nodes send another light into each direction")
+                notes.append(
+                    Sentence(
+                        "blend-light-not-in-mirrors",
+                        "Light {light}: not visible in mirrors, since its nodes emit differently in each direction",
+                        light=thing.name,
+                    )
+                )
             if is_animated_light(data):
-                notes.append(f"{name}: its nodes move with the frame in Blender, and are as at the first frame here")
+                notes.append(
+                    Sentence(
+                        "blend-light-animated-nodes",
+                        "Light {light}: its animated nodes are evaluated at the first frame",
+                        light=thing.name,
+                    )
+                )
         elif data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None:
-            notes.append(f"{name}: its nodes are not taken over; it shines in its own colour")
+            notes.append(
+                Sentence(
+                    "blend-light-nodes", "Light {light}: its nodes are ignored; it has its own colour and power", light=thing.name
+                )
+            )
         if data.type == "SPOT" and data.shadow_soft_size > WIDE and not getattr(data, "use_soft_falloff", True):
-            notes.append(f"{name}: its cone is that of a point, though in Blender that of a ball")
+            notes.append(
+                Sentence(
+                    "blend-light-cone-of-point",
+                    "Light {light}: its cone is that of a point, not of a sphere as in Blender",
+                    light=thing.name,
+                )
+            )
         if data.energy < 0:
-            notes.append(f"{name}: takes light away in Blender, and is dark here")
+            notes.append(Sentence("blend-light-negative", "Light {light}: its negative power is set to 0", light=thing.name))
         if data.type == "AREA" and data.spread < math.pi - 1e-3:
-            notes.append(f"{name}: its spread is not taken over; it shines to all sides")
+            notes.append(
+                Sentence(
+                    "blend-light-spread", "Light {light}: its spread is ignored; it emits in all directions", light=thing.name
+                )
+            )
         if self._known is not None and data.type == "SPOT" and self._known.is_stretched(thing.matrix_world.to_scale()):
-            notes.append(f"{name}: its cone is round, and as wide as it says, whatever its scale")
+            notes.append(
+                Sentence(
+                    "blend-light-cone-scale",
+                    "Light {light}: its cone is circular and has its nominal angle, whatever its scale",
+                    light=thing.name,
+                )
+            )
         if self._known is not None and (most := self._known.bounce_limit(data)) is not None:
-            notes.append(f"{name}: lights however often its light was scattered, though no more than {most} times in Blender")
+            notes.append(
+                Sentence(
+                    "blend-light-bounces",
+                    "Light {light}: lights after any number of bounces, not at most {limit} as in Blender",
+                    light=thing.name,
+                    limit=most,
+                )
+            )
         if not getattr(data, "use_shadow", True):
-            notes.append(f"{name}: casts shadows here, as all lights do")
+            notes.append(Sentence("blend-light-shadows", "Light {light}: casts shadows, unlike in Blender", light=thing.name))
         hidden = [words for kind, words in RAYS.items() if not getattr(thing, f"visible_{kind}", True)]
         if hidden:
-            notes.append(f"{name}: lights {' and '.join(hidden)} here, though not in Blender")
+            notes.append(
+                Sentence(
+                    "blend-light-visibility",
+                    "Light {light}: lights {surfaces}, unlike in Blender",
+                    light=thing.name,
+                    surfaces=hidden,
+                )
+            )
         if is_linked_to_lights(thing):
-            notes.append(f"{name}: lights all that it reaches; light linking is not taken over")
+            notes.append(
+                Sentence("blend-light-linking", "{object}: lights all objects; light linking is ignored", object=thing.name)
+            )
 
 
 def _is_portal(data: Any) -> bool:

@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from .sentences import Sentence
+
 __all__ = ["as_stills"]
 
 NUMBER = re.compile(r"(\d+)(?=\D*$)")
@@ -29,8 +31,13 @@ def as_stills(bpy: Any, materials: list[Any], notes: list[str]) -> None:
             node.image = made[key]
     for name in sorted(told):
         lost = all(still is None for (owner, _), still in made.items() if owner == name)
-        what = "is left out: bake it to pictures" if lost else "is shown as at the first frame"
-        notes.append(f"Image {name}: of a film or sequence, {what}")
+        notes.append(
+            Sentence("blend-movie-left-out", "Image {image}: this movie or sequence is left out; bake it to images", image=name)
+            if lost
+            else Sentence(
+                "blend-movie-first-frame", "Image {image}: this movie or sequence is shown as at the first frame", image=name
+            )
+        )
 
 
 def _nodes(tree: Any, visited: set[str]) -> list[Any]:

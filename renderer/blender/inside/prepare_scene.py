@@ -8,6 +8,7 @@ from typing import Any
 from .deforming_meshes import DeformedShapes, without_bones
 from .instances import VISIBLE, instances_as_objects
 from .keys import animated_paths
+from .sentences import Sentence, first_items
 
 __all__ = ["VISIBLE", "prepare"]
 
@@ -23,11 +24,21 @@ def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: 
     bpy.context.view_layer.update()
     blinking = sorted(thing.name for thing in scene.objects if any(path == "hide_render" for path in animated_paths(thing)))
     if blinking and len(frames) > 1:
-        notes.append(f"{_listed(blinking)}: comes or goes with the frame in Blender, and is as at the first frame here")
+        notes.append(
+            Sentence(
+                "blend-animated-visibility",
+                "{names}: animated visibility is ignored; shown or hidden as at the first frame",
+                names=first_items(blinking, 5),
+            )
+        )
     shown = _rendered_objects(bpy, scene)
     nowhere = sorted(name for name in shown if not _has_finite_transform(scene.objects[name]))
     if nowhere:
-        notes.append(f"{_listed(nowhere)}: lies at a place that is no number, and is left out")
+        notes.append(
+            Sentence(
+                "blend-position-not-finite", "{names}: left out, since the position is not finite", names=first_items(nowhere, 5)
+            )
+        )
         for name in nowhere:  # objects with a non-finite transform cannot be exported, even if hidden
             shown.remove(name)
             bpy.data.objects.remove(scene.objects[name])
@@ -162,11 +173,21 @@ def _modifiers(bpy: Any, scene: Any, visible_names: set[str], frames: list[int],
                 thing.modifiers.remove(each)
         bending.into_keys(thing)
     if keyed:
-        notes.append(f"{_listed(keyed)}: modifiers beside shape keys are not taken over; apply one of both")
+        notes.append(
+            Sentence(
+                "blend-modifiers-and-shape-keys",
+                "{names}: modifiers of meshes with shape keys are ignored; apply either of them",
+                names=first_items(keyed, 5),
+            )
+        )
     if bending.left:
         notes.append(
-            f"{_listed(bending.left)}: what modifiers make stands still as at the first frame, as it has other corners at other "
-            "frames, or too many of them"
+            Sentence(
+                "blend-deformation-first-frame",
+                "{names}: deformation by modifiers is shown as at the first frame, since the number "
+                "of vertices changes or is too large",
+                names=first_items(bending.left, 5),
+            )
         )
 
 

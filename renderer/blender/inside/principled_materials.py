@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .exporter_support import is_placed_by_uv, is_supported
+from .sentences import Sentence
 from .texture_spaces import is_suited
 
 __all__ = ["Extensions", "modules_of", "simplify"]
@@ -126,7 +127,10 @@ class _Simplifier:
         return self._extensions(look) | inside
 
     def _add_notes(self, sentences: list[str]) -> None:
-        self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(sentences)]
+        self._notes += [
+            Sentence("blend-material", "Material {material}: {note}", material=self._material.name, note=sentence)
+            for sentence in dict.fromkeys(sentences)
+        ]
 
     def _filled(self, lets_in: bool, notes: list[str]) -> dict[str, Any]:
         """Returns the extension with the medium of the material's volume; empty without one.
@@ -146,7 +150,13 @@ class _Simplifier:
         painted = self._painter.paint(nodes.Product(color, strength), "emission")
         entry, power = (principled.inputs[name] for name in names)
         if painted is None:
-            self._notes.append(f"Material {self._material.name}: what feeds its emission's strength is not taken over")
+            self._notes.append(
+                Sentence(
+                    "blend-emission-strength-nodes",
+                    "Material {material}: nodes of its emission strength are ignored",
+                    material=self._material.name,
+                )
+            )
             return ()
         if isinstance(painted, list):
             self._set_input(entry, painted)
@@ -242,9 +252,18 @@ class _Simplifier:
             return
         normal, coat = (principled.inputs.get(name) for name in ("Normal", "Coat Normal"))
         if normal.is_linked:
-            notes.append("its displacement is left out, as its normals are bent by another picture")
+            notes.append(
+                Sentence(
+                    "blend-displacement-and-normals", "its displacement is left out, since it has another bump or normal map"
+                )
+            )
         elif not self._replace_bump([normal] if coat is None or coat.is_linked else [normal, coat], heights):
-            notes.append("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
+            notes.append(
+                Sentence(
+                    "blend-displacement-not-by-uvs",
+                    "its displacement is left out; only that by UV-mapped images is shown, as bumps",
+                )
+            )
 
     def _replace_bump(self, entries: list[Any], source: Any) -> bool:
         """Replaces a Bump node by a normal map on these inputs; returns False if its height is not an image."""

@@ -7,11 +7,16 @@ from typing import Any
 
 from .glb import Glb
 from .lights import is_linked_to_lights
+from .sentences import Sentence
 
 __all__ = ["RAYS", "note_rays", "passed_by", "with_rays"]
 
 RAYS = "RAYFARM_node_rays"  # read by renderer/scene/readers/gltf/nodes.py
-OTHERS = {"diffuse": "by what it lights", "glossy": "in reflections", "transmission": "through glass"}
+OTHERS = {
+    "diffuse": Sentence("blend-in-diffuse-light", "in diffuse light"),
+    "glossy": Sentence("blend-in-reflections", "in reflections"),
+    "transmission": Sentence("blend-through-glass", "through glass"),
+}
 FACTORS = ("baseColorFactor", "roughnessFactor")
 
 Flags = dict[str, bool]
@@ -36,13 +41,27 @@ def note_rays(objects: list[Any], layer: Any, notes: list[str]) -> None:
     for thing in objects:
         hidden = [words for kind, words in OTHERS.items() if not getattr(thing, f"visible_{kind}", True)]
         if hidden:
-            notes.append(f"{thing.name}: is seen {' and '.join(hidden)} here, though not in Blender")
+            notes.append(
+                Sentence("blend-ray-visibility", "{object}: visible {where}, unlike in Blender", object=thing.name, where=hidden)
+            )
         if is_linked_to_lights(thing):
-            notes.append(f"{thing.name}: lights all that it reaches; light linking is not taken over")
+            notes.append(
+                Sentence("blend-light-linking", "{object}: lights all objects; light linking is ignored", object=thing.name)
+            )
         is_held = getattr(thing, "is_holdout", False) or (layer is not None and thing.holdout_get(view_layer=layer))
-        for is_so, what in ((is_held, "a holdout"), (getattr(thing, "is_shadow_catcher", False), "a shadow catcher")):
+        for is_so, what in (
+            (is_held, Sentence("blend-holdout", "a holdout")),
+            (getattr(thing, "is_shadow_catcher", False), Sentence("blend-shadow-catcher", "a shadow catcher")),
+        ):
             if is_so:
-                notes.append(f"{thing.name}: is {what} in Blender, and shown as any other object")
+                notes.append(
+                    Sentence(
+                        "blend-special-object",
+                        "{object}: rendered as an ordinary object, not as {kind}",
+                        object=thing.name,
+                        kind=what,
+                    )
+                )
 
 
 def _put_factors(material: dict[str, Any], flags: dict[str, Any]) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from .sentences import Sentence, first_items
+
 __all__ = ["note_settings", "settings_of"]
 
 USUAL_CLAMP, MOST_CLAMP = 10.0, 1e9  # the first is Blender's default and is ignored, since the user did not choose it
@@ -43,34 +45,49 @@ def note_settings(scenes: Any, scene: Any, layer: Any, notes: list[str], addon_m
     render = scene.render
     if len(scenes) > 1:
         others = sorted(each.name for each in scenes if each.name != scene.name)
-        notes.append(f"Of the file's scenes the one that it was saved with is shown, not {', '.join(others[:5])}")
+        notes.append(
+            Sentence(
+                "blend-other-scenes",
+                "Only the scene that was active when the file was saved is rendered, not {names}",
+                names=first_items(others, 5),
+            )
+        )
     if len([each for each in scene.view_layers if each.use]) > 1:
-        notes.append("Of the scene's view layers the one that it was saved with is shown")
+        notes.append(
+            Sentence("blend-other-view-layers", "Only the view layer that was active when the file was saved is rendered")
+        )
     if render.use_border:
-        notes.append("The whole picture is rendered, not the region that is set in Blender")
+        notes.append(Sentence("blend-render-region", "The whole picture is rendered, not Blender's render region"))
     if addon_module is not None:
         addon_module.warn_of_settings(scene, layer, notes.append, is_clamped=True, has_filter=False)
     view = scene.view_settings
     looks = [
         words
         for is_so, words in (
-            (abs(view.exposure) > 1e-3, f"exposure {view.exposure:g}"),
-            (abs(view.gamma - 1) > 1e-3, f"gamma {view.gamma:g}"),
+            (abs(view.exposure) > 1e-3, Sentence("blend-look-exposure", "exposure {value}", value=f"{view.exposure:g}")),
+            (abs(view.gamma - 1) > 1e-3, Sentence("blend-look-gamma", "gamma {value}", value=f"{view.gamma:g}")),
             (view.look != "None", f"look {view.look}"),
             (view.use_curve_mapping, "curves"),
         )
         if is_so
     ]
     if looks:
-        notes.append(f"Color management ({', '.join(looks)}) is not taken over; set it where the picture is looked at")
+        notes.append(
+            Sentence("blend-color-management", "Color management ({settings}) is ignored; set it in the viewer", settings=looks)
+        )
     if len({marker.camera.name for marker in scene.timeline_markers if marker.camera is not None}) > 1:
-        notes.append("Markers of the timeline switch between cameras: here a camera is chosen by its name for all frames")
+        notes.append(
+            Sentence(
+                "blend-camera-markers",
+                "Camera markers of the timeline are ignored: one camera, chosen by name, renders all frames",
+            )
+        )
     tree = getattr(scene, "compositing_node_group", None) or getattr(scene, "node_tree", None)
     plain = {"R_LAYERS", "COMPOSITE", "VIEWER", "REROUTE", "GROUP_OUTPUT"}
     if render.use_compositing and tree is not None and any(node.type not in plain for node in tree.nodes):
-        notes.append("What the compositor makes of the picture is not taken over")
+        notes.append(Sentence("blend-compositor", "The compositor is ignored"))
     strips = getattr(scene.sequence_editor, "strips", None) or getattr(scene.sequence_editor, "sequences", ())
     if render.use_sequencer and any(not strip.mute for strip in strips or ()):
-        notes.append("The video sequence is not taken over: the scene itself is rendered")
+        notes.append(Sentence("blend-video-sequence", "The video sequence is ignored; the scene itself is rendered"))
     if render.use_freestyle:
-        notes.append("Freestyle's lines are not drawn")
+        notes.append(Sentence("blend-freestyle", "Freestyle lines are left out"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .keys import animated_paths
+from .sentences import Sentence
 
 __all__ = ["note_surfaces"]
 
@@ -27,9 +28,9 @@ FOLLOWED = {
 }
 SURFACES = {"BSDF_PRINCIPLED", "EMISSION", "BACKGROUND"}
 UNKNOWN = {
-    "Diffuse Roughness": "rough diffuse (Oren-Nayar)",
+    "Diffuse Roughness": Sentence("blend-diffuse-roughness", "diffuse roughness (Oren-Nayar)"),
 }
-UNKNOWN_ALONE = {"Subsurface Weight": "subsurface scattering"}
+UNKNOWN_ALONE = {"Subsurface Weight": Sentence("blend-subsurface", "subsurface scattering")}
 MOST_NODES = 10_000
 
 
@@ -43,29 +44,60 @@ def note_surfaces(materials: list[Any], notes: list[str], is_read: bool) -> None
         output = _output(tree) if tree is not None else None
         if output is None:
             continue
-        name = f"Material {material.name}"
         if animated_paths(tree):
-            notes.append(f"{name}: its nodes move with the frame in Blender, and are as at the first frame here")
+            notes.append(
+                Sentence(
+                    "blend-material-animated-nodes",
+                    "Material {material}: its animated nodes are evaluated at the first frame",
+                    material=material.name,
+                )
+            )
         if output.inputs["Displacement"].links and not is_read:
-            notes.append(f"{name}: its displacement is not taken over; apply it as a modifier, or bake a normal map")
+            notes.append(
+                Sentence(
+                    "blend-displacement-left-out",
+                    "Material {material}: its displacement is left out; apply it as a modifier, or bake a normal map",
+                    material=material.name,
+                )
+            )
         if output.inputs["Volume"].links and not is_read:
-            notes.append(f"{name}: its volume is not taken over")
+            notes.append(
+                Sentence("blend-material-volume-left-out", "Material {material}: its volume is left out", material=material.name)
+            )
         if not output.inputs["Surface"].links:
             continue
         surface = output.inputs["Surface"].links[0].from_node
         if surface.type not in SURFACES:
             notes.append(
-                f"{name}: its surface is a {_node_label(surface)}, of which glTF has the nearest that it knows: "
-                "use a Principled BSDF"
+                Sentence(
+                    "blend-shader-approximated",
+                    "Material {material}: glTF approximates its shader {shader}; use a Principled BSDF",
+                    material=material.name,
+                    shader=_node_label(surface),
+                )
             )
         if surface.type == "BSDF_PRINCIPLED":
             unknown = UNKNOWN if is_read else UNKNOWN | UNKNOWN_ALONE
             lost = [words for entry, words in unknown.items() if _is_used(surface.inputs.get(entry))]
             if lost:
-                notes.append(f"{name}: {' and '.join(lost)} {'is' if len(lost) == 1 else 'are'} not taken over")
+                notes.append(
+                    Sentence(
+                        "blend-features-left-out",
+                        "Material {material}: left out: {features}",
+                        material=material.name,
+                        features=lost,
+                    )
+                )
         odd = sorted({_node_label(node) for node in _upstream_nodes(surface) if node.type not in FOLLOWED | SURFACES})
         if odd and surface.type in SURFACES:
-            notes.append(f"{name}: what {', '.join(odd[:6])} would make of it is not taken over; bake it to an image")
+            notes.append(
+                Sentence(
+                    "blend-nodes-left-out",
+                    "Material {material}: its nodes {nodes} are left out; bake them to an image",
+                    material=material.name,
+                    nodes=odd[:6],
+                )
+            )
 
 
 def _is_used(entry: Any) -> bool:

@@ -15,6 +15,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from .sentences import Sentence
+
 __all__ = ["DamagedError", "safe_copy"]
 
 PIECE = 1 << 20
@@ -86,7 +88,9 @@ def _unpacked(source: Path) -> Any:
         try:
             import zstandard
         except ImportError:
-            raise DamagedError("is compressed, and this Blender's Python cannot unpack it: save it without Compress") from None
+            raise DamagedError(
+                Sentence("blend-compressed", "is compressed, which this Blender's Python cannot unpack; save it without Compress")
+            ) from None
         unpacking = zstandard.ZstdDecompressor(max_window_size=1 << 28)
         return unpacking.stream_reader(source.open("rb"), read_across_frames=True, closefd=True)
     return source.open("rb", buffering=0)
@@ -101,17 +105,25 @@ def _unpack(source: Path, out: IO[bytes], max_bytes: int) -> None:
             try:
                 taken = file.readinto(piece)
             except Exception as error:  # zlib and zstandard have errors of their own
-                raise DamagedError(f"cannot be unpacked ({error}); save it anew") from None
+                raise DamagedError(
+                    Sentence("blend-unpack-error", "cannot be unpacked ({error}); save it again", error=error)
+                ) from None
             if not taken:
                 break
             if not size and bytes(piece[: min(taken, len(MAGIC))]) != MAGIC[:taken]:
-                raise DamagedError("is no .blend file")
+                raise DamagedError(Sentence("blend-not-a-blend", "is not a .blend file"))
             size += taken
             if size > max_bytes:
-                raise DamagedError(f"unpacks to more than the {max_bytes / 2**30:.1f} GiB that this worker grants one scene")
+                raise DamagedError(
+                    Sentence(
+                        "blend-unpacks-too-large",
+                        "unpacks to more than {limit} GiB, the limit of this worker for one scene",
+                        limit=f"{max_bytes / 2**30:.1f}",
+                    )
+                )
             out.write(piece[:taken])
     if size < SHORTEST:
-        raise DamagedError("ends too soon; copy or save it anew")
+        raise DamagedError(Sentence("blend-truncated", "is truncated; copy or save it again"))
 
 
 def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
@@ -121,23 +133,23 @@ def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
     dna = b""
     while len(blocks) < MOST_BLOCKS:
         if at + form.head.size > len(data):
-            raise DamagedError("ends too soon; copy or save it anew")
+            raise DamagedError(Sentence("blend-truncated", "is truncated; copy or save it again"))
         fields = form.head.unpack_from(data, at)
         code, kind, size, count = (fields[i] for i in ((0, 1, 3, 4) if form.is_large else (0, 3, 1, 4)))
         at += form.head.size
         if code == b"ENDB":
             break
         if size < 0 or count < 0:
-            raise DamagedError("is damaged; save it anew")
+            raise DamagedError(Sentence("blend-damaged", "is damaged; save it again"))
         if size > len(data) - at:
-            raise DamagedError("ends too soon; copy or save it anew")
+            raise DamagedError(Sentence("blend-truncated", "is truncated; copy or save it again"))
         if code == b"DNA1":
             dna = data[at : at + size]
         else:
             blocks.append(_Block(at, size, kind, count))
         at += size
     if not dna:
-        raise DamagedError("has no description of what is in it; save it anew")
+        raise DamagedError(Sentence("blend-without-dna", "contains no description of its data (DNA); save it again"))
     return blocks, dna, form
 
 
@@ -147,9 +159,11 @@ def _parse_header(data: mmap.mmap) -> tuple[_Form, int]:
     if start[7:8].isdigit():
         size = int(start[7:9]) if start[7:9].isdigit() else 0
         if not 12 <= size <= 64 or start[9:12] != b"-01":
-            raise DamagedError("is of a newer Blender than is known here; export glTF from it instead")
+            raise DamagedError(Sentence("blend-too-new", "was saved by a newer Blender than is supported; export glTF instead"))
         if data[12:13] != b"v":
-            raise DamagedError("has bytes in an order that is not read")
+            raise DamagedError(
+                Sentence("blend-byte-order", "has an unsupported byte order; save it again with a current Blender")
+            )
         return _Form("<", 8, struct.Struct("<4siQqq"), True), size
     order = ">" if start[8:9] == b"V" else "<"
     pointer = 4 if start[7:8] == b"_" else 8
@@ -175,7 +189,9 @@ class _Dna:
                 self._structs.append((kind, list(zip(flat[::2], flat[1::2], strict=True))))
             self._by_type = dict(self._structs)
         except (struct.error, IndexError, ValueError) as error:
-            raise DamagedError(f"has a damaged description of what is in it ({error}); save it anew") from None
+            raise DamagedError(
+                Sentence("blend-dna-error", "has a damaged description of its data (DNA: {error}); save it again", error=error)
+            ) from None
 
     def fields_to_replace(self) -> dict[int, _Places]:
         """Returns struct number -> the fields to replace. Raises DamagedError if the DNA is inconsistent."""
@@ -184,7 +200,9 @@ class _Dna:
             try:
                 places = self._places_in(kind, 0)
             except IndexError:
-                raise DamagedError("has a damaged description of what is in it; save it anew") from None
+                raise DamagedError(
+                    Sentence("blend-dna-damaged", "has a damaged description of its data (DNA); save it again")
+                ) from None
             if any(places[1:]):
                 found[number] = places
         return found
@@ -248,7 +266,9 @@ def _mend(data: mmap.mmap, block: _Block, places: _Places, resolve: Callable[[st
     size = places.size
     everywhere = [*places.paths, *places.pointers, *places.types]
     if size <= 0 or block.repeats * size > block.size or any(place + length > size for place, length in everywhere):
-        raise DamagedError("is damaged: what is in it is smaller than it says; save it anew")
+        raise DamagedError(
+            Sentence("blend-block-too-short", "is damaged: a block is shorter than its header says; save it again")
+        )
 
     def replace(place: int, length: int, new: Callable[[bytes], bytes]) -> None:
         old = data[place : place + length].split(b"\0", 1)[0]

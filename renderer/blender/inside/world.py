@@ -8,16 +8,17 @@ from typing import Any
 
 from .cameras import to_ours
 from .keys import animated_paths, rounded
+from .sentences import Sentence
 
 __all__ = ["world_medium", "write_world"]
 
 WIDTH, MOST_WIDTH = 2048, 8192
 # By kind of ray, whether the world is visible to it; and the phrase for it.
 RAYS = {
-    "camera": "by the camera",
-    "diffuse": "by what it lights",
-    "glossy": "in reflections",
-    "transmission": "through glass",
+    "camera": Sentence("blend-to-camera", "to the camera"),
+    "diffuse": Sentence("blend-in-diffuse-light", "in diffuse light"),
+    "glossy": Sentence("blend-in-reflections", "in reflections"),
+    "transmission": Sentence("blend-through-glass", "through glass"),
 }
 
 
@@ -33,17 +34,22 @@ def write_world(
         return None, []
     hidden = [words for kind, words in RAYS.items() if not getattr(getattr(world, "cycles_visibility", None), kind, True)]
     if hidden:
-        notes.append(f"World: is seen {', '.join(hidden)} here, though not in Blender")
+        notes.append(Sentence("blend-world-visibility", "World: visible {where}, unlike in Blender", where=hidden))
     if animated_paths(world.node_tree if world.use_nodes else world):
-        notes.append("World: moves with the frame in Blender, and is as at the first frame here")
+        notes.append(Sentence("blend-world-animated", "World: its animation is ignored; shown as at the first frame"))
     plain = _constant_radiance(world)
     if plain is not None:
         return ({"color": rounded(plain)} if max(plain) > 0 else None), []
     nodes = world.node_tree.nodes
     if any(node.type == "LIGHT_PATH" for node in nodes):
-        notes.append("World: lights as the camera sees it; by its nodes it shows the camera something else than it lights with")
+        notes.append(
+            Sentence(
+                "blend-world-light-path",
+                "World: the camera sees what lights the scene; in Blender, its nodes show the camera something else",
+            )
+        )
     if "cycles" not in bpy.context.preferences.addons or skies is None:
-        notes.append("World: its nodes are not taken over, as this Blender has no Cycles")
+        notes.append(Sentence("blend-world-without-cycles", "World: its nodes are ignored, since this Blender has no Cycles"))
         return None, []
     sizes = [node.image.size[0] for node in nodes if node.type == "TEX_ENVIRONMENT" and node.image is not None]
     width = min(max(sizes, default=WIDTH), MOST_WIDTH)
@@ -62,9 +68,11 @@ def world_medium(world: Any, subsurface: Any, notes: list[str]) -> dict[str, Any
     if output is None or not output.inputs["Volume"].links:
         return None
     if subsurface is None:
-        notes.append("World: its volume is not taken over")
+        notes.append(Sentence("blend-world-volume-left-out", "World: its volume is left out"))
         return None
-    found: dict[str, Any] | None = subsurface.world_medium(tree, lambda what: notes.append(f"World: {what}"))
+    found: dict[str, Any] | None = subsurface.world_medium(
+        tree, lambda what: notes.append(Sentence("blend-world", "World: {note}", note=what))
+    )
     return found
 
 

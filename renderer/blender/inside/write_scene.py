@@ -9,6 +9,7 @@ from typing import Any
 from .bake_materials import bake
 from .cameras import Cameras
 from .hair import hair_as_meshes
+from .instances import LEFT_OUT
 from .keys import exposed_over, frames_of, is_animated, over_frames, scripted
 from .large import replace_by_stand_ins, restore_large_meshes
 from .lights import Lights
@@ -16,6 +17,7 @@ from .movie_textures import as_stills
 from .prepare_scene import prepare
 from .principled_materials import modules_of, simplify
 from .ray_visibility import note_rays, passed_by, with_rays
+from .sentences import Sentence, first_items, to_text
 from .settings import note_settings, settings_of
 from .surfaces import note_surfaces
 from .world import world_medium, write_world
@@ -23,13 +25,6 @@ from .world import world_medium, write_world
 __all__ = ["write_scene"]
 
 MESHES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
-LEFT_OUT = {
-    "VOLUME": "Volumes",
-    "GPENCIL": "Grease pencil drawings",
-    "GREASEPENCIL": "Grease pencil drawings",
-    "CURVES": "Hair curves",
-    "POINTCLOUD": "Point clouds",
-}
 MOST_NOTES = 100
 
 
@@ -43,8 +38,13 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     _note_missing(bpy, notes)
     _note_unknown_nodes(bpy, notes)
     if driven := scripted(bpy):
-        more = f" and {len(driven) - 5} more" if len(driven) > 5 else ""
-        notes.append(f"{', '.join(driven[:5])}{more}: drivers written in Python do not run, as scripts are off")
+        notes.append(
+            Sentence(
+                "blend-scripted-drivers",
+                "{names}: drivers written in Python are not run, since scripts are off; bake them to keyframes",
+                names=first_items(driven, 5),
+            )
+        )
     scene.render.fps_base = 1.0  # the exporter assumes a whole number of frames per second
     fps = float(scene.render.fps)
     frames = frames_of(bpy, scene)
@@ -88,7 +88,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
         "name": scene.name[:200],
         "fps": fps,
         "settings": settings,
-        "notes": [note[:400] for note in _short(notes)],
+        "notes": [to_text(note[:400]) for note in _short(notes)],
         "cameras": cameras.scene_file_cameras(_of_kind("camera", seen), exposed, fps),
         "environment": environment if medium is None else {"color": 0},
         "medium": medium,
@@ -146,23 +146,33 @@ def _materials(objects: list[Any]) -> list[Any]:
 
 
 def _note_left_out(objects: list[Any], notes: list[str]) -> None:
-    for kind, words in dict(LEFT_OUT).items():
+    for kind, kinds in LEFT_OUT.items():
         names = [thing.name for thing in objects if thing.type == kind]
         if names:
-            notes.append(f"{words} are not taken over: {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}")
+            notes.append(Sentence("blend-kind-left-out", "{kind} are left out: {names}", kind=kinds, names=first_items(names, 5)))
 
 
 def _note_unknown_nodes(bpy: Any, notes: list[str]) -> None:
     """Adds a note on import nodes, which untrusted.py makes undefined since they would read files of this machine."""
     trees = [tree.name for tree in bpy.data.node_groups if any(node.bl_idname == "NodeUndefined" for node in tree.nodes)]
     if trees:
-        notes.append(f"Node groups {', '.join(trees[:5])}: nodes that import files, or that are not Blender's own, are left out")
+        notes.append(
+            Sentence(
+                "blend-unknown-nodes",
+                "Node groups {names}: nodes that import files, or that are not Blender's own, are left out",
+                names=first_items(trees, 5),
+            )
+        )
 
 
 def _note_hair(objects: list[Any], notes: list[str]) -> None:
     for thing in objects:
         if any(each.settings.type == "HAIR" and each.settings.render_type == "PATH" for each in thing.particle_systems):
-            notes.append(f"{thing.name}: hair of its particles is not taken over; convert it to hair curves")
+            notes.append(
+                Sentence(
+                    "blend-particle-hair", "{object}: particle hair is left out; convert it to hair curves", object=thing.name
+                )
+            )
 
 
 def _note_flags(scene: Any, layer: Any, objects: list[Any], modules: Any, notes: list[str]) -> None:
@@ -180,14 +190,22 @@ def _note_missing(bpy: Any, notes: list[str]) -> None:
     lost = sorted({_base_name(i.filepath) for i in images if "missing-files" in i.filepath})
     if lost:
         notes.append(
-            f"Missing pictures: {', '.join(lost[:8])}{' ...' if len(lost) > 8 else ''}. Give them with the file, or pack them in "
-            "Blender (File > External Data > Pack Resources)"
+            Sentence(
+                "blend-missing-images",
+                "Missing images: {names}. Upload them with the file, or pack them in Blender (File > "
+                "External Data > Pack Resources)",
+                names=first_items(lost, 8),
+            )
         )
     links = sorted({_base_name(each.filepath) for each in bpy.data.libraries if "missing-files" in each.filepath})
     if links:
         notes.append(
-            f"Missing linked files: {', '.join(links[:8])}. Give them with the file, or make what is linked local in Blender "
-            "(Object > Relations > Make Local > All)"
+            Sentence(
+                "blend-missing-libraries",
+                "Missing linked files: {names}. Upload them with the file, or make linked data local "
+                "in Blender (Object > Relations > Make Local > All)",
+                names=first_items(links, 8),
+            )
         )
 
 
@@ -196,7 +214,14 @@ def _base_name(path: str) -> str:
 
 
 def _short(notes: list[str]) -> list[str]:
-    return notes if len(notes) <= MOST_NOTES else [*notes[:MOST_NOTES], f"{len(notes) - MOST_NOTES} more notes are left out"]
+    return (
+        notes
+        if len(notes) <= MOST_NOTES
+        else [
+            *notes[:MOST_NOTES],
+            Sentence("blend-more-notes", "{count} more notes are not listed", count=len(notes) - MOST_NOTES),
+        ]
+    )
 
 
 def _with_prefix(kind: str, state_functions: dict[str, Any]) -> dict[str, Any]:

@@ -70,14 +70,14 @@ def test_a_path_that_is_too_long_is_cut(tmp_path):
 @pytest.mark.parametrize(
     ("data", "says"),
     [
-        (b"", "ends too soon"),
-        (b"PK\x03\x04" + bytes(100), "is no .blend file"),
+        (b"", "is truncated"),
+        (b"PK\x03\x04" + bytes(100), "is not a .blend file"),
         (b"BLENDER99-01v9900" + bytes(200), "newer Blender"),
-        (blend()[:-40], "ends too soon"),
+        (blend()[:-40], "is truncated"),
         (gzip.compress(blend())[:-30], "cannot be unpacked"),
         (b"\x1f\x8b" + bytes(100), "cannot be unpacked"),
         (b"\x28\xb5\x2f\xfd" + bytes(100), "unpack"),
-        (blend(("Library", library(b"x")[:500])), "smaller than it says"),
+        (blend(("Library", library(b"x")[:500])), "shorter than its header says"),
         (blend().replace(b"SDNANAME", b"SDNAEMAN"), "damaged description"),
         (blend().replace(b"DNA1", b"DNA2"), "no description"),
     ],

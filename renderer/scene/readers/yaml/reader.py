@@ -23,7 +23,7 @@ from renderer.scene.readers.yaml.messages import schema_fault
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, schema
 from renderer.scene.readers.yaml.textures import Textures
 from renderer.scene.textures import TextureShelf
-from renderer.sentences import Sentence
+from renderer.sentences import Sentence, from_text
 from renderer.settings import View
 
 __all__ = ["read"]
@@ -51,7 +51,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
     description.name, description.fps = data.get("name", description.name), fps
-    description.warnings += data.get("notes", [])
+    description.warnings += map(from_text, data.get("notes", []))
     _add_defaults(data.get("settings", {}), document, description)
     ends = _add_cameras(data.get("cameras", []), moment.seconds(fps), document, description)
     description.moves = description.moves or keys.is_animated or len(ends) > 0
