@@ -1,4 +1,4 @@
-"""Renders a batch, all pixels of a tile over a range of sample numbers, into fixed-point sums."""
+"""Entry points that render a batch (a tile's pixels, over a range of sample numbers) into fixed-point sums."""
 
 from __future__ import annotations
 
@@ -103,9 +103,9 @@ def _render_ao(scene, stack, camera, options, batch, output):
 
 
 def has_variants(settings: RenderSettings) -> bool:
-    """Returns True if the kernel for these settings has variants with fewer features, which only the pool path tracer has.
+    """Returns True if the kernel for these settings is compiled in variants that leave out features which a scene does not use.
 
-    The other kernels are compiled with all features, so that each is compiled only once.
+    Only the pool path tracer is. The other kernels are compiled with all features, so that each is compiled only once.
     """
     return renderer_of(settings) is _render_pool
 
@@ -122,9 +122,9 @@ def renderer_of(settings: RenderSettings) -> Renderer:
 
 
 def pool_stages(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
-    """Returns the parts of the pool path tracer that take longest to compile, as listed by `stages`.
+    """Returns the functions of the pool path tracer that take longest to compile, from `stages` in backends/cpu/render.py.
 
-    scene: an empty scene of the wanted variant.
+    scene: an empty scene with the features of the wanted variant.
     """
     sums, bad, log = np.zeros((1, 0, 0), np.int64), np.zeros((0, 3), np.int64), np.zeros((0, COLUMNS))
     given = pool_for(0, 0), camera_frame(settings), kernel_options(settings, scene), Batch(0, 0, 0, 0), Output(sums, bad, log)

@@ -30,7 +30,7 @@ Vector = tuple[np.float32, np.float32, np.float32]
 
 
 class Camera(NamedTuple):
-    """A view in the form that kernels read.
+    """A camera's view in the form that kernels read.
 
     Numbers are float32 except the kind; film points (x, y) are in pixels from the upper left. perspective: the point in focus for
     (x, y) is eye + focus * (corner + x * across + y * down); the components of corner, across and down along the line of sight
@@ -56,7 +56,7 @@ class Camera(NamedTuple):
 
 
 def camera_frame(settings: RenderSettings) -> Camera:
-    """Returns the Camera for the settings: their view, picture size, and views while the shutter is open."""
+    """Returns the Camera for the settings: for their view, image size, and the views at keys while the shutter is open."""
     view = settings.view
 
     def vector(v: npt.NDArray[np.float64]) -> Vector:

@@ -1,7 +1,7 @@
-"""Reads whole rows of a scene's tables.
+"""Reads whole rows of a scene's tables without index checks.
 
-Numba's own indexing checks each index for a negative value and loads the table's strides. A path reads about a hundred rows, and
-a sixth of its instructions were spent on that.
+Numba's own indexing checks each index for a negative value and loads the table's strides. A path reads about a hundred table
+rows, and a sixth of its instructions were spent on those checks and loads.
 
 An index may also be a u32x8. Then each column is a vector of eight lanes: f32x8, or u32x8 for int32.
 """
@@ -26,7 +26,10 @@ def _index(builder, number):
 
 
 def _values(context, builder, sig, table, number, width, first, known=None):
-    """Emits a tuple of the row's values from column `first` on. known: `first` as a Python integer if it is a constant."""
+    """Emits code for a tuple of a table row's values from column `first` on.
+
+    known: `first` as a Python integer if it is a constant.
+    """
     data = context.make_array(sig.args[0])(context, builder, table).data
     if is_wide(sig.args[1]):
         count = sig.return_type.count
@@ -54,9 +57,9 @@ def _number(table, index):
 
 @intrinsic(prefer_literal=True)
 def row(typingctx, table, number, width):
-    """Returns a whole row of a C-contiguous table of the scene as a tuple.
+    """Returns a whole row of one of the scene's C-contiguous tables as a tuple.
 
-    number: non-negative, not checked; width: the number of columns, a literal.
+    number: the row's index, non-negative and not checked. width: the number of columns, a literal.
     """
     wide = width.literal_value
 
@@ -68,7 +71,7 @@ def row(typingctx, table, number, width):
 
 @intrinsic(prefer_literal=True)
 def columns(typingctx, table, number, width, first, count):
-    """Returns `count` columns of a row from `first` on; see `row`. width, count: literals."""
+    """Returns `count` columns of a table row, from column `first` on, as a tuple; see `row`. width, count: literals."""
     wide = width.literal_value
     numbers = types.UniTuple(_number(table, number), count.literal_value)
     known = first.literal_value if isinstance(first, types.IntegerLiteral) else None

@@ -29,7 +29,7 @@ def fixed(value, scale):
 
 @device
 def in_half(sample):
-    """Returns True if a sample number belongs to the half buffer, like renderer.film.in_half: if its second highest bit is 0.
+    """Returns True if a sample number belongs to the half buffer: if its second highest bit is 0, as in renderer/film.py.
 
     That bit is the top bit of the mantissa of the number as float32.
     """
@@ -41,7 +41,7 @@ def in_half(sample):
 def of_sample(typingctx, light, one, halved):
     """Returns a sample's contribution to its pixel, f32x8: three channels of light and `one`, twice.
 
-    The second copy, for the half buffer, is 0 unless `halved`.
+    The second copy, for the half buffer, is 0 unless `halved` is True.
     """
 
     def codegen(context, builder, sig, args):

@@ -1,7 +1,7 @@
 """Generates the directional albedo tables for the energy compensation of microfacet models: .npy files in this folder.
 
-`python -m renderer.kernel.bsdf.albedo_tables` writes them; a test compares them with this generator. They are stored
-as files because all hosts must render the same bits, and numpy's trigonometric functions differ between hosts.
+`python -m renderer.kernel.bsdf.albedo_tables` writes the files; a test compares them with this generator. The tables are stored
+because all hosts must render the same bits, and numpy's trigonometric functions differ between hosts.
 """
 
 from __future__ import annotations
@@ -68,9 +68,9 @@ def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, fl
 
 
 def _visible_normals(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns: int, distribution: str = "ggx") -> F64:
-    """Returns microfacet normals, (steps, turns, 3), distributed as visible from wo.
+    """Returns microfacet normals, (steps, turns, 3), distributed as visible from direction wo.
 
-    The half circle y > 0 has steps / 2 turns.
+    turns: number of azimuths; steps / 2 of them cover the half circle y > 0.
     """
     if distribution == "beckmann":
         return _visible_beckmann(wo, alpha_x, alpha_y, steps, turns)
@@ -86,7 +86,7 @@ def _visible_normals(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns:
 
 
 def _visible_beckmann(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns: int) -> F64:
-    """Returns `_visible_normals` for Beckmann's distribution.
+    """Returns microfacet normals, (steps, turns, 3), distributed as visible from direction wo under Beckmann's distribution.
 
     Slopes along wo's azimuth are computed by the tabulated inverse of their distribution; slopes across it are Gaussian.
     """
@@ -113,7 +113,7 @@ def _visible_beckmann(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns
 
 
 def _lambda(tangent: float | F64, distribution: str) -> F64:
-    """Returns Smith's Lambda. tangent: that of the angle between direction and normal, times alpha."""
+    """Returns Smith's Lambda. tangent: alpha times the tangent of the angle between direction and normal."""
     tangent = np.asarray(tangent, np.float64)
     if distribution == "ggx":
         return np.asarray((np.sqrt(1 + tangent**2) - 1) / 2)
@@ -149,7 +149,7 @@ def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64, dis
 
 
 def brushed_node(i: int, j: int, k: int, n: int, distribution: str = "ggx") -> tuple[float, float]:
-    """Returns (A, B) for one node of `brushed_table`."""
+    """Returns (A, B) for one node of `brushed_table`, with indices i, j and k and n midpoints."""
     r, q, t, a = (index / (nodes - 1) for index, nodes in zip((i, j, k, n), BRUSHED_NODES, strict=True))
     alpha_x = max(r * r, _SMALLEST)
     alpha_y = alpha_x * max(q * q, 1e-2 * _SMALLEST)
@@ -163,7 +163,7 @@ def brushed_node(i: int, j: int, k: int, n: int, distribution: str = "ggx") -> t
 
 
 def brushed_means(plane: F64, j: int) -> list[float]:
-    """Returns the means over the hemisphere of a table plane, (cosines, azimuths, 2), at node j of the ratio of alphas."""
+    """Returns the means of (A, B) over the hemisphere. plane: (cosines, azimuths, 2), at node j of the ratio of alphas."""
     least = (j / (BRUSHED_NODES[1] - 1)) ** 2  # the lesser alpha over the greater
     turn = (np.arange(256) + 0.5) / 256 * np.pi / 2
     alpha = np.sqrt(np.cos(turn) ** 2 + (least * np.sin(turn)) ** 2)
@@ -251,7 +251,7 @@ def facets_pass(cosine: float, eta: float, alpha: float, distribution: str = "gg
 
 
 def coat_table(distribution: str = "ggx") -> F64:
-    """Returns the fraction of light from outside that a coat's facets transmit, at COAT_NODES.
+    """Returns the coat table: the fraction of light from outside that a rough coat's facets transmit, at COAT_NODES.
 
     The last axis has one more entry: the fraction of diffuse light from inside that the facets reflect back.
     """
@@ -290,7 +290,10 @@ def _charlie_lambda(cosine: float | F64, alpha: float) -> F64:
 
 
 def sheen_table() -> F64:
-    """Returns the table (SIZE + 1, SIZE) with the layout of `ggx_table`; the last row contains the means over the hemisphere."""
+    """Returns the table (SIZE + 1, SIZE) of the sheen albedo, by roughness and cosine as in `ggx_table`.
+
+    The last row contains the means over the hemisphere.
+    """
     node = np.arange(SIZE) / (SIZE - 1)
     table = np.array([[sheen_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST)) for t in node] for r in node])
     return np.concatenate([table, [[mean_over_hemisphere(row) for row in table]]])

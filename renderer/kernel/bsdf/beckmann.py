@@ -53,7 +53,7 @@ def beckmann_lambda(w, alpha_x, alpha_y):
 def _visible_slope(tangent, u):
     """Samples a slope x <= 1 / tangent with density proportional to (1 - x tangent) exp(-x**2).
 
-    tangent: that of the angle between direction and normal, on a surface of alpha 1. Newton's method on b = erf(x) within a
+    tangent: of the angle between direction and normal, on a surface of alpha 1. Uses Newton's method on b = erf(x) within a
     bracket.
     """
     low, high = _LEAST - _ONE, _ONE - _LEAST

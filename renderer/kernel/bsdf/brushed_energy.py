@@ -1,7 +1,7 @@
 """Single-scattering albedo of anisotropic GGX and Beckmann surfaces, from tables (albedo_tables.py).
 
-It depends on the azimuth too: across the grooves, where facets tilt most, far more light is lost at grazing angles than along
-them. An isotropic surface cannot reproduce both.
+The albedo depends on the azimuth too: across the grooves, where facets tilt most, far more light is lost at grazing angles than
+along them. An isotropic surface cannot reproduce both.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ _LEAST = np.float32(1e-6)
 
 @device
 def _node(x, last):
-    """Returns (the table node below x in 0 ... 1, the fraction beyond it). NaN, as in unused lanes, gives a valid node."""
+    """Returns (index of the table node below x, the fraction of the way to the next), for x in 0 ... 1 and a last node `last`.
+
+    NaN, as in unused lanes, gives a valid node.
+    """
     x = min(_ONE, max(_ZERO, x)) * last
     i = to_int(min(last - _ONE, x))
     return i, x - to_float(i)
@@ -45,14 +48,14 @@ def _share(side, t):
 
 @device
 def _entry(roughness, ratio, cosine, azimuth):
-    """Returns (A, B) at the table node with these four indices."""
+    """Returns (A, B) at the table node with these four indices (roughness, ratio of alphas, cosine, azimuth)."""
     number = ((roughness * _RATIOS + ratio) * _COSINES + cosine) * _AZIMUTHS + azimuth
     return columns(_TABLE, number, 2, 0, 2)
 
 
 @device
 def _first(beckmann):
-    """Returns the index in the table of the lowest roughness of the distribution, GGX or Beckmann."""
+    """Returns the table index of the lowest roughness of the distribution in use, GGX or Beckmann. beckmann: see facets.py."""
     first = _FIRST
     if beckmann is not None:  # noqa: SIM102
         if beckmann != _ZERO:
@@ -62,7 +65,7 @@ def _first(beckmann):
 
 @device
 def _is_tabled(beckmann, alpha_x, alpha_y):
-    """Returns True if this table contains the surface's albedo, which is the case for all surfaces but isotropic GGX."""
+    """Returns True if this module's table contains the surface's albedo: for all surfaces except isotropic GGX."""
     tabled = alpha_x > alpha_y
     if beckmann is not None:
         tabled = tabled | (beckmann != _ZERO)
@@ -122,7 +125,7 @@ def brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y):
 
 @device
 def brushed_mean_albedo(beckmann, roughness, alpha_x, alpha_y):
-    """Returns the means of (A, B) over the cosine-weighted hemisphere."""
+    """Returns the means of the albedo terms (A, B), see `ggx_albedo`, over the cosine-weighted hemisphere."""
     brushed = _is_tabled(beckmann, alpha_x, alpha_y)
     a = b = zero_like(roughness)
     if any_of(not_(brushed)):

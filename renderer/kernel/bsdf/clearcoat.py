@@ -1,4 +1,4 @@
-"""A clearcoat of index 1.5 over a material: KHR_materials_clearcoat. GGX around its own normal, given in the base's frame."""
+"""A clearcoat of index 1.5 over a material: KHR_materials_clearcoat. GGX around the coat's normal, given in the base's frame."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _frame(n, wo):
 
 @subroutine
 def eval_and_pdf_clearcoat(roughness, normal, wo, wi):
-    """Returns (f |cos|, equal for all channels; pdf per steradian). wo, wi, normal: in the base's frame."""
+    """Returns (f |cos|, equal for all channels; pdf per steradian) of the clearcoat. wo, wi, normal: in the base's frame."""
     s, t, n = _frame(normal, wo)
     o = vec.to_local(s, t, n, wo)
     i = vec.to_local(s, t, n, wi)

@@ -37,7 +37,10 @@ def _between(a, b, t):
 
 @device
 def _node(x):
-    """Returns (the table node below x in 0 ... 1, the fraction beyond it). NaN, as in unused lanes, gives a valid node."""
+    """Returns (index of the table node below x, the fraction of the way to the next), for x in 0 ... 1.
+
+    NaN, as in unused lanes, gives a valid node.
+    """
     x = min(_ONE, max(_ZERO, x)) * _LAST
     i = to_int(min(_MOST, x))
     return i, x - to_float(i)
@@ -45,14 +48,17 @@ def _node(x):
 
 @device
 def _pair(number, t):
-    """Returns (A, B), interpolated between node `number` of the flat table and the next one."""
+    """Returns (A, B) interpolated in the flat table, at fraction t of the way from node `number` to the next."""
     a, b, next_a, next_b = columns(_TABLE, number, 2, 0, 4)
     return _between(a, next_a, t), _between(b, next_b, t)
 
 
 @subroutine
 def ggx_albedo(cosine, roughness):
-    """Returns (A, B) for one direction. roughness: the square root of alpha, 0 ... 1."""
+    """Returns the albedo terms (A, B) of GGX for one direction: its albedo is F0 A + F90 B.
+
+    roughness: the square root of alpha, 0 ... 1.
+    """
     i, s = _node(roughness)
     j, t = _node(math.sqrt(max(_ZERO, cosine)))
     smoother_a, smoother_b = _pair(i * _COSINES + j, t)
@@ -62,7 +68,7 @@ def ggx_albedo(cosine, roughness):
 
 @subroutine
 def ggx_mean_albedo(roughness):
-    """Returns the means of (A, B) over the cosine-weighted hemisphere."""
+    """Returns the means of `ggx_albedo`'s terms (A, B) over the cosine-weighted hemisphere."""
     i, s = _node(roughness)
     return _pair(i + _MEANS, s)
 

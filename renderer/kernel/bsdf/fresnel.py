@@ -20,7 +20,7 @@ _FOUR = np.float32(4.0)
 
 @device
 def fresnel_dielectric(cosine, eta):
-    """Returns (reflectance of unpolarised light, cosine of the refracted angle); (1, 0) for total reflection.
+    """Returns (reflectance of a dielectric for unpolarised light, cosine of the refracted angle); (1, 0) for total reflection.
 
     eta: index beyond the boundary over index on this side.
     """
@@ -35,7 +35,7 @@ def fresnel_dielectric(cosine, eta):
 
 @device
 def mean_fresnel_dielectric(eta):
-    """Returns the mean reflectance over the cosine-weighted hemisphere; error below 1e-3.
+    """Returns a dielectric's mean Fresnel reflectance over the cosine-weighted hemisphere; error below 1e-3.
 
     A fit by d'Eon & Irving, in the form of Kulla & Conty 2017.
     """

@@ -22,7 +22,7 @@ _MOST_BEND = np.float32(MOST_BEND)
 
 @device
 def _node(x):
-    """Returns (the table node below x, the fraction beyond it)."""
+    """Returns (index of the table node below x, the fraction of the way to the next), for x in 0 ... 1."""
     x = min(max(x, _ZERO), _LAST)
     i = min(np.int64(x), _MOST)
     return i, x - np.float32(i)
@@ -35,7 +35,7 @@ def _mix(a, b, t):
 
 @device
 def _plane_of(beckmann, eta):
-    """Returns (the table plane below the index ratio eta, the fraction beyond it)."""
+    """Returns (index of the table plane below the index ratio eta, the fraction of the way to the next plane)."""
     k, r = _node(_bend(eta))
     return k + (GLASS_SIZE if beckmann != _ZERO else 0), r
 
@@ -54,9 +54,9 @@ def _plane(k, i, j, s, t):
 
 @subroutine
 def glass_albedo(beckmann, cosine, roughness, eta):
-    """Returns the single-scattering albedo (reflection plus transmission) for a direction with this cosine.
+    """Returns the single-scattering albedo (reflection plus transmission) of rough glass for a direction with this cosine.
 
-    eta: index beyond the boundary over index on this side.
+    eta: index beyond the boundary over index on this side. beckmann: see facets.py.
     """
     never_inline()
     k, r = _plane_of(beckmann, eta)

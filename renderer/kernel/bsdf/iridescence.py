@@ -56,14 +56,14 @@ def _sensitivity(path, turns):
 
 @device
 def _index(f0, outside):
-    """Returns the index of refraction for which a boundary with `outside` has the reflectance f0 at normal incidence."""
+    """Returns the index of refraction at which a boundary with the medium of index `outside` reflects f0 at normal incidence."""
     root = math.sqrt(min(f0, _MOST_F0))
     return outside * (_ONE + root) / (_ONE - root)
 
 
 @device
 def _film_to_base(f0, film, cosine):
-    """Returns (reflectance at the film's lower side, phase jump in turns) of one channel."""
+    """Returns (reflectance at the boundary of film and base, phase jump in turns) of one channel."""
     index = _index(f0, _ONE)
     ratio = (index - film) / (index + film)
     r0 = ratio * ratio
@@ -84,7 +84,10 @@ def _airy(r12, r23, t121, first, second):
 
 @subroutine
 def film_reflectance(f0, film_ior, thickness, cosine):
-    """Returns the reflectance of three channels, 0 ... 1. thickness: nanometres; f0: of the base without the film."""
+    """Returns the reflectance of a base under a thin film, three channels, 0 ... 1.
+
+    f0: of the base without the film. thickness: of the film in nanometres. cosine: of the angle of incidence.
+    """
     # As the thickness fades to 0 the film's index becomes that of air, which leaves the bare surface.
     fade = min(max(thickness * _FADE, _ZERO), _ONE)
     fade = fade * fade * (np.float32(3.0) - _TWO * fade)

@@ -1,6 +1,6 @@
 """Albedo and transmission of the layers of the glTF surface.
 
-m is the row of a layered material (renderer/arrays/rows.py) after its textures were looked up.
+m is the parameter row of a layered material (renderer/arrays/rows.py) after its textures were looked up.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _COVARIANCE = np.float32(21.0**2 * (1.0 / 66.0 - 1.0 / 441.0))
 
 @device
 def rgb(m, column):
-    """Returns the three values of the material row m from `column` on."""
+    """Returns three values of the material's parameter row m, from `column` on."""
     return m[column], m[column + 1], m[column + 2]
 
 
@@ -54,7 +54,7 @@ def _mix(a, b, t):
 
 @device
 def dielectric_f0(m):
-    """Returns the dielectric's reflectance at normal incidence, specular factor included."""
+    """Returns the dielectric's reflectance at normal incidence, rgb, including the specular factor."""
     return vec.scale(rgb(m, rows.F0), m[rows.SPECULAR])
 
 
@@ -74,7 +74,7 @@ def _scattered_again(mean_fresnel, mean_albedo):
 
 @subroutine
 def fresnels(m, cosine):
-    """Returns the Fresnel reflectances of (metal, dielectric) at a microfacet, iridescence included."""
+    """Returns the Fresnel reflectances (metal, dielectric), rgb each, at a microfacet, including iridescence."""
     base = rgb(m, rows.BASE)
     f0 = dielectric_f0(m)
     metal = schlick(base, _ONE, cosine)
@@ -88,13 +88,16 @@ def fresnels(m, cosine):
 
 @device
 def mean_cosine(a, b):
-    """Returns the effective cosine at which Schlick's weight equals its mean over the visible microfacets."""
+    """Returns the effective cosine at which Schlick's weight equals its mean over the visible microfacets, b / (a + b)."""
     return _ONE - power(b / max(a + b, _LEAST), _FIFTH)
 
 
 @subroutine
 def _dielectric_albedo(m, cosine, a, b, again, loss):
-    """Returns the albedo of the dielectric's microfacets for one direction, with multiple scattering: the largest channel."""
+    """Returns the albedo of the dielectric's microfacets for one direction (its largest channel), including multiple scattering.
+
+    a, b, loss: of `base_view`. again: the fraction of the lost light that leaves after further bounces.
+    """
     film = m[rows.IRIDESCENCE]
     bare = vec.maximum(dielectric_f0(m)) * a + m[rows.SPECULAR] * b
     if film > _ZERO:
@@ -127,8 +130,9 @@ def to_anisotropy_frame(m, w):
 def base_view(m, w):
     """Returns the base layer's terms for one direction w above the horizon.
 
-    The terms: (a, b, loss, mean loss, multiple scattering of the metal, of the dielectric, transmission into the dielectric,
-    transmission of the coat, of the sheen).
+    The terms: (a, b, loss, mean loss, factor of multiple scattering for the metal, rgb, and for the dielectric, transmission into
+    the dielectric, transmission of the coat, transmission of the sheen). a and b are the albedo terms of the microfacets for F0
+    and F90; loss is the fraction of light that single scattering loses.
     """
     cosine = w[2]
     a, b = brushed_albedo(m[HAS_BECKMANN], to_anisotropy_frame(m, w), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
@@ -159,9 +163,9 @@ def base_view(m, w):
 
 @subroutine
 def mean_passing(m):
-    """Returns the mean transmission of all layers to the diffuse base.
+    """Returns the mean transmission, over the hemisphere, of all layers above the diffuse base.
 
-    It is the product of the layers' means, corrected by their covariances.
+    Computed as the product of the layers' means, corrected by their covariances. m: the material's parameter row.
     """
     mean_a, mean_b = brushed_mean_albedo(m[HAS_BECKMANN], m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     mean = mean_a + mean_b

@@ -4,14 +4,14 @@
     sheen            Charlie
     metal            microfacets, Schlick by the base colour                  fraction: metallic
     glass            rough or smooth boundary, or thin pane                   fraction: (1 - metallic) transmission
-    dielectric       microfacets by f0 and f90 over a diffuse base,           fraction: the rest
-                     of which diffuse_transmission goes below
-    iridescence      a thin film that replaces both Fresnels
+    dielectric       microfacets by f0 and f90 over a diffuse base,           fraction: the remainder
+                     of which diffuse_transmission is scattered below
+    iridescence      a thin film that replaces both Fresnel terms
 
 Layers attenuate the light of those below in both directions. The diffuse base is coupled to them exactly (metallic_roughness.py);
 narrow lobes are attenuated by min(T(wo), T(wi)), T = 1 - albedo of the layer, which is reciprocal and conserves energy.
 
-A layered material is given as its row (renderer/arrays/rows.py) with textures looked up by `resolve` in
+A layered material is given as its parameter row (renderer/arrays/rows.py) with textures looked up by `resolve` in
 kernel/material/layers.py.
 """
 
@@ -80,7 +80,7 @@ def _glass_is_smooth(m):
 
 @subroutine
 def _choices(m, wo):
-    """Returns the sampling probabilities of the lobes, by their albedo for wo.
+    """Returns the sampling probabilities of the lobes, in proportion to their albedo for direction wo.
 
     The lobes: (clearcoat, sheen, microfacets, diffuse above, diffuse below, glass).
     """
@@ -206,7 +206,10 @@ def _sample_smooth_glass(m, eta, wo, chance, choose):
 
 @subroutine
 def sample_layered(m, eta, wo, choose, u):
-    """Samples a local direction: (wi, weight, pdf per steradian, radiance scale); pdf is 0 if smooth glass was chosen."""
+    """Samples a local direction of a layered material: (wi, weight, pdf per steradian, radiance scale).
+
+    The pdf is 0 if smooth glass was chosen.
+    """
     coat, sheen, specular, diffuse, through, glass = _choices(m, wo)
     scale = _ONE
     above = True

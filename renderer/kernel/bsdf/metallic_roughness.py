@@ -35,10 +35,10 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 
 @device
 def _view(base, metallic, roughness, f0, f90, wo):
-    """Returns the terms that do not depend on the light's direction.
+    """Returns the terms of the model that do not depend on the light's direction.
 
-    The terms: (f0 of the mixture, its f90, energy lost by single scattering for wo, its mean, factor of multiple scattering,
-    transmission into the dielectric from wo divided by its mean, probability of sampling the microfacets).
+    The terms: (f0 of the mixture, its f90, energy lost by single scattering for wo, the mean of that loss, factor of multiple
+    scattering, transmission into the dielectric from wo divided by its mean, probability of sampling the microfacets).
     """
     a, b = ggx_albedo(wo[2], roughness)
     mean_a, mean_b = ggx_mean_albedo(roughness)
@@ -67,7 +67,7 @@ def _view(base, metallic, roughness, f0, f90, wo):
 
 @device
 def _above(base, metallic, roughness, f0, f90, view, wo, wi):
-    """Returns (f |cos|, pdf per steradian) from a `_view`, for local directions above the horizon."""
+    """Returns (f |cos|, pdf per steradian) for local directions above the horizon. view: terms from `_view`."""
     mixed, mixed_90, loss_o, multiple, again, passing_o, choice = view
     alpha = max(roughness * roughness, MIN_ALPHA)
     h = vec.normalize(vec.add(wo, wi))
@@ -87,7 +87,7 @@ def _above(base, metallic, roughness, f0, f90, view, wo, wi):
 
 @device
 def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
-    """Returns (f |cos|, pdf per steradian) from a `_view`; 0 for wi below the horizon."""
+    """Returns (f |cos|, pdf per steradian); 0 for wi below the horizon. view: terms from `_view`."""
     none = zero_like(wi[2])
     f, pdf = (none, none, none), none
     below = (wi[2] <= _ZERO) | (wo[2] <= _ZERO)

@@ -8,7 +8,8 @@ diffuse light from inside that the facets reflect back, a base of reflectance d 
 Source: W. Jakob, Mitsuba 3, src/bsdfs/roughplastic.cpp, with the same separable shadowing, G1(wo) G1(wi). Table of T and R:
 albedo_tables.py.
 
-A material is given as its row (renderer/arrays/rows.py) with textures looked up by `resolve` in kernel/material/layers.py.
+A material is given as its parameter row m (renderer/arrays/rows.py) with textures looked up by `resolve` in
+kernel/material/layers.py.
 """
 
 from __future__ import annotations
@@ -43,7 +44,10 @@ _BENDS_PER_UNIT = np.float32((_BENDS - 1) / MOST_BEND)
 
 @device
 def _node(x, nodes):
-    """Returns (the table node below x, the fraction beyond it)."""
+    """Returns (index of the table node below x, the fraction of the way to the next), for x in 0 ...
+
+    1 on an axis of `nodes` nodes.
+    """
     x = min(max(x, _ZERO), np.float32(nodes - 1))
     i = min(np.int64(x), nodes - 2)
     return i, x - np.float32(i)
@@ -136,9 +140,9 @@ def eval_and_pdf_plastic(m, wo, wi):
 
 @subroutine
 def sample_plastic(m, wo, choose, u):
-    """Samples a local direction; returns (wi, weight, pdf per steradian). choose: selects coat or diffuse base.
+    """Samples a local direction; returns (wi, weight, pdf per steradian).
 
-    u: the direction.
+    choose: selects the coat or the diffuse base. u: selects the direction.
     """
     if choose < _choice(m, _passing(m, wo[2]), _paint(m, _inner(m))):
         h = sample_visible_facet(m[HAS_BECKMANN], wo, m[ALPHA_X], m[ALPHA_X], u)

@@ -34,9 +34,10 @@ _TINY = np.float32(1e-12)
 
 @subroutine
 def eval_and_pdf_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, wi):
-    """Returns (f |cos|, pdf per steradian) of white glass, for wi above or below. Refracted radiance has the factor 1 / eta**2.
+    """Returns (f |cos|, pdf per steradian) of white glass, for wi above or below the surface.
 
-    beckmann: see facets.py. roughness: that of the equivalent isotropic surface, for energy compensation.
+    Refracted radiance has the factor 1 / eta**2. beckmann: see facets.py. roughness: of the isotropic surface with the same
+    energy loss.
     """
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _ZERO, _ZERO

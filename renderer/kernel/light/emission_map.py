@@ -36,9 +36,9 @@ _EVEN = (_ONE, _ONE, _ONE)
 
 @subroutine
 def emission_towards(scene, number, p, w):
-    """Returns the factor, rgb, of the emission map of punctual light `number` towards the point p; 1 for a light without a map.
+    """Returns the factor, rgb, by which the emission map of punctual light `number` scales its intensity at point p.
 
-    p: in world space. w: unit direction from p to the sampled point of the light.
+    The factor is 1 for a light without a map. p: in world space. w: unit direction from p to the sampled point of the light.
     """
     never_inline()
     frame = row(scene.emission_frame, number, 4)
@@ -48,7 +48,7 @@ def emission_towards(scene, number, p, w):
 
 @subroutine
 def moving_emission_towards(scene, number, p, w, time):
-    """Returns `emission_towards` at the shutter time `time`, 0 ... 1."""
+    """Returns the factor of `emission_towards` for a light that moves, at the shutter time `time`, 0 ... 1."""
     never_inline()
     count = len(scene.key_punctual) // len(scene.punctual)
     step, share = step_at(time, count)
@@ -66,9 +66,10 @@ def _mixed(a, b, k, share):
 
 @device
 def _emission(scene, frame, place, shines, extent, p, w):
-    """Returns the map's factor, rgb, for a light given by its columns; see `emission_towards`.
+    """Returns the emission map's factor, rgb, at point p, for a light given by columns of its table row; see `emission_towards`.
 
-    frame: the map's axis r, and the map's number, which is negative for a light without a map.
+    frame: the map's axis r, and the map's number, which is negative for a light without a map. w: unit direction from p to the
+    light.
     """
     if frame[3] < _ZERO:
         return _EVEN

@@ -60,7 +60,7 @@ def sample_cdf(cdf, u):
 
 @device
 def _stretched(cdf, i, u):
-    """Returns (position of u within interval i of the flat table, in [0, 1), width of the interval)."""
+    """Returns (position of u within interval i of the flat cdf table, in [0, 1); width of the interval)."""
     low = lookup(cdf, i)
     width = lookup(cdf, u32(i + _NEXT)) - low
     return min(where(width > _ZERO, (u - low) / width, _ZERO), _BELOW_ONE), width
@@ -68,7 +68,7 @@ def _stretched(cdf, i, u):
 
 @device
 def sample_cdf_row(cdf, start, row, u):
-    """Returns the same bits as `sample_cdf` for row `row` of a table of cdfs, for u in [0, 1).
+    """Samples row `row` of a table of cdfs; returns the same bits as `sample_cdf` for that row, for u in [0, 1).
 
     start: guide table with the position where the search begins (renderer/scene/cutpoints.py).
     """
@@ -115,7 +115,7 @@ def _uv(frame, d):
 
 @device
 def _place(environment, frame, d):
-    """Returns `_uv`; if the image has a single texel, (1/2, 1/2) without computing it."""
+    """Returns the image coordinates of a world direction (`_uv`); (1/2, 1/2), not computed, if the image has a single texel."""
     if environment.shape[0] * environment.shape[1] == 1:
         middle = as_wide(_HALF, d[0])
         return middle, middle
@@ -144,7 +144,10 @@ def environment_radiance(environment, frame, d):
 
 @device
 def environment_light(scene, d, judged):
-    """Returns (radiance from world direction d, pdf of d under `sample_environment` per steradian; 0 unless `judged`)."""
+    """Returns (radiance from world direction d, pdf of d under `sample_environment` per steradian).
+
+    judged: whether the pdf is needed; it is 0 otherwise.
+    """
     frame = scene.environment_frame
     u, v = _place(scene.environment, frame, d)
     on_sun = _on_sun(frame, d)
@@ -206,9 +209,9 @@ def _sine(turns):
 
 @device
 def _row_extent(number, height):
-    """Returns the difference of cos(theta) between the edges of a row of texels, computed as a product.
+    """Returns the difference of cos(theta) between the edges of texel row `number` in an image of that height.
 
-    Subtracting the two cosines would cancel near the poles.
+    It is computed as a product: subtracting the two cosines would cancel near the poles.
     """
     step = _HALF / np.float32(height)
     return _TWO * _sine((to_float(_from_pole(number, height)) + _HALF) * step) * _sine(_HALF * step)
@@ -216,7 +219,7 @@ def _row_extent(number, height):
 
 @device
 def _from_pole(number, height):
-    """Returns the number of rows between row `number` and the nearer pole."""
+    """Returns the number of texel rows between row `number` of the image and the nearer pole."""
     opposite = u32(np.uint32(height - 1) - number)
     return where(number < opposite, number, opposite)
 

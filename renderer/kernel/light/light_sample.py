@@ -1,4 +1,4 @@
-"""LightSample, the result of sampling a light, and selections between samples, lane by lane."""
+"""The result of sampling a light (LightSample), and selections between samples, lane by lane."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class LightSample(NamedTuple):
 
 @device
 def empty_light_sample(p):
-    """Returns an empty sample, with pdf 0, of the lane type of p."""
+    """Returns an empty LightSample, with pdf 0. p: a point, which determines the lane type."""
     zero, one = zero_like(p[0]), as_wide(_ONE, p[0])
     black = zero, zero, zero
     return LightSample((zero, zero, one), black, black, zero, as_wide(False, p[0]))
@@ -39,7 +39,7 @@ def empty_light_sample(p):
 
 @device
 def select_light_sample(choice, a, b):
-    """Returns sample a in lanes where `choice` is True, else b."""
+    """Returns LightSample a in lanes where `choice` is True, b in the others."""
     return LightSample(
         where3(choice, a.direction, b.direction),
         where3(choice, a.end, b.end),
@@ -51,7 +51,7 @@ def select_light_sample(choice, a, b):
 
 @device
 def if_found(found, sample, p):
-    """Returns the sample in lanes where `found` is True, else an empty one. Does nothing if all lanes have found one."""
+    """Returns the LightSample in lanes where `found` is True, an empty one (`empty_light_sample`) in the others."""
     if any_of(not_(found)):
         sample = select_light_sample(found, sample, empty_light_sample(p))
     return sample
@@ -59,6 +59,8 @@ def if_found(found, sample, p):
 
 @device
 def emitted(scene, material, uv, uv1, vertex_alpha, front, time):
-    """Returns the emitted radiance, rgb, times the opacity: the expectation over rays that may pass the light by alpha."""
+    """Returns the emitted radiance, rgb, of a material times its opacity, since rays pass through the light with probability 1 -
+    alpha.
+    """
     radiance = emission(scene, material, uv, uv1, front, time)
     return vec.scale(radiance, opacity(scene, material, uv, uv1, vertex_alpha, time))

@@ -1,9 +1,9 @@
 """Chooses one of many lights for a shading point, by descending a light tree with importance-weighted children.
 
 Conty Estevez & Kulla, "Importance Sampling of Many Lights with Adaptive Tree Splitting", 2018; pbrt 4ed, 12.6.3. The
-importances of a node's eight children are computed together, one per lane; renderer/arrays/light_rows.py describes the node's
-rows. Lights are numbered in tree order, so the number of a light determines its path from the root, and its probability can be
-computed for any shading point.
+importances of a node's eight children are computed together, one per lane; renderer/arrays/light_rows.py describes the table rows
+of a node. Lights are numbered in tree order, so the number of a light determines its path from the root, and its probability can
+be computed for any shading point.
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ def _cost(count, power, low, high, axis_sum, spread, reach):
 
 @builder
 def _fit(center, radius, axis, spread, reach, intensity, both, order, begin, end, row, lane):
-    """Writes the bounds of the lights order[begin:end] into lane `lane` of a node's rows."""
+    """Writes the bounds of the lights order[begin:end] into lane `lane` of the node whose table rows begin at `row`."""
     low = np.empty(3, np.float32)
     high = np.empty(3, np.float32)
     mean = np.zeros(3, np.float32)
@@ -237,10 +237,10 @@ def _sum(intensity, order, begin, end):
 
 @device
 def _to_part(border, strength, parts):
-    """Returns the index of the part to split next; -1 if each part is a single light.
+    """Returns the index of the part (group of lights) to split next; -1 if each part is a single light.
 
-    Chooses the strongest part among those with more lights than a node has children, else the strongest of the others. Splitting
-    by strength keeps frequently sampled lights near the root; splitting large parts first fills the last nodes.
+    Chooses the strongest part among those with more lights than a node has children, or if there is none, the strongest of all
+    others. Splitting by strength keeps frequently sampled lights near the root; splitting large parts first fills the last nodes.
     """
     for fitting in (LIGHT_WIDTH, 1):
         chosen = -1

@@ -94,7 +94,7 @@ def _sample_triangle(scene, number, area, p, u, time):
 def _sample_parallelogram(scene, light, number, area, p, n, u, time):
     """Samples a point on parallelogram `light`, whose first triangle is `number`; returns a LightSample like `_sample_triangle`.
 
-    n: see `sample_parallelogram`.
+    n: the normal at p; see `sample_parallelogram`.
     """
     q, error, normal, density = sample_parallelogram(scene, light, p, n, u)
     d = vec.sub(q, p)
@@ -169,7 +169,10 @@ def _is_parallelogram(scene, light):
 
 @device
 def _sample_alone(scene, number, wanted, p, u, time):
-    """Returns `sample_punctual` in the lanes where `wanted` is True, for lights that may move and have emission maps."""
+    """Samples punctual lights in the lanes where `wanted` is True; returns the tuple of `sample_punctual`.
+
+    The lights may move and have emission maps.
+    """
     if time is not None and len(scene.key_punctual) > 0:
         sample = each_lane(sample_moving_punctual, wanted, (scene.punctual_kind, scene.key_punctual, number, p, u, time))
     else:
@@ -189,7 +192,7 @@ def _emission(scene, number, wanted, p, w, time):
 
 @device
 def nearby_choice(scene, choice):
-    """Returns whether `choice`, in [0, 1), selects a light other than the environment, and `choice` rescaled to [0, 1)."""
+    """Returns (whether `choice`, in [0, 1), selects a light other than the environment; `choice` rescaled to [0, 1))."""
     environment_chance = scene.environment_frame[3]
     nearby = not_(choice < environment_chance)
     if environment_chance > _ZERO:
@@ -259,7 +262,10 @@ def _sample_nearby(scene, p, n, u, light, chance, wanted, time):
 
 @device
 def environment_seen(scene, w, judged):
-    """Returns (environment radiance from world direction w, pdf of w under `sample_light`, per steradian; 0 unless `judged`)."""
+    """Returns (environment radiance from world direction w, pdf of w under `sample_light` per steradian).
+
+    judged: whether the pdf is needed; it is 0 otherwise.
+    """
     chance = scene.environment_frame[3]
     radiance, pdf = environment_light(scene, w, judged & (chance > _ZERO))
     return radiance, chance * pdf
@@ -267,10 +273,10 @@ def environment_seen(scene, w, judged):
 
 @device
 def sun_seen(scene, which, p, n, w, judged, by_camera, time=None):
-    """Returns (radiance of one sun from direction w, pdf of w under `sample_light`, per steradian; 0 unless `judged`).
+    """Returns (radiance of one sun from direction w, pdf of w under `sample_light` per steradian).
 
-    which: index in scene.sun. p, n: the shaded point and its normal. by_camera: whether the ray starts at the camera, which does
-    not see suns of kind SUN_UNSEEN.
+    which: index in scene.sun. p, n: the shaded point and its normal. judged: whether the pdf is needed; it is 0 otherwise.
+    by_camera: whether the ray starts at the camera, which does not see suns of kind SUN_UNSEEN.
     """
     light = np.uint32(scene.sun[which])
     number = np.int64(scene.light_primitive[light]) - len(scene.triangle) - len(scene.sphere)
@@ -298,7 +304,8 @@ def sun_seen(scene, which, p, n, w, judged, by_camera, time=None):
 def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
     """Returns the pdf, per steradian, with which `sample_light` samples the point `hit` of a light from p with normal n.
 
-    cosine: of the angle between the ray and the light's normal. The result is 0 unless `judged`. time: as for `sample_one_light`.
+    cosine: of the angle between the ray and the light's normal. judged: whether the pdf is needed; it is 0 otherwise. time:
+    shutter time, 0 ... 1; None for a scene without motion.
     """
     if scene.has.lights is not None and len(scene.light_node) > 0:
         chance = each_lane(tree_probability, judged, (scene.light_node, p, n, light))
@@ -326,7 +333,7 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
 
 @device
 def _area(scene, light, primitive, is_triangle, time):
-    """Returns the area of triangle lights, at the shutter time; undefined for other lights."""
+    """Returns the area of a triangle light at the shutter time; undefined for other lights."""
     area = lookup(scene.light_area, light)
     if time is not None and len(scene.key_position) > 0:
         paired = _is_parallelogram(scene, light)  # does not move; its area is twice that of its first triangle

@@ -1,4 +1,4 @@
-"""Mean emission of textured triangles, from which follows the probability of choosing each as a light."""
+"""Mean emission of textured triangles, which determines the probability of choosing each triangle as a light."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ _STEPS = 8  # per axis: 64 points a triangle
 
 @builder
 def mean_texels(texture, transform, texel, number, uv, uv1, triangle, mean):
-    """Fills mean (n, 3) with the linear RGB of texture `number` averaged over triangles (n, 3) into uv and uv1 (V, 2)."""
+    """Adds to mean (n, 3) the linear RGB of texture `number` averaged over each triangle.
+
+    triangle: (n, 3), indices into the texture coordinates uv and uv1, (V, 2) each.
+    """
     step = np.float32(1.0 / _STEPS)
     share = step * step
     half = np.float32(0.5)

@@ -48,14 +48,16 @@ _NOWHERE = (_ZERO, _ZERO, _ZERO)
 
 @device
 def spot_falloff(kind, cosine, scale, offset):
-    """Returns a spot's relative intensity, 0 ... 1, from its position x between the outer edge (0) and the inner edge (1):
+    """Returns a spot light's relative intensity, 0 ... 1, at position x between the outer edge (0) and the inner edge (1).
+
+    The kind determines the curve:
 
     SPOT: x**2, with x linear in the cosine (KHR_lights_punctual, "Inner and Outer Cone Angles").
     SPOT_SMOOTH: smoothstep of x, with x linear in the cosine (Cycles' spot_light_attenuation; pbrt 4ed, 12.2.1).
     SPOT_LINEAR: x, linear in the angle (Mitsuba's plugin spot).
     SPOT_SMOOTH_ANGLE: smoothstep of x, linear in the angle (UsdLuxShapingAPI, shaping:cone:softness).
 
-    cosine: of the angle to the spot's axis; x = cosine or angle * scale + offset, clamped.
+    cosine: of the angle to the spot's axis. x is the cosine or the angle, times scale plus offset, clamped to 0 ... 1.
     """
     by = acos(cosine) if kind == SPOT_LINEAR or kind == SPOT_SMOOTH_ANGLE else cosine  # noqa: SIM109 -- kernels compare kinds one by one
     inside = min(max(by * scale + offset, _ZERO), _ONE)
@@ -88,23 +90,23 @@ def _is_distant(kind):
 
 @device
 def disk_cone(square, radius):
-    """Returns 1 - cos of the half angle subtended by a disk that faces the point; square: squared distance of its centre."""
+    """Returns 1 - cos of the half angle subtended by a disk that faces the viewer. square: squared distance of its centre."""
     sine2 = radius * radius / (square + radius * radius)
     return sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
 
 
 @subroutine
 def sample_punctual(kinds, rows, number, p, u):
-    """Samples punctual light `number` from p: (direction, end, radiance, pdf), as in a LightSample.
+    """Samples punctual light `number` from p; returns (direction, end, radiance, pdf), as in a LightSample.
 
-    Without an extent the pdf is 1 and the radiance is the irradiance at normal incidence.
+    For a light without extent the pdf is 1 and the radiance is the irradiance at normal incidence.
     """
     return _sample(kinds[number], row(rows, number, 12), p, u)
 
 
 @subroutine
 def sample_moving_punctual(kinds, keys, number, p, u, time):
-    """Returns `sample_punctual` at a shutter time.
+    """Samples a moving punctual light at a shutter time; returns the tuple of `sample_punctual`.
 
     keys: (J, 12), the same number of keys for each light, interpolated linearly.
     """
@@ -122,9 +124,9 @@ def sample_moving_punctual(kinds, keys, number, p, u, time):
 
 @subroutine
 def moving_sun(kinds, keys, number, time):
-    """Returns a sun at a shutter time: (direction to it, radiance, 1 - cos of its half angle).
+    """Returns a moving sun at a shutter time: (direction to it, radiance, 1 - cos of its half angle).
 
-    keys: as for `sample_moving_punctual`.
+    keys: (J, 12), the same number of keys for each light, interpolated linearly.
     """
     count = len(keys) // len(kinds)
     step, share = step_at(time, count)

@@ -66,7 +66,7 @@ def _sphere(scene, number, time):
 
 @device
 def sample_sphere(scene, number, p, u, time):
-    """Samples a point of a sphere, uniformly in solid angle from p; by area if p is inside or close. Returns a LightSample.
+    """Samples a point on a sphere light, uniformly in solid angle from p; by area if p is inside or close. Returns a LightSample.
 
     The pdf excludes the probability of choosing the light.
     """
@@ -129,9 +129,9 @@ def sample_facing(scene, number, p, u, time):
 
 @device
 def hits_emitting_side(scene, light, p, w, front, time):
-    """Returns True if a ray from the vertex p in direction w that has hit a light has hit its emitting side.
+    """Returns True if a ray from the vertex p in direction w that hit a light hit its emitting side.
 
-    front: whether it hit the front side. For a sphere that acts as a facing disk, the ray must pass through the disk, and only
+    front: whether it hit the front side. For a sphere that acts as a disk facing p, the ray must pass through the disk, and only
     one of its two intersections with the sphere is valid.
     """
     if scene.has.textures is not None and len(scene.sphere) > 0:

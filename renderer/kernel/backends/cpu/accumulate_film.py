@@ -36,9 +36,10 @@ assert columns_of(FirstHit, "albedo")[0] == 0, "FirstHit begins with its albedo"
 
 @subroutine
 def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count):
-    """Adds the samples whose branches have all terminated to their pixels' sums. The list DONE then contains the free rows.
+    """Adds the radiance of samples whose branches have all terminated to their pixels' sums, and frees their rows of the pool.
 
-    Returns the number of bad samples (NaN or infinite), which are listed in `bad` and not added.
+    The list DONE contains the free rows on return. Returns the number of bad samples (NaN or infinite), which are listed in `bad`
+    and not added.
     """
     never_inline()
     ox, oy, oz = batch.origin

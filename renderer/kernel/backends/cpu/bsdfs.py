@@ -1,7 +1,8 @@
 """BSDF evaluation and sampling for each kind of material, eight paths at a time.
 
-Each function returns (f |cos| and its pdf for the light direction wi; the sampled direction, its weight, pdf, and eta**2), as
-`eval_material` and `sample_material` of renderer/kernel/material/material.py do. The first two are 0 for specular materials.
+Each function returns seven values: f |cos| and the pdf for the light direction wi (both 0 for specular materials), then the
+sampled direction, its weight, pdf, and radiance scale eta**2; see `eval_material` and `sample_material` in
+renderer/kernel/material/material.py.
 """
 
 from __future__ import annotations
@@ -45,9 +46,10 @@ _CONDUCTOR, _GLASS = np.uint32(CONDUCTOR), np.uint32(GLASS)
 
 
 class Material(NamedTuple):
-    """The materials of eight vertices.
+    """The materials at the vertices of eight paths.
 
-    In scenes without textures and layers the fields between `front` and `shading` are not set, but read from the material's row.
+    In scenes without textures and layers the fields between `front` and `shading` are not set; they are read from the scene's
+    material table instead.
     """
 
     material: Any
@@ -162,7 +164,7 @@ def eval_and_sample_in_medium(scene, m, wo, wi, choose, u):
 
 @subroutine
 def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, shading, s, t, n, time, wo, wi, choose, u):
-    """Evaluates and samples the material of one path, of a kind that is not processed in eight lanes."""
+    """Evaluates and samples the material of a single path, for the kinds of materials without an eight-lane form."""
     never_inline()
     layers = local_floats(LAYER_SLOTS)
     look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers, time)

@@ -1,4 +1,4 @@
-"""Starts new paths in free rows by generating their camera rays."""
+"""Starts new paths in free rows of the path pool by generating their camera rays."""
 
 from __future__ import annotations
 
@@ -43,7 +43,10 @@ class NextSample(NamedTuple):
 
 @device
 def _number(pool, lists, count, following, width, height, batch):
-    """Assigns the next samples to the first `count` rows on the list DONE, and adds these to ACTIVE; returns the next sample."""
+    """Moves the first `count` free rows of the pool from the list DONE to ACTIVE, one sample for each; returns the next sample.
+
+    DONE holds rows without a path, ACTIVE those whose path has a ray to trace.
+    """
     x, y, sample = following.x, following.y, following.sample
     for k in range(count):
         path = row(lists, DONE, k)
@@ -64,7 +67,7 @@ def _number(pool, lists, count, following, width, height, batch):
 
 @subroutine
 def start_paths(pool, lists, following, width, height, camera, options, batch, motion, medium_stack):
-    """Starts paths in free rows while samples remain; returns the next sample to start.
+    """Starts paths in free rows of the pool while samples of the batch remain; returns the next sample to start.
 
     motion: None for a scene without motion (renderer/arrays/scene_features.py). medium_stack: the media that contain the camera;
     None for a scene without media.

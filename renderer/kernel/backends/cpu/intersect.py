@@ -56,7 +56,7 @@ _IS_CAST, _SURVIVAL = column(Outcome, "is_cast"), column(Outcome, "survival")
 
 @subroutine
 def _trace_passed(scene, alone, pool, lists):
-    """Continues the rays on the list PASSED, one at a time, beyond the surfaces through which they have passed."""
+    """Finds, one at a time, the next hits of the rays that have passed through a surface (list PASSED), beyond that surface."""
     never_inline()
     for k in range(length(lists, PASSED)):
         number = row(lists, PASSED, k)
@@ -79,7 +79,10 @@ def _trace_passed(scene, alone, pool, lists):
 
 @device
 def _wait_for_nodes(scene, pool, lists, count):
-    """Moves the first `count` active rays, except those that `_trace_passed` has traced, to the list NODES, without a hit."""
+    """Lists the first `count` active rays for traversal (list NODES), with their hits reset to none.
+
+    Leaves out the rays that `_trace_passed` has traced.
+    """
     waiting = np.uintp(0)
     for k in range(count):
         path = row(lists, ACTIVE, k)
@@ -133,7 +136,10 @@ def intersect_closest(scene, alone, stack, pool, lists):
 
 @device
 def _light_through(scene, alone, pool, lists, options):
-    """Adds the direct light of the rows on WAITING, multiplied by the transmittance of transparent surfaces and media."""
+    """Adds the direct light of the paths that wait for a shadow ray (list WAITING), one at a time.
+
+    The light is multiplied by the transmittance of transparent surfaces and media on the way.
+    """
     for k in range(length(lists, WAITING)):
         path = row(lists, WAITING, k)
         ray, light = gather(pool, path, Outcome), gather(pool, path, DirectLight)
@@ -150,7 +156,10 @@ def _light_through(scene, alone, pool, lists, options):
 
 @device
 def _light(scene, alone, stack, pool, lists, options):
-    """Adds direct light to the rows on the list WAITING. Only for scenes without transparent surfaces and media."""
+    """Adds direct light to the paths that wait for a shadow ray (list WAITING), unless the ray is occluded by any surface.
+
+    Only for scenes without transparent surfaces. In a medium the light is multiplied by its transmittance.
+    """
     count = pad(lists, WAITING)
     for k in range(0, count, 8):
         rows = eight_rows(lists, WAITING, k)
@@ -182,7 +191,7 @@ def _light(scene, alone, stack, pool, lists, options):
 
 @subroutine
 def resolve_shadow_rays(scene, alone, stack, pool, lists, options):
-    """Traces the shadow rays of the rows on WAITING, and adds their direct light."""
+    """Traces the shadow rays of the paths on the list WAITING, and adds the direct light of those that are not occluded."""
     never_inline()
     if scene.has.textures is not None and options.transparent:
         _light_through(scene, alone, pool, lists, options)
@@ -192,7 +201,7 @@ def resolve_shadow_rays(scene, alone, stack, pool, lists, options):
 
 @device
 def _go_on(pool, lists, which):
-    """Adds the rows of a list to WAITING if they have a shadow ray, and to ACTIVE if the path continues, else to DONE."""
+    """Adds each path of the list `which` to ACTIVE if it continues, else to DONE; also to WAITING if it has a shadow ray."""
     waiting, active, done = np.uintp(length(lists, WAITING)), np.uintp(length(lists, ACTIVE)), np.uintp(length(lists, DONE))
     for k in range(length(lists, which)):
         path = row(lists, which, k)
@@ -210,9 +219,9 @@ def _go_on(pool, lists, which):
 
 @subroutine
 def trace_shadow_rays(scene, alone, stack, pool, lists, options):
-    """Traces the vertices' shadow rays and adds their direct light; returns the number of shadow rays.
+    """Traces the shadow rays of all vertices and adds their direct light; returns the number of shadow rays.
 
-    Continuing paths are added to ACTIVE, terminated ones to DONE.
+    Adds continuing paths to the list ACTIVE, terminated ones to DONE.
     """
     never_inline()
     truncate(lists, WAITING, np.uintp(0))

@@ -1,4 +1,4 @@
-"""Samples a light for each vertex that can use light sampling.
+"""Samples a light for each vertex at which light sampling can contribute.
 
 With a light tree, all vertices descend it together, one level at a time: a level consists of a few long sums and roots, which the
 processor can overlap between vertices.
@@ -42,14 +42,17 @@ _LEFT, _CHANCE, _HERE = (column(LightDescent, field) for field in ("left", "chan
 
 @device
 def _numbers(pool, rows, options):
-    """Returns the random numbers of eight rows for light sampling: two for the point, one for the choice of the light."""
+    """Returns the random numbers for light sampling of eight paths: two for the point, one for the choice of the light."""
     u = draw_light(streams_of(pool, rows, options), gather(pool, rows, PathState).number)
     return u[0], u[1], u[2]
 
 
 @subroutine
 def _descend(scene, pool, lists, options):
-    """Chooses a light for each listed vertex by descending the light tree; writes LightDescent."""
+    """Chooses a light for each vertex on the list LIT by descending the light tree.
+
+    Writes LightDescent to the vertex's row of the pool.
+    """
     never_inline()
     waiting = np.uintp(pad(lists, LIT))
     for k in range(0, np.int64(waiting), 8):
@@ -76,7 +79,7 @@ def _descend(scene, pool, lists, options):
 
 @subroutine
 def choose_lights(scene, pool, lists, options):
-    """Samples a light for each vertex on the list LIT; writes ChosenLight and Outcome."""
+    """Samples a light for each vertex that can use light sampling (list LIT); writes ChosenLight and Outcome to the pool."""
     never_inline()
     by_tree = False
     if scene.has.lights is not None:

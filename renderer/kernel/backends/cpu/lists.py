@@ -1,4 +1,4 @@
-"""Lists of row numbers: the work of each stage.
+"""Lists of row numbers of the path pool: the paths that each stage has to process.
 
 A list is read eight numbers at a time, with its last number repeated to a multiple of eight: processing a row twice has the same
 result as processing it once.
@@ -64,25 +64,25 @@ _ONE = np.uintp(1)
 
 @device
 def clear(lists, which):
-    """Empties a list."""
+    """Empties the list number `which`."""
     lists[np.uintp(which) * _SIZE] = np.uint32(0)
 
 
 @device
 def length(lists, which):
-    """Returns the length of a list."""
+    """Returns the length of the list number `which`."""
     return np.int64(lists[np.uintp(which) * _SIZE])
 
 
 @device
 def row(lists, which, k):
-    """Returns a list's k-th row number."""
+    """Returns the k-th row number on the list number `which`."""
     return np.uintp(lists[np.uintp(which) * _SIZE + _ONE + np.uintp(k)])
 
 
 @device
 def append(lists, which, number):
-    """Appends a row number to a list."""
+    """Appends a row number to the list number `which`."""
     base = np.uintp(which) * _SIZE
     count = np.uintp(lists[base]) + _ONE
     lists[base + count] = np.uint32(number)
@@ -91,19 +91,19 @@ def append(lists, which, number):
 
 @device
 def put(lists, which, count, number):
-    """Writes a number at index `count` of a list, without changing its length."""
+    """Writes a row number at index `count` of the list number `which`, without changing its length."""
     lists[np.uintp(which) * _SIZE + _ONE + count] = np.uint32(number)
 
 
 @device
 def truncate(lists, which, count):
-    """Sets the length of a list."""
+    """Sets the length of the list number `which` to `count`."""
     lists[np.uintp(which) * _SIZE] = np.uint32(count)
 
 
 @device
 def pad(lists, which):
-    """Repeats a list's last number, so that `eight_rows` is valid up to the end; returns the list's length."""
+    """Repeats a list's last number after its end, so that `eight_rows` may read beyond it; returns the list's length."""
     base = np.uintp(which) * _SIZE
     count = np.uintp(lists[base])
     if count > np.uintp(0):
@@ -115,5 +115,5 @@ def pad(lists, which):
 
 @device
 def eight_rows(lists, which, k):
-    """Returns eight numbers of a list from the k-th on, u32x8."""
+    """Returns eight row numbers of a list from index k on, u32x8."""
     return load_ints(lists, np.uintp(which) * _SIZE + _ONE + np.uintp(k))

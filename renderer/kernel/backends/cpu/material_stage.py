@@ -23,7 +23,7 @@ _TEXTURED = np.uint32(TEXTURED)
 
 @subroutine
 def _one_surface(scene, d, t, primitive, u, v, instance, time):
-    """Returns `triangle_at` for one ray, as nested tuples of numbers."""
+    """Returns the surface at one ray's triangle hit (`triangle_at`) as nested tuples of numbers."""
     never_inline()
     s = triangle_at(scene, d, Hit(t, primitive, u, v, np.int32(instance), time))
     shape = s.point, s.error, s.geometric, s.shading, s.uv, s.front
@@ -39,7 +39,7 @@ def _one_by_one(scene, time):
 
 @device
 def surfaces_at(scene, d, hit):
-    """Returns `triangle_at` for eight rays, some of which may have hit triangles of instances or of moving meshes."""
+    """Returns the surfaces that eight rays have hit (`triangle_at`); triangles may belong to instances or to moving meshes."""
     if scene.has.instances is not None and _one_by_one(scene, hit.time):
         every = hit.t == hit.t
         arguments = scene, d, hit.t, hit.primitive, hit.u, hit.v, hit.instance, hit.time
@@ -58,7 +58,10 @@ def _textures_move(scene, time):
 
 @device
 def _image_factors(scene, number, there, surface):
-    """Returns the colours of eight textures; white in lanes where `there` is False. number: the textures' numbers."""
+    """Returns the colours of eight textures at eight surfaces; white in lanes where `there` is False.
+
+    number: the textures' indices in the scene.
+    """
     one = as_wide(_ONE, surface.error)
     color = one, one, one
     if any_of(there):
@@ -68,7 +71,7 @@ def _image_factors(scene, number, there, surface):
 
 @device
 def texture_factors_of(scene, surface, time):
-    """Returns `texture_factors`, (colour, metallic, roughness), of eight surfaces; 1 for materials without textures."""
+    """Returns the texture factors (colour, metallic, roughness) of eight surfaces; 1 for materials without textures."""
     one = as_wide(_ONE, surface.error)
     color, metallic, roughness = (one, one, one), one, one
     if scene.has.textures is not None:

@@ -57,7 +57,10 @@ _SCATTERS = column(MediumFlight, "scatters")
 
 @device
 def _store_vertices(pool, rows, surface, g, which):
-    """Writes vertices in media to the rows."""
+    """Writes vertices in media to the paths' rows of the pool.
+
+    g: the phase functions' mean cosine. which: the list on which each vertex is scattered.
+    """
     none = zero_like(g)
     one = none + _ONE
     n, black = surface.shading, (none, none, none)
@@ -73,8 +76,8 @@ def _store_vertices(pool, rows, surface, g, which):
 def sample_free_flights(scene, pool, lists, options):
     """Samples free flights of the active paths and updates their throughput.
 
-    Paths that scatter in a medium are removed from the lists of hits, and added to DONE if they end there, else to
-    MEDIUM_VERTICES.
+    Paths that scatter in a medium are removed from the lists of hits. They are added to the list DONE if they end at that vertex,
+    else to MEDIUM_VERTICES.
     """
     never_inline()
     count = pad(lists, ACTIVE)
@@ -116,7 +119,7 @@ def sample_free_flights(scene, pool, lists, options):
 
 @device
 def _remove_drifting(pool, lists, which):
-    """Removes paths that scatter in a medium from a list."""
+    """Removes the paths that scatter in a medium before their hit from the list number `which`."""
     stays = np.uintp(0)
     for k in range(length(lists, which)):
         path = row(lists, which, k)
@@ -127,7 +130,7 @@ def _remove_drifting(pool, lists, which):
 
 @subroutine
 def list_medium_vertices(lists):
-    """Adds the vertices in media to the list for light sampling. Called after surfaces were processed."""
+    """Adds the vertices in media to the list for light sampling (LIT). Called after `shade_hits`."""
     never_inline()
     for k in range(length(lists, MEDIUM_VERTICES)):
         append(lists, LIT, row(lists, MEDIUM_VERTICES, k))

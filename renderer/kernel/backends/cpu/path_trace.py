@@ -1,4 +1,4 @@
-"""Records one path of the pool (renderer/kernel/path_trace.py): that of the first row, when a sample is replayed."""
+"""Records the path in the pool's first row when a sample is replayed; format: renderer/kernel/path_trace.py."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _FIRST = np.uintp(0)
 
 @device
 def _is_on(lists, which):
-    """Returns True if the first row is on a list."""
+    """Returns True if the path in the pool's first row is on the list number `which`."""
     found = False
     for k in range(length(lists, which)):
         found |= row(lists, which, k) == _FIRST
@@ -55,15 +55,15 @@ def _is_on(lists, which):
 
 @device
 def radiance_of(pool, row):
-    """Returns the radiance that the path of a row has gathered so far."""
+    """Returns the radiance that the path in a row of the pool has gathered so far."""
     return gather(pool, np.uintp(row), PathState).radiance
 
 
 @device
 def next_record_row(pool, lists, log):
-    """Returns (row of the record for the next hit of the first path, number of surfaces through which the path has passed).
+    """Returns (index of the record's row for the next hit, number of surfaces that the recorded path has passed through).
 
-    The row is beyond the record's end if nothing is recorded, or if the path has ended.
+    The index is beyond the record's end if nothing is recorded, or if the path has ended.
     """
     passed = gather(pool, _FIRST, RowHit).passed
     number = np.int64(gather(pool, _FIRST, PathState).number + passed)
@@ -74,9 +74,9 @@ def next_record_row(pool, lists, log):
 
 @subroutine
 def record_arrival(pool, lists, log, number, passed, before, options):
-    """Records where the path's ray ended. Called after surfaces were processed.
+    """Records in `log` what the ray of the recorded path has hit. Called after `shade_hits`.
 
-    number, passed: from `next_record_row`. before: the path's radiance before surfaces were processed.
+    number, passed: from `next_record_row`. before: the path's radiance before `shade_misses`.
     """
     never_inline()
     ray, met, path = gather(pool, _FIRST, Ray), gather(pool, _FIRST, RowHit), gather(pool, _FIRST, PathState)
@@ -102,7 +102,10 @@ def record_arrival(pool, lists, log, number, passed, before, options):
 
 @subroutine
 def record_departure(pool, lists, log, number, lit):
-    """Records the light chosen for the vertex, and whether the path continues. lit: see `scatter_vertices`."""
+    """Records in row `number` of `log` the light sampled at the recorded path's vertex, and the path's survival probability.
+
+    lit: whether light sampling can find anything in the scene.
+    """
     never_inline()
     scattered = False
     for which in range(SCATTERING):

@@ -1,6 +1,6 @@
 """Renders a batch with a pool of paths.
 
-Each stage processes all rows that are ready for it. Terminated paths free their rows for new ones.
+Each stage processes all rows of the pool that are ready for it. Terminated paths free their rows for new ones.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def pool_for(width: int, height: int) -> Pool:
 
 @template
 def render_with_pool(scene, pool, camera, options, batch, output):
-    """Renders a batch with the pool; returns (number of bad samples, number of rays), as `_render_tile` of accumulate.py."""
+    """Renders a batch with the pool of paths; returns (number of bad samples, number of rays)."""
     paths, lists, log = pool.rows, pool.lists, output.log
     height, width = output.sums.shape[1], output.sums.shape[2]
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0

@@ -1,6 +1,6 @@
-"""The layout of a path's row: the columns of the named tuples of renderer/kernel/steps and of this module.
+"""The layout of a path's row in the pool: its columns are the fields of named tuples (of kernel/steps and of this module).
 
-`gather` and `scatter`, generated from it, read and write one of the tuples for one row or for eight rows at once.
+`gather` and `scatter`, generated from the layout, read and write one of these tuples for one row or for eight rows at once.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class RowHit(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """The sample to which the row's path belongs."""
+    """The sample of the film that the path in a row of the pool computes."""
 
     pixel: Int  # the pixel's key (sampler.py)
     number: Int
@@ -81,7 +81,7 @@ class Sample(NamedTuple):
 
 
 class Facet(NamedTuple):
-    """The position of the row's vertex, and its geometric normal."""
+    """The position of a path's vertex, and its geometric normal."""
 
     point: Vector
     error: Float
@@ -91,7 +91,7 @@ class Facet(NamedTuple):
 
 
 class Shading(NamedTuple):
-    """The shading normal of the row's vertex, and the number of its material."""
+    """The shading normal of a path's vertex, and the number of its material."""
 
     normal: Vector
     lift: Vector
@@ -100,7 +100,7 @@ class Shading(NamedTuple):
 
 
 class ChosenLight(NamedTuple):
-    """The light sample of the row's vertex."""
+    """The light sample at a path's vertex."""
 
     direction: Vector
     pdf: Float
@@ -109,7 +109,7 @@ class ChosenLight(NamedTuple):
 
 
 class DirectLight(NamedTuple):
-    """The direct light of the row's vertex, which is added if the shadow ray is not occluded."""
+    """The direct light at a path's vertex, which is added if the shadow ray is not occluded."""
 
     brought: Vector
     segments: Float
@@ -119,7 +119,7 @@ class DirectLight(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """The shadow ray of the row's vertex, and the survival probability of the path."""
+    """The shadow ray of a path's vertex, and the survival probability of the path."""
 
     start: Vector
     end: Vector
@@ -128,7 +128,7 @@ class Outcome(NamedTuple):
 
 
 class Appearance(NamedTuple):
-    """The material of the row's vertex; only in scenes with textures.
+    """The material at a path's vertex; only in scenes with textures.
 
     In a medium, `roughness` is the phase function's mean cosine.
     """
@@ -156,7 +156,7 @@ class Mapped(NamedTuple):
 
 
 class Traversal(NamedTuple):
-    """The state of the traversal of the row's ray (traversal_state.py)."""
+    """The state of a BVH traversal by the ray of one row of the pool (traversal_state.py)."""
 
     inverse: Vector  # 1 / direction
     near: Vector  # constants of the near planes: a plane at x is hit at x * inverse + constant
@@ -176,7 +176,7 @@ class Traversal(NamedTuple):
 
 
 class LightDescent(NamedTuple):
-    """The state of the descent of the light tree for the row's vertex."""
+    """The state of the light tree's descent for a path's vertex."""
 
     left: Float  # the random number for the next choice, rescaled to [0, 1)
     chance: Float  # probability of the nodes chosen so far
@@ -187,7 +187,7 @@ class LightDescent(NamedTuple):
 
 
 class MediumFlight(NamedTuple):
-    """1 if the row's path scatters in its medium before it reaches the hit, otherwise 0."""
+    """Whether a path scatters in its medium before it reaches the hit: 1 or 0."""
 
     scatters: Float
 
@@ -215,7 +215,7 @@ gather, scatter = accessors(LAYOUT)
 
 
 def line_floats(count: int) -> npt.NDArray[np.float32]:
-    """Returns `count` zeros, float32, aligned to a cache line."""
+    """Returns an array of `count` zeros, float32, aligned to a cache line."""
     memory = np.zeros(count + _LINE // 4, np.float32)
     first = -memory.ctypes.data % _LINE // 4
     return memory[first : first + count]
@@ -223,13 +223,13 @@ def line_floats(count: int) -> npt.NDArray[np.float32]:
 
 @device
 def at(row, field):
-    """Returns the flat index in the pool of column `field` of a row."""
+    """Returns the index in the flat pool of column `field` of row number `row`."""
     return np.uintp(row) * ROW + field
 
 
 @device
 def time_of(motion, pool, rows):
-    """Returns the shutter times of the samples of one row or of eight.
+    """Returns the shutter times of the samples in one row of the pool or in eight.
 
     Returns None if `motion` (renderer/arrays/scene_features.py) is None.
     """
@@ -238,14 +238,14 @@ def time_of(motion, pool, rows):
 
 @device
 def streams_of(pool, rows, options):
-    """Returns the random number streams of the samples of one row or of eight."""
+    """Returns the random number streams of the samples in one row of the pool or in eight."""
     sample = gather(pool, rows, Sample)
     return stream_of(options, sample.pixel, sample.number)
 
 
 @device
 def last_vertex(scene, pool, rows):
-    """Returns the LastVertex of the rows' paths, before they arrive at the next vertex."""
+    """Returns the LastVertex of the paths in one row of the pool or in eight: the vertices that their rays have left."""
     normal = gather(pool, rows, Shading).normal
     if scene.has.textures is not None:
         normal = gather(pool, rows, Mapped).facing
@@ -254,7 +254,10 @@ def last_vertex(scene, pool, rows):
 
 @device
 def surface_of(pool, rows, facet, shading):
-    """Returns the surfaces at the rows' vertices, with the fields that scattering needs. facet, shading: those of the rows."""
+    """Returns the surfaces at the vertices of the paths in these rows of the pool, with only the fields that scattering needs.
+
+    facet, shading: the rows' Facet and Shading.
+    """
     uv, uv1, number = gather(pool, rows, Appearance).uv, gather(pool, rows, Axes).uv1, gather(pool, rows, RowHit).object
     return scattering_surface(
         facet.point,

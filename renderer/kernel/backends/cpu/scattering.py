@@ -85,7 +85,7 @@ _PATHS = np.uintp(PATHS)
 
 @device
 def _material(scene, pool, rows, surface):
-    """Returns the vertices' materials, with the fields that have been looked up."""
+    """Returns the materials at the vertices of eight paths, with the fields that were looked up and stored by `shade_hits`."""
     n = surface.shading
     s, t = vec.basis(n)
     seen, uv1 = gather(pool, rows, Appearance), gather(pool, rows, Axes).uv1
@@ -100,9 +100,9 @@ def _material(scene, pool, rows, surface):
 
 @device
 def _splitting(pool, lists, which):
-    """Copies those rows of a list whose paths split at their vertex to another list, NODES, which is free at this stage.
+    """Copies those paths of the list `which` that split at their vertex to the list NODES, which is free at this stage.
 
-    Returns it.
+    Returns NODES.
     """
     count = np.uintp(0)
     for k in range(length(lists, which)):
@@ -116,7 +116,7 @@ def _splitting(pool, lists, which):
 
 @device
 def _copy_vertices(scene, pool, rows, stream, facet, shading):
-    """Copies the vertex of each path that splits to the row of its second branch, which gets random numbers of its own."""
+    """Copies the vertices of paths that split to the pool rows of their second branches, which get new random numbers."""
     others = rows + SECOND
     own = gather(pool, rows, Sample)
     pixel = second_branch_stream(stream).pixel
@@ -130,7 +130,7 @@ def _copy_vertices(scene, pool, rows, stream, facet, shading):
 
 @device
 def _list_branches(pool, lists, which):
-    """Adds the second branches of a list's rows to the list ACTIVE, if they continue."""
+    """Adds the second branches of the paths on the list `which` to the list ACTIVE, if they continue."""
     for k in range(length(lists, which)):
         path = row(lists, which, k)
         if not (pool[at(path + _PATHS, _SURVIVAL)] <= _ZERO):  # NaN propagates, so the film can count it
@@ -140,10 +140,10 @@ def _list_branches(pool, lists, which):
 
 @template
 def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit, second):
-    """Scatters the vertices on one list, see `scatter_vertices`.
+    """Scatters the paths at the vertices on one list: writes their next ray, and the shadow ray towards the sampled light.
 
-    answer: the function of bsdfs.py for the list. is_lit: None if light sampling finds nothing there. is_surface: False in a
-    medium. lit, second: as for `scatter_vertices`.
+    answer: the function of bsdfs.py for this list's materials. is_lit: None if light sampling finds nothing for them. is_surface:
+    False in a medium. lit, second: as for `scatter_vertices`.
     """
     taken = _splitting(pool, lists, which) if second else which
     for k in range(0, pad(lists, taken), 8):
@@ -233,10 +233,10 @@ def _scatter_in_medium(scene, pool, lists, options, lit, second):
 
 @subroutine
 def scatter_vertices(scene, pool, lists, options, lit, second):
-    """Scatters all listed vertices: writes the path's next ray, and the shadow ray towards the sampled light.
+    """Scatters the paths at all listed vertices: writes their next ray, and the shadow ray towards the sampled light.
 
-    lit: whether light sampling can find anything in the scene. second: True: only starts the second branches of splitting paths
-    (steps/splitting.py).
+    lit: whether light sampling can find anything in the scene. second: True to start only the second branches of paths that split
+    at their vertex (steps/splitting.py).
     """
     never_inline()
     if scene.has.layers is not None and length(lists, _RARE) > 0:
@@ -254,10 +254,7 @@ def scatter_vertices(scene, pool, lists, options, lit, second):
 
 
 def kinds_of_scattering(has: Any) -> list[Any]:
-    """Returns the functions that `scatter_vertices` calls for scenes with these features.
-
-    First those that are slowest to compile.
-    """
+    """Returns the functions that `scatter_vertices` calls for scenes with these features, the slowest to compile first."""
     rare = [_scatter_rare] if has.layers is not None else []
     in_medium = [_scatter_in_medium] if has.media is not None else []
     return [*rare, *in_medium, _scatter_metallic_roughness, _scatter_conductor, _scatter_specular, _scatter_diffuse]

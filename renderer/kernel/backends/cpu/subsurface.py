@@ -42,7 +42,7 @@ _SURVIVAL = column(Outcome, "survival")
 
 @device
 def _store_exit(pool, path, surface, which):
-    """Writes the exit of a walk to the path's row: a white diffuse vertex, seen along its normal."""
+    """Writes the exit point of a subsurface walk to the path's row of the pool: a white diffuse vertex, seen along its normal."""
     n = surface.shading
     s, t = vec.basis(n)
     ray = gather(pool, path, Ray)
@@ -56,9 +56,10 @@ def _store_exit(pool, path, surface, which):
 
 @subroutine
 def trace_subsurface(scene, alone, pool, lists, options):
-    """Decides for each listed path whether it enters the surface, and walks to its exit.
+    """Decides for each path on SUBSURFACE_VERTICES whether it enters the body, and walks to its exit.
 
-    Adds the path to the list of its scattering model there, and to the list for light sampling.
+    Adds the path to the list of the scattering model at the exit (or at its vertex if it does not enter), and to the list for
+    light sampling.
     """
     never_inline()
     layers = local_floats(LAYER_SLOTS)

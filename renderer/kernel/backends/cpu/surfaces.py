@@ -1,4 +1,4 @@
-"""Processes the ends of rays: adds environment light and emission, and prepares surfaces for scattering."""
+"""Processes the hits and misses of rays: adds emission and environment light, and prepares surfaces for scattering."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def shade_misses(scene, pool, lists, options, is_recorded):
 
 @device
 def _list_of(scene, material, kind, roughness):
-    """Returns the list on which a vertex is scattered, by its material."""
+    """Returns the number of the list on which a vertex is scattered, which depends on its material."""
     smooth = (kind == _CONDUCTOR) & (roughness <= SMOOTH_GLASS)
     which = where(kind == _DIFFUSE, _TO_DIFFUSE, where(kind == _METALLIC_ROUGHNESS, _TO_METALLIC_ROUGHNESS, _TO_SPECULAR))
     which = where((kind == _CONDUCTOR) & not_(smooth), _TO_CONDUCTOR, which)
@@ -121,7 +121,7 @@ def _list_of(scene, material, kind, roughness):
 
 @device
 def _store_appearance(scene, pool, rows, surface, through, parameters, eta, frame):
-    """Writes the vertices' materials and shading frames to the rows, in scenes with textures."""
+    """Writes the materials and shading frames of the paths' vertices to their rows of the pool, in scenes with textures."""
     if scene.has.textures is not None:
         s, t, n = frame
         none = zero_like(eta)
@@ -136,7 +136,7 @@ def _store_appearance(scene, pool, rows, surface, through, parameters, eta, fram
 
 @subroutine
 def _arrive(scene, pool, lists, which, options, is_recorded):
-    """Processes the surfaces that the paths on one list have hit; see `shade_hits`."""
+    """Processes the surfaces hit by the paths on one list: adds emission, and lists the paths by their scattering model."""
     never_inline()
     for k in range(0, pad(lists, which), 8):
         rows = eight_rows(lists, which, k)
@@ -198,7 +198,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
 
 @subroutine
 def shade_hits(scene, pool, lists, options, is_recorded):
-    """Processes the surfaces that were hit: adds emission, and lists the paths by their scattering model.
+    """Processes the surfaces that the rays have hit: adds emission, and lists the paths by their scattering model.
 
     is_recorded: whether a path is being recorded.
     """

@@ -1,4 +1,4 @@
-"""The state of a ray's traversal in its path's row: its initialisation for eight rays at a time, and the rays' stacks."""
+"""The state of each ray's BVH traversal, stored in its path's row of the pool, and the rays' traversal stacks."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _1, _2 = np.uintp(1), np.uintp(2)
 
 
 def new_stacks() -> npt.NDArray[np.float32]:
-    """Returns the traversal stacks of all rows, with a sentinel below each ray's first entry."""
+    """Returns the traversal stacks for all rows of the pool, with a sentinel below each ray's first entry."""
     stack = line_floats(STACK_SIZE)
     stack.view(np.int32)[WIDTH : int(LEVEL) : _ENTRY] = NEVER
     return stack
@@ -70,7 +70,7 @@ def load_vector(pool, place):
 
 @device
 def load_index(array, place):
-    """Returns the integer at a flat index, as an array index."""
+    """Returns the integer at a flat index of an array, converted to an array index."""
     return np.uintp(np.uint32(load_int(array, place)))
 
 
@@ -78,8 +78,8 @@ def load_index(array, place):
 def start_traversal(pool, rows, o, d, best, root):
     """Initialises the traversal of eight rays at a tree node.
 
-    rows: the paths' rows, u32x8. o, d: origins and directions, three f32x8 each. best: initial value of BEST or OCCLUDED, f32x8.
-    root: the node's number, u32x8.
+    rows: the paths' rows of the pool, u32x8. o, d: origins and directions, three f32x8 each. best: initial value of the columns
+    BEST (closest distance) or OCCLUDED, f32x8. root: the node's number, u32x8.
     """
     ray = ray_constants(o, d, as_wide(_WIDTH, best))
     top = rows * np.uint32(_ENTRY)

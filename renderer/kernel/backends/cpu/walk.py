@@ -79,7 +79,10 @@ def _lanes(pool, place):
 
 @device
 def _boxes(node, base, pool, path, t_max):
-    """Returns `intersect_boxes` for the ray of a row. path: the row's flat offset."""
+    """Returns which child boxes of a node the ray hits, and at which distances (`intersect_boxes`).
+
+    path: flat offset in the pool of the ray's row. t_max: the distance up to which boxes count.
+    """
     k = path + PLANES
     planes = load_index(pool, k), load_index(pool, k + _1), load_index(pool, k + _2)
     inverse, near, far = _lanes(pool, path + INVERSE), _lanes(pool, path + NEAR), _lanes(pool, path + FAR)
@@ -88,7 +91,11 @@ def _boxes(node, base, pool, path, t_max):
 
 @device
 def _go_on(bvh, pool, lists, number, path, child, top, over):
-    """Appends a ray to the list of its next step. over: whether its traversal has ended."""
+    """Appends a ray to the list of its next traversal step: node, triangle packet, other leaf, or end.
+
+    number: the ray's row of the pool. path: the row's flat offset. child: the node or leaf to visit. top: the stack's top. over:
+    whether the traversal has ended.
+    """
     prefetch_child(bvh, child, _NEARBY)
     store_int(pool, path + CHILD, child)
     store_int(pool, path + TOP, np.int32(top))
@@ -124,7 +131,10 @@ def _pop_any(node, stack, top):
 
 @device
 def _pop(node, pool, path, stack, closest):
-    """Pops the next child for the ray of a row: (child, the stack's new top, True if the traversal has ended)."""
+    """Pops the next child to visit from a ray's stack: (child, the stack's new top, True if the traversal has ended).
+
+    path: flat offset in the pool of the ray's row.
+    """
     if closest is not None:
         return _pop_nearest(node, stack, load_index(pool, path + TOP), key_limit(pool[path + BEST]))
     child, top, over = _pop_any(node, stack, load_index(pool, path + TOP))
@@ -133,7 +143,7 @@ def _pop(node, pool, path, stack, closest):
 
 @device
 def _send_on(bvh, pool, stack, lists, which, count, closest):
-    """Pops the next child for the first `count` rays of a cleared list, and appends each ray to the list of its next step.
+    """Pops the next child for each of the first `count` rays of a cleared list, and lists the ray for its next traversal step.
 
     This is a separate loop because the number of stack entries dropped is unpredictable: a misprediction here discards only this
     little work, not the box and triangle tests of following rays.
@@ -147,7 +157,7 @@ def _send_on(bvh, pool, stack, lists, which, count, closest):
 
 @subroutine
 def _visit_nodes(bvh, pool, stack, lists, closest):
-    """Intersects the rays on the list NODES with the boxes of their nodes, and pushes the children that they hit."""
+    """Intersects the rays on the list NODES with the child boxes of their current node, and pushes the children that they hit."""
     never_inline()
     count = length(lists, NODES)
     clear(lists, NODES)
@@ -177,7 +187,10 @@ def _visit_nodes(bvh, pool, stack, lists, closest):
 
 @device
 def _axes_of(pool, path):
-    """Returns (rows of the axes, shear, origin) of the ray of a row, for `intersect_triangles`."""
+    """Returns (order of the axes, shear, origin) of a ray for `intersect_triangles`.
+
+    path: flat offset in the pool of the ray's row.
+    """
     k = path + AXES
     return (
         (load_index(pool, k), load_index(pool, k + _1), load_index(pool, k + _2)),
@@ -188,13 +201,16 @@ def _axes_of(pool, path):
 
 @device
 def _keep(pool, place, nearer, value):
-    """Stores a float if `nearer` is True. Selects between integers, since for floats the compiler emits a branch."""
+    """Writes `value` to a flat index of the pool if `nearer` is True.
+
+    Selects between integers, since for floats the compiler emits a branch.
+    """
     store_int(pool, place, select(nearer, np.int32(as_ints(value)), load_int(pool, place)))
 
 
 @device
 def _test_packets(bvh, motion, alone, pool, stack, lists, count):
-    """Intersects the first `count` listed rays with the triangles of their packets; stores the results for `_keep_nearest`.
+    """Intersects the first `count` rays of PACKETS with the triangles of their packet; stores the distances for `_keep_nearest`.
 
     This is a separate loop because the minimum over eight lanes and the lookup of its lane form a chain of short dependent steps,
     whose waiting instructions would fill the reorder buffer and keep the processor from starting the next ray.
@@ -214,7 +230,7 @@ def _test_packets(bvh, motion, alone, pool, stack, lists, count):
 
 @device
 def _tie(bvh, pool, path):
-    """Returns `tie_of` for the current hit of a row's ray."""
+    """Returns the tie-breaking key (`tie_of`) of a ray's current hit. path: flat offset in the pool of the ray's row."""
     tie = load_int(pool, path + _PRIMITIVE)
     if bvh.instances is not None:
         tie = tie_of(load_int(pool, path + _INSTANCE), tie)
@@ -223,7 +239,7 @@ def _tie(bvh, pool, path):
 
 @device
 def _keep_nearest(bvh, pool, stack, lists, count):
-    """Replaces each ray's hit by its nearest stored intersection, if that is nearer."""
+    """Replaces the hit of each ray tested by `_test_packets` by the nearest intersection in its packet, if that is nearer."""
     for k in range(count):
         path, held = at(row(lists, PACKETS, k), np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
         best = pool[path + BEST]
@@ -241,7 +257,7 @@ def _keep_nearest(bvh, pool, stack, lists, count):
 
 @device
 def _occlude(bvh, motion, alone, pool, lists, count):
-    """Tests the first `count` listed shadow rays against the triangles of their packets."""
+    """Tests whether the triangles of their packets occlude the first `count` shadow rays on the list PACKETS."""
     for k in range(count):
         number = row(lists, PACKETS, k)
         path = at(number, np.uintp(0))
@@ -253,7 +269,7 @@ def _occlude(bvh, motion, alone, pool, lists, count):
 
 @subroutine
 def _visit_packets(bvh, motion, alone, pool, stack, lists, closest):
-    """Intersects the rays on the list PACKETS with the triangles of their packets."""
+    """Intersects the rays on the list PACKETS with the triangles of their packets, and lists each for its next traversal step."""
     never_inline()
     count = length(lists, PACKETS)
     clear(lists, PACKETS)
@@ -267,7 +283,7 @@ def _visit_packets(bvh, motion, alone, pool, stack, lists, closest):
 
 @device
 def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
-    """Intersects a row's ray with a packet of spheres, and updates its hit."""
+    """Intersects a ray with a packet of spheres, and updates the ray's hit. path: flat offset in the pool of the ray's row."""
     place = place_at(bvh, leaf, alone, time)
     hit, t = intersect_spheres(place, load_vector(pool, path + _O), load_vector(pool, path + _D), best * MORE, None, None, None)
     distance, lane = nearest(hit, t)
@@ -282,7 +298,10 @@ def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
 
 @device
 def _meet_instance(bvh, alone, pool, path, instance, best, time):
-    """Intersects a row's ray with an instance, whose tree this ray traverses separately, and updates its hit."""
+    """Intersects a ray with an instance, and updates the ray's hit. path: flat offset in the pool of the ray's row.
+
+    The instance's tree is traversed by this ray singly.
+    """
     o, d = load_vector(pool, path + _O), load_vector(pool, path + _D)
     holder = load_int(pool, path + _INSTANCE)
     found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best, holder, time, None, FACING)
@@ -296,7 +315,10 @@ def _meet_instance(bvh, alone, pool, path, instance, best, time):
 
 @device
 def _occlude_by_others(bvh, alone, pool, path, leaf, time):
-    """Tests a row's shadow ray against an instance or a packet of spheres."""
+    """Tests whether an instance or a packet of spheres, `leaf`, occludes a shadow ray.
+
+    path: flat offset in the pool of the ray's row.
+    """
     o = load_vector(pool, path + _START)
     d = vec.sub(load_vector(pool, path + _END), o)
     if bvh.instances is not None and leaf & INSTANCE:
@@ -308,7 +330,7 @@ def _occlude_by_others(bvh, alone, pool, path, leaf, time):
 
 @subroutine
 def _visit_others(bvh, motion, alone, pool, stack, lists, closest):
-    """Intersects the rays on the list OTHERS with packets of spheres and with instances."""
+    """Intersects the rays whose next leaf is an instance or a packet of spheres (list OTHERS) with that leaf."""
     never_inline()
     count = length(lists, OTHERS)
     clear(lists, OTHERS)
@@ -327,11 +349,11 @@ def _visit_others(bvh, motion, alone, pool, stack, lists, closest):
 
 @device
 def traverse_rays(bvh, motion, alone, pool, stack, lists, closest):
-    """Traces the rays on the list NODES. When they end, they are on the list ENDED.
+    """Traverses the BVH with all rays on the list NODES until each is on the list ENDED.
 
-    closest: CLOSEST: finds the closest hits, and writes RowHit, and the distance to BEST; None: tests whether shadow rays are
-    occluded, and writes OCCLUDED. The rays must be prepared by `start_traversal` (traversal_state.py). motion: as in
-    renderer/arrays/scene_features.py. alone: from `new_stack`, for rays traced singly. stack: from `new_stacks`.
+    closest: CLOSEST to find the closest hits, written to RowHit, with their distance in BEST; None to test whether shadow rays
+    are occluded, written to OCCLUDED. The rays must be prepared by `start_traversal` (traversal_state.py). motion: None for a
+    scene without motion. alone: the stack (from `new_stack`) for rays traced singly. stack: the stacks from `new_stacks`.
     """
     while length(lists, NODES) + length(lists, PACKETS) + length(lists, OTHERS) > 0:
         _visit_nodes(bvh, pool, stack, lists, closest)

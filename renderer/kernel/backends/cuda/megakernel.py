@@ -32,7 +32,7 @@ _BAD, _RAYS = np.uintp(BAD), np.uintp(RAYS)
 
 
 class Job(NamedTuple):
-    """The argument of the kernel: the samples of a tile to render, and the arrays to which they are added."""
+    """The argument of the GPU kernel: the samples of a tile to render, and the arrays to which they are added."""
 
     scene: Any
     camera: Any
@@ -44,7 +44,7 @@ class Job(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """The samples of one pixel that a thread renders, with the fields of Batch."""
+    """The samples of one pixel that a GPU thread renders, with the fields of Batch (renderer/kernel/accumulate.py)."""
 
     x: Any
     y: Any
@@ -54,9 +54,9 @@ class _Part(NamedTuple):
 
 
 class _Output(NamedTuple):
-    """A thread's arrays, with the fields of Output (renderer/kernel/accumulate.py).
+    """The arrays to which a GPU thread writes, with the fields of Output (renderer/kernel/accumulate.py).
 
-    They list no bad samples and record no path.
+    They have no room for lists of bad samples or for the record of a path.
     """
 
     sums: Any
@@ -93,7 +93,7 @@ def _local_zeros(typingctx: Any, dtype: Any, shape: Any) -> Any:
 
 @intrinsic
 def _add_atomically(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
-    """Adds a number to an int64 array's flat element `index`, atomically with other threads. Unchecked."""
+    """Adds a number to the flat element `index` of an int64 array, atomically with other threads. The index is not checked."""
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         data = context.make_array(sig.args[0])(context, builder, args[0]).data
@@ -105,7 +105,10 @@ def _add_atomically(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
 
 @subroutine
 def render_thread(job, thread):
-    """Renders the samples of one thread of a Job. thread: its number, below height * width * pieces."""
+    """Renders the samples of one GPU thread, and adds them to the job's film.
+
+    thread: its number, below height * width * pieces.
+    """
     film, batch = job.film, job.batch
     width, pixels = film.shape[2], film.shape[1] * film.shape[2]
     place, piece = thread // job.pieces, thread % job.pieces

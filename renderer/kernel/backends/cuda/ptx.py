@@ -1,4 +1,4 @@
-"""Translates a kernel's LLVM IR to PTX, the assembly language of NVIDIA's driver, without a card, a driver or a toolkit.
+"""Translates a kernel's LLVM IR to PTX, the assembly language of NVIDIA's driver, without a graphics card, a driver or a toolkit.
 
 Numba's front end compiles the kernel as for the CPU, and the NVPTX back end of llvmlite's LLVM translates the result. No sums are
 fused with products here (renderer/fused_multiply_add.py decides that in the source), and divisions and roots are correctly
@@ -73,11 +73,13 @@ _INEXACT = re.compile(r"\b\w+(?:\.\w+)*\.(?:approx|ftz|full)\b[\w.]*|\b(?:add|su
 
 
 class InexactError(Exception):
-    """Raised if a kernel contains an operation whose result on a card differs from the CPU's, or whose code is missing."""
+    """Raised if a kernel contains an operation whose result on a GPU differs from the CPU's, or whose code is missing."""
 
 
 def linked_module(dispatcher: Any, signature: tuple[Any, ...]) -> tuple[llvm.ModuleRef, str]:
-    """Compiles a subroutine (renderer/jit.py); returns the LLVM module with all functions that it calls, and its name in it."""
+    """Compiles a subroutine (renderer/jit.py) to LLVM; returns (module with all functions that it calls, the subroutine's name in
+    it).
+    """
     dispatcher.compile(signature)
     library = dispatcher.overloads[signature].library
     module = llvm.parse_bitcode(library._final_module.as_bitcode())
@@ -103,10 +105,10 @@ def _retargeted(text: str) -> llvm.ModuleRef:
 
 
 def card_module(module: llvm.ModuleRef, name: str, size: int) -> llvm.ModuleRef:
-    """Returns the optimised LLVM module of the card's kernel, KERNEL(job, number of threads).
+    """Returns the optimised LLVM module of the GPU kernel, whose entry is KERNEL(job, number of threads).
 
-    module, name: from `linked_module`, of a function of a reference to a job and a thread's number. size: of a job in bytes.
-    Raises InexactError if it contains an operation that a card lacks.
+    module, name: from `linked_module`, for a subroutine that takes a reference to a job and a thread's number. size: of a job in
+    bytes. Raises InexactError if the module contains an operation that a graphics card lacks.
     """
     card = _retargeted(_PREFETCH.sub("", str(module)))
     declared = {each.name for each in card.functions if each.is_declaration}
@@ -128,7 +130,7 @@ def card_module(module: llvm.ModuleRef, name: str, size: int) -> llvm.ModuleRef:
 
 
 def emit_ptx(card: llvm.ModuleRef) -> str:
-    """Returns the PTX of a module. Raises InexactError if it contains an inexact operation."""
+    """Returns the PTX of a GPU module from `card_module`. Raises InexactError if it contains an inexact operation."""
     ptx = _machine().emit_assembly(card)
     check_exact(ptx)
     return str(ptx)

@@ -1,4 +1,4 @@
-"""Stores a path's first hit in an array of the caller. In the integrator's loop its values would occupy registers."""
+"""Stores a path's first hit in an array, because in the integrator's loop its values would occupy registers."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def forget_first_hit(first):
 
 @device
 def store_first_hit(first, hit):
-    """Stores a FirstHit in the array."""
+    """Stores a FirstHit in the array `first`, (FIRST_HIT_SLOTS,) float32."""
     _scatter(first, _ONLY, hit)
 
 
 @device
 def is_finite_first_hit(first):
-    """Returns True if no real number of the stored FirstHit is NaN or infinite."""
+    """Returns True if no real number of the FirstHit stored in `first` is NaN or infinite."""
     zero = _ZERO
     for k in range(len(MEANS)):
         zero += first[MEANS[k, 0]] * _ZERO
@@ -45,7 +45,7 @@ def is_finite_first_hit(first):
 
 @device
 def add_first_hit(sums, y, x, first, sample, scale, origin):
-    """Adds the stored FirstHit to a pixel's sums. origin: see Batch."""
+    """Adds the FirstHit stored in `first` to the sums of pixel (x, y). origin: see Batch (renderer/kernel/accumulate.py)."""
     for k in range(len(MEANS)):
         sums[MEANS[k, 1], y, x] += fixed(first[MEANS[k, 0]], scale)
     if first[_DISTANCE] > _ZERO:

@@ -1,6 +1,6 @@
-"""Light found by one path: emission that its ray hits, and light samples at its vertices.
+"""Light found by a single path: emission that its ray hits, and light samples at its vertices.
 
-`weigh_hit` and `weigh_light` are the MIS weights of a strategy to find light, see `trace_path`.
+`weigh_hit` and `weigh_light` are functions that return MIS weights; see `trace_path` in path.py.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def add_environment(scene, ray, path, last, options, time, weigh_hit):
 
 @template
 def add_emission(scene, surface, through, ray, path, last, options, time, weigh_hit):
-    """Returns the path with the emission of the surface hit added. through: whether the path passes through the surface."""
+    """Returns the path with the emission of the surface hit added. through: whether the path passes through that surface."""
     if is_emissive(surface) and ray.pdf >= _ZERO and counts_emission(scene, surface, through):
         seen = emitted_light(scene, surface, _YES, ray, last, time)
         weight = weigh_hit(options, ray, path, last, surface.point, seen.light_pdf)
@@ -59,7 +59,7 @@ def add_emission(scene, surface, through, ray, path, last, options, time, weigh_
 
 @template
 def add_direct(scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light):
-    """Returns (the path with the direct light at its vertex, number of shadow rays)."""
+    """Samples the direct light at a path's vertex; returns (the path with that light added, number of shadow rays)."""
     surface = vertex.surface
     s, t, n = vertex.frame
     rays = 0

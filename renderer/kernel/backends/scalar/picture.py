@@ -1,4 +1,4 @@
-"""The path tracer for pictures, one path at a time: multiple importance sampling by the power heuristic."""
+"""The path tracer for images, one path at a time: multiple importance sampling by the power heuristic."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The end of a path's ray: a surface that it passes, or a vertex where it scatters. One path at a time."""
+"""Processing of a single path's hit: a surface that the ray passes through, or a vertex where the path scatters."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _TRANSMITS, _SCATTERS_WITHIN = np.uint32(TRANSMITS), np.uint32(SCATTERS_WITHIN)
 
 @device
 def reach_surface(scene, surface, path, last, row, stream, options, time):
-    """Returns (whether the path passes through the surface that it hit, the path with its throughput at the surface).
+    """Returns (whether the path passes through the surface that it hit, the path with its throughput at that surface).
 
     row: number of surfaces hit before, a float.
     """
@@ -40,9 +40,9 @@ def reach_surface(scene, surface, path, last, row, stream, options, time):
 
 @device
 def surface_vertex(scene, surface, ray, path, stream, layers, time):
-    """Returns (the path's Vertex on a surface, the path).
+    """Returns (the Vertex at the surface that a path hit, the path).
 
-    If the material is dispersive, the path is reduced to one colour channel. layers: (LAYER_SLOTS,) float32, receives the
+    If the material is dispersive, the returned path has a single colour channel. layers: (LAYER_SLOTS,) float32, receives the
     parameters of rarer materials.
     """
     towards_viewer = vec.neg(ray.d)
@@ -68,9 +68,9 @@ def medium_vertex(scene, ray, event, layers):
 
 @device
 def subsurface_vertex(scene, stack, vertex, path, stream, time):
-    """Returns (the Vertex at which the path scatters, the path): both unchanged, or those at the exit of a subsurface walk.
+    """Returns (the Vertex at which the path scatters, the path), after a subsurface walk if the path enters the body.
 
-    The throughput is 0 if the walk was absorbed.
+    Both are unchanged if it does not enter. The throughput is 0 if the walk was absorbed.
     """
     material, n = vertex.material, vertex.frame[2]
     if material.kind == MEDIUM or not has_flag(scene, vertex.surface.material, _SCATTERS_WITHIN):

@@ -67,7 +67,10 @@ def transmittance(scene, stack, start, end, transparent, layers, time=None):
 
 @device
 def shadow_transmittance(scene, stack, shadow, counts, options, time):
-    """Returns the transmittance, rgb, along a ShadowRay. counts: those of the path's Crossings. time: shutter time."""
+    """Returns the transmittance, rgb, along a ShadowRay. counts: the path's depth counts, from its Crossings.
+
+    time: shutter time.
+    """
     layers = layers_left(counts, options)
     if scene.has.media is not None and options.transparent:
         return transmittance_rgb(scene, stack, shadow.start, shadow.end, shadow.medium_stack, layers, time)
