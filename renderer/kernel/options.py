@@ -32,7 +32,7 @@ NO_MISTAKE, LIGHT_CUTOFF, ATTENUATION = (np.int32(MISTAKES.index(name)) for name
 
 
 class Options(NamedTuple):
-    """The kernel's settings. Names are replaced by their indices in the tuples of renderer/settings.py."""
+    """The kernel's settings. Names of choices are replaced by their indices in the tuples of renderer/settings.py."""
 
     seed: np.uint32
     sampler: np.int32
@@ -59,7 +59,7 @@ class Options(NamedTuple):
 
 
 def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
-    """Returns the kernel's settings, with the properties of the whole scene that kernels need."""
+    """Returns the kernel's settings, including the properties of the whole scene that kernels need."""
     red, green, blue = settings.ambient
     limits = [_limit(settings, name) for name in ("diffuse_depth", "glossy_depth", "transmission_depth", "transparency_depth")]
     diffuse, glossy, transmission, transparency = limits
@@ -90,7 +90,7 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
 
 
 def _limit(settings: RenderSettings, name: str) -> float:
-    """Returns a depth limit by kind; infinite if it is switched off, or if the integrator ignores it.
+    """Returns the depth limit `name` for one kind of bounce; infinite if it is switched off, or if the integrator ignores it.
 
     The largest transmission depth needs no counter: the upper bound of uncounted segments enforces it.
     """
@@ -103,7 +103,7 @@ def _limit(settings: RenderSettings, name: str) -> float:
 def is_special(settings: RenderSettings) -> bool:
     """Returns True if the settings need the scalar path tracer of lineage/path.py.
 
-    They are: other strategies to find light, deliberate errors, or several light samples per vertex.
+    It is needed for alternative strategies to find light, deliberate errors, and several light samples per vertex.
     """
     plain = settings.sampling == "mis" and settings.heuristic == "power"
     return not plain or settings.mistake != "" or settings.light_samples > 1

@@ -1,6 +1,6 @@
-"""The record of one path for inspection of a pixel: a row of numbers for each surface or medium event that its ray hit.
+"""The record of one path, for inspection of a pixel: a table with a row for each surface or medium event on the path.
 
-Integrators fill it if they are given rows. Frames are rendered without rows by the same machine code, so the record has the same
+Integrators fill the record if it has rows. Frames are rendered without rows by the same machine code, so the record has the same
 bits as the film.
 """
 
@@ -65,7 +65,7 @@ def _record(log, row, kind, distance, point, normal, ray, path):
 def record_surface(log, row, surface, point, through, distance, ray, path):
     """Records the surface hit by the path's ray, the throughput on arrival, and whether the path passed through the surface.
 
-    log: the rows; a row beyond the last is not recorded. row: an integer, or a float without fraction.
+    log: the record; nothing is recorded beyond its last row. row: index of the row, an integer, or a float without fraction.
     """
     entry = np.int64(row)
     if entry < len(log):
@@ -107,9 +107,10 @@ def _record_light(log, row, column, radiance):
 
 @device
 def record_light(log, row, column, radiance):
-    """Records the accumulated radiance: in columns from EMITTED on, with the vertex's emission.
+    """Records the accumulated radiance in three columns of the record's row.
 
-    From DIRECT on, with direct light. log, row: as for `record_surface`.
+    column: EMITTED for the radiance including the vertex's emission, DIRECT for that including its direct light. log, row: as for
+    `record_surface`.
     """
     entry = np.int64(row)
     if entry < len(log):
@@ -118,7 +119,7 @@ def record_light(log, row, column, radiance):
 
 @subroutine
 def record_second_branch(log, radiance):
-    """Records the radiance of the second branch, which splits from the recorded path at its first vertex (splitting.py)."""
+    """Records the radiance of the second branch, which splits from the recorded path at its first vertex (steps/splitting.py)."""
     never_inline()
     for row in range(len(log)):
         if log[row, KIND] == SURFACE or log[row, KIND] == IN_MEDIUM:

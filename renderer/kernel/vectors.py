@@ -1,7 +1,7 @@
 """Inputs of motion vectors: world positions, at shutter opening, middle and closing, of the points seen at pixel centres.
 
 One ray per pixel is traced through the centres of pixel and lens, at the middle of the shutter. Positions are computed in float64
-at the keys, so that their difference has no float32 rounding noise.
+at the shutter's keys, so that their difference has no float32 rounding noise.
 """
 
 from __future__ import annotations
@@ -30,13 +30,19 @@ _MIDDLE = (_HALF, _HALF)
 
 @device
 def _key(keys, time):
-    """Returns the index of the key at the opening, middle or closing of the shutter. keys: number of keys, odd."""
+    """Returns the index of the key at the opening, middle or closing of the shutter, as `time` selects.
+
+    keys: number of keys, odd.
+    """
     return 0 if time == _OPENS else keys - 1 if time == _CLOSES else keys // 2
 
 
 @device
 def _row(fixed, moving, keys, i, time):
-    """Returns the first three columns of row i at a time: from `moving` for the last rows, which have keys, else from `fixed`."""
+    """Returns the first three columns of vertex row i at the opening, middle or closing of the shutter.
+
+    The row is in `moving` if it is one of the last rows, which have keys, else in `fixed`.
+    """
     count = len(moving) // keys if keys > 0 else 0
     first = len(fixed) - count
     if i < first:
@@ -55,7 +61,7 @@ def _radius(scene, i, time):
 
 @subroutine
 def _of_triangle(scene, hit, time):
-    """Returns the world position of a triangle's hit point at a time, float64."""
+    """Returns the world position, float64, of a triangle's hit point at the opening, middle or closing of the shutter."""
     never_inline()
     keys = np.int64(scene.bvh.keyed_packets[1])
     corners = scene.triangle[hit.primitive]
@@ -88,7 +94,7 @@ def _of_triangle(scene, hit, time):
 
 @subroutine
 def _of_sphere(scene, hit, o, d, time):
-    """Returns the world position of a sphere's hit point at a time, float64.
+    """Returns the world position, float64, of a sphere's hit point at the opening, middle or closing of the shutter.
 
     Spheres do not rotate, so the point's direction from the centre is constant.
     """

@@ -111,13 +111,16 @@ def _sample_parallelogram(scene, light, number, area, p, n, u, time):
 
 @device
 def choose_light(scene, p, n, choice):
-    """Chooses a light other than the environment: (light number, probability). The probability is 0 if no light reaches p."""
+    """Chooses a light other than the environment for point p with normal n; returns (light number, its probability).
+
+    The probability is 0 if no light reaches p. choice: a random number in [0, 1).
+    """
     return _choose_light(scene, p, n, choice, as_wide(True, choice))
 
 
 @device
 def _choose_light(scene, p, n, choice, wanted):
-    """Returns `choose_light` in the lanes where `wanted` is True; any valid light in the others."""
+    """Chooses a light as `choose_light` does in the lanes where `wanted` is True; returns any valid light in the others."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
         light, chance = each_lane(sample_light_tree, wanted, (scene.light_node, p, n, choice))
         return u32(light), chance
@@ -216,7 +219,7 @@ def sample_light(scene, p, n, choice, u, time=None):
 
 @device
 def sample_by_power(scene, p, n, choice, u, time):
-    """Returns `sample_light` for scenes without a light tree, in which lights are chosen by power."""
+    """Samples direct light as `sample_light` does, for scenes without a light tree, in which lights are chosen by power."""
     light, chance = as_wide(_FIRST, choice), zero_like(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
@@ -229,7 +232,7 @@ def sample_by_power(scene, p, n, choice, u, time):
 def sample_chosen(scene, p, n, choice, u, light, chance, time):
     """Samples the environment if `choice` selects it, else the given light; returns a LightSample, see `sample_light`.
 
-    light, chance: the light chosen beforehand and its probability; 0 if there is none.
+    light, chance: number of the light chosen beforehand and its probability; the probability is 0 if there is none.
     """
     environment_chance = scene.environment_frame[3]
     from_far = choice < environment_chance

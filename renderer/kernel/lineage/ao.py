@@ -37,10 +37,10 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 
 @template
 def trace_ao(scene, stack, camera, medium_stack, options, log, first):
-    """Traces one ambient occlusion sample, see `trace_path`: 1 if no surface is within options.ao_distance, else 0.
+    """Traces one ambient occlusion sample: returns 1 if no surface is within options.ao_distance of the first hit, else 0.
 
-    The direction is cosine-weighted. Camera rays that miss return 1. The expectation is 1 for a convex body, and 1 - D^2 / 4
-    inside the unit sphere at an ao_distance D of up to 2.
+    Parameters and result are those of `trace_path`. The direction is cosine-weighted. Camera rays that miss return 1. The
+    expectation is 1 for a convex body, and 1 - D^2 / 4 inside the unit sphere at an ao_distance D of up to 2.
     """
     ray, path = camera_path(camera.o, camera.d)
     last, crossings, time = LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start), camera.time

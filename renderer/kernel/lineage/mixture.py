@@ -115,8 +115,8 @@ def sample_towards(scene, primitive, p, u):
 def mixture_bounce(scene, p, frame, material, wo, choose, u):
     """Samples a direction from the mixture: (wi, weight, pdf, radiance scale), like `sample_material`.
 
-    The pdf is 0, so that emission that the ray hits has the full weight. p: the point. frame: its shading frame (s, t, n).
-    Discrete directions come only from the material's half.
+    The returned pdf is 0, so that emission hit by the ray has the full MIS weight. p: the point. frame: its shading frame (s, t,
+    n). Discrete directions come only from the material's half.
     """
     never_inline()
     s, q, n = frame

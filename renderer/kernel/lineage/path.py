@@ -1,4 +1,4 @@
-"""The path tracer that follows one path at a time, with a selected strategy to find light, or a deliberate error."""
+"""A path tracer that follows one path at a time, with a selected strategy to find light, or with a deliberate error."""
 
 from __future__ import annotations
 

@@ -31,7 +31,10 @@ _FARTHEST = np.float32(1e30)  # squared distance; farther points are the environ
 
 @device
 def heuristic_weight(heuristic, a, b):
-    """Returns the MIS weight by the selected heuristic: the power heuristic, or balance, a / (a + b)."""
+    """Returns the MIS weight of a sample with density a, where the other strategy has density b.
+
+    heuristic: selects the power heuristic, or the balance heuristic, a / (a + b).
+    """
     if heuristic == BALANCE:
         a = min(max(a, LEAST_PDF), MOST_PDF)
         return a / (a + min(b, MOST_PDF))
@@ -40,9 +43,10 @@ def heuristic_weight(heuristic, a, b):
 
 @device
 def weigh_hit(options, ray, path, last, point, light_pdf):
-    """Returns the weight of light that a path hits, under the selected heuristic and mistake; see `hit_weight` of steps/mis.py.
+    """Returns the weight of light that a path hits, under the selected heuristic and deliberate error; see `hit_weight` in
+    steps/mis.py.
 
-    point: the light's position; None for the environment, which no mistake changes.
+    point: the light's position; None for the environment, which no deliberate error changes.
     """
     weight = heuristic_weight(options.heuristic, ray.pdf, light_pdf) if ray.pdf > _ZERO else _ONE
     if point is not None and options.mistake != NO_MISTAKE and path.number > _ZERO:
@@ -52,7 +56,7 @@ def weigh_hit(options, ray, path, last, point, light_pdf):
 
 @device
 def weigh_light(options, light, scatter_pdf, branches, point):
-    """Returns the weight of a light sample at `point` under the selected strategy; see `light_weight` of steps/mis.py."""
+    """Returns the weight of a light sample at `point` under the selected strategy; see `light_weight` in steps/mis.py."""
     weight = _ZERO
     if branches == _ZERO or options.sampling == LIGHT:
         weight = _ONE
@@ -67,8 +71,8 @@ def weigh_light(options, light, scatter_pdf, branches, point):
 def _uniform_bounce(material, wo, choose, u):
     """Samples a direction independently of the material: (wi, weight, radiance scale).
 
-    It is uniform over the hemisphere, or over the sphere if the material transmits. In the latter case a discrete direction of
-    the material is used with probability 1/2, since uniform sampling cannot find it.
+    The direction is uniform over the hemisphere, or over the sphere if the material transmits. For a transmitting material a
+    discrete direction of the material is used with probability 1/2, since uniform sampling cannot find it.
     """
     never_inline()
     both = material.two_sided
@@ -87,9 +91,10 @@ def _uniform_bounce(material, wo, choose, u):
 
 @device
 def sample_direction(scene, vertex, options, choose, u):
-    """Samples a direction by the selected strategy; returns a BsdfSample, whose pdf determines the weight of light hit next.
+    """Samples a direction by the selected strategy; returns a BsdfSample.
 
-    pdf 0: that light has weight 1. Negative pdf: weight 0, since light sampling has added it already.
+    Its pdf determines the weight of light that the ray hits next. pdf 0: that light has weight 1. Negative pdf: weight 0, since
+    light sampling has added that light already.
     """
     material, wo, sampling = vertex.material, vertex.wo, options.sampling
     if sampling == MIXTURE and not is_specular(material):

@@ -95,7 +95,7 @@ def _middle(scene, light):
 
 @device
 def _look_at_light(scene, p, normal, middle, choice, u, time):
-    """Returns `sample_light`; if `middle` is True, with the light sampled at its centre."""
+    """Samples a light as `sample_light` does; if `middle` is True, at the light's centre."""
     chance = scene.environment_frame[3]
     if not middle or choice < chance or len(scene.light_primitive) == 0:
         return sample_light(scene, p, normal, choice, u, time)
@@ -116,7 +116,7 @@ def _is_within(scene, light, p):
 
 @device
 def _is_mirror(material):
-    """Returns True if the material's reflections are followed instead of sampling lights."""
+    """Returns True if the material's reflections are followed (as for mirrors) instead of sampling lights."""
     return is_specular(material) or _is_polished(material)
 
 
@@ -127,9 +127,9 @@ def _add(path, light):
 
 @template
 def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
-    """Traces one sample, see `trace_path`. options.max_depth counts the segments from the camera to the last surface.
+    """Traces one sample by Whitted's algorithm; parameters and result are those of `trace_path`.
 
-    Scattering in media is ignored.
+    options.max_depth counts the segments from the camera to the last surface. Scattering in media is ignored.
     """
     ray, path = camera_path(camera.o, camera.d)
     last, crossings = LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start)
@@ -200,7 +200,7 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
 
 @template
 def _add_direct(scene, stack, vertex, path, crossings, options, stream, time):
-    """Adds direct light at the path's vertex; returns (path, number of shadow rays)."""
+    """Adds direct light at a path's vertex; returns (the path with that light, number of shadow rays)."""
     surface = vertex.surface
     s, t, n = vertex.frame
     rays = 0

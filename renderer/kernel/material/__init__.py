@@ -1,1 +1,1 @@
-"""Materials: parameter rows, texture lookups, normal maps, and dispatch to the BSDF models."""
+"""Materials: the scene's table of parameters, texture lookups, normal maps, and dispatch to the BSDF models."""

@@ -34,7 +34,7 @@ _CODES = np.uint32(256)
 def is_rare(scene, number):
     """Returns a mask of the textures that `image_colors` does not support: those with layers or with 16 bits per channel.
 
-    number: u32x8.
+    number: the textures' indices in the scene, u32x8.
     """
     encoding, _, above = columns(scene.texture, number, TEXTURE_COLUMNS, ENCODING, 3)
     return not_((above == _NO_LAYER) & (encoding < _SIXTEEN_BITS))
@@ -42,7 +42,7 @@ def is_rare(scene, number):
 
 @device
 def _wrapped(i, size, mode):
-    """Returns the texel indices for the integer positions i (int32x8) under the wrap modes."""
+    """Returns the texel indices in 0 ... size - 1 for the integer positions i (int32x8), wrapped as `mode` determines."""
     outside = i >= size
     if any_of(outside):
         at, width = to_float(i), to_float(size)  # below 2**24, so only the quotient is rounded

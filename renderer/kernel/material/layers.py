@@ -58,10 +58,10 @@ def _multiply(m, column, color):
 
 @subroutine
 def resolve(kind, material, textures, base, metallic, roughness, pane, m):
-    """Fills m (LAYER_SLOTS,) with the material's parameters. base, metallic, roughness: already looked up.
+    """Fills m (LAYER_SLOTS,) with the material's parameters, textures looked up.
 
-    pane: whether its glass is thin, without refraction. COAT_NORMAL is set to the shading normal. For a conductor only the
-    parameters from ANISOTROPY on, and its alphas, are filled.
+    base, metallic, roughness: already looked up. pane: whether the material's glass is thin, without refraction. COAT_NORMAL is
+    set to the shading normal. For a conductor only the parameters from ANISOTROPY on, and its alphas, are filled.
     """
     never_inline()
     for column in range(rows.ANISOTROPY if kind == CONDUCTOR else 0, rows.COLUMNS):
@@ -90,9 +90,10 @@ def _resolve_layers(textures, base, metallic, pane, m):
 
 @device
 def _leave_to_inside(m):
-    """Adds the subsurface fraction of diffuse light to the transmitted light, and scales the colour to conserve energy.
+    """Moves the subsurface fraction of diffuse light to the transmitted light, and scales that light's colour to conserve energy.
 
-    kernel/medium/subsurface.py then processes it. SUBSURFACE becomes the fraction of all diffuse light that enters the interior.
+    The transmitted light is then split again in kernel/medium/subsurface.py. SUBSURFACE becomes the fraction of all diffuse light
+    that enters the interior.
     """
     below = m[rows.DIFFUSE_TRANSMISSION]
     inside = (_ONE - below) * m[rows.SUBSURFACE]
@@ -121,7 +122,7 @@ def _look_up(textures, m):
 
 @subroutine
 def _turn(textures, m):
-    """Applies the anisotropy texture to the anisotropy's rotation and strength."""
+    """Rotates and scales the anisotropy in the parameter row m by the anisotropy texture."""
     if textures.slots[textures.material, rows.ANISOTROPY_TEXTURE] >= 0:
         r, g, b, _ = _texel(textures, rows.ANISOTROPY_TEXTURE)
         x = _TWO * r - _ONE
@@ -136,7 +137,7 @@ def _turn(textures, m):
 
 @device
 def _spread(m, roughness):
-    """Sets both alphas (KHR_materials_anisotropy), and the roughness of an isotropic surface with about the same energy loss."""
+    """Sets in m both alphas (KHR_materials_anisotropy) and the roughness of an isotropic surface with similar energy loss."""
     alpha = max(roughness * roughness, MIN_ALPHA)
     strength = m[rows.ANISOTROPY]
     along = alpha + (_ONE - alpha) * strength * strength

@@ -113,7 +113,7 @@ def has_flag(scene, number, flag):
 
 @device
 def texture_factors(scene, number, uv, uv1, time):
-    """Returns the factors of the textures of material `number`: (colour, metallic, roughness).
+    """Returns the factors from the textures of material `number`: (colour, metallic, roughness).
 
     time, in this module: shutter time, 0 ... 1; None for a scene without motion.
     """
@@ -130,7 +130,7 @@ def texture_factors(scene, number, uv, uv1, time):
 
 @device
 def factors_at(scene, surface, time):
-    """Returns `texture_factors` for one surface; 1 if its material has no textures."""
+    """Returns the texture factors (colour, metallic, roughness) at one surface; 1 if its material has no textures."""
     factors = (_ONE, _ONE, _ONE), _ONE, _ONE
     if scene.has.textures is not None and scene.material_flags[surface.material] & rows.TEXTURED != 0:
         factors = texture_factors(scene, surface.material, surface.uv, surface.uv1, time)
@@ -138,7 +138,7 @@ def factors_at(scene, surface, time):
 
 
 class Parameters(NamedTuple):
-    """The parameters that all kinds of materials have, at surface points. For one path or for eight lanes."""
+    """The parameters common to all kinds of materials, at surface points. For one path or for eight lanes."""
 
     base: Any  # rgb
     metallic: Any
@@ -148,7 +148,7 @@ class Parameters(NamedTuple):
 
 @device
 def parameters_at(scene, surface, factors):
-    """Returns the Parameters of surfaces. factors: their `texture_factors`, 1 if they have no textures."""
+    """Returns the Parameters at surfaces. factors: their texture factors, 1 where the material has no textures."""
     base = _rgb(scene.material, surface.material, rows.BASE)
     metallic, roughness, ior = columns(scene.material, surface.material, COLUMNS, rows.METALLIC, 3)
     if scene.has.textures is not None:
@@ -166,7 +166,7 @@ def relative_index(ior, front):
 
 @device
 def dielectric_reflectance(scene, number):
-    """Returns a dielectric's reflectance (at normal incidence, rgb; at grazing incidence)."""
+    """Returns a dielectric's reflectance: (at normal incidence, rgb; at grazing incidence, a number)."""
     grazing = _value(scene.material, number, rows.SPECULAR)
     return vec.scale(_rgb(scene.material, number, rows.F0), grazing), grazing
 
@@ -197,7 +197,7 @@ def fetch_material(scene, surface, frame, layers, time):
 
 @device
 def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, frame, layers, time):
-    """Fills `layers`, (LAYER_SLOTS,) float32, for a material of kind CONDUCTOR or above.
+    """Fills `layers`, (LAYER_SLOTS,) float32, with the looked-up parameters of a material of kind CONDUCTOR or above.
 
     base, metallic, roughness: already looked up. shading: the shading normal. frame: from `shading_frame`.
     """
@@ -259,7 +259,7 @@ def opacity(scene, number, uv, uv1, vertex_alpha, time):
 
 @device
 def _alpha(scene, number, uv, uv1, vertex_alpha, time):
-    """Returns the opacity of a material that may be transparent: alpha, or 0 or 1 for a masked material."""
+    """Returns the opacity of a material that may be transparent: alpha, or for an alpha-masked material 0 or 1."""
     alpha = _value(scene.material, number, rows.OPACITY) * vertex_alpha
     texture = _texture(scene, number, rows.BASE_TEXTURE)
     if texture >= 0:

@@ -32,7 +32,7 @@ _LEAST_TANGENT = np.float32(1e-4)
 
 @subroutine
 def _tangents(n, tangent):
-    """Returns unit vectors (s, t) orthogonal to n, s along the tangent (xyz and the bitangent's sign)."""
+    """Returns unit vectors (s, t) orthogonal to n, s along the tangent. tangent: xyz and the bitangent's sign."""
     along = (tangent[0], tangent[1], tangent[2])
     s = vec.sub(along, vec.scale(n, vec.dot(n, along)))
     square = vec.dot(s, s)
@@ -58,7 +58,10 @@ def _read_normal(color, strength, s, t, n):
 
 @subroutine
 def map_normal(color, strength, s, t, n, geometric, wo):
-    """Returns the normal of `_read_normal`, adjusted to be consistent with the geometric normal and the view direction wo."""
+    """Returns the unit normal encoded by a texel, adjusted to be consistent with the geometric normal and the view direction wo.
+
+    color: the texel's linear values, in the frame (s, t, n). strength: factor of the encoded x and y.
+    """
     return consistent_normal(_read_normal(color, strength, s, t, n), geometric, wo)
 
 
@@ -66,8 +69,8 @@ def map_normal(color, strength, s, t, n, geometric, wo):
 def shading_frame(scene, surface, wo, time):
     """Returns the orthonormal shading frame (s, t, n): n on the viewer's side, s along the tangent where the material needs it.
 
-    Left-handed where the texture is mirrored. wo: unit, towards the viewer, in world space. time: shutter time, 0 ... 1; None for
-    a scene without motion. For one path or for eight lanes.
+    The frame is left-handed where the texture is mirrored. wo: unit, towards the viewer, in world space. time: shutter time, 0
+    ... 1; None for a scene without motion. For one path or for eight lanes.
     """
     n = surface.shading
     s, t = vec.basis(n)
@@ -82,7 +85,7 @@ def shading_frame(scene, surface, wo, time):
 
 @device
 def bent_frame(scene, material, front, tangent, uv, uv1, geometric, n, wo, time):
-    """Returns `shading_frame` for a material with a normal map or tangents, from the fields of the Surface that it needs."""
+    """Returns the shading frame (s, t, n) for a material with a normal map or tangents, from some fields of a Surface."""
     # Seen from behind, the frame is inverted: bumps of the map become dents.
     sign = _ONE if front else -_ONE
     s, t = _tangents(n, (tangent[0] * sign, tangent[1] * sign, tangent[2] * sign, tangent[3] * sign))

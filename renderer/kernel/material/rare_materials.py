@@ -1,4 +1,4 @@
-"""Scattering by the rarer material kinds, from their looked-up parameters, and at vertices in a medium."""
+"""Scattering by the rarer kinds of materials, given their looked-up parameters, and at vertices in a medium."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _WHITE = (_ONE, _ONE, _ONE)
 
 @device
 def _conductor(m):
-    """Returns a conductor's parameters: eta, k, mean Fresnel reflectance, roughness and both alphas."""
+    """Returns a conductor's parameters from its row m: eta, k, mean Fresnel reflectance, roughness and both alphas."""
     return (
         (m[rows.ETA], m[rows.ETA + 1], m[rows.ETA + 2]),
         (m[rows.K], m[rows.K + 1], m[rows.K + 2]),

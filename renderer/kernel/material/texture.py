@@ -28,7 +28,7 @@ LARGE = np.float32(1e6)  # in texels; beyond it float32 has no fraction bits lef
 
 @device
 def _wrap(i, size, mode):
-    """Returns the texel index for position i under the wrap mode."""
+    """Returns the texel index in 0 ... size - 1 for position i, wrapped as `mode` determines."""
     if 0 <= i < size:
         return i
     if mode == CLAMP:
@@ -59,9 +59,9 @@ def _code(texel, row, column):
 
 @device
 def _decoded_16(texel, first, place, encoding):
-    """Returns the linear RGBA of a texel with 16 bits per channel, which occupies two rows.
+    """Returns the linear RGBA of a texel with 16 bits per channel, which occupies two rows of the texel table.
 
-    place: its row if each texel occupied one. first: the texture's first row.
+    first: the texture's first row. place: the texel's row if each texel occupied one.
     """
     row = first + np.int64(2) * (place - first)
     r, g, b, a = _code(texel, row, 0), _code(texel, row, 2), _code(texel, row + 1, 0), _code(texel, row + 1, 2)
@@ -77,7 +77,11 @@ def _from_half(code):
 
 @subroutine
 def _mixed_16(texel, first, a, b, c, d, s, t, encoding):
-    """Returns the bilinear interpolation of four texels with 16 bits per channel. Called out of line, since they are rare."""
+    """Returns the bilinear interpolation of four texels with 16 bits per channel.
+
+    Called out of line, since such textures are rare. first: the texture's first row. a, b, c, d: the texels' rows, as `place` of
+    `_decoded_16`. s, t: weights of the right and of the lower texels.
+    """
     never_inline()
     above = _mix(_decoded_16(texel, first, a, encoding), _decoded_16(texel, first, b, encoding), s)
     below = _mix(_decoded_16(texel, first, c, encoding), _decoded_16(texel, first, d, encoding), s)
@@ -86,9 +90,9 @@ def _mixed_16(texel, first, a, b, c, d, s, t, encoding):
 
 @device
 def _placed(transform, keys, number, u, v, time):
-    """Returns the image coordinates of (u, v) under the texture's transform, interpolated between keys.
+    """Returns the image coordinates, 0 ... 1 across the image, of (u, v) under the texture's transform at a shutter time.
 
-    The image spans 0 ... 1.
+    keys: the transforms at keys while the shutter is open, which are interpolated; None for a scene without motion.
     """
     if keys is not None and time is not None and len(keys) > 0:
         count = len(keys) // len(transform)
@@ -103,7 +107,10 @@ def _placed(transform, keys, number, u, v, time):
 
 @device
 def _between(keys, k, column, share, u, v):
-    """Returns a row of the matrix interpolated between keys k and k + 1, times (u, v, 1)."""
+    """Returns (u, v, 1) times one row (from `column` on) of a texture transform interpolated between keys k and k + 1.
+
+    share: weight of key k + 1.
+    """
     a, b, c = keys[k, column], keys[k, column + 1], keys[k, column + 2]
     a += share * (keys[k + 1, column] - a)
     b += share * (keys[k + 1, column + 1] - b)
@@ -113,7 +120,7 @@ def _between(keys, k, column, share, u, v):
 
 @device
 def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
-    """Returns the linear RGBA, 0 ... 1, of the image of texture row `number`, without layers."""
+    """Returns the linear RGBA, 0 ... 1, of the image of texture `number`, without the layers above it."""
     first = np.int64(texture[number, 0])
     width = np.int64(texture[number, 1])
     height = np.int64(texture[number, 2])
@@ -150,7 +157,7 @@ def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
 
 @subroutine
 def _stacked(texture, transform, texel, number, uv, uv1, keys, time, color):
-    """Returns the colour with the layers above row `number` blended onto it in order.
+    """Returns `color` with the layers above texture `number` blended onto it in order.
 
     The alpha is that of the lowest layer.
     """
@@ -185,5 +192,5 @@ def lookup(texture, transform, texel, number, uv, uv1, keys, time):
 
 @device
 def sample_texture(scene, number, uv, uv1, time):
-    """Returns `lookup` for a texture of the scene."""
+    """Returns the linear RGBA of texture `number` of the scene, with its layers; see `lookup`."""
     return lookup(scene.texture, scene.texture_transform, scene.texel, number, uv, uv1, scene.key_texture, time)

@@ -1,4 +1,4 @@
-"""Finds the media that contain the camera, by tracing a ray and the surfaces that it leaves from inside."""
+"""Finds the media that contain the camera, by tracing a ray and listing the surfaces that it leaves from inside."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _UPWARDS = (np.float32(0.36), np.float32(0.8), np.float32(0.48))
 
 @subroutine
 def _media_at(scene, stack, o, time):
-    """Returns the stack of media that contains the world point o.
+    """Returns the stack of media that contain the world point o.
 
-    These are the media of the surfaces that a fixed ray from o leaves from inside without having entered them.
+    These are the media of the bodies that a fixed ray from o leaves from inside without having entered them.
     """
     never_inline()
     medium_stack, on_the_way, depth = _WORLD, _WORLD, _WORLD
@@ -53,9 +53,9 @@ def _media_at(scene, stack, o, time):
 
 @device
 def media_of_camera(scene, stack, camera, samples):
-    """Returns the stack of media with which all paths of an image begin: that at the central ray's origin at mid-shutter.
+    """Returns the stack of media with which all paths of an image begin: at the origin of the central ray at mid-shutter.
 
-    Returns 0 for a scene without media. samples: number of samples in the batch; 0: no ray is traced.
+    Returns 0 for a scene without media. samples: number of samples in the batch; if it is 0, no ray is traced.
     """
     medium_stack = _WORLD
     if scene.has.media is not None:

@@ -59,7 +59,7 @@ def flight_distance(sigma_t, throughput, u):
 def carried(sigma_t, sigma_s, throughput, distance, scatters):
     """Returns the throughput after a flight of length `distance`, which ends with scattering or at a surface.
 
-    sigma_t, sigma_s: extinction and scattering coefficients per unit length, rgb; without scattering the result is deterministic.
+    sigma_t, sigma_s: extinction and scattering coefficients per unit length, rgb; if sigma_s is 0, the result is deterministic.
     scatters: whether the flight ends in the medium. The result is 0 if the density or the throughput is not positive.
     """
     red, green, blue = throughput
@@ -77,7 +77,10 @@ def carried(sigma_t, sigma_s, throughput, distance, scatters):
 
 @device
 def free_flight(sigma_t, sigma_s, throughput, reach, u):
-    """Samples a Flight with that throughput. reach: distance to the next surface, infinite if there is none."""
+    """Samples the free flight of a path with that throughput; returns a Flight.
+
+    reach: distance to the next surface, infinite if there is none. u: two numbers in [0, 1).
+    """
     distance = flight_distance(sigma_t, throughput, u)
     scatters = (vec.maximum(sigma_s) > _ZERO) & (distance < reach)
     distance = where(scatters, distance, reach)

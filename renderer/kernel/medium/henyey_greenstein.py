@@ -32,7 +32,7 @@ def pdf_henyey_greenstein(g, wi):
 
 @device
 def eval_henyey_greenstein(g, wi):
-    """Returns the phase function, per steradian, which equals its pdf, since it is sampled exactly."""
+    """Returns the phase function for direction wi, per steradian. It equals the pdf, since it is sampled exactly."""
     return pdf_henyey_greenstein(g, wi)
 
 

@@ -1,6 +1,6 @@
 """The stack of nested media of a path: the numbers of up to three media in a uint32, ten bits each, the innermost lowest.
 
-Outside of these is the world's medium, number 0. For one path or for eight lanes.
+Outside all media in the stack is the world's medium, number 0. For one path or for eight lanes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NO_MEDIUM = np.uint32(0xFFFFFFFF)
 
 @device
 def entered(medium_stack, medium):
-    """Returns the stack after entering a medium. A fourth medium drops the outermost."""
+    """Returns the stack of media after entering a medium. If the stack has three already, the outermost is dropped."""
     return u32(u32(u32(medium_stack << _DIGITS) | medium) & _THREE)
 
 
@@ -43,7 +43,7 @@ def holds(medium_stack, medium):
 
 @device
 def left(medium_stack, medium):
-    """Returns the stack after leaving a medium. Media entered later remain in it, since bodies may overlap."""
+    """Returns the stack of media after leaving a medium. Media entered later remain in the stack, since bodies may overlap."""
     first, second, third = _parts(medium_stack)
     without_third = where(third == medium, u32(medium_stack & _TWO), medium_stack)
     without_second = where(second == medium, u32(u32(third << _DIGITS) | first), without_third)
@@ -52,13 +52,16 @@ def left(medium_stack, medium):
 
 @device
 def beneath(medium_stack, depth, medium):
-    """Returns the stack with a medium at an empty depth, 0 ... 2; unchanged for greater depths."""
+    """Returns the stack of media with a medium written at an unused depth, 0 ... 2; unchanged for greater depths."""
     return u32(medium_stack | u32(medium << u32(_DIGITS * depth))) if depth < _DEEPEST else medium_stack
 
 
 @device
 def crossed(scene, medium_stack, material, front):
-    """Returns the stack after crossing a surface with this material. front: whether the surface was hit from its front."""
+    """Returns the stack of media after crossing a surface with this material.
+
+    front: whether the surface was hit from its front.
+    """
     inside = u32(lookup(scene.material_medium, material))
     beyond = where(front, entered(medium_stack, inside), left(medium_stack, inside))
     return where(inside == NO_MEDIUM, medium_stack, beyond)
@@ -66,6 +69,9 @@ def crossed(scene, medium_stack, material, front):
 
 @device
 def coefficients(scene, medium_stack):
-    """Returns the coefficients of the innermost medium: (sigma_a + sigma_s, sigma_s, g), rgb per unit length and mean cosine."""
+    """Returns the coefficients of the innermost medium: (sigma_a + sigma_s, sigma_s, g).
+
+    The first two are rgb per unit length; g is the mean cosine of the scattering angle.
+    """
     ar, ag, ab, sr, sg, sb, g, _ = row(scene.medium, u32(medium_stack & _ONE), MEDIUM_COLUMNS)
     return (ar + sr, ag + sg, ab + sb), (sr, sg, sb), g

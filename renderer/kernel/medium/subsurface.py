@@ -50,7 +50,7 @@ _YES, _NO = np.bool_(True), np.bool_(False)
 
 
 class SubsurfaceExit(NamedTuple):
-    """The result at a surface with subsurface scattering: whether a path enters it, and where it exits."""
+    """The result of `enter_subsurface`: whether a path enters a body with subsurface scattering, and where it exits."""
 
     enters: bool  # else it scatters at the surface
     surface: Surface  # at the exit, seen from outside
@@ -78,9 +78,9 @@ def albedo_of(color, g):
 def _entrance(kind, share, color, m, wo):
     """Returns (the fraction of the light from wo that enters, the probability that a path enters).
 
-    share: of diffuse light. m: as for `enter_subsurface`. The probability is proportional to the root of the light that may
-    return from the interior, compared with the root of the light that stays outside, so that the layers' reflections get enough
-    paths.
+    share: subsurface fraction of a diffuse material. m: as for `enter_subsurface`. The probability is proportional to the root of
+    the light that may return from the interior, compared with the root of the light that stays outside, so that the layers'
+    reflections get enough paths.
     """
     if kind == rows.DIFFUSE:
         return share, share
@@ -100,8 +100,8 @@ def _share_in_the_end(sigma_t, sigma_s):
 def _remaining_share(sigma_t, sigma_s):
     """Returns the fraction of light, rgb, that still leaves the body after a walk has used all its steps.
 
-    It is the light that diffusion returns from the mean depth of such walks, sqrt(pi / 3 steps) free paths. Without it white
-    bodies would be slightly grey.
+    It is the light that diffusion returns from the mean depth of such walks, sqrt(pi / 3 steps) free paths. Without this light,
+    white bodies would be slightly grey.
     """
     return (
         _share_in_the_end(sigma_t[0], sigma_s[0]),
@@ -114,9 +114,9 @@ def _remaining_share(sigma_t, sigma_s):
 def _walk(scene, stack, surface, normal, color, throughput, stream, first, time):
     """Walks through a body from a surface hit from outside; returns (surface of the exit, throughput there).
 
-    normal: about which the entering direction is sampled. color: the body's, textures looked up. first: the walk's first block of
-    random numbers. Surfaces of other objects inside the body are ignored. A walk that finds no exit within all its steps leaves
-    where it entered.
+    normal: about which the entering direction is sampled. color: of the body, with textures looked up. first: the number of the
+    walk's first block of random numbers. Surfaces of other objects inside the body are ignored. A walk that finds no exit within
+    all its steps leaves where it entered.
     """
     never_inline()
     g = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_ANISOTROPY, 1)[0]
@@ -166,11 +166,11 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
 
 @subroutine
 def enter_subsurface(scene, stack, surface, normal, kind, color, m, wo, throughput, stream, number, time):
-    """Decides whether a path enters the surface, and walks to its exit; returns a SubsurfaceExit.
+    """Decides whether a path enters the body, and walks to its exit; returns a SubsurfaceExit.
 
-    normal, wo: the shading normal, and the viewer's direction in its frame. kind, color: the material's. m: its (LAYER_SLOTS,)
-    properties if it is layered. stream: the path's random numbers. number: count of the path's earlier vertices. time: shutter
-    time.
+    normal, wo: the shading normal, and the viewer's direction in the shading frame. kind, color: of the material. m:
+    (LAYER_SLOTS,), the material's parameters if it is layered. stream: the path's random numbers. number: count of the path's
+    earlier vertices. time: shutter time.
     """
     never_inline()
     first = np.uint32(np.uint32(WALK_BLOCK) + np.uint32(number) * _BLOCKS)

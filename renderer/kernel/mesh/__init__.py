@@ -1,1 +1,1 @@
-"""Kernels over a mesh's vertices and triangles for scene compilation, without a temporary array per step."""
+"""Compiled loops over a mesh's vertices and triangles for scene compilation; unlike numpy, they allocate no temporary arrays."""

@@ -11,7 +11,7 @@ _MOST_KINDS = 64  # limit of comparisons per corner; beyond it, equal corners at
 
 @builder
 def join_at_points(point, words, last, before, first, kind):
-    """Numbers the distinct (point, words) pairs of corners and records the first corner of each; returns their number.
+    """Numbers the distinct (point, words) pairs of face corners and records the first corner of each; returns their number.
 
     point: (C,), numbers below P. words: (C, W) u32, compared bitwise. last: (P,) i32, all -1. before, first, kind: (C,) i32;
     `kind` receives each corner's number and `first` the first corner of each number. A corner is compared with at most

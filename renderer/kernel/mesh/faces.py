@@ -1,4 +1,4 @@
-"""Per-triangle queries of a mesh: whether a triangle has an area, and the bounding box."""
+"""Per-triangle queries of a mesh: whether a triangle has a non-zero area, and the bounding box of triangles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["find_corners", "find_solid"]
 
 @device
 def _edges(position, triangle, i):
-    """Returns the edge vectors from corner a to b and from a to c, float64."""
+    """Returns triangle i's edge vectors from corner a to b and from a to c, float64."""
     a, b, c = triangle[i, 0], triangle[i, 1], triangle[i, 2]
     x, y, z = np.float64(position[a, 0]), np.float64(position[a, 1]), np.float64(position[a, 2])
     return (position[b, 0] - x, position[b, 1] - y, position[b, 2] - z), (
@@ -23,7 +23,7 @@ def _edges(position, triangle, i):
 
 @entry
 def find_solid(position, triangle, first, end, solid):
-    """Marks in `solid` which of the triangles first ... end - 1 have an area; returns their number."""
+    """Marks in `solid` which of the triangles first ... end - 1 have a non-zero area; returns their number."""
     count = 0
     for i in range(first, end):
         u, v = _edges(position, triangle, i)

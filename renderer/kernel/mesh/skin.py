@@ -11,11 +11,11 @@ __all__ = ["carry"]
 
 @entry
 def carry(matrix, joint, weight, point, normal, tangent, placed, turned, bent):
-    """Fills placed, turned and bent, (V, 3) float32: points, normals and tangents moved by the weighted mean of their joints.
+    """Skins vertices: fills placed, turned and bent, (V, 3) float32, with transformed points, normals and tangents.
 
-    matrix: (J, 4, 4) f64, one for each joint. joint, weight: (V, K), the joints of a vertex and their weights, in any scale; a
-    vertex whose weights are all 0 does not move. normal with turned, and tangent with bent, may have no rows. Normals are
-    transformed by the cofactor matrix and not normalised.
+    Each vertex is transformed by the weighted mean of its joints' matrices. matrix: (J, 4, 4) f64, one for each joint. joint,
+    weight: (V, K), the joints of a vertex and their weights, in any scale; a vertex whose weights are all 0 does not move. normal
+    with turned, and tangent with bent, may have no rows. Normals are transformed by the cofactor matrix and not normalised.
     """
     for i in range(len(point)):
         total = 0.0
@@ -47,7 +47,7 @@ def carry(matrix, joint, weight, point, normal, tangent, placed, turned, bent):
 
 @device
 def _added(column, share, matrix, joint, k):
-    """Returns a column of the mean matrix plus one joint's weighted column."""
+    """Returns a column of a vertex's mean matrix plus column k of one joint's matrix, weighted by `share`."""
     return (
         column[0] + share * matrix[joint, 0, k],
         column[1] + share * matrix[joint, 1, k],

@@ -91,7 +91,7 @@ def measure_corners(position, triangle, unit, across, along):
 
 @builder
 def round_corners(unit, angle, start, order, vertex, limit, most, normal, kind, kept):
-    """Computes each corner's normal: the mean, weighted by angle, of the adjacent faces within the crease angle of its own face.
+    """Computes each corner's normal: the mean, weighted by angle, of the faces at its point within the crease angle of its face.
 
     Numbers the distinct (vertex, normal) pairs, records the normal and the first corner of each, and returns their number.
 
@@ -138,7 +138,7 @@ def _bends_little(unit, order, begin, degree, limit):
 
 @device
 def _blended(unit, angle, order, begin, degree, r, limit, most):
-    """Returns the normal of the r-th corner at a point, float32."""
+    """Returns the smoothed normal of the r-th corner at a point, float32."""
     here = order[begin + r]
     face = here // 3
     x, y, z = unit[face, 0], unit[face, 1], unit[face, 2]

@@ -36,7 +36,7 @@ def blackman_harris(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def _inverse() -> npt.NDArray[np.float32]:
-    """Returns the distance from the middle beyond which the fraction t**2 of the window is, for t = 0, 1/_INTERVALS ... 1.
+    """Returns, for t = 0, 1/_INTERVALS ... 1, the distance from the middle beyond which a fraction t**2 of the window lies.
 
     The table is indexed by the root of the fraction, which resolves the window's flat ends as finely as its middle.
     """

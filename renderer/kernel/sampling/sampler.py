@@ -127,7 +127,7 @@ def _reversed(typingctx, x):
 
 @device
 def _scramble(x, seed):
-    """Returns Owen's nested uniform scrambling of a bit-reversed number: a bit's flip depends on the bits below it.
+    """Returns Owen's nested uniform scrambling of a bit-reversed number: whether a bit is flipped depends on the bits below it.
 
     A hash whose bits depend on lower bits only (Laine & Karras 2011), with the constants of Vegdahl, "Building a Better LK
     Hash", 2021.
@@ -182,7 +182,7 @@ def uniform4(sampler, seed, pixel, sample, block):
 
 
 class Stream(NamedTuple):
-    """The random number stream of one sample of one pixel. All fields are uint32, except the sampler."""
+    """The random number stream of one sample in one pixel. All fields are uint32, except the sampler."""
 
     sampler: int
     seed: int
@@ -192,7 +192,7 @@ class Stream(NamedTuple):
 
 @device
 def draw4(stream, block):
-    """Returns the four numbers of a block; see `uniform4`."""
+    """Returns the four numbers in [0, 1) of a block of the stream; see `uniform4`."""
     return uniform4(stream.sampler, stream.seed, stream.pixel, stream.sample, block)
 
 
@@ -218,7 +218,7 @@ def draw_film(stream):
 
 @device
 def opposite(u):
-    """Returns a second point for the first three numbers of a block, by flipping fixed binary digits.
+    """Returns a second point for the first three numbers of a block, made by flipping fixed binary digits.
 
     2**k samples and their second points are together about as well stratified as 2**(k + 1) samples.
     """
@@ -232,11 +232,11 @@ def _turned(u, digits):
 
 @subroutine
 def draw1(stream, block):
-    """Returns the first number of a block, for rarely needed decisions."""
+    """Returns the first number, in [0, 1), of a block of the stream; used for rarely needed decisions."""
     return draw4(stream, block)[0]
 
 
 @device
 def substream(stream, k, count):
-    """Returns the k-th of `count` streams that replace a sample's stream; together they are stratified like the original."""
+    """Returns the k-th of `count` streams that together replace one sample's stream, and are together stratified like it."""
     return Stream(stream.sampler, stream.seed, stream.pixel, np.uint32(stream.sample * np.uint32(count) + np.uint32(k)))

@@ -1,9 +1,9 @@
 """The first four dimensions of the Sobol' sequence, scrambled and shifted, for one index or for eight.
 
 Random scrambling puts each point at random within its elementary cell, which suits smooth integrands. Lighting is not smooth:
-shadows have edges, and many details are as fine as the spacing of the points. There the relative position of neighbouring points
-matters. Therefore one linear scrambling with good relative positions is fixed (docs/speed-notes.md, "Points that fit together"),
-and the randomisation is a digital shift, which preserves them.
+shadows have edges, and many details are as fine as the spacing of the points. For such integrands the relative position of
+neighbouring points matters. Therefore one linear scrambling with good relative positions is fixed (docs/speed-notes.md, "Points
+that fit together"), and the randomisation is a digital shift, which preserves the relative positions.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def direction_numbers() -> np.ndarray:
 
 
 def _mixed(x: int) -> int:
-    """Returns `_mix` of sampler.py for a Python integer."""
+    """Returns the hash `_mix` of sampler.py for a Python integer."""
     x = (x ^ x >> 16) * int(MIX_1) % 2**32
     x = (x ^ x >> 15) * int(MIX_2) % 2**32
     return x ^ x >> 16
@@ -113,7 +113,7 @@ def _shifted(builder: Any, x: Any, seed: Any) -> Any:
 
 
 def _rows(builder: Any, data: Any, index: Any) -> Any:
-    """Emits code for the four dimensions of one index as a vector, from the table of nibbles."""
+    """Emits code that looks up the four dimensions of one index, as a vector, in the table of 4-bit digits."""
     x = _vector(_QUARTET, [0] * _DIMENSIONS)
     for nibble in range(_NIBBLES):
         value = builder.and_(builder.lshr(index, _I32(28 - 4 * nibble)), _I32(15))
@@ -175,7 +175,7 @@ def _multiplied(builder: Any, index: Any) -> list[Any]:
 
 
 def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
-    """Emits code for the four dimensions of eight indices, one lane at a time."""
+    """Emits code for the four dimensions of eight indices, one lane at a time, for processors without the other instructions."""
     columns = [ir.Constant(INTS, ir.Undefined)] * _DIMENSIONS
     for lane in range(LANES):
         row = _rows(builder, data, builder.extract_element(index, _I32(lane)))
@@ -186,10 +186,10 @@ def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
 
 @intrinsic
 def points(typingctx, table, index, key):
-    """Returns point `index` (bits reversed) of the sequence, each dimension shifted by `_mix` of the key plus an offset.
+    """Returns point `index` (bits reversed) of the sequence, each dimension shifted by the hash `_mix` of the key plus an offset.
 
-    Returns four uint32, or four u32x8 for eight indices and keys. table: TABLE. `_mix` is computed for four dimensions at once in
-    explicit vectors, which takes a third of the time, since LLVM does not vectorise it.
+    The result is four uint32, or four u32x8 for eight indices and keys. table: TABLE. `_mix` is computed for four dimensions at
+    once in explicit vectors, which takes a third of the time, since LLVM does not vectorise it.
     """
     far = [(i + 1) * int(GOLDEN) % 2**32 for i in range(_DIMENSIONS)]
 

@@ -141,7 +141,7 @@ def square_to_triangle_pdf(area):
 
 @device
 def _linear(u, a, b):
-    """Samples [0, 1] with a density that is linear from a at 0 to b at 1; a and b are not both 0."""
+    """Samples a position in [0, 1] with a density that is linear from a at 0 to b at 1; a and b are not both 0."""
     root = math.sqrt(a * a + u * (b * b - a * a))
     return min(u * (a + b) / max(a + root, _LEAST), _ONE)
 

@@ -2,8 +2,8 @@
 
 Arvo & Kirk, "Particle Transport and Image Synthesis", 1990. The throughput is compared with the first vertex's weight, which
 determines the pixel's brightness: paths from a green wall matter as much to its pixels as paths from a white wall to its own. A
-path survives with certainty while its throughput is at least five sevenths of that: most of its cost is already spent, so earlier
-termination would save little and add much noise.
+path survives with certainty while its throughput is at least five sevenths of that weight: most of its cost is already spent, so
+earlier termination would save little and add much noise.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _AGAIN = np.float32(UNCOUNTED)
 def is_last(path, counts, unlit, options):
     """Returns True if the path ends at its vertex because of a limit on its segments or bounces, or at an unlit material.
 
-    counts: those of its Crossings.
+    counts: the path's depth counts by kind, from its Crossings. unlit: whether the material is unlit.
     """
     last = unlit | (path.depth + _ONE >= np.float32(options.max_depth))
     if options.has_depths:
@@ -49,7 +49,7 @@ def is_last(path, counts, unlit, options):
 
 @device
 def roulette_weight_after(roulette_weight, number, weight, eta2):
-    """Returns the updated factor, after a vertex, that relates a path's throughput to the first vertex's weight.
+    """Returns the factor that relates a path's throughput to the first vertex's weight, updated after a vertex.
 
     number: count of earlier vertices, a float. weight: the vertex's weight, three channels. eta2: the radiance scale of a
     refraction, which must not affect survival.
@@ -71,10 +71,10 @@ def survival(throughput, roulette_weight, depth, options, is_surface):
 
 @device
 def continue_or_end(path, ray, u, is_surface, options):
-    """Returns (PathState, survival) of a path after scattering. u: a random number in [0, 1).
+    """Returns (PathState, survival probability) of a path after scattering. u: a random number in [0, 1).
 
-    survival: the probability with which it continues; negative if it ends (UNCOUNTED if it has too many segments that do not
-    count); 0 if its throughput is 0. Paths with NaN continue, so that the film can count them.
+    The second is negative if the path ends (UNCOUNTED if it has too many segments that do not count towards the depth), and 0 if
+    its throughput is 0. Paths with NaN continue, so that the film can count them.
     """
     chance = survival(path.throughput, ray.roulette_weight, path.depth, options, is_surface)
     outcome = where(u >= chance, -chance, chance)

@@ -1,8 +1,9 @@
 """Limits on the number of a path's bounces by kind, besides the limit on its segments; for one path or for eight lanes.
 
-A path counts its diffuse reflections, glossy reflections, transmissions, and surfaces that it passes by their alpha. A reflection
-is diffuse if its pdf is at most the maximum of a cosine lobe, 1 / pi per steradian; it is glossy if the pdf is greater, or if the
-direction is discrete, as for a mirror. Not counted are vertices in a medium, boundaries of media and lamps without a body.
+A path counts its diffuse reflections, glossy reflections, transmissions, and surfaces that it passes by their alpha ("layers"). A
+reflection is diffuse if its pdf is at most the maximum of a cosine lobe, 1 / pi per steradian; it is glossy if the pdf is
+greater, or if the direction is discrete, as for a mirror. Vertices in a medium, boundaries of media and lamps without a body are
+not counted.
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ DIFFUSE_LIMIT, GLOSSY_LIMIT, TRANSMISSION_LIMIT = 1.0, 2.0, 3.0
 
 @device
 def count_bounce(counts, left, reflected, pdf):
-    """Returns the counts after a bounce.
+    """Returns a path's depth counts (diffuse, glossy, transmissions, layers) after a bounce.
 
-    left: whether the ray has left its facet. reflected: else transmitted. pdf: that of the whole material; 0 for a discrete
-    direction.
+    left: whether the ray has left its facet; otherwise the bounce is not counted. reflected: False for a transmission. pdf: of
+    the whole material; 0 for a discrete direction.
     """
     diffuse, glossy, transmitted, layers = counts
     is_glossy = reflected & ((pdf > _LAMBERT) | (pdf == _ZERO))
@@ -58,14 +59,14 @@ def count_bounce(counts, left, reflected, pdf):
 
 @device
 def reached_limit(counts, options):
-    """Returns True if a limit on bounces is reached: the path ends at the next surface, after adding its emission."""
+    """Returns True if a path's depth counts have reached a limit: it ends at the next surface, after adding its emission."""
     diffuse, glossy, transmitted, _ = counts
     return (diffuse >= options.diffuse_depth) | (glossy >= options.glossy_depth) | (transmitted >= options.transmission_limit)
 
 
 @device
 def limit_of(counts, options):
-    """Returns the limit that makes `reached_limit` True for one path; 0: none."""
+    """Returns which limit one path's depth counts have reached: DIFFUSE_LIMIT, GLOSSY_LIMIT or TRANSMISSION_LIMIT; 0: none."""
     diffuse, glossy, transmitted, _ = counts
     limit = TRANSMISSION_LIMIT if transmitted >= options.transmission_limit else 0.0
     limit = GLOSSY_LIMIT if glossy >= options.glossy_depth else limit
@@ -74,7 +75,10 @@ def limit_of(counts, options):
 
 @device
 def is_layer(scene, material):
-    """Returns True if a surface that a ray passes is counted: one passed by its alpha, no media boundary or bodiless lamp."""
+    """Returns True if passing through a surface of this material is counted: if it is transparent by its alpha.
+
+    Boundaries of media and lamps without a body are not counted.
+    """
     flags = u32(lookup(scene.material_flags, material))
     is_boundary = u32(lookup(scene.material_kind, material)) == _INTERFACE
     return not_(is_boundary) & ((flags & _TRANSPARENT) != _NONE) & ((flags & _LAMP) == _NONE)
@@ -82,18 +86,21 @@ def is_layer(scene, material):
 
 @device
 def with_layer(scene, material, counts):
-    """Returns the path's depth counts (one per kind) after passing through a surface of this material."""
+    """Returns a path's depth counts (one per kind) after it has passed through a surface of this material."""
     diffuse, glossy, transmitted, layers = counts
     return diffuse, glossy, transmitted, layers + where(is_layer(scene, material), _ONE, _ZERO)
 
 
 @device
 def layers_left(counts, options):
-    """Returns the number of layers that the path and its shadow rays may still pass; infinite without a limit."""
+    """Returns how many more surfaces with alpha the path and its shadow rays may pass; infinite without a limit.
+
+    counts: the path's depth counts.
+    """
     return options.transparency_depth - counts[3]
 
 
 @device
 def is_blocked(scene, material, counts, options):
-    """Returns True if the path ends at a surface through which it would pass, because no more layers may be passed."""
+    """Returns True if a path ends at a surface with alpha through which it would pass, because its limit on those is reached."""
     return is_layer(scene, material) & (layers_left(counts, options) < _ONE)

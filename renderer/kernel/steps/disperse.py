@@ -1,4 +1,4 @@
-"""Dispersion: at a dispersive material a path continues with one colour channel."""
+"""Dispersion: at a dispersive material a path continues with a single colour channel."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _DISPERSIVE = np.uint32(DISPERSIVE)
 
 @device
 def disperse(scene, surface, ior, throughput, wanted, stream, number):
-    """Returns (index of refraction, throughput), for one colour channel if `wanted` and the material is dispersive.
+    """Returns (index of refraction, throughput), reduced to a single colour channel if the material is dispersive.
 
-    ior: the material's index. number: count of earlier vertices.
+    wanted: False leaves both unchanged. ior: the material's index. number: count of earlier vertices.
     """
     if scene.has.layers is not None:
         spread = wanted & has_flag(scene, surface.material, _DISPERSIVE) & (vec.maximum(throughput) > _ZERO)

@@ -1,4 +1,4 @@
-"""Emission that a path's ray hits: of surfaces, the environment and suns; and its addition to the path's radiance."""
+"""Emission of surfaces, the environment and suns that a path's ray hits, and its addition to the path's radiance."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FIRST_LIGHT = np.uint32(0)
 
 
 class Emission(NamedTuple):
-    """Radiance that a ray hits, and the pdf per steradian with which light sampling finds it; 0 if MIS does not apply."""
+    """The radiance that a ray hits, and the pdf, per steradian, with which light sampling finds it; 0 if MIS does not apply."""
 
     radiance: Any
     light_pdf: Any
@@ -63,9 +63,9 @@ def emitted_by_sun(scene, which, ray, last, number, time):
 
 @device
 def clamp_indirect(light, segments, limit):
-    """Returns light that reaches the camera by a path; indirect light is scaled so that its largest channel is at most `limit`.
+    """Returns `light`, which reaches the camera by a path of `segments` segments, clamped if it is indirect.
 
-    segments: number of the path's segments. limit 0: no clamping.
+    Indirect light is scaled so that its largest channel is at most `limit`; 0: no clamping.
     """
     if limit > _ZERO:
         most = vec.maximum(light)
@@ -77,9 +77,6 @@ def clamp_indirect(light, segments, limit):
 
 @device
 def add_light(path, light, mask, options):
-    """Returns the path with the light that its ray hits added, where `mask` is True.
-
-    light: already multiplied by its MIS weight.
-    """
+    """Returns the path with `light`, which its ray hits, added where `mask` is True. light: multiplied by its MIS weight."""
     brought = clamp_indirect(vec.mul(path.throughput, light), path.depth + _ONE, options.clamp)
     return with_radiance(path, where3(mask, vec.add(path.radiance, brought), path.radiance))

@@ -1,7 +1,7 @@
 """Samples where a path scatters in its medium before it reaches a surface. Compiled only for scenes with media.
 
-Such a vertex is represented by a surface at that point that faces the viewer, without object and material, and that receives
-light from all sides. So light sampling, scattering and splitting work as for other vertices.
+A vertex in a medium is represented by a surface at that point that faces the viewer, without object and material, and that
+receives light from all sides. So light sampling, scattering and splitting work as for other vertices.
 """
 
 from __future__ import annotations

@@ -36,9 +36,9 @@ def hit_weight(pdf, light_pdf):
 
 @device
 def branches_to_light(alone, number, options):
-    """Returns the number of a vertex's scattered directions that can find the sampled light.
+    """Returns the number of directions scattered at a vertex that can hit the sampled light (for its MIS weight).
 
-    alone: whether rays cannot hit the light. number: count of earlier vertices.
+    alone: whether rays cannot hit the light; the result is then 0. number: count of earlier vertices.
     """
     none = zero_like(number)
     return where(alone, none, where(number == _ZERO, none + np.float32(options.splitting), _ONE))
@@ -46,5 +46,5 @@ def branches_to_light(alone, number, options):
 
 @device
 def light_weight(light_pdf, scatter_pdf, branches):
-    """Returns the MIS weight of a light sample. branches: from `branches_to_light`."""
+    """Returns the MIS weight of a light sample. branches: from `branches_to_light`; if it is 0, the weight is 1."""
     return where(branches == _ZERO, _ONE, power_heuristic(light_pdf, branches * scatter_pdf))

@@ -1,4 +1,4 @@
-"""Surfaces through which rays pass (transparent ones, boundaries of media, lamps without a body), and absorption in between."""
+"""Passing through surfaces (transparent ones, boundaries of media, lamps without a body), and absorption between surfaces."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LAMP, _TRANSPARENT, _ABSORBING = np.uint32(LAMP), np.uint32(TRANSPARENT), np.ui
 
 @device
 def is_passed(scene, surface, stream, row, options, time):
-    """Returns True if the ray passes the surface that it hits: by its alpha, chosen randomly, or as a lamp without a body.
+    """Returns True if the ray passes the surface that it hits: by alpha, decided at random, or if it is a lamp without a body.
 
     row: number of surfaces hit before, passed or not, a float. time: shutter time, 0 ... 1; None in a scene without motion.
     """
@@ -44,7 +44,7 @@ def is_passed(scene, surface, stream, row, options, time):
 
 @device
 def counts_emission(scene, surface, through):
-    """Returns True if emission of the surface counts: if the ray does not pass through it, or if it is a lamp without a body."""
+    """Returns True if the surface's emission is added: if the path does not pass through it, or it is a lamp without a body."""
     counts = not_(through)
     if scene.has.textures is not None:
         counts = counts | has_flag(scene, surface.material, _LAMP)
@@ -64,7 +64,7 @@ def absorbed(throughput, a, start, end):
 def absorb(scene, surface, through, throughput, start):
     """Returns the throughput at the surface, after absorption in its material since the last vertex, `start`.
 
-    In a scene with media, the free flights include the absorption.
+    In a scene with media nothing is absorbed here, since the free flights include the absorption.
     """
     if scene.has.layers is not None and scene.has.media is None:
         inside = not_(surface.front | through) & has_flag(scene, surface.material, _ABSORBING)
@@ -76,7 +76,10 @@ def absorb(scene, surface, through, throughput, start):
 
 @device
 def pass_through(scene, surface, through, crossings, options):
-    """Returns (Crossings beyond the surface for paths that pass `through` it, mask of paths that may not pass more layers)."""
+    """Returns (Crossings beyond the surface; mask of paths that have reached the limit on surfaces with alpha).
+
+    The Crossings change only where `through` is True: where the path passes through the surface.
+    """
     diffuse, glossy, transmitted, layers = crossings.counts
     layers = where(through, with_layer(scene, surface.material, crossings.counts)[3], layers)
     medium_stack = crossings.medium_stack

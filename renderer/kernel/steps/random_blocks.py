@@ -1,4 +1,4 @@
-"""The blocks of four random numbers (renderer/kernel/sampling/sampler.py) from which a sample's decisions draw.
+"""The blocks of four random numbers (renderer/kernel/sampling/sampler.py) used by each decision of a sample.
 
 Vertex n, counted from 0, uses block 2 n + 1 for its light and block 2 n + 2 for its scattering; block 0 is the camera's. Blocks
 of flights and of subsurface walks are in renderer/kernel/medium.
@@ -41,7 +41,7 @@ def draw_passing(stream, row):
 
 @device
 def draw_color(stream, number):
-    """Returns the number that chooses a colour channel at a dispersive surface."""
+    """Returns the number that chooses a colour channel at a dispersive surface. number: count of earlier vertices."""
     return draw4(stream, u32(u32(to_int(number)) + _COLOR))[0]
 
 

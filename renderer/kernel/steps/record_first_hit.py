@@ -1,4 +1,4 @@
-"""The AOVs of a path's first vertex: their fields and values.
+"""The AOVs (auxiliary film values) of a path's first vertex: their fields and values.
 
 A new AOV needs a field of `FirstHit` and its value here, its planes in `FIRST_HIT` of renderer/film.py, and its entry in
 renderer/aovs.py.
@@ -34,7 +34,7 @@ class FirstHit(NamedTuple):
 
 @device
 def record_first_hit(surface, material, normal, distance, start):
-    """Returns the FirstHit of a vertex.
+    """Returns the FirstHit of a path's first vertex.
 
     material: with base colour, metallic and roughness, as in `Parameters` and `Material`; in a medium the base colour is the
     single-scattering albedo. normal: the shading normal on the viewer's side; zero in a medium, where the surface has neither
@@ -59,7 +59,7 @@ def no_hit(like):
 
 
 def _planes(integers: bool) -> npt.NDArray[np.uintp]:
-    """Returns (column of FirstHit, plane of the film) for each of its integers, or for each of its real numbers."""
+    """Returns (column of FirstHit, plane of the film) for each integer in a FirstHit, or for each real number: (n, 2)."""
     found: list[tuple[int, int]] = []
     for field, planes in FIRST_HIT.items():
         if is_integer(FirstHit, field) == integers:

@@ -1,4 +1,4 @@
-"""Next-event estimation: the light of one light sample through a vertex, and the shadow ray towards it."""
+"""Next-event estimation: the contribution of one light sample at a vertex, and the shadow ray towards the light."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _FIRST = np.uint32(0)
 
 @device
 def media_beyond(scene, surface, medium_stack, is_surface):
-    """Returns the media beyond the vertex's surface; for a vertex in a medium, those around it."""
+    """Returns the stack of media beyond the vertex's surface; for a vertex in a medium, the stack unchanged."""
     material = where(is_surface, surface.material, _FIRST)
     return where(is_surface, crossed(scene, medium_stack, material, surface.front), medium_stack)
 
 
 @device
 def sample_direct_light(scene, surface, path, light, wi, f, weight, medium_stack, is_surface):
-    """Returns the ShadowRay towards a light sample.
+    """Returns the ShadowRay towards a light sample, with the light's contribution.
 
     wi: direction of the light in the shading frame. f: f |cos| for wi. weight: the sample's MIS weight. medium_stack: the media
-    that contain the viewer's side. is_surface: False for a vertex in a medium.
+    on the viewer's side of the surface. is_surface: False for a vertex in a medium.
     """
     brought = vec.mul(path.throughput, vec.scale(vec.mul(f, light.radiance), weight / light.pdf))
     above = wi[2] > _ZERO
@@ -45,5 +45,8 @@ def sample_direct_light(scene, surface, path, light, wi, f, weight, medium_stack
 
 @device
 def add_direct_light(radiance, brought, left, segments, options):
-    """Returns the radiance with direct light added. left: transmittance, rgb. segments: number of the path's segments."""
+    """Returns the radiance of a path with direct light added, clamped if it is indirect.
+
+    brought: the light if it is not occluded. left: transmittance of the shadow ray, rgb. segments: number of the path's segments.
+    """
     return vec.add(radiance, clamp_indirect(vec.mul(brought, left), segments, options.clamp))

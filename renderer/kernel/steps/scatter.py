@@ -1,4 +1,4 @@
-"""Scattering at a vertex: the next ray, the path's state, and the surfaces that it has crossed."""
+"""Scattering at a vertex: the next ray, the path's new state, and the media and depth counts after the vertex."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ONE = np.float32(1.0)
 
 
 class Bounce(NamedTuple):
-    """The kind of a path's scattering at a vertex, for `cross_surface`."""
+    """How a path scattered at a vertex (reflected or transmitted, with which pdf), for `cross_surface`."""
 
     has_left: Any  # whether the ray has left its facet, as `leaves` returns (surface/ray_origins.py)
     reflected: Any

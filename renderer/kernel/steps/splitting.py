@@ -1,7 +1,8 @@
 """Path splitting: the first vertex scatters a path into several branches, for one path or for eight lanes.
 
 Arvo & Kirk, "Particle Transport and Image Synthesis", 1990. Most of the noise arises after the first vertex, and the branches
-share its cost. They are samples of one strategy and are weighted together against light sampling (Veach 1997, 9.2).
+share the cost of reaching it. They are samples of one strategy and are weighted together against light sampling (Veach 1997,
+9.2).
 """
 
 from __future__ import annotations
@@ -23,7 +24,10 @@ _ALL = np.uint32(0xFFFFFFFF)
 
 @device
 def splits(number, specular):
-    """Returns True if a path splits at its vertex: the first one, unless it is specular. number: count of earlier vertices."""
+    """Returns True if a path splits at its vertex: only at the first one, and not if that is specular.
+
+    number: count of earlier vertices.
+    """
     return (number == _ZERO) & not_(specular)
 
 

@@ -54,7 +54,7 @@ class PathState(NamedTuple):
 
 
 class Crossings(NamedTuple):
-    """The media that contain a path, and its bounces by kind.
+    """The media that contain a path, and its depth counts by kind of bounce.
 
     Used only in scenes with media, or if bounces are limited by kind.
     """
@@ -65,7 +65,7 @@ class Crossings(NamedTuple):
 
 
 class LastVertex(NamedTuple):
-    """The vertex that a ray has left, for the pdf of light sampling."""
+    """The vertex that a ray has left, needed for the light sampling pdf of emission that the ray hits."""
 
     point: Vector
     normal: Vector  # lights on this side are sampled; zero: lights on both sides
@@ -103,7 +103,7 @@ class Vertex(NamedTuple):
 
 @device
 def stream_of(options, pixel, sample):
-    """Returns the random number stream of a sample. pixel: its key (sampler.py)."""
+    """Returns the random number stream of a sample. pixel: the pixel's key, from `pixel_key` in sampling/sampler.py."""
     return Stream(options.sampler, options.seed, pixel, sample)
 
 
@@ -117,26 +117,29 @@ def camera_path(o, d):
 
 @device
 def no_crossings(medium_stack, like):
-    """Returns the Crossings of a path that has crossed nothing. like: a float or lanes, which determine the type."""
+    """Returns the Crossings of a camera path that has crossed no surface yet.
+
+    like: a float or lanes, which determine the type.
+    """
     none = zero_like(like)
     return Crossings(as_wide(medium_stack, like), (none, none, none, none), none)
 
 
 @device
 def with_radiance(path, radiance):
-    """Returns the path with another radiance."""
+    """Returns a copy of the PathState with another radiance."""
     return PathState(radiance, path.depth, path.throughput, path.number)
 
 
 @device
 def with_throughput(path, throughput):
-    """Returns the path with another throughput."""
+    """Returns a copy of the PathState with another throughput."""
     return PathState(path.radiance, path.depth, throughput, path.number)
 
 
 @device
 def scattering_surface(point, error, geometric, shading, front, material, smooth, lift, uv, uv1, number):
-    """Returns a Surface with the fields that scattering needs. number: of its object."""
+    """Returns a Surface with only the fields that scattering needs. number: of its object."""
     none = zero_like(error)
     one = none + _ONE
     light = as_wide(NO_LIGHT, error)

@@ -1,4 +1,4 @@
-"""Margins of a triangle: the distance of ray origins from its edges, and the intersection's positional error."""
+"""Error margins of a triangle: the distance of ray origins from its edges, and the intersection's positional error."""
 
 from __future__ import annotations
 

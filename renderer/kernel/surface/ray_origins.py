@@ -18,9 +18,10 @@ _LEAST_BEND2 = np.float32(1e-12)
 
 @device
 def leaves(surface, reflected, d):
-    """Returns True if direction d leaves to the side of its scattering: above the facet if `reflected`, else below.
+    """Returns True if direction d leaves the facet on the side of its scattering: above if `reflected`, else below.
 
-    With a bent normal, light may be scattered above the shading horizon but below the facet. It then hits the facet again.
+    With a bent normal, light may be scattered above the shading horizon but below the facet. The ray then hits the same facet
+    again.
     """
     above = vec.dot(surface.geometric, d) > _ZERO
     return (above & reflected) | not_(above | reflected)
@@ -31,8 +32,8 @@ def offset_ray_origin(surface, reflected, d):
     """Returns the origin of a ray of unit direction d that leaves the surface, on the viewer's side if `reflected`.
 
     On a smooth triangle the origin is raised above the facet, more for grazing rays; rays along the normal start at the point, so
-    that contact shadows are preserved. A reflected ray that points below a flat facet hits the facet itself: no light leaks
-    through a bent normal.
+    that contact shadows are preserved. A reflected ray that points below a flat facet hits the facet itself, so that no light
+    leaks through a bent normal.
     """
     error = where(reflected, surface.error, -surface.error)
     start = vec.add(surface.point, vec.scale(surface.geometric, error))

@@ -1,4 +1,4 @@
-"""Positions and normals of triangle corners, and spheres, at a shutter time; interpolated for those that move."""
+"""Positions and normals of triangle corners, and spheres, at a shutter time; interpolated between keys if they move."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ _ONE = np.float32(1.0)
 
 @device
 def _vertex(fixed, keys, count, i, time):
-    """Returns row i of a vertex table at a time. The last rows have keys, as in the tree (renderer/bvh/traverse.py)."""
+    """Returns row i of a vertex table at a shutter time.
+
+    Only the table's last rows move, as in the BVH (renderer/bvh/traverse.py): they are interpolated between `keys`.
+    """
     moving = len(keys) // count
     first = len(fixed) - moving
     number = np.int64(i)
@@ -44,7 +47,7 @@ def _three(fixed, keys, count, i, j, k, time):
 
 @device
 def corners_at(scene, i, j, k, time):
-    """Returns the positions of three vertices in their tree's space, for one triangle or, if `time` is None, for eight lanes."""
+    """Returns the positions of three vertices in their BVH's space, for one triangle or, if `time` is None, for eight lanes."""
     if time is not None and len(scene.key_position) > 0:
         return _three(scene.position, scene.key_position, scene.bvh.keyed_packets[1], i, j, k, time)
     return row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)

@@ -94,14 +94,14 @@ def triangle_point(position, triangle, number, u, v):
 
 @device
 def _between(a, b, c, u, v):
-    """Returns `triangle_point` for a triangle given by its three corners."""
+    """Returns (point, error bound, cross product of the edges) at barycentric (u, v) of a triangle given by its three corners."""
     error = POINT_ERROR * ((_ONE - u - v) * vec.magnitude(a) + u * vec.magnitude(b) + v * vec.magnitude(c))
     return _mix3(a, b, c, u, v), error, vec.cross(vec.sub(b, a), vec.sub(c, a))
 
 
 @subroutine
 def moving_triangle_point(scene, number, u, v, time):
-    """Returns `triangle_point` at a shutter time."""
+    """Returns (point, error bound, cross product of the edges) of a moving triangle at a shutter time."""
     i, j, k, _ = row(scene.triangle, number, 4)
     a, b, c = corners_at(scene, i, j, k, time)
     return _between(a, b, c, u, v)
@@ -145,7 +145,7 @@ def sphere_uv(n):
 
 @subroutine
 def sphere_point(sphere, number, o, d, t):
-    """Returns the point o + t d projected onto the sphere: (point, error bound, outward unit normal).
+    """Returns the point o + t d projected onto sphere `number`: (point, error bound, outward unit normal).
 
     Computed in float64: for a radius of 1e5, float32 cannot represent the point's distance from the surface.
     """
@@ -154,7 +154,7 @@ def sphere_point(sphere, number, o, d, t):
 
 @subroutine
 def _moving_sphere_point(ball, o, d, t):
-    """Returns `sphere_point` for a sphere given by its centre and radius."""
+    """Returns the point o + t d projected onto a sphere given by its centre and radius; see `sphere_point`."""
     return _on_ball(ball, o, d, t)
 
 
@@ -194,7 +194,7 @@ def _tangent(array, i, j, k, u, v):
 
 @device
 def _facing(shading, geometric, wo):
-    """Returns the shading normal on the geometric normal's side, rotated towards the viewer if it faces away (world space)."""
+    """Returns the shading normal in world space, on the geometric normal's side, rotated towards the viewer if it faces away."""
     shading = where3(vec.dot(shading, geometric) < _ZERO, vec.neg(shading), shading)
     cosine = vec.dot(shading, wo)
     low = cosine < _LEAST_COSINE
@@ -212,7 +212,7 @@ def _is_textured(scene, material):
 
 @device
 def _triangle_surface(scene, wo, hit):
-    """Returns `surface_at` for a triangle, before its shading normal is turned to the viewer."""
+    """Returns the Surface at a triangle's hit, before its shading normal is turned to the viewer."""
     primitive, u, v = u32(hit.primitive), hit.u, hit.v
     i, j, k, part = row(scene.triangle, primitive, 4)
     part_material, number, shines = row(scene.part, part, PART_COLUMNS)
@@ -283,7 +283,7 @@ def _triangle_surface(scene, wo, hit):
 
 @device
 def _sphere_surface(scene, o, d, hit):
-    """Returns `surface_at` for a sphere, before its shading normal is turned to the viewer."""
+    """Returns the Surface at a sphere's hit by the ray o + t d, before its shading normal is turned to the viewer."""
     ball = u32(u32(hit.primitive) - u32(len(scene.triangle)))
     wo = vec.neg(d)
     material = u32(lookup(scene.sphere_material, ball))
@@ -318,7 +318,7 @@ def _sphere_surface(scene, o, d, hit):
 
 @device
 def _turned(scene, surface, wo):
-    """Returns the surface with its shading normal turned to the viewer, and made consistent with the facet if necessary."""
+    """Returns the Surface with its shading normal turned to the viewer, and made consistent with the facet if necessary."""
     shading = _facing(surface.shading, surface.geometric, wo)
     # Materials without reflection keep their normal for any view direction.
     bent = surface.smooth & (u32(lookup(scene.material_kind, surface.material)) != _DIFFUSE)
@@ -344,20 +344,20 @@ def _turned(scene, surface, wo):
 
 @device
 def triangle_at(scene, d, hit):
-    """Returns the surface at a Hit of a triangle by a ray of unit direction d; for one ray or for eight lanes."""
+    """Returns the Surface at a triangle's Hit by a ray of unit direction d; for one ray or for eight lanes."""
     wo = vec.neg(d)
     return _turned(scene, _triangle_surface(scene, wo, hit), wo)
 
 
 @device
 def sphere_at(scene, o, d, hit):
-    """Returns the surface at a Hit of a sphere by the ray o + t d (d unit); for one ray or for eight lanes."""
+    """Returns the Surface at a sphere's Hit by the ray o + t d (d unit); for one ray or for eight lanes."""
     return _turned(scene, _sphere_surface(scene, o, d, hit), vec.neg(d))
 
 
 @device
 def surface_at(scene, o, d, hit):
-    """Returns the surface at a Hit of `closest_hit` by the ray o + t d (d unit)."""
+    """Returns the Surface at a Hit from `closest_hit` by the ray o + t d (d unit)."""
     wo = vec.neg(d)
     if np.uint32(hit.primitive) < len(scene.triangle):
         surface = _triangle_surface(scene, wo, hit)

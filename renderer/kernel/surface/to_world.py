@@ -48,7 +48,10 @@ def point_to_world(to_world, number, p, w):
 
 @subroutine
 def _moving_normal(motion, first, keys, time, n):
-    """Returns `normal_to_world` for a moving instance at a shutter time."""
+    """Transforms a normal from instance to world space, without normalising it, for a moving instance at a shutter time.
+
+    motion: table of the instances' transforms at keys. first, keys: the instance's first row in it, and the number of its keys.
+    """
     never_inline()
     a, b, c = inverse_of(placed_at(motion, first, keys, time))
     x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
@@ -60,7 +63,10 @@ def _moving_normal(motion, first, keys, time, n):
 
 @subroutine
 def _moving_point(motion, first, keys, time, p, w):
-    """Returns `point_to_world` for a moving instance at a shutter time."""
+    """Transforms a point (w = 1) or a direction (w = 0) from instance to world space, for a moving instance at a shutter time.
+
+    motion, first, keys: as for `_moving_normal`.
+    """
     never_inline()
     a, b, c = placed_at(motion, first, keys, time)
     x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
@@ -73,7 +79,7 @@ def _moving_point(motion, first, keys, time, p, w):
 
 @device
 def normal_of_hit(scene, hit, n):
-    """Returns `normal_to_world` for the instance of a Hit, at the Hit's time."""
+    """Transforms a normal to world space for the instance that a Hit belongs to, at the Hit's shutter time; not normalised."""
     if hit.time is not None and len(scene.bvh.instance_motion) > 0:
         first, keys = scene.bvh.instance_motion[hit.instance, 0], scene.bvh.instance_motion[hit.instance, 1]
         if keys > 0:
@@ -83,7 +89,7 @@ def normal_of_hit(scene, hit, n):
 
 @device
 def point_of_hit(scene, hit, p, w):
-    """Returns `point_to_world` for the instance of a Hit, at the Hit's time."""
+    """Transforms a point (w = 1) or a direction (w = 0) to world space for the instance of a Hit, at the Hit's shutter time."""
     if hit.time is not None and len(scene.bvh.instance_motion) > 0:
         first, keys = scene.bvh.instance_motion[hit.instance, 0], scene.bvh.instance_motion[hit.instance, 1]
         if keys > 0:

@@ -1,4 +1,7 @@
-"""Parses text rows that differ only in their numbers. All arrays are allocated by the caller."""
+"""Parses text rows that differ only in their numbers, such as the vertex rows of text formats.
+
+The caller allocates all arrays.
+"""
 
 from __future__ import annotations
 
