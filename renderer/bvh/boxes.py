@@ -54,7 +54,7 @@ def numbers_of(boxes: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 @device
 def clear(boxes, i):
-    """Sets row i to the empty box."""
+    """Sets row i of `boxes` to the empty box."""
     store(boxes, np.uintp(i * 8), splat(_NOTHING))
 
 
@@ -66,13 +66,13 @@ def grow(boxes, i, others, j):
 
 @device
 def grow_by(boxes, i, other):
-    """Extends box i to contain another box, an f32x8."""
+    """Extends box i to contain `other`, a box given as an f32x8."""
     store_maximum(boxes, np.uintp(i * 8), other)
 
 
 @device
 def exchange(boxes, i, j):
-    """Swaps boxes i and j."""
+    """Swaps rows i and j of `boxes`."""
     a = load(boxes, np.uintp(i * 8))
     store(boxes, np.uintp(i * 8), load(boxes, np.uintp(j * 8)))
     store(boxes, np.uintp(j * 8), a)
@@ -112,22 +112,22 @@ def _kind(number, triangles, solids):
 
 @device
 def first_kind(box, i, triangles, solids):
-    """Returns the lowest primitive kind in box i."""
+    """Returns the lowest kind of primitive in box i: TRIANGLES, SPHERES or INSTANCE.
+
+    triangles, solids: the first primitive number of a sphere, and of an instance.
+    """
     return _kind((load_int(box, np.uintp(i * 8 + _MINUS_NUMBER)) ^ _SIGN) - _ONE_BITS, triangles, solids)
 
 
 @device
 def last_kind(box, i, triangles, solids):
-    """Returns the highest primitive kind in box i."""
+    """Returns the highest kind of primitive in box i; see `first_kind`."""
     return _kind(number_of(box, i), triangles, solids)
 
 
 @device
 def bound(box, first, end, whole, i, spread, j):
-    """Writes the bounds of boxes first ...
-
-    End - 1 to row i of `whole`, and the bounds of their doubled centroids to row j of `spread`.
-    """
+    """Writes the bounds of boxes[first : end] to row i of `whole`, and those of their doubled centroids to row j of `spread`."""
     clear(whole, i)
     clear(spread, j)
     for k in range(first, end):

@@ -65,7 +65,7 @@ def tree_of(
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     """Returns the nodes and packets of one tree, over triangles as for `build`, or over instance boxes, (I, 2, 3) f64.
 
-    They have the layout of `build`, but are writable.
+    The arrays have the layout of `build`, but are writable.
     """
     for array in (position, triangle):
         array.flags.writeable = False
@@ -80,7 +80,8 @@ def tree_over(
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     """Returns the nodes and packets of a tree over primitives with K motion keys.
 
-    Boxes bound all keys; packets contain the first. position: (K, V, 3) f32. sphere: (K, S, 4) f32. Otherwise like `tree_of`.
+    Node boxes bound the primitives at all keys; packets contain the primitives at the first key. position: (K, V, 3) f32. sphere:
+    (K, S, 4) f32. Otherwise like `tree_of`.
     """
     nothing = np.zeros((0, 2, 3))
     arrays = [(np.ascontiguousarray(p), np.ascontiguousarray(s)) for p, s in zip(position, sphere, strict=True)]
@@ -96,7 +97,7 @@ def tree_over(
 
 
 def boundless(node: npt.NDArray[Any]) -> None:
-    """Makes every box so large that every ray intersects it."""
+    """Enlarges every child box of the nodes so that every ray intersects it."""
     used = node[:, 0] <= node[:, 1]
     for row in range(6):
         node[:, row][used] = np.inf if row & 1 else -np.inf
@@ -139,7 +140,7 @@ def _tree(
     bounds: npt.NDArray[Any],
     team: Team,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """Returns the nodes and packets of one level. bounds: (I, 2, 3) f64, the boxes of its instances."""
+    """Returns the nodes and packets of one level's tree. bounds: (I, 2, 3) f64, the boxes of that level's instances."""
     solids = len(triangle) + len(sphere)
     count = solids + len(bounds)
     if count == 0:
@@ -173,9 +174,9 @@ def _sealed(bvh: Bvh, brute: bool) -> Bvh:
 
 @entry
 def _primitive_boxes(position, triangle, sphere, first, end, box):
-    """Writes the boxes of primitives first ... end - 1.
+    """Writes the boxes of primitives first ... end - 1 into `box`.
 
-    For instances, whose boxes are already filled in, writes only their numbers.
+    Boxes of instances must be filled in already; only their primitive numbers are written.
     """
     for i in range(first, min(end, len(triangle))):
         a, b, c = triangle[i, 0], triangle[i, 1], triangle[i, 2]

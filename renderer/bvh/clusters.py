@@ -44,7 +44,7 @@ Integers = npt.NDArray[Any]
 
 
 class Clusters(NamedTuple):
-    """C clusters of primitives."""
+    """C clusters of primitives: the arrays with their boxes and members."""
 
     source: Any  # (N,) i32: the primitives, cluster by cluster
     box: Any  # (C, 8) f32: boxes.py, numbered by cluster
@@ -54,7 +54,7 @@ class Clusters(NamedTuple):
 
 
 def one_cluster(source: Integers, whole: F32) -> Clusters:
-    """Returns one cluster of all primitives of `source`. whole: (8,), their bounds."""
+    """Returns a single cluster with all primitives of `source`. whole: (8,), the bounds of these primitives."""
     count = np.array([len(source)])
     return Clusters(source, numbered(whole.reshape(1, 8).copy()), np.zeros(1, np.int64), count, count)
 
@@ -104,8 +104,8 @@ def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, 
     """Splits a node over clusters until its parts have at most `least` primitives or too few clusters.
 
     Splits at least once if a plane divides the node. Returns the parts, (J, JOB) i64. node: (JOB,) i64. spread: (8,), the bounds
-    of the clusters' doubled centroids. Reorders the clusters' boxes, whose numbers identify a part's clusters, and writes the
-    tree rows above the parts and their boxes, but not the primitive numbers in these boxes.
+    of the clusters' doubled centroids. Reorders the clusters' boxes, whose numbers identify a part's clusters. Writes the tree
+    rows above the parts and the boxes of these rows, but not the primitive numbers in the boxes.
     """
     stack, spreads = np.empty((STACK, JOB), np.int64), np.empty((STACK, 8), np.float32)
     stack[0], spreads[0] = node, spread
@@ -115,7 +115,10 @@ def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, 
 
 @entry
 def _tally(box, source, first, end, grid, shift_y, shift_z, solids, cell, whole, tally):
-    """Computes the cells of primitives source[first : end], and each cell's bounds and (count, weight) of its primitives."""
+    """Computes the cells of primitives source[first : end], and for each cell their bounds, number and weight.
+
+    tally: (cells, 2), number and weight of each cell's primitives. whole: the cells' bounds.
+    """
     for c in range(len(whole)):
         clear(whole, c)
         tally[c, 0] = 0
@@ -137,7 +140,10 @@ def _tally(box, source, first, end, grid, shift_y, shift_z, solids, cell, whole,
 
 @entry
 def _sort(source, cell, first, end, at, target):
-    """Writes primitives source[first : end] to the next free index of their cell, which is in `at` (counting sort)."""
+    """Writes primitives source[first : end] into `target`, grouped by cell (counting sort).
+
+    at: the next free index of each cell, which is advanced.
+    """
     for k in range(first, end):
         c = np.uintp(cell[k])
         target[np.uintp(at[c])] = source[k]

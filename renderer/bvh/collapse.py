@@ -48,9 +48,9 @@ class Shapes(NamedTuple):
 
 
 def fold_all(binary: BinaryTree, shapes: Shapes, team: Team) -> tuple[Array, Array]:
-    """Returns the wide nodes and the packets of a binary tree.
+    """Returns the wide nodes and the packets that a binary tree is collapsed into.
 
-    First come nodes over more primitives than a part, then the subtrees of their smaller children, which all threads fill.
+    Nodes over more primitives than a part come first, then the subtrees of their smaller children, which all threads fill.
     """
     solids = len(shapes.triangle) + len(shapes.sphere)
     part = part_size(len(binary.order))
@@ -72,7 +72,7 @@ def fold_all(binary: BinaryTree, shapes: Shapes, team: Team) -> tuple[Array, Arr
 
 
 def _scratch() -> tuple[Array, Array]:
-    """Returns one thread's scratch space: a wide node's members, and a stack of binary nodes with their wide nodes."""
+    """Returns one thread's scratch space: (a wide node's members; a stack of pairs of a binary node and its wide node)."""
     return np.empty(WIDTH, np.int64), np.empty((STACK_SIZE, 2), np.int64)
 
 
@@ -102,8 +102,8 @@ def _open(binary, root, members):
 def _count(binary, solids, root, least, aside, members, stack):
     """Counts the results of collapsing a binary subtree: (wide nodes including the root, packets, deferred children).
 
-    Children over at most `least` primitives are deferred: they are listed in `aside` with the number of the wide node that each
-    becomes, and not counted.
+    Children over at most `least` primitives are deferred: they are listed in `aside`, each with the number of the wide node that
+    it becomes, and not counted.
     """
     stack[0, 0] = root
     top = 1

@@ -20,9 +20,9 @@ _DONE = 2**31 - 1
 
 @intrinsic
 def hit_keys(typingctx, mask, distance):
-    """Returns keys, an f32x8: the bits of non-negative distances with the lane number in the last three bits.
+    """Returns sort keys, an f32x8: the bits of non-negative distances with the lane number in the last three bits.
 
-    As signed integers, they sort by distance. Lanes that the mask excludes get the greatest int32.
+    As signed integers, the keys sort by distance. Lanes that the mask excludes get the greatest int32.
     """
 
     def codegen(context, builder, sig, args):
@@ -50,13 +50,13 @@ def _all(builder, value):
 
 @intrinsic
 def minimum_key(typingctx, keys):
-    """Returns the minimum of the keys, an int32."""
+    """Returns the minimum, an int32, of sort keys from `hit_keys`."""
     return types.int32(keys), lambda context, builder, sig, args: _least(builder, builder.bitcast(args[0], _KEYS))
 
 
 @intrinsic
 def keys_beyond(typingctx, keys, key):
-    """Returns the keys greater than `key`; in the other lanes the greatest key."""
+    """Returns the sort keys with those not greater than `key` replaced by the greatest int32."""
 
     def codegen(context, builder, sig, args):
         values = builder.bitcast(args[0], _KEYS)
@@ -100,7 +100,7 @@ def masked(typingctx, mask, distance):
 
 @intrinsic
 def nearest_of(typingctx, distances):
-    """Returns (distance, lane): the minimum of positive distances from `masked`, and the first lane that has it."""
+    """Returns (minimum of positive distances from `masked`, the first lane with that distance)."""
 
     def codegen(context, builder, sig, args):
         values = builder.bitcast(args[0], _KEYS)
@@ -114,5 +114,5 @@ def nearest_of(typingctx, distances):
 
 @device
 def nearest(mask, distance):
-    """Returns (distance, lane): the minimum of positive distances in the mask's lanes, and the first lane that has it."""
+    """Returns (minimum of the positive distances in the mask's lanes, the first lane with that distance)."""
     return nearest_of(masked(mask, distance))

@@ -44,8 +44,8 @@ def _to_moving(motion, first, keys, time, o, d):
 def to_local(transform, number, o, d):
     """Returns the ray in a static instance's space. Its direction is not normalised, so t is the same as in world space.
 
-    Computed in double precision and rounded once: the error of a ray's origin next to the instance's surface is then no larger
-    than with the same triangles in world space.
+    Computed in double precision and rounded once: the error of a ray's origin near the instance's surface is then no larger than
+    with the same triangles in world space.
     """
     ox, oy, oz = np.float64(o[0]), np.float64(o[1]), np.float64(o[2])
     dx, dy, dz = np.float64(d[0]), np.float64(d[1]), np.float64(d[2])

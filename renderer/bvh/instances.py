@@ -1,4 +1,4 @@
-"""The upper level of the BVH: instances of trees, and the relocation of their trees into shared arrays."""
+"""The upper level of the BVH: instances of trees, and copying of separately built trees into shared arrays."""
 
 from __future__ import annotations
 
@@ -52,7 +52,10 @@ def root_boxes(node: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
 
 
 def relocate(node: npt.NDArray[Any], packet: npt.NDArray[Any], first_node: int, first_packet: int, first_primitive: int) -> None:
-    """Offsets the indices of a separately built triangle tree, in place, for its position in larger arrays."""
+    """Offsets the indices of a separately built triangle tree, in place, for its position in larger arrays.
+
+    first_node, first_packet, first_primitive: the numbers that its first node, packet and primitive get there.
+    """
     child = node[:, ROW_CHILD].view(np.int32)
     child += np.where(child >= 0, first_node, -4 * first_packet).astype(np.int32)
     number = packet[:, ROW_PRIMITIVE].view(np.int32)

@@ -20,7 +20,7 @@ _PARTNER = ([1, 0, 3, 2, 5, 4, 7, 6], [2, 3, 0, 1, 6, 7, 4, 5], [4, 5, 6, 7, 0, 
 
 
 def _added(builder, value, steps):
-    """Emits code that adds permutations of a vector's own lanes to it, one per step."""
+    """Emits code that adds permutations of a vector's lanes to the vector, one for each of `steps`."""
     zeros = ir.Constant(value.type, [0.0] * LANES)
     for places in steps:
         value = builder.fadd(value, builder.shuffle_vector(value, zeros, ir.Constant(_PLACES, places)))
@@ -29,7 +29,7 @@ def _added(builder, value, steps):
 
 @intrinsic
 def running_sum(typingctx, a):
-    """Returns the prefix sums of the lanes, an f32x8; each includes its own lane.
+    """Returns the prefix sums of the lanes, an f32x8; lane i is the sum of lanes 0 ... i.
 
     For non-negative lanes the rounded sums never decrease, and increase only at lanes above 0.
     """

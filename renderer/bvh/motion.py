@@ -27,7 +27,10 @@ INVERSE_SINE = 17  # and 1 over its sine; 0 for nearly equal rotations, which ar
 
 @device
 def step_at(time, keys):
-    """Returns (the index of the key before a time 0 ... 1, the fraction of the step to the next key). keys: at least 2."""
+    """Returns (the index of the key before a time in 0 ... 1, the fraction of the step to the next key).
+
+    keys: the number of keys, at least 2, at equal steps.
+    """
     passed = np.float32(time) * np.float32(keys - 1)
     step = min(np.int64(passed), np.int64(keys - 2))
     return step, passed - np.float32(step)
@@ -35,7 +38,7 @@ def step_at(time, keys):
 
 @device
 def _sine(x):
-    """Returns the sine of an angle in 0 ... pi / 2 to within 6e-12, by its series."""
+    """Returns the sine of an angle in 0 ... pi / 2, by its series, to within 6e-12."""
     y = x * x
     rest = 1.0 - y * (1.0 / 210.0)
     rest = 1.0 - y * (1.0 / 156.0) * rest
@@ -55,9 +58,10 @@ def _mixed(keys, k, column, share):
 
 @device
 def placed_at(keys, first, count, time):
-    """Returns the matrix from a body's space to world space at a shutter time 0 ...
+    """Returns the matrix from a moving body's space to world space at a shutter time in 0 ... 1.
 
-    1: three rows, each with the translation last. keys: (R, KEY_COLUMNS) f64; this body's are the `count` rows from `first` on.
+    The matrix has three rows, each with the translation last. keys: (R, KEY_COLUMNS) f64, in which this body's keys are the
+    `count` rows from `first` on.
     """
     step, rest = step_at(time, count)
     k, share = first + step, np.float64(rest)

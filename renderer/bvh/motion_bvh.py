@@ -26,7 +26,7 @@ _SYMMETRIC = STRETCH + np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 def keyed_tree(position: Array, triangle: Array, sphere: Array, first_sphere: int, team: Team) -> tuple[Array, Array]:
     """Returns the nodes and packets of a tree over vertices that move linearly between K keys. Each packet is stored K times.
 
-    position: (K, V, 3) f32. triangle: (T, 3) i32, rows of a key's positions. sphere: (K, S, 4) f32. Numbers are as in
+    position: (K, V, 3) f32. triangle: (T, 3) i32, rows of a key's positions. sphere: (K, S, 4) f32. Primitives are numbered as in
     `renderer.bvh.build.build`.
     """
     keys = len(sphere)
@@ -75,7 +75,7 @@ def motion_boxes(box: Array, keys: Array) -> Array:
 
 
 def _through(matrix: Array, points: Array) -> Array:
-    """Transforms points (n, 3) by nine matrix elements, without BLAS, whose last bits depend on the processor."""
+    """Transforms points (n, 3) by nine matrix elements. Avoids BLAS, whose last bits depend on the processor."""
     m = np.asarray(matrix).reshape(3, 3)
     x, y, z = points.T
     return np.stack([m[k, 0] * x + m[k, 1] * y + m[k, 2] * z for k in range(3)], axis=1)

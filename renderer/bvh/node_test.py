@@ -1,4 +1,4 @@
-"""The tests that all traversals share: a ray against a node's boxes, and the order of hits."""
+"""The tests that all traversals share: the intersection of a ray with a node's boxes, and the comparison of two hits."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
 
 @device
 def intersect_boxes(node, base, planes, inverse, near, far, t_min, t_max):
-    """Intersects a ray with a node's eight boxes between two distances; returns (mask8 of boxes hit, f32x8 entry distances).
+    """Intersects a ray with a node's eight boxes, between t_min and t_max; returns (mask8 of boxes hit, f32x8 entry distances).
 
-    base: the node's first element. The ray's constants for the axes x, y, z: planes: the first elements of the rows of near
-    planes (those of far planes are WIDTH elements away); inverse, near, far: f32x8 each, such that a near plane at x is hit at
-    distance x * inverse + near.
+    base: flat index of the node's first element. The ray's constants for each axis: planes: offset of the row of the planes that
+    the ray enters by (those that it leaves by are WIDTH elements away); inverse, near, far: f32x8 each, such that a near plane at
+    x is hit at distance x * inverse + near.
     """
     x, y, z = planes
     x_near, x_far = fma(load(node, base + x), inverse[0], near[0]), fma(load(node, base + (x ^ _W)), inverse[0], far[0])
@@ -44,17 +44,17 @@ def primitive_of(packet, leaf, lane):
 
 @device
 def tie_of(instance, primitive):
-    """Returns the primitive number below which a primitive of the world precedes a given hit at equal distance.
+    """Returns the number below which a primitive of the world precedes a given hit at equal distance, for `is_nearer`.
 
-    instance, primitive: those of the given hit.
+    instance, primitive: of the given hit.
     """
     return select(instance > WORLD, ANY_PRIMITIVE, primitive)
 
 
 @device
 def is_nearer(distance, primitive, best, tie):
-    """Returns True if a hit precedes the one at distance `best`. Hits are ordered by (distance, instance, primitive).
+    """Returns True if a hit precedes the current one, which is at distance `best`.
 
-    tie: from `tie_of`. Returns False for a distance of NaN.
+    Hits are ordered by (distance, instance, primitive). tie: `tie_of` the current hit. Returns False for a distance of NaN.
     """
     return (distance < best) | ((distance == best) & (primitive < tie))

@@ -87,9 +87,9 @@ def intersect_triangles(base, axes, shear, origin, margin, t_max):
 
 @device
 def is_beyond(after, limit, t, numbers):
-    """Returns a mask8 of the primitives beyond a hit: those farther than `after[0]`, or equally far with a number above `limit`.
+    """Returns a mask8 of the primitives beyond the hit `after`: those farther away, or equally far with a number above `limit`.
 
-    numbers: the bits of the primitives' numbers, f32x8.
+    after: the hit's (distance, instance, primitive). t: the primitives' distances. numbers: the bits of their numbers, f32x8.
     """
     before = splat(after[0])
     return less(before, t) | (less_equal(before, t) & greater_ints(numbers, limit))
@@ -97,7 +97,7 @@ def is_beyond(after, limit, t, numbers):
 
 @subroutine
 def intersect_spheres(base, origin, direction, t_max, after, limit, numbers):
-    """Intersects a ray with the spheres of a packet, ahead of its origin; returns (mask8, f32x8 distance of the first hit).
+    """Intersects a ray with the spheres of a packet; returns (mask8, f32x8 distance of the first hit with t > 0).
 
     after, limit, numbers: as for `is_beyond`, which then filters the hits; None: no filter.
 

@@ -1,4 +1,4 @@
-"""Prefetches tree nodes and packets."""
+"""Prefetches BVH nodes and packets into the processor's cache."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LINES = 5  # cache lines: a node has four, a packet five
 
 @device
 def prefetch_child(bvh, child, nearby):
-    """Prefetches the node or packet of a child reference, but not in trees of at most `nearby` nodes, which stay in the cache."""
+    """Prefetches the node or packet of a child reference, except in trees of at most `nearby` nodes, which stay in the cache."""
     if len(bvh.node) > nearby:
         node = address(bvh.node, np.uintp(np.uint32(child)) * _NODE)
         packet = address(bvh.packet, np.uintp(~child >> 2) * _PACKET)

@@ -21,7 +21,7 @@ _CAMERA, _SHADOW = 0, 1  # indices into Bvh.ray_roots
 
 
 def exclude_primitives(laid: AssembledBvh, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[np.bool_]) -> AssembledBvh:
-    """Returns the tree with separate root nodes for camera rays and shadow rays.
+    """Returns the tree with separate root nodes for camera rays and shadow rays, from which the excluded primitives are missing.
 
     unseen, shadeless: (primitives,) bool: invisible to camera rays, or to shadow rays. All such primitives must be in the world's
     own tree, not in an instance's.
@@ -49,7 +49,7 @@ class _Rows:
         self.rows: list[Array] = []
 
     def put(self, *rows: Array) -> int:
-        """Appends rows; returns the index of the first."""
+        """Collects rows to append to the array; returns the index that the first of these rows will have."""
         self.rows += rows
         return self.first + len(self.rows) - len(rows)
 
@@ -63,7 +63,7 @@ def _longer(array: Array, more: _Rows) -> Array:
 
 
 def _ends(places: tuple[int, ...], first: int, array: Array) -> tuple[int, ...]:
-    """Returns the start indices of the sections after rows were appended to the last one.
+    """Returns the start indices of an array's sections after rows were appended to the last section.
 
     Empty sections at the end are moved to the new end.
     """
@@ -72,7 +72,10 @@ def _ends(places: tuple[int, ...], first: int, array: Array) -> tuple[int, ...]:
 
 
 def _without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _Rows) -> int:
-    """Appends the nodes and packets of a tree that change if some primitives are omitted; returns the new root node."""
+    """Appends changed copies of a tree's nodes and packets, with some primitives omitted; returns the new root node.
+
+    left_out: (primitives,) bool, the primitives to omit. Nodes and packets that do not change are shared.
+    """
     child = bvh.node[:, ROW_CHILD].view(np.int32)
     there = bvh.node[:, 0] <= bvh.node[:, 1]
     number = bvh.packet[:, ROW_PRIMITIVE].view(np.int32)

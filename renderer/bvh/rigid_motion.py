@@ -23,7 +23,7 @@ _NEAR = 1e-9
 def motion_keys(places: F64) -> F64:
     """Returns the motion keys (N, K, KEY_COLUMNS) of N bodies.
 
-    places: (N, K, 3, 4), their transforms at K keys: an invertible matrix and a translation.
+    places: (N, K, 3, 4), the bodies' transforms at K keys: an invertible matrix and a translation each.
     """
     turn, stretch = polar(places[:, :, :, :3])
     rotation = _quaternions(turn)
@@ -123,7 +123,7 @@ def _dot(a: F64, b: F64) -> F64:
 
 
 def _ways(rotation: F64) -> tuple[F64, F64]:
-    """Returns half the angle from each key's rotation to the next one, (N, K - 1), and 1 / its sine; 0 for almost no rotation."""
+    """Returns half the rotation angle from each key to the next, (N, K - 1), and 1 / its sine; 0 for almost no rotation."""
     before, after = rotation[:, :-1], rotation[:, 1:]
     across, along = after - before, after + before  # an arc cosine is imprecise for small angles (Kahan 2006)
     far, near = np.sqrt(_dot(across, across)), np.sqrt(_dot(along, along))
@@ -144,7 +144,7 @@ def _arctangent(tangent: F64) -> F64:
 
 
 def _straight(places: F64) -> F64:
-    """Returns the point of each body, (N, 3) in its own space, whose motion from key to key is closest to linear in equal steps.
+    """Returns the point of each body, (N, 3) in body space, whose motion from key to key is closest to linear in equal steps.
 
     For rotation about an axis it is a point on that axis; for rotation with translation, the centre of rotation.
     """

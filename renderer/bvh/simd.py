@@ -57,7 +57,7 @@ _DOUBLE = ir.DoubleType()
 
 
 def _operator(symbol: Any, lower: Callable[[Any, Any, Any], Any], *kinds: Lanes) -> None:
-    """Defines the operator `symbol` between two vectors of the same type, for each type."""
+    """Defines the operator `symbol` between two vectors of the same type, for each vector type. lower: emits the instruction."""
 
     class Template(ConcreteTemplate):
         key = symbol
@@ -193,13 +193,13 @@ def product(typingctx, a, b):
 
 @intrinsic
 def sqrt(typingctx, a):
-    """Returns the square root, correctly rounded; NaN for negative numbers."""
+    """Returns the square root of each lane, correctly rounded; NaN for negative numbers."""
     return a(a), lambda context, builder, sig, args: called(builder, "sqrt", *args)
 
 
 @intrinsic
 def minimum(typingctx, a, b):
-    """Returns the minimum of each pair; `b` if one is NaN (one vminps)."""
+    """Returns the lane-wise minimum of a and b; the lane of `b` if either is NaN (one vminps)."""
 
     def codegen(context, builder, sig, args):
         return builder.select(builder.fcmp_ordered("<", *args), *args)
@@ -209,7 +209,7 @@ def minimum(typingctx, a, b):
 
 @intrinsic
 def maximum(typingctx, a, b):
-    """Returns the maximum of each pair; `b` if one is NaN (one vmaxps)."""
+    """Returns the lane-wise maximum of a and b; the lane of `b` if either is NaN (one vmaxps)."""
 
     def codegen(context, builder, sig, args):
         return builder.select(builder.fcmp_ordered(">", *args), *args)
@@ -219,13 +219,13 @@ def maximum(typingctx, a, b):
 
 @intrinsic
 def less(typingctx, a, b):
-    """Returns the mask of a < b; False for NaN."""
+    """Returns the mask of lanes in which a < b; False for NaN."""
     return mask8(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("<", *args)
 
 
 @intrinsic
 def less_equal(typingctx, a, b):
-    """Returns the mask of a <= b; False for NaN."""
+    """Returns the mask of lanes in which a <= b; False for NaN."""
     return mask8(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("<=", *args)
 
 
@@ -243,7 +243,7 @@ def flip(typingctx, a, b):
 
 @intrinsic
 def select(typingctx, mask, a, b):
-    """Returns `a` where the mask is set, else `b`. For scalars too, as a selection without a branch."""
+    """Returns `a` in lanes where the mask is set, else `b`. For scalars too, as a selection without a branch."""
 
     def codegen(context, builder, sig, args):
         value = builder.select(*args)
@@ -275,7 +275,7 @@ def lowest_bit(typingctx, number):
 
 @intrinsic
 def extract(typingctx, vector, lane):
-    """Returns one lane's value."""
+    """Returns the value of one lane of a vector."""
     element = types.float32 if vector.element == _FLOAT else types.float64
     return element(vector, types.uint32), lambda context, builder, sig, args: builder.extract_element(*args)
 

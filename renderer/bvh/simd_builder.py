@@ -1,4 +1,4 @@
-"""Eight-lane operations for the builder (see simd.py): in-place maximum of rows, and swapping of halves."""
+"""Eight-lane operations for the BVH builder, besides those of simd.py: in-place maximum of array rows, and swapping of halves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ __all__ = ["store_maximum", "swapped"]
 def store_maximum(typingctx, array, index, value):
     """Replaces eight float32 of a C-contiguous array, starting at its flat element `index`, by their maximum with an f32x8.
 
-    Unchecked. LLVM would convert the plain form to one masked store, which takes AMD's processors twenty times as long.
+    The index is not checked. LLVM would convert the plain form to one masked store, which takes AMD's processors twenty times as
+    long.
     """
 
     def codegen(context, builder, sig, args):

@@ -1,9 +1,9 @@
 """Per-ray constants for tests against boxes and triangles; for one ray or for eight lanes.
 
 Hit distances on triangles are rounded, and biased by the side that the ray hits (`intersect_triangles` in
-renderer/bvh/packet.py). Culling of boxes must allow for both, or the nearest hit would depend on the order in which boxes are
-visited. Therefore all distances of boxes are reduced by a factor, `_NEARER`, and by a multiple of `_margin_of`; both exceed the
-bias.
+renderer/bvh/packet.py). Culling of boxes must allow for the rounding and the bias, or the nearest hit would depend on the order
+in which boxes are visited. Therefore all distances of boxes are reduced by a factor, `_NEARER`, and by a multiple of
+`_margin_of`; both reductions exceed the bias.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class RayConstants(NamedTuple):
 
 @device
 def _margin_of(o, scale):
-    """Returns the distance that is added to a hit's own distance in its error bound, for the rounding of coordinates.
+    """Returns the distance to add to a hit's distance in its error bound, to cover the rounding of coordinates.
 
     Two tessellations of one plane differ by the rounding of their vertices, some ulps of their coordinates, however short the ray
-    is. scale: 1 / the direction's component of largest magnitude.
+    is. o: the ray's origin. scale: 1 / the direction's component of largest magnitude.
     """
     return max(abs(o[0]), max(abs(o[1]), abs(o[2]))) * abs(scale) * _OF_ORIGIN
 
@@ -65,13 +65,13 @@ def _planes_of(o, inverse, margin):
 
 @device
 def entry_limit(t, margin):
-    """Returns a distance, at least 0, such that boxes that end before it contain no hit at distance t or beyond."""
+    """Returns a distance of at least 0 before which no box can contain a hit at distance t or beyond."""
     return max(t * _EARLIER - margin * _LEAD, _ZERO)
 
 
 @device
 def _inverse(d):
-    """Returns 1/d. A component near zero is taken as +-1e-18: 0 * inf would be NaN, and the ray would visit the whole tree."""
+    """Returns 1/d. A component near zero is replaced by +-1e-18: 0 * inf would be NaN, and the ray would visit the whole tree."""
     return _ONE / math.copysign(max(abs(d), _TINY), d)
 
 

@@ -60,7 +60,7 @@ _BELOW_ONE = np.float32(1.0 - 1e-6)  # so that the greatest centroid falls into 
 
 
 class Bins(NamedTuple):
-    """The bins of one node for all axes; the arrays are reused for every node."""
+    """The SAH bins of one node for all three axes; the arrays are reused for every node."""
 
     box: Any  # (3 * BINS, 8) f32; if fewer are used, those of the next axis follow immediately
     count: Any  # (3 * BINS,) i64, of primitives; an instance counts for eight
@@ -90,9 +90,9 @@ def new_bins() -> Bins:
 
 @device
 def lay_grid(grid, spread, i, bins):
-    """Sets up equal bins along each axis from the smallest centroid to the largest.
+    """Sets up equal bins along each axis, from the smallest centroid to the largest.
 
-    Row i of `spread`: the bounds of the centroids.
+    spread: row i contains the bounds of the centroids.
     """
     for k in range(4, 7):
         grid[0, k] = -spread[i, k - 4]
@@ -103,14 +103,17 @@ def lay_grid(grid, spread, i, bins):
 
 @device
 def _place(row, grid, last):
-    """Returns the bin coordinates of a box (an f32x8) along the axes, in lanes 4 ... 6, as floats not yet truncated."""
+    """Returns the bin coordinates of a box's centroid along the axes, in lanes 4 ... 6, as floats not yet truncated.
+
+    row: the box, an f32x8.
+    """
     place = (doubled_centroid(row) - load(grid, np.uintp(0))) * load(grid, np.uintp(8))
     return maximum(minimum(place, last), splat(_ZERO))
 
 
 @device
 def fill_bins(bins, box, first, end, used, solids, weights):
-    """Adds boxes first ... end - 1 to the `used` bins of each of the three axes.
+    """Adds boxes first ... end - 1 to the bins of each of the three axes. used: number of bins per axis.
 
     weights: number of primitives for which a box counts, by box number; None: 1, or 8 for box numbers from `solids` on.
     """
@@ -139,7 +142,7 @@ def fill_bins(bins, box, first, end, used, solids, weights):
 
 @device
 def _cost(box, count):
-    """Returns the SAH cost of the packets that `count` primitives in a box fill; infinite for count 0."""
+    """Returns the SAH cost of the packets needed for `count` primitives in a box; infinite for count 0."""
     return half_area(box) * np.float32((count + 7) >> 3) if count > 0 else _INF
 
 
@@ -168,7 +171,7 @@ def cheapest_plane(bins, used):
 
 @device
 def bound_sides(bins, axis, bin, used, tree_box, rows):
-    """Writes the boxes of both sides of a plane into the two rows from `rows` on."""
+    """Writes the bounds of the primitives on either side of a split plane into rows `rows` and `rows` + 1 of tree_box."""
     clear(tree_box, rows)
     clear(tree_box, rows + 1)
     for b in range(used):
@@ -203,7 +206,7 @@ def partition(box, first, end, grid, axis, bin, spread, left, right):
 
 @device
 def _partition_by_kind(box, first, end, kind, triangles, solids):
-    """Partitions boxes by kind, the given kind to the left; returns the index where the others begin."""
+    """Partitions boxes by kind of primitive, the given kind to the left; returns the index where the other kinds begin."""
     middle = first
     for i in range(first, end):
         if last_kind(box, i, triangles, solids) == kind:
@@ -236,8 +239,8 @@ def split(box, clusters, parts, local, bins, spread, stack, triangles, solids, o
     """Splits parts of a tree (from clusters.py) until every leaf is a packet of one kind, or one instance.
 
     tree: rows of (left child or -1, first index in `order`, count); the right child follows the left. tree_box: the nodes' boxes.
-    stack: (STACK, 4) i64, pending nodes: node, first box, end and depth. spread: (STACK, 8) f32, the bounds of their doubled
-    centroids. local: scratch for the boxes of the largest part.
+    stack: (STACK, 4) i64, pending nodes: node, first box, end and depth. spread: (STACK, 8) f32, the bounds of the pending nodes'
+    doubled centroids. local: scratch for the boxes of the largest part.
     """
     for p in range(len(parts)):
         root, base, length, rows = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]

@@ -1,9 +1,9 @@
 """Assembles the world's tree from separately built subtrees: static geometry, moving bodies, and geometry rebuilt for each frame.
 
-A top-level tree is built above them; if only transforms change, only this is rebuilt.
+A top-level tree is built above the subtrees; if only transforms change, only the top is rebuilt.
 
-In the arrays the top comes first, with spare rows, so that the offsets of the others do not depend on its size. Each part begins
-at a page boundary, so that files of parts can be mapped consecutively (renderer/scene/compiled_parts.py).
+The top comes first in the arrays, with spare rows, so that the offsets of the subtrees do not depend on its size. Each subtree
+begins at a page boundary, so that files with one subtree each can be mapped consecutively (renderer/scene/compiled_parts.py).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Room = Callable[
 
 
 def padded(count: int, row_bytes: int) -> int:
-    """Returns the number of rows, rounded up so that they end at a page boundary."""
+    """Returns the number of array rows, of `row_bytes` each, rounded up so that the rows end at a page boundary."""
     whole = PAGE // math.gcd(PAGE, row_bytes)
     return -(-count // whole) * whole
 
@@ -45,7 +45,10 @@ NODE_BYTES, PACKET_BYTES = NODE_ROWS * WIDTH * 4, PACKET_ROWS * WIDTH * 4
 
 
 class AssembledBvh(NamedTuple):
-    """The assembled arrays, and the offsets in them of the top, static, bodies and loose parts, followed by the end."""
+    """The assembled arrays, and the offsets in them of their parts (top, static, bodies, loose), followed by the end.
+
+    "Loose" is geometry that is rebuilt for each frame.
+    """
 
     bvh: Bvh
     node: tuple[int, ...]
@@ -67,14 +70,15 @@ def assemble_bvh(
     keys: Sequence[Array] = (),
     loose_keys: int = 1,
 ) -> AssembledBvh:
-    """Assembles the whole tree.
+    """Assembles the world's tree and the trees of its instances.
 
-    still: a complete tree, possibly with instances. loose: a tree of world-space geometry, without instances. first_triangle: the
-    number of the first triangle of each body; first_loose: that of the loose geometry. Their trees number triangles from 0.
-    shown: (J,) the body of each further instance. to_world: (I, 3, 4) transforms of all instances, the J of the bodies last.
-    room: returns the arrays to fill, possibly those of another frame with their content. For motion while the shutter is open:
-    keys: of each of the J instances, (K, KEY_COLUMNS), without rows for a static one; None if all are static. loose_keys: the
-    number of keys of a packet of `loose`.
+    still: the tree of the static geometry, possibly with instances. bodies: the trees of the moving bodies. loose: a tree of
+    world-space geometry that is rebuilt for each frame, without instances. first_triangle: the number of the first triangle of
+    each body; first_loose: that of the loose geometry. Their trees number triangles from 0. shown: (J,) the body of each further
+    instance. to_world: (I, 3, 4) transforms of all instances, the J of the bodies last. room: returns the arrays to fill,
+    possibly those of another frame with their content. For motion while the shutter is open: keys: of each of the J instances,
+    (K, KEY_COLUMNS), without rows for a static one; None if all are static. loose_keys: the number of keys of a packet of
+    `loose`.
     """
     moving = to_world[len(to_world) - len(shown) :]
     boxes, children = _below_top(still, bodies, loose, shown, moving, keys)
@@ -131,7 +135,7 @@ def _put(tree: Tree, node: Array, packet: Array, first_node: int, first_packet: 
 def _below_top(
     still: Bvh, bodies: Sequence[Tree], loose: Tree, shown: Array, moving: Array, keys: Sequence[Array]
 ) -> tuple[Array, Array]:
-    """Returns the boxes below the top, (n, 2, 3), and their contents: 0 the static tree, 1 the loose one, 2 + i an instance."""
+    """Returns the boxes below the top, (n, 2, 3), and the content of each: 0 static tree, 1 loose tree, 2 + i instance i."""
     placed = instance_boxes(list(bodies), shown, moving)
     for number, each in enumerate(keys):
         if len(each):
@@ -146,7 +150,7 @@ def _below_top(
 
 
 def _put_top(top: Array, number: Array, node: Array, room: int) -> None:
-    """Writes the top into its reserved rows. number: the child reference of each subtree below it."""
+    """Writes the top-level tree into its reserved rows of the arrays. number: the child reference of each subtree below it."""
     node[: len(top)] = top
     node[len(top) : room] = 0
     child = node[: len(top), ROW_CHILD].view(np.int32)

@@ -30,7 +30,7 @@ Integers = npt.NDArray[Any]
 
 
 def part_size(count: int) -> int:
-    """Returns the number of primitives per part, into which a tree over `count` primitives is divided."""
+    """Returns how many primitives each part of a tree over `count` primitives has; threads build the parts separately."""
     return max(LEAST_PART, -(-count // MOST_PARTS))
 
 
@@ -98,7 +98,7 @@ def _sources(clusters: Clusters, part: Integers) -> Integers:
 
 
 def _shared_out(parts: Integers, size: int) -> Iterator[Integers]:
-    """Groups parts so that each group has about `size` primitives."""
+    """Yields groups of parts, each with about `size` primitives in total."""
     share = (np.cumsum(parts[:, 2]) - parts[:, 2]) // size
     return iter(np.split(parts, np.flatnonzero(np.diff(share)) + 1))
 

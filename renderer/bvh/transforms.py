@@ -1,4 +1,4 @@
-"""Inverts and measures transforms of instances, with the same bits on every host: LAPACK's last bits depend on the processor."""
+"""Inverses and scales of instance transforms, with the same bits on every host: LAPACK's last bits depend on the processor."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def invert_transforms(transform: F64) -> F64:
 
 
 def scale_range(transform: F64) -> F64:
-    """Returns the maximum and minimum scale of (I, 3, 4) transforms, (I, 2); NaN if not finite."""
+    """Returns the largest and the smallest scale factor of (I, 3, 4) transforms, (I, 2); NaN if not finite."""
     transform = np.ascontiguousarray(transform, np.float64).reshape(-1, 3, 4)
     found = np.empty((len(transform), 2))
     _stretch(transform, np.empty((3, 3)), found)
@@ -40,7 +40,10 @@ def _cofactor(m, i, row, column):
 
 @entry
 def _invert(transform, inverse):
-    """Inverts transforms by Cramer's rule. Nearly singular ones were rejected before (renderer/scene/instances.py)."""
+    """Inverts transforms by Cramer's rule.
+
+    The caller must have rejected nearly singular ones (renderer/scene/instances.py does).
+    """
     for i in range(len(transform)):
         determinant = 0.0
         for k in range(3):
@@ -57,9 +60,9 @@ def _invert(transform, inverse):
 
 @entry
 def _stretch(transform, column, found):
-    """Computes the maximum and minimum singular value: the column lengths after rotations have made the columns orthogonal.
+    """Computes the largest and smallest singular value: the column lengths after rotations have made the columns orthogonal.
 
-    One-sided Jacobi: Golub & Van Loan, "Matrix Computations", 8.6.3. column: scratch, (3, 3).
+    One-sided Jacobi: Golub & Van Loan, "Matrix Computations", 8.6.3. column: scratch, (3, 3). found: receives the two values.
     """
     for i in range(len(transform)):
         largest = 0.0

@@ -2,9 +2,9 @@
 
 Ray-box slab tests use one fused multiply-add per plane. Its rounding is covered by a slack that each ray adds to its constants
 (and the builder to the boxes), so that no box with a hit is missed, including flat boxes and boxes that touch along an edge. A
-node's children are visited from the nearest to the farthest that is not farther than the hit so far: a vector of keys (distances
-whose last bits contain the lane) is the whole state of a node, and the next key is computed while the last leaf is tested. Shadow
-rays visit children in any order, leaves first.
+node's children are visited in order of distance, as long as they are not farther than the closest hit so far: a vector of keys
+(distances whose last bits contain the lane) is the whole state of a node, and the next key is computed while the last leaf is
+tested. Shadow rays visit children in any order, leaves first.
 
 Hits are ordered by (distance, instance, primitive), those of the world before those of instances: of hits at equal distance the
 one with the lower number is the nearest. A ray that passes through a surface continues from the same origin, beyond that hit
@@ -114,7 +114,7 @@ def _lanes(vector):
 
 @device
 def _prepared(o, d, after, facing):
-    """Returns a ray's (constants for `intersect_boxes`, constants for packets, distance before which boxes need not be visited).
+    """Returns (constants for `intersect_boxes`, constants for packets, distance before which boxes need not be visited) of a ray.
 
     The constants for packets: axes, shear, permuted origin, and the margin for `intersect_triangles`. after, facing: as for
     `closest_hit`.
@@ -129,7 +129,7 @@ def _prepared(o, d, after, facing):
 
 @device
 def _place(packet, leaf):
-    """Returns the address of a leaf's packet."""
+    """Returns the memory address of a leaf's packet."""
     return address(packet, np.uintp(leaf >> 2) * _PACKET)
 
 
@@ -148,7 +148,7 @@ def _put_between(packet, leaf, keys, time, stack):
 
 @device
 def place_at(bvh, leaf, stack, time):
-    """Returns the address of a leaf's packet at a shutter time; an interpolated packet is on the stack."""
+    """Returns the address of a leaf's packet at a shutter time; a packet with motion keys is interpolated onto the stack."""
     if time is not None and (leaf >> 2) >= bvh.keyed_packets[0]:
         _put_between(bvh.packet, leaf, bvh.keyed_packets[1], time, stack)
         return address(stack, _BETWEEN)
@@ -166,7 +166,10 @@ def _blocks(place, leaf, o, d, constants, t_max):
 
 @device
 def _met(place, leaf, o, d, constants, t_max, after, limit, numbers):
-    """Intersects a ray with a leaf's packet; returns (mask8, distance, u, v, determinant), not yet divided by the determinant."""
+    """Intersects a ray with a leaf's packet at address `place`; returns (mask8, distance, u, v, determinant).
+
+    Distance, u and v must still be divided by the determinant.
+    """
     axes, shear, permuted, margin = constants
     if leaf & SPHERES:
         hit, t = intersect_spheres(place, o, d, t_max, after, limit, numbers)
@@ -176,10 +179,10 @@ def _met(place, leaf, o, d, constants, t_max, after, limit, numbers):
 
 @device
 def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
-    """Updates the nearest hit, (whether there is one, distance, primitive, u, v), by intersecting a leaf's packet.
+    """Intersects a ray with a leaf's packet; returns the nearest hit `found`, or the packet's if that is nearer.
 
-    tie: a hit at the same distance is nearer if its primitive's number is lower than this. after: as for `closest_hit`. limit:
-    from `_limit`.
+    found: (whether there is a hit, distance, primitive, u, v). tie: a hit at the same distance is nearer if its primitive's
+    number is lower than this. after: as for `closest_hit`. limit: from `_limit`.
     """
     numbers = load(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES)
     hit, t, b, c, determinant = _met(place, leaf, o, d, constants, found[1] * MORE, after, limit, numbers)
@@ -197,7 +200,10 @@ def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
 
 @device
 def _limit(after, number):
-    """Returns the last primitive to skip at the distance of `after`, in the world (number -1) or in instance `number`."""
+    """Returns the highest primitive number to skip at the distance of the hit `after`.
+
+    number: the instance in which hits are searched; -1: the world.
+    """
     limit = ANY_PRIMITIVE
     if after is not None:
         limit = select(number > after[1], NO_PRIMITIVE, select(number < after[1], ANY_PRIMITIVE, after[2]))
@@ -206,7 +212,7 @@ def _limit(after, number):
 
 @device
 def _enter(node, base, slabs, t_min, best):
-    """Returns the keys of the children that the ray enters before `best`, and the smallest key."""
+    """Returns (sort keys of the children whose boxes the ray enters before distance `best`, the smallest of these keys)."""
     met, distance = intersect_boxes(node, base, *slabs, t_min, best)
     keys = hit_keys(met, distance)
     return keys, minimum_key(keys)
@@ -219,7 +225,10 @@ def _child(node, base, lane):
 
 @device
 def _push(stack, top, base, keys, key):
-    """Pushes a node's other children on the stack; returns the stack's new top."""
+    """Pushes a node with its pending children on the stack; returns the stack's new top.
+
+    keys, key: the sort keys of these children, and the smallest of them.
+    """
     store(stack, top, keys)
     store_int(stack, top + _W, key)
     store_int(stack, top + _W + np.uintp(1), np.int32(base // _NODE))
@@ -228,7 +237,7 @@ def _push(stack, top, base, keys, key):
 
 @device
 def _pop(stack, top):
-    """Pops (node, keys, smallest key) from the stack."""
+    """Pops (node, sort keys of its pending children, the smallest of them) from the stack."""
     key = load_int(stack, top + _W)
     base = np.uintp(np.uint32(load_int(stack, top + _W + np.uintp(1)))) * _NODE
     return base, load(stack, top), key
@@ -291,7 +300,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None, faci
     """Returns the closest Hit along o + t d with 0 < t < t_max. stack: from `new_stack`.
 
     time: shutter time, 0 ... 1; None if nothing moves, or for the middle of the shutter. root: the node at which to start. after:
-    only hits beyond this one, (distance, instance, primitive), are considered; FROM_ORIGIN or None: all. facing: FACING: of
+    a hit, (distance, instance, primitive), beyond which hits count; FROM_ORIGIN or None: all hits count. facing: FACING: of
     coincident faces the one that faces the origin is the closest (`intersect_triangles`); None: hits have the distances of
     `any_hit`.
     """
