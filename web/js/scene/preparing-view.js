@@ -2,12 +2,14 @@
 
 import { h } from "../base/dom.js";
 import { t } from "../base/words.js";
+import { localMeshOf } from "../news/local-mesh.js";
 import { MeshCanvas } from "./mesh-canvas.js";
 import { lookAt } from "./orbit.js";
 import { keepTurned, meshOf } from "./preview-mesh.js";
 import { viewHand } from "./view-hand.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").View} View */
 
 const [WIDTH, HEIGHT] = [1280, 720];
@@ -30,33 +32,51 @@ export function preparingView(scene) {
   const mesh = new MeshCanvas(canvas);
   /** @type {View | null} */
   let view = null;
+  let isTurned = false;
+  let isAsked = false;
   let letGo = () => {};
+  let isOpen = true;
   /** @param {View} next */
   const turn = (next) => {
     view = next;
+    isTurned = true;
     mesh.setView(next);
     keepTurned(scene.id, next);
   };
+  /** @param {View} first @param {Vec3} low @param {Vec3} high corners of the scene */
+  const follow = (first, low, high) => {
+    if (!isTurned) view = first;
+    mesh.setView(view ?? first);
+    letGo();
+    letGo = viewHand(surface, {
+      ...{ view: () => view ?? first, turn, pressed: () => false, keyed: () => false },
+      size: Math.hypot(...high.map((value, i) => value - (low[i] ?? 0))) || 1,
+      centre: () => turn(lookAt(view ?? first, /** @type {Vec3} */ (high.map((value, i) => (value + (low[i] ?? 0)) / 2)))),
+    });
+  };
+  // What this page uploaded is drawn until the service has read it.
+  void localMeshOf(scene.id).then((local) => {
+    if (!local || isAsked || !isOpen) return;
+    const { packet, view: first } = local;
+    mesh.setMesh(packet);
+    follow(first, packet.low, packet.high);
+  });
   return {
     element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface)),
     update({ id, preview, cameras, bounds, defaults }) {
       const first = cameras[0]?.view;
       const [low, high] = bounds ?? [];
-      if (!preview || !first || !low || !high || view) return;
-      view = first;
+      if (!preview || !first || !low || !high || isAsked) return;
+      isAsked = true;
       surface.style.setProperty("--aspect", String((defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT)));
-      mesh.setView(first);
+      follow(first, /** @type {Vec3} */ (low), /** @type {Vec3} */ (high));
       meshOf(id).then(
-        (packet) => mesh.setMesh(packet),
+        (packet) => isOpen && mesh.setMesh(packet),
         () => {}, // the steps show that it goes on
       );
-      letGo = viewHand(surface, {
-        ...{ view: () => view ?? first, turn, pressed: () => false, keyed: () => false },
-        size: Math.hypot(...high.map((value, i) => value - (low[i] ?? 0))) || 1,
-        centre: () => turn(lookAt(view ?? first, /** @type {import("../base/types.js").Vec3} */ (high.map((value, i) => (value + (low[i] ?? 0)) / 2)))),
-      });
     },
     dispose() {
+      isOpen = false;
       letGo();
       mesh.dispose();
     },

@@ -14,6 +14,7 @@ import { pick } from "./pick-files.js";
 import { go, here } from "./router.js";
 import { Card, announce, offerNews, showError } from "./tray.js";
 import { Pace } from "./upload-pace.js";
+import { keepLocal, readLocally } from "../news/local-mesh.js";
 import { upload } from "../news/upload.js";
 import { uploadSeconds } from "../news/upload-times.js";
 import { filesFor, rivals, whichScene } from "./which-scene.js";
@@ -197,6 +198,7 @@ async function sendOnce(files, fields) {
   const stalled = () => setText(line, t("Nothing was sent for {n} s. It goes on when the connection does.", { n: STALLED_MS / 1000 }));
   setUnderWay(1);
   const begun = performance.now();
+  const mesh = readLocally(files.map(({ file }) => file));
   try {
     const scene = await upload(files, {
       fields,
@@ -210,6 +212,7 @@ async function sendOnce(files, fields) {
       },
     });
     uploadSeconds.set(scene.id, (performance.now() - begun) / 1000);
+    keepLocal(scene.id, mesh);
     adoptScene(scene);
     return scene;
   } catch (error) {

@@ -1,0 +1,102 @@
+"""Tests of GLB files that the browser reads for its first preview, against the service's reader."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from renderer.scene.animation import Moment
+from renderer.scene.default_camera import frame
+from renderer.scene.load import Shot
+from renderer.scene.preview import Preview, preview
+from tests.page.node import Node
+
+READ = """
+    const known = m.readGlb(Uint8Array.from(atob(a.file), (c) => c.charCodeAt(0)).buffer, a.most ?? 300000);
+    if (!known) return null;
+    const { packet, view } = known;
+    const plain = Object.entries(packet).map(([name, value]) => [name, ArrayBuffer.isView(value) ? [...value] : value]);
+    return { packet: Object.fromEntries(plain), view };"""
+
+
+def read_in_page(node: Node, data: bytes, most: int = 300_000) -> Any:
+    return node.call("news/glb-mesh", READ, {"file": base64.b64encode(data).decode(), "most": most})
+
+
+def read_by_service(folder: Path, data: bytes) -> Preview:
+    (folder / "model.glb").write_bytes(data)
+    shot = Shot(folder, "model.glb")
+    shown = preview(shot.scene_at(Moment(shot.start)))
+    assert shown is not None
+    return shown
+
+
+def positions(packet: Any) -> np.ndarray:
+    low, high = np.array(packet["low"]), np.array(packet["high"])
+    shares = np.array(packet["positions"]).reshape(-1, 4)[:, :3] / 65535
+    return np.asarray(low + shares * (high - low))
+
+
+@pytest.fixture
+def model() -> bytes:
+    """A box and a sphere in nodes that are turned, scaled differently per axis, and nested."""
+    scene = trimesh.Scene()
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 64, 0, 255])
+    box = trimesh.creation.box((1.0, 2.0, 3.0))
+    box.visual = trimesh.visual.TextureVisuals(material=material)
+    turn = trimesh.transformations.rotation_matrix(0.7, (1, 2, 3), (0.5, 0, 1))
+    scene.add_geometry(box, node_name="box", transform=turn @ np.diag([1.0, 0.5, 2.0, 1.0]))
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.75)
+    scene.add_geometry(
+        ball, node_name="ball", parent_node_name="box", transform=trimesh.transformations.translation_matrix((3, 1, 0))
+    )
+    return bytes(scene.export(file_type="glb", include_normals=True))
+
+
+def test_the_browser_places_triangles_as_the_service_does(node: Node, tmp_path: Path, model: bytes) -> None:
+    found = read_in_page(node, model)
+    packet, known = found["packet"], read_by_service(tmp_path, model)
+    corners = positions(packet)[np.array(packet["indices"]).reshape(-1, 3)]
+    expected = known.positions[known.triangles]
+    assert corners.shape == expected.shape
+    np.testing.assert_allclose(corners, expected, atol=1e-3)
+    np.testing.assert_allclose(packet["low"], known.positions.min(axis=0), atol=1e-5)
+    np.testing.assert_allclose(packet["high"], known.positions.max(axis=0), atol=1e-5)
+    normals = np.array(packet["normals"]).reshape(-1, 4)[:, :3] / 127
+    assert packet["vertices"] == len(known.normals)
+    np.testing.assert_allclose(np.sort(normals, axis=0), np.sort(known.normals, axis=0), atol=2e-2)
+    colors = {tuple(row) for row in np.array(packet["colors"]).reshape(-1, 4).tolist()}
+    assert (255, 137, 0, 255) in colors, "64 / 255 is linear, 137 in sRGB"
+
+
+def test_the_browser_frames_a_model_as_the_automatic_camera_does(node: Node, tmp_path: Path, model: bytes) -> None:
+    view, known = read_in_page(node, model)["view"], frame(read_by_service(tmp_path, model).positions)
+    for name in ("eye", "target", "up", "fov"):
+        np.testing.assert_allclose(view[name], getattr(known, name), atol=1e-4)
+
+
+def test_many_triangles_are_decimated(node: Node) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=6)  # 81,920 triangles
+    data = bytes(trimesh.Scene(ball).export(file_type="glb", include_normals=True))
+    packet = read_in_page(node, data, 5000)["packet"]
+    assert 1000 < packet["triangles"] < 10_000
+    assert max(packet["indices"]) < packet["vertices"]
+    radius = np.linalg.norm(positions(packet), axis=1)
+    np.testing.assert_allclose(radius, 1.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("length", [0, 11, 40, -5])
+def test_a_damaged_file_is_left_to_the_service(node: Node, model: bytes, length: int) -> None:
+    assert read_in_page(node, model[:length]) is None
+
+
+def test_a_compressed_file_is_left_to_the_service(node: Node, model: bytes) -> None:
+    """With a bufferView of EXT_meshopt_compression the bytes are no coordinates."""
+    plain = b'"buffer":0'
+    assert plain in model
+    assert read_in_page(node, model.replace(plain, b'"buffer":1')) is None
