@@ -39,7 +39,7 @@ export function homeView() {
     exampleGrid,
     h("span", { class: "quiet small" }, t("No scene at hand? Start with one of these.")),
   );
-  const jobList = h("ul", { class: "rows" });
+  const jobList = h("ul", { class: "cards latest" });
   const jobSection = section(t("Latest pictures"), jobList, h("a", { class: "small", href: linkTo("jobs") }, t("All jobs")));
   for (const part of [sceneSection, exampleSection, jobSection]) part.hidden = true;
   exampleSection.classList.add("for-submit"); // opening one requires permission to upload
@@ -47,7 +47,11 @@ export function homeView() {
   const showJobs = keyedList(
     jobList,
     (job) => job.id,
-    (job) => jobRow(job),
+    (job) => {
+      const row = jobRow(job);
+      row.element.classList.add("card");
+      return row;
+    },
   );
 
   const refresh = () => {
