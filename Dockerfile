@@ -38,6 +38,7 @@ COPY rayfarm rayfarm
 COPY scenes service/examples
 COPY blender service/blender
 COPY web service/web
+COPY docs service/guide_pages
 # Into this folder no container may write: what is not compiled here, each start compiles again.
 RUN python3 -m compileall -q renderer protocol telemetry worker service rayfarm
 COPY deploy/images/rayfarm /usr/local/bin/

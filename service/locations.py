@@ -16,12 +16,14 @@ __all__ = ["SOURCE_CHECKOUT", "default_data_folder", "shipped_folder", "sqlite_u
 _PACKAGE = Path(__file__).resolve().parent
 _PACKAGE_PARENT = _PACKAGE.parent
 
+_INSTALLED_AS = {"scenes": "examples", "docs": "guide_pages"}
+
 SOURCE_CHECKOUT = _PACKAGE_PARENT if (_PACKAGE_PARENT / "farm.py").is_file() and (_PACKAGE_PARENT / "web").is_dir() else None
 
 
 def shipped_folder(name: str) -> Path:
-    """Returns the path of a folder shipped with Rayfarm: `web`, `scenes` or `blender`."""
-    return SOURCE_CHECKOUT / name if SOURCE_CHECKOUT else _PACKAGE / ("examples" if name == "scenes" else name)
+    """Returns the path of a folder shipped with Rayfarm: `web`, `scenes`, `blender` or `docs`."""
+    return SOURCE_CHECKOUT / name if SOURCE_CHECKOUT else _PACKAGE / _INSTALLED_AS.get(name, name)
 
 
 def default_data_folder() -> Path:

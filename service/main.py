@@ -20,6 +20,7 @@ from renderer import __version__
 from renderer.printable import LogRecord, printable
 from service.errors import StartupError
 from service.farm import Farm
+from service.guides import Guides
 from service.health_port import HealthPort
 from service.http import problems
 from service.http.client_address import ClientAddress
@@ -27,6 +28,7 @@ from service.http.compression import CompressionMiddleware
 from service.http.gate import AuthorizationMiddleware
 from service.http.security import SecurityMiddleware
 from service.http.standby_requests import StandbyMiddleware
+from service.locations import shipped_folder
 from service.pages import Pages, WebPages
 from service.process_lifecycle import REFUSES_TO_START, ServiceLifecycle
 from service.routes import registry
@@ -92,6 +94,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     problems.install(app)
     app.add_api_route("/docs", lambda: RedirectResponse("/docs/"), include_in_schema=False)
+    app.mount("/docs/guides", Guides(shipped_folder("docs"), DOCS / "guide.html"), name="guides")
     app.mount("/docs", Pages(directory=DOCS, html=True), name="docs")
     if settings.web.is_dir():
         app.mount("/", WebPages(settings.web), name="web")

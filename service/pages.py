@@ -22,7 +22,7 @@ from starlette.types import Scope
 
 from service.page_index import index_of, joined_files
 
-__all__ = ["Pages", "WebPages"]
+__all__ = ["Content", "Pages", "WebPages", "file_response"]
 
 FOLDER = "v"  # v/HASH/js/main.js
 PAGE_FOLDERS = ("js", "css", "words", "examples")
@@ -60,7 +60,7 @@ class WebPages(Pages):
             return await super().get_response(path, scope)  # responds with the allowed methods
         if path in (".", "index.html"):
             shelf = await run_in_threadpool(self._current_files)
-            return _file_response(shelf.index, "index.html", "no-cache", scope)
+            return file_response(shelf.index, "index.html", "no-cache", scope)
         first, _, rest = path.partition("/")
         if first != FOLDER:
             return await super().get_response(path, scope)
@@ -69,7 +69,7 @@ class WebPages(Pages):
         is_of_it = version == shelf.version
         lasts = CACHE_FOREVER if is_of_it else "no-store"
         if (content := shelf.contents.get(name)) is not None and (is_of_it or not name.endswith(".js")):
-            return _file_response(content, name, lasts, scope)
+            return file_response(content, name, lasts, scope)
         return await super().get_response("no such file", scope)
 
     def _current_files(self) -> PageFiles:
@@ -136,7 +136,7 @@ def _is_hidden(name: Path) -> bool:
     return any(part.startswith((".", "node_modules")) for part in name.parts if part != ".")
 
 
-def _file_response(content: Content, name: str, cache_control: str, scope: Scope) -> Response:
+def file_response(content: Content, name: str, cache_control: str, scope: Scope) -> Response:
     """Returns the response with a file, compressed if the client accepts gzip. Status 304 if the client's ETag matches."""
     asked = Headers(scope=scope)
     packs = name.endswith(COMPRESSED_SUFFIXES) and "gzip" in asked.get("accept-encoding", "")

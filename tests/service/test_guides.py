@@ -1,0 +1,109 @@
+"""Tests of the guides as the service shows them."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import httpx
+import pytest
+from starlette.applications import Starlette
+from starlette.routing import Mount
+
+from renderer import __version__
+from service.guides import GROUPS, Guides, render_guide
+from service.main import DOCS
+from tests.helpers import ROOT
+
+NAMES = [name for names in GROUPS.values() for name in names]
+
+
+class Client:
+    """Sends requests to the guides of a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.app = Starlette(routes=[Mount("/docs/guides", Guides(folder, DOCS / "guide.html"))])
+
+    def get(self, path: str, headers: Mapping[str, str] | None = None) -> httpx.Response:
+        async def ask() -> httpx.Response:
+            async with httpx.AsyncClient(transport=httpx.ASGITransport(self.app), base_url="http://page") as client:
+                return await client.get(path, headers=headers)
+
+        return asyncio.run(ask())
+
+
+@pytest.fixture(scope="module")
+def client() -> Client:
+    return Client(ROOT / "docs")
+
+
+def test_every_guide_is_listed_once() -> None:
+    assert sorted(NAMES) == sorted(path.stem for path in (ROOT / "docs").glob("*.md"))
+
+
+def test_the_index_links_to_every_guide_and_states_the_version(client: Client) -> None:
+    page = client.get("/docs/guides/").text
+    assert re.findall(r'<li><a href="([^"]+)"', page) == NAMES
+    assert f"Rayfarm {__version__}" in page
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_guide_has_a_title_and_all_its_links_lead_somewhere(client: Client, name: str) -> None:
+    answer = client.get(f"/docs/guides/{name}")
+    assert answer.status_code == 200
+    assert answer.headers["content-type"].startswith("text/html")
+    assert answer.text.count("<h1") == 1
+    assert "style=" not in answer.text, "the Content-Security-Policy forbids inline styles"
+    body = answer.text.partition("<main>")[2]
+    for link in re.findall(r'(?:href|src)="([^"]+)"', body):
+        if "://" in link:
+            continue
+        page, _, anchor = link.partition("#")
+        found = client.get(f"/docs/guides/{page or name}")
+        assert found.status_code == 200, link
+        assert not anchor or f'id="{anchor}"' in found.text, link
+
+
+def test_only_guides_and_their_pictures_are_served(client: Client) -> None:
+    assert client.get("/docs/guides/pictures/page-dark.jpg").headers["content-type"] == "image/jpeg"
+    for path in (
+        "page.md",
+        "settings_table.py",
+        "scene-schema.json",
+        "figures/lineage.py",
+        "../README",
+        "%2e%2e/README",
+        "nothing",
+    ):
+        assert client.get(f"/docs/guides/{path}").status_code == 404, path
+
+
+def test_an_unchanged_guide_is_not_sent_again(client: Client) -> None:
+    tag = client.get("/docs/guides/page").headers["etag"]
+    assert client.get("/docs/guides/page", headers={"If-None-Match": tag}).status_code == 304
+
+
+def test_a_changed_guide_is_rendered_again(tmp_path: Path) -> None:
+    (tmp_path / "page.md").write_text("# First\n\nText.\n")
+    client = Client(tmp_path)
+    assert "First" in client.get("/docs/guides/page").text
+    (tmp_path / "page.md").write_text("# Second\n\nText.\n")
+    assert "Second" in client.get("/docs/guides/page").text
+    assert client.get("/docs/guides/api").status_code == 404, "not in this folder"
+
+
+def test_links_and_anchors_follow_github() -> None:
+    text = "# A & B\n\n[x](api.md#send-it) [y](../README.md) [z](https://example.org)\n\n## What `it` does?\n\n## What it does\n"
+    title, contents, body = render_guide(text, {"api"}.__contains__)
+    assert title == "A &amp; B"
+    assert contents.count("<li>") == 2
+    assert '<a href="api#send-it">x</a> <a>y</a> <a href="https://example.org">z</a>' in body
+    assert '<h2 id="what-it-does">' in body
+    assert '<h2 id="what-it-does-1">' in body
+
+
+def test_numbers_of_a_table_are_aligned_without_inline_styles() -> None:
+    body = render_guide("# T\n\n| a | n |\n|---|--:|\n| x | 1 |\n", lambda _: False)[2]
+    assert '<td class="right">1</td>' in body
