@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Iterator
 from html import escape
@@ -91,7 +92,7 @@ def render_guide(text: str, has_guide: Callable[[str], bool]) -> tuple[str, str,
     tokens = parser.parse(text)
     title, contents = "", ""
     used: dict[str, int] = {}
-    for heading, inline in zip(tokens, tokens[1:], strict=False):
+    for heading, inline in itertools.pairwise(tokens):
         if heading.type != "heading_open":
             continue
         words = _plain_text(inline)

@@ -10,6 +10,7 @@ import { acceptDrops } from "./shell/drops.js";
 import { showHelp } from "./shell/help-dialog.js";
 import { isOutdated } from "./shell/missing-view.js";
 import { tellOfEnds } from "./shell/notify.js";
+import { PALETTE_KEYS, listenForPalette, showPalette } from "./shell/palette.js";
 import { here } from "./shell/router.js";
 import { followScroll } from "./shell/scroll-memory.js";
 import { buildShell } from "./shell/shell.js";
@@ -29,8 +30,10 @@ function start() {
   showViews(main, markSection);
   addShortcuts([
     { keys: "?", does: t("This help"), run: showHelp },
+    { keys: PALETTE_KEYS, does: t("Find scenes, jobs, actions"), run: () => showPalette(NAV) },
     { keys: "Z", does: t("Undo the last deletion or change"), run: undoLast },
   ]);
+  listenForPalette(NAV);
   acceptDrops();
   followFarm();
   followTallies();

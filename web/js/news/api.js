@@ -147,6 +147,9 @@ export const deleteScene = (id) => call("DELETE", `/scenes/${id}`);
 /** @returns {Promise<Job[]>} newest first */
 export const getJobs = () => call("GET", inProject("/jobs"));
 
+/** @param {string} text @param {number} most @returns {Promise<Job[]>} the latest whose name, note or scene has the text */
+export const findJobs = (text, most) => call("GET", inProject(`/jobs?${new URLSearchParams({ limit: String(most), search: text })}`));
+
 /** @param {import("./job-list.js").JobQuery} query @returns {Promise<string[]>} in order */
 export const getJobIds = (query) => call("GET", inProject(`/jobs/ids${listText(query)}`));
 

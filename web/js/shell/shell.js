@@ -9,6 +9,7 @@ import { tallies } from "../news/job-list.js";
 import { session } from "../news/session.js";
 import { notifyButton } from "./notify.js";
 import { languageMenu } from "./language-menu.js";
+import { showPalette } from "./palette.js";
 import { projectMenu } from "./project-menu.js";
 import { linkTo } from "./router.js";
 import { announce } from "./tray.js";
@@ -60,6 +61,11 @@ export function buildShell(nav) {
     ),
     h(
       "button",
+      { class: "icon-button find-button", type: "button", "aria-label": t("Find"), title: t("Find (Ctrl+K)"), onclick: () => showPalette(nav) },
+      icon("search"),
+    ),
+    h(
+      "button",
       {
         class: "icon-button help-button",
         type: "button",
@@ -76,7 +82,7 @@ export function buildShell(nav) {
     themeButton(),
   );
 
-  main.after(h("footer", { class: "page-foot" }, h("button", { class: "text-button", type: "button", onclick: showHelp }, t("Help"))));
+  main.after(h("footer", { class: "page-foot" }, h("button", { class: "text-button", type: "button", onclick: () => showPalette(nav) }, t("Find")), h("button", { class: "text-button", type: "button", onclick: showHelp }, t("Help"))));
 
   /** @param {string} section @param {number} n @param {string} label @param {boolean} [alarm] */
   const setTally = (section, n, label, alarm = false) => {
