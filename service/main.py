@@ -40,6 +40,7 @@ from telemetry.log_lines import as_json, uses_json
 __all__ = ["create_app"]
 
 DOCS = Path(__file__).parent / "docs_page"
+SHARE_PAGE = Path(__file__).parent / "share_page"
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -94,6 +95,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     problems.install(app)
     app.add_api_route("/docs", lambda: RedirectResponse("/docs/"), include_in_schema=False)
+    app.mount("/shared", Pages(directory=SHARE_PAGE, html=True), name="shared")
     app.mount("/docs/guides", Guides(shipped_folder("docs"), DOCS / "guide.html"), name="guides")
     app.mount("/docs", Pages(directory=DOCS, html=True), name="docs")
     if settings.web.is_dir():

@@ -20,19 +20,29 @@ from service.errors import FarmError, NotFound
 from service.store.database import Sessions
 from service.store.models import Key, User
 
-__all__ = ["CACHE_TTL_S", "KeyKind", "Keys"]
+__all__ = ["CACHE_TTL_S", "KeyKind", "Keys", "Share"]
 
-KeyKind = Literal["session", "token", "link", "worker"]
+KeyKind = Literal["session", "token", "link", "worker", "share"]
 _LABELS: dict[KeyKind, str] = {
     "session": Sentence("key-session", "session"),
     "token": Sentence("key-token", "token"),
     "link": Sentence("key-login-link", "login link"),
     "worker": Sentence("key-worker-token", "worker token"),
+    "share": Sentence("key-share-link", "share link"),
 }
 CACHE_TTL_S = 3.0  # seconds for which a key is cached: another process may revoke it
 LAST_USE_INTERVAL_S = 300.0
 MAX_CACHED = 4096
 KEEP_EXPIRED_S = 30 * 86400.0  # seconds that an expired key is kept, in case the clock was temporarily ahead
+
+
+@dataclass(frozen=True)
+class Share:
+    """A share link. job: the only job that it shows. creator: its user, whose current rights limit what it shows."""
+
+    job: str
+    expires: float | None
+    creator: Caller
 
 
 @dataclass(frozen=True)
@@ -80,11 +90,11 @@ class Keys:
     def find(self, secret: str) -> Caller | None:
         """Returns the caller who owns this key.
 
-        None if the key is unknown, expired or revoked, or is a login link (see `use_link`).
+        None if the key is unknown, expired or revoked, or is a link (see `use_link`, `find_share`).
         """
         hash, version = fingerprint(secret), self._version
         with self._sessions() as session:
-            row = session.scalar(select(Key).where(Key.hash == hash, Key.kind != "link"))
+            row = session.scalar(select(Key).where(Key.hash == hash, Key.kind.not_in(("link", "share"))))
             caller = None if row is None or _has_expired(row.expires) else _caller_of(row, session)
         if row is None or caller is None:
             return None
@@ -97,6 +107,26 @@ class Keys:
                     self._known.clear()
                 self._known[hash] = _CachedKey(caller, row.expires, time.monotonic())
         return caller
+
+    def find_share(self, secret: str) -> Share | None:
+        """Returns what a share link shows. None if it is unknown, expired or revoked, or its creator may not view anything."""
+        with self._sessions() as session:
+            row = session.scalar(select(Key).where(Key.hash == fingerprint(secret), *_is_valid_clauses("share")))
+            role = Role.NOBODY if row is None else _role_of(row.user, session)
+        if row is None or role < Role.VIEW:
+            return None
+        return Share(row.name, row.expires, Caller(row.user, role, "token", row.id))
+
+    def shares_of(self, job: str) -> list[Key]:
+        """Returns the valid share links of a job, newest first."""
+        with self._sessions() as session:
+            return list(session.scalars(self.select_valid(("share",)).where(Key.name == job)))
+
+    def withdraw_share(self, job: str, id: str) -> None:
+        """Revokes a share link of a job. Raises NotFound."""
+        if id not in {row.id for row in self.shares_of(job)}:
+            id = ""
+        self.withdraw("share", id)
 
     def use_link(self, secret: str) -> str | None:
         """Consumes a login link: deletes it and returns its user's name.

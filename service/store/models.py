@@ -362,9 +362,9 @@ class Key(Base):
 
     id: Mapped[str] = mapped_column(String(20), primary_key=True)  # not secret
     hash: Mapped[str] = mapped_column(String(64), unique=True)  # SHA-256
-    kind: Mapped[str] = mapped_column(String(16))  # session | token | link | worker
+    kind: Mapped[str] = mapped_column(String(16))  # session | token | link | worker | share
     user: Mapped[str] = mapped_column(String(64), index=True)  # owner; for a worker's key, its creator
-    name: Mapped[str] = mapped_column(String(255))  # purpose, chosen by the owner
+    name: Mapped[str] = mapped_column(String(255))  # purpose, chosen by the owner; for a share link, its job
     role: Mapped[str] = mapped_column(String(16))  # upper limit, besides the user's own role
     created: Mapped[float] = mapped_column(Float)
     expires: Mapped[float | None] = mapped_column(Float)

@@ -27,7 +27,7 @@ from tests.service.peer_worker import PeerWorker
 
 HIDDEN = "moonlight"  # word in the names of all items in the project
 # Routes with a path parameter that is not an item of a project.
-OTHERS = re.compile(r"/api/(farm|tokens|users|projects|shares|quotas|workers|hooks|examples)")
+OTHERS = re.compile(r"/api/(farm|tokens|users|projects|shares|quotas|workers|hooks|examples|shared)")
 ROLE = {"anna": "submit", "ben": "submit"}
 
 

@@ -31,6 +31,20 @@ export async function makeLink(user) {
   return `${location.origin}${location.pathname}#/login?code=${code}`;
 }
 
+/** A link that shows one job without an account. @typedef {{id: string, user: string, created: number, expires: number | null}} Share */
+
+/** @param {string} job @returns {Promise<Share[]>} newest first */
+export const getShares = (job) => call("GET", `/jobs/${job}/links`);
+
+/** @param {string} job @param {number} days @returns {Promise<string>} the link's address, which nothing else tells */
+export async function makeShare(job, days) {
+  const { path } = await call("POST", `/jobs/${job}/links`, { json: { days } });
+  return new URL(path, location.origin + location.pathname).href;
+}
+
+/** @param {string} job @param {string} id @returns {Promise<void>} */
+export const withdrawShare = (job, id) => call("DELETE", `/jobs/${job}/links/${id}`);
+
 /** @param {boolean} all everybody's: for administrators @param {number} offset @returns {Promise<import("./api.js").Page<Token>>} newest first */
 export const getTokens = (all, offset) => getPage(`/tokens${all ? "?all=true" : ""}`, offset);
 

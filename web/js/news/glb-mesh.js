@@ -9,7 +9,7 @@
 /** @typedef {import("./mesh-packet.js").MeshPacket} MeshPacket */
 /** @typedef {{packet: MeshPacket, view: View}} LocalMesh */
 
-export const MOST_TRIANGLES = 300_000;
+export const MOST_TRIANGLES = 150_000;
 const FEWEST = 24; // triangles of a decimated primitive
 const EXCESS = 1.5; // at which a primitive is decimated again
 const MOST_INSTANCES = 20_000;

@@ -6,17 +6,18 @@ import { announce } from "./tray.js";
 import { t } from "../base/words.js";
 
 /**
- * A shell command with a copy button.
+ * A shell command, or another line to copy, with a copy button.
  *
  * @param {string} text
+ * @param {string} [label] of the button
  */
-export function command(text) {
+export function command(text, label = t("Copy the command")) {
   const button = h(
     "button",
     {
       class: "icon-button",
       type: "button",
-      "aria-label": t("Copy the command"),
+      "aria-label": label,
       onclick: async () => {
         await navigator.clipboard.writeText(text);
         announce(t("Copied"));

@@ -28,6 +28,8 @@ import { jobKeys, stageKeys } from "../job/render-keys.js";
 import { followWithFrame, go, here, linkTo, setTitle } from "../shell/router.js";
 import { sideTabs } from "../job/side-tabs.js";
 import { savePanel } from "../job/save-panel.js";
+import { may, session } from "../news/session.js";
+import { sharePanel } from "../job/share-panel.js";
 import { isRead, known, labelOf, valueText } from "../news/settings-table.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { shotDesk } from "../shot/shot-desk.js";
@@ -150,7 +152,7 @@ function open(page, job, life) {
 
   const tabs = sideTabs(t("Picture"), [
     { name: "view", label: t("View"), content: [look.element, histogram, moments?.element] },
-    { name: "save", label: t("Save"), content: [save.element] },
+    { name: "save", label: t("Save"), content: [save.element, session.value.login && may("submit") && sharePanel(job.id)] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
   ]);
   const side = [

@@ -1,0 +1,150 @@
+"""/api/jobs/{id}/links and /api/shared: links that show one job to people without an account."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from fastapi import Depends, Query, Request
+from fastapi.responses import Response
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.concurrency import run_in_threadpool
+
+from renderer.frames import parse_frames
+from renderer.sentences import Sentence
+from service.access.keys import Share
+from service.access.roles import OWNER, Role
+from service.errors import NotFound
+from service.farm import Farm
+from service.http.farm import FarmDependency
+from service.http.routers import api_router
+from service.http.visit import VisitDependency, bearer_token
+from service.jobs.describe import describe
+from service.jobs.lookup import find_job
+from service.models.jobs import JobState
+from service.routes import frames
+from service.store.models import Key
+
+__all__ = ["router"]
+
+router = api_router(prefix="/api", tags=["jobs"])
+
+DAY_S = 86400.0
+MOST_DAYS = 365
+PAGE = "shared/"
+GONE = Sentence("share-link-invalid", "This link has expired or was withdrawn. Ask for a new one.")
+
+
+class ShareIn(BaseModel):
+    """A link to create. days: its lifetime."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    days: float = Field(7.0, gt=0, le=MOST_DAYS, allow_inf_nan=False)
+
+
+class ShareOut(BaseModel):
+    """A link without its secret. user: who created it."""
+
+    id: str
+    user: str
+    created: float
+    expires: float | None
+
+
+class NewShare(ShareOut):
+    """A new link. path: its page, relative to the service's root, with the secret; returned only this once."""
+
+    path: str
+
+
+class SharedJob(BaseModel):
+    """The part of a job that a link shows."""
+
+    name: str
+    state: JobState
+    progress: float
+    width: int | None
+    height: int | None
+    samples: int = Field(description="in the film, all pixels of all frames together")
+    samples_per_pixel: int | None = Field(description="null: until a noise level or a time is reached")
+    frames: list[float] = Field(description="numbers of the frames; of a still one")
+    expires: float | None = Field(description="when the link expires")
+
+
+@router.get("/jobs/{id}/links", response_model=list[ShareOut])
+def list_share_links(id: str, farm: FarmDependency) -> list[ShareOut]:
+    """Lists the valid links to a job, newest first."""
+    find_job(id, farm)
+    return [_share_out(row) for row in farm.access.keys.shares_of(id)]
+
+
+@router.post("/jobs/{id}/links", status_code=201, response_model=NewShare)
+def make_share_link(id: str, body: ShareIn, visit: VisitDependency, farm: FarmDependency) -> NewShare:
+    """Creates a link that shows this job, and nothing else, without an account. Shows no more than its creator may see."""
+    find_job(id, farm)
+    secret, row = farm.access.keys.create("share", visit.user or OWNER, Role.VIEW, id, body.days * DAY_S)
+    return NewShare(**_share_out(row).model_dump(), path=f"{PAGE}#{secret}")
+
+
+@router.delete("/jobs/{id}/links/{link}", status_code=204)
+def withdraw_share_link(id: str, link: str, farm: FarmDependency) -> None:
+    """Revokes a link at once."""
+    farm.access.keys.withdraw_share(id, link)
+
+
+def _share_of(request: Request, farm: FarmDependency) -> Share:
+    """Returns the share link of a request. Raises NotFound if it is invalid, or its creator may no longer see the job."""
+    share = farm.access.keys.find_share(bearer_token(request.headers))
+    if share is None:
+        raise NotFound(GONE)
+    projects = farm.access.projects
+    if not projects.visibility(share.creator).is_visible(projects.project_of("job", share.job)):
+        raise NotFound(GONE)
+    return share
+
+
+ShareDependency = Annotated[Share, Depends(_share_of)]
+
+
+@router.get("/shared", response_model=SharedJob)
+def get_shared_job(share: ShareDependency, farm: FarmDependency, response: Response) -> SharedJob:
+    """Returns the job of the link whose secret is the bearer token."""
+    response.headers["Cache-Control"] = "no-store"
+    return _shared_job(share, farm)
+
+
+@router.get("/shared/image.{extension}", response_class=Response, responses={200: frames.IMAGE})
+async def get_shared_image(
+    extension: Literal["png", "jpg"],
+    share: ShareDependency,
+    request: Request,
+    farm: FarmDependency,
+    visit: VisitDependency,
+    frame: float = Query(0.0, allow_inf_nan=False, description="number of the frame"),
+) -> Response:
+    """Returns the picture, rendered so far, of the link whose secret is the bearer token."""
+    job = await run_in_threadpool(_shared_job, share, farm)
+    number = frame if frame in job.frames else job.frames[0]
+    answer = await frames.image(share.job, number, extension, request, farm, visit, "color", False, 0.0, "neutral", None)
+    answer.headers["Cache-Control"] = "no-store"
+    return answer
+
+
+def _shared_job(share: Share, farm: Farm) -> SharedJob:
+    job = describe(share.job, farm)
+    numbers = parse_frames(job.shot.frames) if job.shot else [float(frame.number) for frame in job.frames]
+    return SharedJob(
+        name=job.name,
+        state=job.state,
+        progress=job.progress,
+        width=job.width,
+        height=job.height,
+        samples=job.samples,
+        samples_per_pixel=job.spp,
+        frames=numbers or [0.0],
+        expires=share.expires,
+    )
+
+
+def _share_out(row: Key) -> ShareOut:
+    return ShareOut(id=row.id, user=row.user, created=row.created, expires=row.expires)

@@ -1,0 +1,108 @@
+"""Tests of share links: what they show, to whom, and until when."""
+
+from __future__ import annotations
+
+import io
+import time
+from typing import Any
+
+import httpx
+import pytest
+from PIL import Image
+
+from service.access.roles import Role
+from service.http.access_requirements import NEEDS
+from service.store.models import Key
+from tests.service.api.test_access import ask, caller, shape
+from tests.service.api.test_projects import HIDDEN, People, made, people  # noqa: F401 - `people` is a fixture
+
+pytestmark = pytest.mark.usefixtures("people")
+
+
+def new_link(client: httpx.Client, job: str, **asked: Any) -> tuple[str, dict[str, Any]]:
+    """Returns a new link's secret, and the link."""
+    link = made(client.post(f"/api/jobs/{job}/links", json=asked), 201)
+    page, _, secret = link["path"].partition("#")
+    assert page == "shared/"
+    return secret, link
+
+
+def test_a_link_shows_its_job_and_its_picture_without_an_account(people: People) -> None:  # noqa: F811
+    secret, link = new_link(people.anna, people.ids["job"], days=2)
+    assert link["expires"] - time.time() == pytest.approx(2 * 86400, abs=60)
+    with caller(people.service, secret) as guest:
+        job = guest.get("/api/shared").raise_for_status().json()
+        assert (job["name"], job["state"], job["width"], job["frames"]) == (HIDDEN, "finished", 32, [0])
+        assert job["expires"] == link["expires"]
+        picture = guest.get("/api/shared/image.png").raise_for_status()
+        assert picture.headers["cache-control"] == "no-store"
+        own = people.anna.get(f"/api/jobs/{people.ids['job']}/frames/0/image.png").content
+        assert Image.open(io.BytesIO(picture.content)).tobytes() == Image.open(io.BytesIO(own)).tobytes()
+    page = httpx.get(f"{people.service.url}/shared/", verify=False)
+    assert "share.js" in page.text
+
+
+def test_a_link_opens_nothing_else(people: People) -> None:  # noqa: F811
+    secret, _ = new_link(people.anna, people.ids["job"])
+    with caller(people.service, secret) as guest:
+        for (method, pattern), need in NEEDS.items():
+            if shape(need) != "anyone":
+                real = pattern.replace("{id}", people.ids["job"])
+                assert ask(guest, method, real) == 401, (method, pattern)
+        assert guest.get("/api/session").json()["name"] is None
+
+
+def test_unknown_expired_and_withdrawn_links_show_nothing(people: People) -> None:  # noqa: F811
+    job = people.ids["job"]
+    with caller(people.service) as nobody, caller(people.service, "rayfarm-share-guessed") as guesser:
+        for guest in (nobody, guesser):
+            assert {guest.get("/api/shared").status_code, guest.get("/api/shared/image.png").status_code} == {404}
+    with caller(people.service, people.anna.headers["authorization"].split()[1]) as token:
+        assert token.get("/api/shared").status_code == 404, "a token is no share link"
+    secret, link = new_link(people.anna, job)
+    with caller(people.service, secret) as guest:
+        assert link["id"] in [each["id"] for each in people.anna.get(f"/api/jobs/{job}/links").json()]
+        assert people.anna.delete(f"/api/jobs/other/links/{link['id']}").status_code == 404
+        assert guest.get("/api/shared").status_code == 200
+        assert people.anna.delete(f"/api/jobs/{job}/links/{link['id']}").status_code == 204
+        assert guest.get("/api/shared").status_code == 404
+        assert "withdrawn" in guest.get("/api/shared").json()["detail"]
+        assert people.anna.delete(f"/api/jobs/{job}/links/{link['id']}").status_code == 404
+    secret, link = new_link(people.anna, job)
+    with people.service.farm.sessions.begin() as session:
+        row = session.get(Key, link["id"])
+        assert row is not None
+        row.expires = time.time() - 1
+    with caller(people.service, secret) as guest:
+        assert guest.get("/api/shared").status_code == 404
+    assert link["id"] not in [each["id"] for each in people.anna.get(f"/api/jobs/{job}/links").json()]
+
+
+def test_only_those_who_may_change_a_job_share_it(people: People) -> None:  # noqa: F811
+    path = f"/api/jobs/{people.ids['job']}/links"
+    _, link = new_link(people.anna, people.ids["job"])
+    assert people.ben.post(path, json={}).status_code == 404, "not a member of the project"
+    assert people.ben.get(path).status_code == 404
+    assert people.ben.delete(f"{path}/{link['id']}").status_code == 404
+    looks, _ = people.service.farm.access.keys.create("token", "anna", Role.VIEW, "looks")
+    with caller(people.service, looks) as viewer:
+        assert {viewer.post(path, json={}).status_code, viewer.get(path).status_code} == {403}
+    for days in (0, -1, 366, 1e300):
+        assert people.anna.post(path, json={"days": days}).status_code == 422
+    assert people.anna.post("/api/jobs/nothing/links", json={}).status_code == 404
+
+
+def test_a_link_shows_no_more_than_its_creator_may_see(people: People) -> None:  # noqa: F811
+    access = people.service.farm.access
+    access.users.add("carl", Role.SUBMIT, None)
+    made(people.chief.put("/api/projects/film/members/carl"), 200)
+    with caller(people.service, access.keys.create("token", "carl", Role.SUBMIT, "test")[0]) as carl:
+        secret, _ = new_link(carl, people.ids["job"])
+    with caller(people.service, secret) as guest:
+        assert guest.get("/api/shared").status_code == 200
+        people.chief.delete("/api/projects/film/members/carl").raise_for_status()
+        assert guest.get("/api/shared").status_code == 404
+        made(people.chief.put("/api/projects/film/members/carl"), 200)
+        assert guest.get("/api/shared").status_code == 200
+        access.users.remove("carl")
+        assert guest.get("/api/shared").status_code == 404
