@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from tests.conftest import hand_out, rotated
 
 FILES = [
@@ -35,11 +33,12 @@ def test_the_order_does_not_depend_on_the_order_of_collection() -> None:
     assert hand_out(FILES) == hand_out(FILES[::-1])
 
 
-@pytest.mark.parametrize("process", range(3))
-def test_each_process_collects_every_file_and_begins_with_another(process: int) -> None:
-    tests = Path(__file__).parent
-    names = rotated(process, 3)
-    assert sorted(names) == sorted(rotated(0, 1)) and len(set(names)) == len(names)
-    assert (process == 0) == (names[0] == rotated(0, 1)[0])
-    for path in tests.rglob("test_*.py"):
-        assert sum(path == Path(name) or Path(name) in path.parents for name in names) == 1, path
+def test_each_process_collects_every_file_and_begins_with_another() -> None:
+    whole = rotated(0, 1)
+    names = [Path(name) for name in whole]
+    assert len(set(names)) == len(names)
+    for path in Path(__file__).parent.rglob("test_*.py"):
+        assert len({path, *path.parents}.intersection(names)) == 1, path
+    orders = [rotated(process, 3) for process in range(3)]
+    assert all(sorted(order) == sorted(whole) for order in orders)
+    assert len({order[0] for order in orders}) == 3

@@ -28,6 +28,7 @@ class Said(NamedTuple):
     code: str
     template: str
     params: frozenset[str]
+    prose: tuple[str, ...]  # English text in its parameters
     at: str
 
 
@@ -37,13 +38,19 @@ def _said() -> tuple[Said, ...]:
 
 
 def _of(path: Path) -> Iterator[Said]:
-    at, source = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
-    for found in CALL.finditer(source):
-        node, line = _call(source, found.start()), f"{at}:{source.count(chr(10), 0, found.start()) + 1}"
+    for line, node in _calls(path, CALL):
         values = [arg.value if isinstance(arg, ast.Constant) else None for arg in node.args]
         assert len(values) == 2 and all(isinstance(each, str) for each in values), f"{line}: code and template"
+        prose = tuple(text for keyword in node.keywords if (text := _prose(keyword.value)))
         params = frozenset(f"{{{keyword.arg}}}" for keyword in node.keywords)
-        yield Said(str(values[0]), str(values[1]), params, line)
+        yield Said(str(values[0]), str(values[1]), params, prose, line)
+
+
+def _calls(path: Path, start: re.Pattern[str]) -> Iterator[tuple[str, ast.Call]]:
+    """Yields each call that a pattern finds in a file, with its place."""
+    at, source = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
+    for found in start.finditer(source):
+        yield f"{at}:{source.count(chr(10), 0, found.start()) + 1}", _call(source, found.start())
 
 
 def _call(source: str, start: int) -> ast.Call:
@@ -131,13 +138,7 @@ def test_both_catalogues_have_the_same_sentences_in_order() -> None:
 
 READERS = ("renderer/scene", "renderer/confine")
 PROSE = re.compile(r"[A-Za-z]{2,},? [A-Za-z{]")
-FAULTS = {"SceneError", "DamagedError", "MachineError", "SettingsError", "RayfarmError", "ValueError"}
-
-
-def _trees(folders: tuple[str, ...]) -> Iterator[tuple[str, ast.Module]]:
-    for folder in folders:
-        for path in sorted((ROOT / folder).rglob("*.py")):
-            yield str(path.relative_to(ROOT)), ast.parse(path.read_text(encoding="utf-8"))
+FAULT = re.compile(r"(?<=\braise )(SceneError|DamagedError|MachineError|SettingsError|RayfarmError|ValueError)\(")
 
 
 def _prose(node: ast.expr) -> str | None:
@@ -153,23 +154,15 @@ def _prose(node: ast.expr) -> str | None:
 
 def test_readers_raise_sentences_with_codes() -> None:
     plain = [
-        f"{at}:{node.lineno}: {text}"
-        for at, tree in _trees(READERS)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and getattr(node.exc.func, "id", "") in FAULTS
-        if node.exc.args and (text := _prose(node.exc.args[0]))
+        f"{at}: {text}"
+        for folder in READERS
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for at, node in _calls(path, FAULT)
+        if node.args and (text := _prose(node.args[0]))
     ]
     assert not plain
 
 
 def test_parameters_are_not_prose() -> None:
     """A phrase in a sentence's parameters must be a `Sentence` of its own, so that the page translates it too."""
-    plain = [
-        f"{at}:{node.lineno}: {text}"
-        for at, tree in _trees(SPEAKERS)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Sentence"
-        for keyword in node.keywords
-        if (text := _prose(keyword.value))
-    ]
-    assert not plain
+    assert not [f"{each.at}: {text}" for each in _said() for text in each.prose]
