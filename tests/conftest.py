@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import shutil
 import signal
 from collections.abc import Generator, Iterable, Iterator
@@ -84,6 +85,22 @@ def rotated(process: int, count: int) -> list[str]:
     names = list(dict.fromkeys(places))
     begin = names.index(places[process * len(places) // count])
     return names[begin:] + names[:begin]
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Does not import files without ordinary tests in a default run: an eighth of all files, in each process of xdist."""
+    is_test = collection_path.name.startswith("test_") and collection_path.suffix == ".py"
+    return True if is_test and is_ordinary(config) and has_only_long(collection_path.read_text(encoding="utf-8")) else None
+
+
+def has_only_long(source: str) -> bool:
+    """Returns whether a file, or each test function in it, is marked `long`."""
+    if re.search(r"^pytestmark = .*\bpytest\.mark\.long\b", source, re.MULTILINE):
+        return True
+    tests = [part for part in source.split("\n\n\n") if "def test_" in part]  # two empty lines between all functions
+    return bool(tests) and all(
+        re.search(r"^@pytest\.mark\.long\b", part, re.MULTILINE) and part.count("def test_") == 1 for part in tests
+    )
 
 
 @pytest.hookimpl(wrapper=True)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.conftest import hand_out, rotated
+import pytest
+
+from tests.conftest import hand_out, has_only_long, rotated
 
 FILES = [
     "tests/e2e/test_page.py",
@@ -42,3 +44,17 @@ def test_each_process_collects_every_file_and_begins_with_another() -> None:
     orders = [rotated(process, 3) for process in range(3)]
     assert all(sorted(order) == sorted(whole) for order in orders)
     assert len({order[0] for order in orders}) == 3
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("pytestmark = [pytest.mark.long, pytest.mark.timeout(9)]\n\ndef test_a():\n", True),
+        ("@pytest.mark.long\n@grid('a', 'bc')\ndef test_a(a):\n\n\n@pytest.mark.long  # minutes\ndef test_b():\n", True),
+        ("@pytest.mark.long\n@pytest.mark.long\ndef test_a():\n\n\ndef test_b():\n", False),
+        ("@pytest.mark.parametrize('a', [pytest.param(1, marks=pytest.mark.long), 2])\ndef test_a(a):\n", False),
+        ("def a():\n    pass\n", False),
+    ],
+)
+def test_files_without_an_ordinary_test_are_recognized(source: str, expected: bool) -> None:
+    assert has_only_long(source) == expected

@@ -82,8 +82,6 @@ def test_a_job_that_asks_for_it_is_shown_and_saved_denoised_once_it_is_finished(
         pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
     scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
     page = watched.page
-    page.set_viewport_size({"width": 800, "height": 480})
-    page.route_web_socket("**/viewport", lambda socket: None)  # without a live view, which would take most of the test's time
     page.goto(f"{farm.url}/#/scenes/{scene}")
     with page.expect_request(lambda request: request.method == "POST" and request.url.endswith("/api/jobs")) as sent:
         page.get_by_role("spinbutton", name="Width", exact=True).fill("96")

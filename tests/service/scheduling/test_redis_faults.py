@@ -26,7 +26,6 @@ def read_only(store: redis.Redis, is_so: bool) -> None:
 
 
 @pytest.mark.long  # tests below check that the fault is reported and that every call is repeated
-@pytest.mark.long
 @pytest.mark.parametrize("spoil", [read_only, full])
 def test_a_redis_that_refuses_costs_only_time(
     service: Service, worker: PeerWorker, spoil: Callable[[redis.Redis, bool], None]
