@@ -56,7 +56,7 @@ def strip_absent_features(scene: CompiledScene, variant: str) -> CompiledScene:
 
 
 def _parts_of_kinds(scene: CompiledScene) -> set[str]:
-    """Returns the kernel features that the scene's kinds of materials require."""
+    """Returns the names of the kernel features that the scene's kinds of materials require."""
     kinds = np.unique(scene.material_kind).tolist()
     if unknown := [kind for kind in kinds if kind not in _PART_OF]:
         raise ValueError(f"material kinds {unknown} are not declared; add them to KINDS in renderer/arrays/rows.py")

@@ -1,8 +1,8 @@
-"""The layout of light-tree nodes (bounds of eight children, one per lane) and of parallelogram rows, for builder and kernel.
+"""The table layouts of light-tree nodes (bounds of eight children, one per lane) and of parallelogram lights.
 
-A child is bounded by a sphere around all its lights, a cone around their axes, and the maximum angle of emission from those axes.
-Infinitely distant lights are bounded likewise, by a sphere at distance 1 from any shading point, in their direction.
-A lane without a child has no power.
+The builder writes these tables and the kernel reads them. A child is bounded by a sphere around all its lights, a cone around
+their axes, and the maximum angle of emission from those axes. Infinitely distant lights are bounded likewise, by a sphere at
+distance 1 from any shading point, in their direction. A lane without a child has no power.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The columns of the compiled scene's tables: materials, their texture slots and flags, textures and media.
 
-A colour takes three columns; its name is the first one.
+A colour takes three columns; the constant named after it is the index of the first.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYER
 class Kind(NamedTuple):
     """A kind of material: how it scatters, and which kernels can render it.
 
-    stage: the kernel stage that shades its vertices. "rare": shaded one path at a time by
+    stage: the kernel stage that shades vertices on such materials. "rare": shaded one path at a time by
     renderer/kernel/material/rare_materials.py; "none": the kind does not scatter. part: the field of `SceneFeatures` that a
-    kernel needs for it, empty if none.
+    kernel needs for this kind, empty if none.
     """
 
     number: int

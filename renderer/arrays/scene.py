@@ -190,7 +190,7 @@ _NEVER_EMPTY = "NHWABm"  # lengths in LAYOUT that are at least 1: nodes, the env
 
 
 def flat(scene: CompiledScene) -> dict[str, Array]:
-    """Returns array name -> array, in the layout's order."""
+    """Returns array name -> array for a compiled scene, in the layout's order, without nested tuples."""
     return {name: getattr(scene.bvh, name[4:]) if name.startswith("bvh.") else getattr(scene, name) for name in LAYOUT}
 
 
@@ -213,9 +213,10 @@ def example() -> CompiledScene:
 
 
 def _example_length(length: int | str) -> int:
-    """Returns the length of an axis in the example scene.
+    """Returns the length of an axis in the example scene of `example`.
 
-    length: from LAYOUT: a number, or the name of a length: 1 for those that are never 0, else 0; one more for the suffix "+1".
+    length: from LAYOUT, either a number or the name of a length. Lengths that are never 0 are 1, the others 0; the suffix "+1"
+    adds one.
     """
     if isinstance(length, int):
         return length

@@ -21,10 +21,10 @@ _MEMORY = Path("/dev/shm")
 
 @contextmanager
 def temporary_folder(prefix: str, in_memory: bool = False) -> Iterator[Path]:
-    """Context manager that creates a folder and removes it at the end.
+    """Context manager that creates a temporary folder and deletes it at the end.
 
-    in_memory: in shared memory if that has enough space for a large scene. Raises MachineError if no temporary folder is
-    writable.
+    in_memory: creates the folder in shared memory (/dev/shm) if that has enough space for a large scene. Raises MachineError if
+    no temporary folder is writable.
     """
     folder = _create_folder(prefix, _MEMORY if in_memory and _has_enough_memory(_MEMORY) else None)
     try:
@@ -58,9 +58,9 @@ def _create_folder(prefix: str, where: Path | None) -> Path:
 
 
 def _has_enough_memory(folder: Path) -> bool:
-    """Returns True if the shared memory of this folder has space for half of the available memory.
+    """Returns True if the shared memory file system of this folder has room for half of the available memory.
 
-    A container's default of 64 MiB has not.
+    A container's default of 64 MiB is too small.
     """
     try:
         found = os.statvfs(folder)

@@ -1,10 +1,10 @@
 """The process that forks readers: started once by a program, with an empty environment and without its descriptors.
 
-It imports modules and loads kernels when a job first needs them, so that a reader starts within milliseconds. It never opens an
-untrusted file itself. It has one thread, and ends when every process that holds the other end of its socket has ended.
+The launcher imports modules and loads kernels when a job first needs them, so that a reader starts within milliseconds. It never
+opens an untrusted file. It has one thread, and ends when every process that holds the other end of its socket has ended.
 
 A request is one datagram: JSON with `preload`, and three descriptors: the job's pipe, the pipe for messages, and the pipe on
-which the launcher reports how the reader ended. When a caller closes the job's pipe, the launcher kills the reader.
+which the launcher sends the reader's exit status. When a caller closes the job's pipe, the launcher kills the reader.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _SYSTEM = (
 
 @dataclass
 class _Running:
-    """A running reader, with the launcher's descriptors for it."""
+    """A running reader, and the descriptors that the launcher holds for it."""
 
     pid: int
     asked: int
@@ -99,7 +99,7 @@ class _Launcher:
         return True
 
     def preload(self, name: str) -> str:
-        """Imports "module", or imports it and calls its function for "module:function", once; returns the error, or ""."""
+        """Imports "module", or also calls "module:function", unless done before; returns the text of the error, or ""."""
         if name not in self._done:
             module, _, function = name.partition(":")
             try:
@@ -169,7 +169,7 @@ def _report(status: int, message: dict[str, Any]) -> None:
 
 
 def _system() -> list[str]:
-    """Returns the paths that every reader may read: the interpreter, installed packages, our package, and the kernels' folder."""
+    """Returns the paths that every reader may read: the interpreter, installed packages, this package, and the kernel cache."""
     paths = sysconfig.get_paths()
     found = {*_SYSTEM, *(paths[name] for name in ("stdlib", "platstdlib", "purelib", "platlib"))}
     found |= {f"{prefix}/{name}" for prefix in (sys.prefix, sys.base_prefix) for name in ("lib", "lib64", "pyvenv.cfg", "bin")}

@@ -84,9 +84,9 @@ def _cgroup_memory_left(folder: Path, limit_name: str, used_name: str, cache_nam
 
 
 def importer_memory(size: int) -> int:
-    """Returns the memory limit in bytes of an importer for a file of `size` bytes.
+    """Returns the memory limit, in bytes, of the process that imports a scene file of `size` bytes.
 
-    Damaged files may state counts of gigabytes.
+    A limit is needed because damaged files may state counts of gigabytes.
     """
     return _IMPORTER + _IMPORTER_PER_BYTE * size
 
@@ -94,7 +94,7 @@ def importer_memory(size: int) -> int:
 def set_limits(memory: int, seconds: float) -> int:
     """Limits this process: `memory` bytes beyond its current use, processor time for `seconds` on all cores, no core dumps.
 
-    Lower existing limits stay. Returns how many bytes of address space the process can still allocate.
+    Existing lower limits are kept. Returns how many bytes of address space the process can still allocate.
     """
     used = _address_space()
     limit_program(used + memory, int(seconds * (os.cpu_count() or 1)) + 1)
@@ -102,7 +102,7 @@ def set_limits(memory: int, seconds: float) -> int:
 
 
 def limit_program(memory: int, seconds: int) -> None:
-    """Limits this process to `memory` bytes of address space and `seconds` of processor time, also after exec."""
+    """Limits this process to `memory` bytes of address space and `seconds` of processor time; the limits survive exec."""
     _lower(resource.RLIMIT_AS, memory)
     _lower(resource.RLIMIT_CPU, seconds, _GRACE_S)
     _lower(resource.RLIMIT_FSIZE, LARGEST_FILE)
@@ -118,7 +118,7 @@ def _lower(which: int, value: int, grace: int = 0) -> None:
 
 
 def _address_space() -> int:
-    """Returns the address space of this process in bytes."""
+    """Returns the size of this process's address space in bytes."""
     try:
         return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     except OSError:
@@ -129,7 +129,7 @@ def _address_space() -> int:
 def limited_memory(memory: int) -> Iterator[bool]:
     """Context manager that limits this process to `memory` bytes of address space beyond its current use.
 
-    Yields True if an existing limit is lower.
+    Yields True if the process already had a lower limit, which then stays in force.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     finite = [limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY]
@@ -142,15 +142,18 @@ def limited_memory(memory: int) -> Iterator[bool]:
 
 
 def inherited_limit(option: str) -> int | None:
-    """Returns the soft limit with which this process was started, in bytes or seconds; None without one. option: `ulimit`'s."""
+    """Returns the soft resource limit with which this process was started, in bytes or seconds; None if there is none.
+
+    option: the option of `ulimit` for that limit, such as "-v".
+    """
     soft, _ = resource.getrlimit(_NAMED[option][0])
     return None if soft == resource.RLIM_INFINITY else soft
 
 
 def callers_limit_phrase(option: str) -> str | None:
-    """Returns a phrase that names a limit with which this process was started; None if there is none.
+    """Returns a phrase for messages that names a resource limit with which this process was started; None if there is none.
 
-    For example "its limit on address space (ulimit -v) of 2.0 GiB".
+    For example "its limit on address space (ulimit -v) of 2.0 GiB". option: as for `inherited_limit`.
     """
     value = inherited_limit(option)
     if value is None:

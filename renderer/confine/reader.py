@@ -1,10 +1,10 @@
-"""A reader: the forked, confined child process that runs one job and reports over a pipe as lines of JSON.
+"""A reader: the forked, sandboxed child process that runs one job and sends messages over a pipe, as lines of JSON.
 
 Messages:
     started   the job begins; `room`: bytes of address space that it can allocate
     answer    the result; the last message
-    error     a sentence; the last message. `kind`: its exception, `machine`: whether the machine is at fault, `rest`: without its
-              subject
+    error     a sentence; the last message. `kind`: the exception's class, `machine`: whether the machine is at fault, `rest`: the
+              sentence without its subject
     done      a request is finished
     call      requests a function call in the caller, for work that a reader may not do
     others    progress
@@ -57,7 +57,8 @@ def is_of_machine(error: OSError) -> bool:
 
 @dataclass(frozen=True)
 class Job:
-    """A reader's work, pickled by the caller: `work(link)`, the paths that it may read and write, and its limits.
+    """A reader's work, pickled by the caller: the function to call with a Link, the paths that it may read and write, and its
+    limits.
 
     reads, writes: as bytes, since names need not be UTF-8. temporary: the folder for temporary files.
     """
@@ -102,9 +103,10 @@ class Link:
         return reply["reply"]
 
     def requests(self, idle_s: float) -> Iterator[dict[str, Any]]:
-        """Yields requests until none arrives for `idle_s` seconds, the caller has ended, or this process has become large.
+        """Yields requests until none arrives for `idle_s` seconds, the caller has ended, or this process has become too large.
 
-        Waits without limit while the caller handles the messages of the last request, since it needs the files that they name.
+        Waits without limit while the caller handles the messages of the last request, since the caller needs the files that they
+        name.
         """
         patience: float | None = idle_s
         while line := self._line(patience):
@@ -138,7 +140,10 @@ _link: Link | None = None
 
 
 def call_parent(name: str, /, **arguments: Any) -> Any:
-    """Calls a function in the caller of this reader, as `Link.call`; returns None if this process is not a reader."""
+    """Calls the function `name` in the process that started this reader, as `Link.call_parent` does.
+
+    Returns None if this process is not a reader.
+    """
     return None if _link is None else _link.call_parent(name, **arguments)
 
 

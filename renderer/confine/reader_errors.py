@@ -23,8 +23,8 @@ _OF_ALLOCATION = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGTRAP,
 class Bounds:
     """The limits of a reader, and phrases for its error messages.
 
-    memory_bytes: beyond the memory at its start. seconds: time limit. subject: the beginning of sentences. granted: the
-    continuation of "needs more than the 4.0 GiB". longer, smaller: advice if the time or the memory is insufficient.
+    memory_bytes: beyond the memory in use when it starts. seconds: time limit. subject: the beginning of sentences. granted: the
+    phrase that follows "needs more than the 4.0 GiB". longer, smaller: advice if the time or the memory is insufficient.
     """
 
     memory_bytes: int
@@ -66,7 +66,7 @@ def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
 
 
 def _exception_classes() -> dict[str, type[RayfarmError]]:
-    """Returns the exception classes that this process knows, by name."""
+    """Returns exception class name -> class, for the RayfarmErrors that this process has imported."""
     found: dict[str, type[RayfarmError]] = {}
     waiting = [RayfarmError]
     while waiting:
@@ -101,9 +101,9 @@ def _out_of_memory(bounds: Bounds) -> MachineError:
 def error_of_exit(status: int, bounds: Bounds, memory: int | None = None, needed: int = 0) -> RayfarmError:
     """Returns the exception for a reader that ended without a result. status: from `os.wait`.
 
-    memory: bytes that it could allocate. needed: bytes that an importer may need. If `memory` is less than that, a crash is
-    taken for a failed allocation, which importers seldom check: the result is a MachineError, so that a machine with more
-    memory can try.
+    memory: bytes that the reader could allocate. needed: bytes that an importer may need. If `memory` is less than `needed`, a
+    crash is taken for a failed allocation, which importers seldom check: the result is a MachineError, so that a machine with
+    more memory can try.
     """
     subject = bounds.subject
     if not os.WIFSIGNALED(status):

@@ -1,6 +1,7 @@
-"""Sandboxes this process by means of the kernel: Landlock for files, seccomp for system calls, no capabilities.
+"""Sandboxes this process with features of the operating system's kernel: Landlock for files, seccomp for system calls.
 
-Uses the standard library only: it is also run by a plain Python that then becomes Blender (renderer/blender/confined.py).
+Also drops its capabilities. Uses the standard library only: the module is also run by a plain Python that then becomes Blender
+(renderer/blender/confined.py).
 """
 
 from __future__ import annotations
@@ -84,7 +85,10 @@ def enter_empty_network() -> bool:
 
 
 def available_features() -> tuple[list[str], list[str]]:
-    """Returns the names of available and of missing kernel features, Landlock and seccomp. Changes nothing."""
+    """Returns the names of the available and of the missing features (Landlock, seccomp) of the operating system's kernel.
+
+    Changes nothing.
+    """
     version = _libc.syscall(_CREATE, None, 0, _VERSION) if _libc is not None else 0
     # For a filter at address 0, a kernel with filters returns EFAULT, others EINVAL.
     has_filters = (
@@ -98,10 +102,10 @@ def available_features() -> tuple[list[str], list[str]]:
 
 
 def restrict_files(grants: Iterable[tuple[str, int]]) -> bool:
-    """Restricts this process to these paths, each with READ, RUN or WRITE; returns True if the kernel has Landlock.
+    """Restricts this process to these paths, each with READ, RUN or WRITE; returns True if Landlock is available.
 
-    Non-existent paths are skipped. From Landlock 4 on, TCP is refused too; from 6 on, signals to other processes and abstract
-    sockets.
+    Non-existent paths are skipped. From Landlock version 4 on, TCP is refused too; from 6 on, signals to other processes and
+    abstract sockets.
     """
     if _libc is None:
         return False
@@ -147,7 +151,7 @@ def drop_capabilities(keep_reading: bool) -> None:
 def filter_calls() -> bool:
     """Installs the seccomp filter, which refuses network, exec, fork and other calls not needed to read files.
 
-    Returns True if it is in force. Refused calls fail with EPERM. Threads may be started, processes may not.
+    Returns True if the filter was installed. Refused calls fail with EPERM. Threads may be started, processes may not.
     """
     machine = platform.machine()
     if _libc is None or machine not in DENIED or sys.maxsize < 2**32:

@@ -89,7 +89,10 @@ class _Launcher:
         self._process.returncode = 0
 
     def send(self, preload: Sequence[str], descriptors: Sequence[int]) -> None:
-        """Requests a reader from the launcher. Raises OSError if the launcher has ended."""
+        """Requests a new reader from the launcher. Raises OSError if the launcher has ended.
+
+        preload: modules to import first. descriptors: the reader's ends of the pipes.
+        """
         data = json.dumps({"preload": list(preload)}).encode()
         assert len(data) < MOST_REQUEST
         socket.send_fds(self.socket, [data], list(descriptors))
@@ -114,7 +117,7 @@ _current: _Launcher | None = None
 
 
 def begin_launcher(preload: Sequence[str] = ()) -> None:
-    """Starts the launcher unless it is running, so that it is ready when first needed. Raises MachineError if that fails."""
+    """Starts the launcher unless it is running, to save the first reader that time. Raises MachineError if that fails."""
     global _current
     with _lock:
         if _current is None:
@@ -128,7 +131,7 @@ def _close_current() -> None:
 
 
 def confinement() -> tuple[str, bool]:
-    """Returns a sentence on how readers are confined on this machine, and whether the confinement is complete."""
+    """Returns (a sentence on how readers are sandboxed on this machine, whether all sandbox features are available)."""
     has, lacks = available_features()
     kept = ", ".join([*has, "limits and an empty environment"])
     sentence = f"files are read in processes of their own, confined by {kept}"
@@ -204,9 +207,9 @@ class Reader:
             view = view[os.write(self._asking, view) :]
 
     def result(self, on_message: Send = lambda message: None) -> dict[str, Any]:
-        """Waits for the job's result and returns it. on_message: receives progress messages.
+        """Waits for the job's result and returns it. on_message: called with progress messages.
 
-        Raises RayfarmError: the job's error, or how the reader ended.
+        Raises RayfarmError: the job's error, or one that describes how the reader ended.
         """
         for message in self._messages(self.bounds.seconds):
             if "answer" in message:
@@ -324,7 +327,7 @@ class Reader:
         return error_of_exit(int(ended["status"]), bounds, self._room, importer_memory(_largest_file(self._reads)))
 
     def _status(self) -> dict[str, Any]:
-        """Returns the launcher's report on how the reader ended; empty if the launcher has ended or the reader does not end."""
+        """Returns the launcher's message on how the reader ended; empty if the launcher has ended or the reader does not end."""
         if not _readable(self._reporting, _ENDING_S):
             return {}
         try:
@@ -359,13 +362,13 @@ def run(
     preload: Sequence[str] = (),
     calls: Mapping[str, Callable[..., Any]] | None = None,
 ) -> dict[str, Any]:
-    """Runs `work(link)` in a confined reader and returns its result. For the arguments and errors see Reader."""
+    """Runs `work(link)` in a sandboxed reader process; returns its result. For the arguments and errors see Reader."""
     with Reader(work, reads, writes, bounds, preload, calls) as reader:
         return reader.result(on_message)
 
 
 def _largest_file(paths: Sequence[Path]) -> int:
-    """Returns the size in bytes of the largest of the files and of the first 10,000 files in the folders; 0 without any."""
+    """Returns the size in bytes of the largest file among `paths` and the first 10,000 files in their folders; 0 if there is none."""
     inside = (path for folder in paths for path in (folder.rglob("*") if folder.is_dir() else [folder]))
     largest = 0
     for path in itertools.islice(inside, _MOST_FILES):
@@ -387,7 +390,7 @@ def _no_launcher(launcher: _Launcher, why: str) -> MachineError:
 
 
 def _with_limits(sentence: str) -> str:
-    """Returns the sentence followed by advice to raise the limits of memory and time of this process, if it has any."""
+    """Returns the sentence, followed by advice to raise this process's limits of memory and time if it has any."""
     limits = [limit for option in ("-v", "-t") if (limit := callers_limit_phrase(option)) is not None]
     return joined_sentences(sentence, Sentence("advice-raise-limit", "Raise {limit}.", limit=limits)) if limits else sentence
 
@@ -403,7 +406,7 @@ def _encoded(paths: Sequence[Path]) -> tuple[bytes, ...]:
 
 
 def _environment() -> dict[str, str]:
-    """Returns the environment variables of readers."""
+    """Returns the environment variables with which the launcher and its readers run."""
     passed = {name: value for name, value in os.environ.items() if name in _PASSED or name.endswith(_PASSED_ENDINGS)}
     return {
         **passed,

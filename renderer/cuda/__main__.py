@@ -1,4 +1,4 @@
-"""`python -m renderer.cuda`: builds the PTX of kernel variants into the cache, without a card; prints each file's path."""
+"""`python -m renderer.cuda`: builds the PTX of kernel variants into the cache, without a GPU; prints each file's path."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["main"]
 
 
 def main() -> None:
-    """Builds the variants that are missing in the cache."""
+    """Builds the PTX of the kernel variants that are missing in the cache."""
     parser = argparse.ArgumentParser(
         prog="python -m renderer.cuda", description=f"Builds the kernels for NVIDIA cards, without a card ({NOT_YET_TRIED})."
     )

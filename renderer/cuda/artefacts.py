@@ -1,4 +1,4 @@
-"""Builds and caches the PTX of kernel variants. Needs no card; the files are shared like the CPU's machine code."""
+"""Builds and caches the PTX of kernel variants. Needs no GPU; the files are shared between hosts like the CPU's machine code."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def kernel_name(variant: str) -> str:
 def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
     """Returns the PTX of a kernel variant (renderer/arrays/scene_features.py) from the cache, or builds it, which takes a minute.
 
-    fetch: called with the kernel's name before it is built; it may fetch it from elsewhere. Raises InexactError if the kernel
-    needs an operation that cards lack or round differently.
+    fetch: called with the kernel's name before it is built; may fetch the file from another host. Raises InexactError if the
+    kernel needs an operation that graphics cards lack or round differently.
     """
     name = kernel_name(variant)
     path = path_of(variant)
@@ -51,7 +51,10 @@ def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
 
 
 def card_module_of(variant: str) -> Any:
-    """Compiles a kernel variant for cards and returns its optimised LLVM module. Raises InexactError as `ptx_of` does."""
+    """Compiles a kernel variant for graphics cards; returns its optimised LLVM module.
+
+    Raises InexactError as `ptx_of` does.
+    """
     kind = job_type(variant)
     module, name = linked_module(render_thread, (Reference(kind), types.int64))
     context = KernelDispatcher.targetdescr.target_context

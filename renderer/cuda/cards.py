@@ -1,6 +1,6 @@
 """Finds the graphics cards that can render, and explains why others are not used.
 
-`python -m renderer.cuda.cards` prints them as JSON.
+`python -m renderer.cuda.cards` prints the cards as JSON.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ _NVIDIA, _DISPLAY = "0x10de", "0x03"  # vendor; begin of the class
 
 
 class CardsError(Exception):
-    """Raised if the requested cards cannot be used."""
+    """Raised if the requested graphics cards cannot be used."""
 
 
 class Cards(NamedTuple):
-    """The graphics cards of this machine."""
+    """The graphics cards of this machine: the usable ones, and sentences about the others."""
 
     usable: list[Card]
     refused: list[str]  # a sentence for each card that is not used, or one for all of them
 
 
 def find_cards(library: str = LIBRARY) -> Cards:
-    """Finds the cards of this machine.
+    """Finds the graphics cards of this machine.
 
     Initialises the driver in this process, after which forked children cannot use it: see `find_cards_before_fork`.
     """
@@ -71,7 +71,7 @@ def find_cards(library: str = LIBRARY) -> Cards:
 
 
 def find_cards_before_fork() -> Cards:
-    """Finds the cards of this machine in a separate process, so that this process can still fork."""
+    """Finds the graphics cards of this machine in a separate process, so that this process can still fork."""
     found = subprocess.run([sys.executable, "-m", "renderer.cuda.cards"], capture_output=True, text=True, check=False)
     if found.returncode:
         reason = (found.stderr.strip().splitlines() or [f"exit code {found.returncode}"])[-1]
@@ -94,12 +94,12 @@ def has_nvidia_hardware(root: Path = Path("/")) -> bool:
 
 
 def described(card: Card) -> str:
-    """Returns a card's number, name, memory and capability."""
+    """Returns a text with a graphics card's number, name, memory and compute capability."""
     return f"{card.number}: {card.name}, {_gibibytes(card)} GiB, compute capability {_version(card.capability)}"
 
 
 def chosen_cards(choice: str, cards: Cards) -> tuple[list[Card], bool]:
-    """Returns the cards to use for an option `--gpu`, and whether the CPU renders too.
+    """Returns (the graphics cards to use for an option `--gpu`, whether the CPU renders too).
 
     choice: one of CHOICES. Raises CardsError if a requested card cannot be used.
     """
@@ -121,7 +121,7 @@ def chosen_cards(choice: str, cards: Cards) -> tuple[list[Card], bool]:
 
 
 def reasons_unused(cards: Cards, used: Iterable[Card]) -> list[str]:
-    """Returns a sentence for each card that is not among the used ones."""
+    """Returns a sentence for each graphics card of this machine that is not in `used`."""
     numbers = {card.number for card in used}
     unchosen = [
         Sentence(

@@ -24,7 +24,10 @@ _Pointer = ctypes.c_uint64  # CUdeviceptr
 
 
 class DriverError(Exception):
-    """The driver is missing, or one of its functions failed. code: the driver's name of the error, empty if it has none."""
+    """Raised if the driver is missing or one of its functions failed.
+
+    code: the driver's name of the error, empty if it has none.
+    """
 
     def __init__(self, text: str, code: str = "") -> None:
         super().__init__(text)
@@ -52,7 +55,7 @@ class Driver:
         self.call("cuInit", ctypes.c_uint(0))
 
     def call(self, function: str, *arguments: Any) -> None:
-        """Calls a function of the driver. Raises DriverError if it fails."""
+        """Calls a function of the driver by name. Raises DriverError if it fails."""
         try:
             called = getattr(self._library, function)
         except AttributeError as error:
@@ -77,13 +80,13 @@ class Driver:
         return number.value // 1000, number.value % 1000 // 10
 
     def cards(self) -> list[Card]:
-        """Returns all cards, whatever their compute capability, in the driver's order."""
+        """Returns all graphics cards, whatever their compute capability, in the driver's order."""
         count = ctypes.c_int()
         self.call("cuDeviceGetCount", ctypes.byref(count))
         return [self._card(number) for number in range(count.value)]
 
     def handle(self, number: int) -> ctypes.c_int:
-        """Returns the driver's handle of a card."""
+        """Returns the driver's handle of the graphics card with this number."""
         handle = ctypes.c_int()
         self.call("cuDeviceGet", ctypes.byref(handle), ctypes.c_int(number))
         return handle
@@ -104,14 +107,14 @@ class Driver:
 
 
 class Kernel(NamedTuple):
-    """A kernel loaded on a card."""
+    """A kernel loaded on a graphics card."""
 
     module: ctypes.c_void_p
     function: ctypes.c_void_p
 
 
 class Device:
-    """A card's memory and kernels, in its primary context. Must be closed to release both."""
+    """The memory and kernels of a graphics card, in its primary context. Must be closed to release them."""
 
     def __init__(self, driver: Driver, number: int) -> None:
         self._driver = driver
@@ -128,7 +131,7 @@ class Device:
         self._driver.call(function, *arguments)
 
     def upload(self, array: npt.NDArray[Any]) -> int:
-        """Copies a C-contiguous array to newly allocated memory of the card; returns its address."""
+        """Copies a C-contiguous array to newly allocated GPU memory; returns its address there."""
         address = _Pointer()
         self._call_in_context("cuMemAlloc_v2", ctypes.byref(address), ctypes.c_size_t(max(array.nbytes, 1)))
         self._allocated.add(address.value)
@@ -138,7 +141,7 @@ class Device:
         return address.value
 
     def download(self, address: int, array: npt.NDArray[Any]) -> None:
-        """Copies the card's memory at `address` into a C-contiguous array, after the kernels launched before have ended."""
+        """Copies GPU memory at `address` into a C-contiguous array, after the kernels launched before have ended."""
         if array.nbytes:
             target = ctypes.c_void_p(array.ctypes.data)
             self._call_in_context("cuMemcpyDtoH_v2", target, _Pointer(address), ctypes.c_size_t(array.nbytes))
@@ -149,7 +152,7 @@ class Device:
         self._call_in_context("cuMemFree_v2", _Pointer(address))
 
     def load(self, ptx: str, name: str) -> Kernel:
-        """Translates PTX for this card, or loads the translation from the driver's disk cache; returns the kernel."""
+        """Translates PTX for this graphics card, or loads it from the driver's disk cache; returns the kernel `name`."""
         log = ctypes.create_string_buffer(_LOG_SIZE)
         options = (ctypes.c_int * 2)(_LOG, _LOG_BYTES)
         values = (ctypes.c_void_p * 2)(ctypes.addressof(log), _LOG_SIZE)
@@ -177,7 +180,7 @@ class Device:
         self._call_in_context("cuCtxSynchronize")
 
     def close(self) -> None:
-        """Frees all memory and kernels of the card."""
+        """Frees all memory and kernels on the graphics card."""
         for address in list(self._allocated):
             self.free(address)
         while self._kernels:

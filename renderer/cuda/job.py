@@ -1,4 +1,4 @@
-"""The argument of the card's kernel, a Job: its type for each variant, and its bytes in memory."""
+"""The argument of the GPU kernel, a Job: its type for each kernel variant, and its bytes in memory."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def job_type(variant: str) -> Any:
 
 
 def packed(value: Any, place: Callable[[npt.NDArray[Any]], int]) -> bytes:
-    """Returns a tuple's bytes in the layout that kernels read: a C struct, in which each array is a Numba array structure.
+    """Returns a named tuple's bytes in the layout that kernels read: a C struct, in which each array is a Numba array structure.
 
     place: returns the address of an array's data.
     """

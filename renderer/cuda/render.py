@@ -30,15 +30,15 @@ _PARAMETER = re.compile(rf"\b{KERNEL}_param_0\[(\d+)\]")
 
 
 class CardError(MachineError):
-    """Raised if a card cannot render a scene, or fails to."""
+    """Raised if a graphics card cannot render a scene, or fails while rendering it."""
 
 
 class CardMemoryError(CardError):
-    """Raised if a scene does not fit into a card's memory."""
+    """Raised if a scene does not fit into a graphics card's memory."""
 
 
 class Rendered(NamedTuple):
-    """The result of a batch that was rendered by a card."""
+    """The result of a batch that a graphics card rendered."""
 
     sums: Sums
     bad_count: int
@@ -46,7 +46,10 @@ class Rendered(NamedTuple):
 
 
 class CardRenderer:
-    """A card with its kernels, and the arrays of the last scene in its memory. For one thread at a time; must be closed."""
+    """A graphics card with its loaded kernels, and the arrays of the last scene in its memory.
+
+    Used by one thread at a time; must be closed.
+    """
 
     def __init__(self, card: Card, library: str = LIBRARY) -> None:
         self.card = card
@@ -60,7 +63,10 @@ class CardRenderer:
         return variant in self._kernels
 
     def load(self, variant: str, fetch: Callable[[str], None] | None = None) -> None:
-        """Loads the kernel of a variant; may have to compile it. fetch: as for `ptx_of`. Raises CardError if that fails."""
+        """Loads a variant's kernel on the graphics card, after building it if necessary.
+
+        fetch: as for `ptx_of`. Raises CardError if that fails.
+        """
         try:
             self._kernel(variant, fetch)
         except DriverError as error:
@@ -69,9 +75,9 @@ class CardRenderer:
     def render(
         self, scene: CompiledScene, variant: str, camera: Camera, options: Options, batch: Batch, width: int, height: int
     ) -> Rendered:
-        """Renders a batch of a tile of width x height pixels. scene: in the form that the variant's kernels expect.
+        """Renders a batch of a tile of width x height pixels. Raises CardError if that fails.
 
-        Raises CardError if that fails.
+        scene: in the form that the variant's kernels expect (`strip_absent_features`).
         """
         try:
             return self._render(scene, variant, camera, options, batch, width, height)
@@ -83,7 +89,7 @@ class CardRenderer:
             raise CardError(f"card {number} ({name}): {error}") from error
 
     def close(self) -> None:
-        """Frees the card's memory and kernels."""
+        """Frees the memory and kernels on the graphics card."""
         self._arrays.clear()
         self._device.close()
 
@@ -126,7 +132,7 @@ class CardRenderer:
         return Rendered(job.film, int(job.counters[BAD]), int(job.counters[RAYS]))
 
     def _free_others(self, job: Job) -> None:
-        """Frees the arrays in the card's memory that the job does not use."""
+        """Frees the arrays in GPU memory that the job does not use."""
         used = set()
 
         def record_use(array: npt.NDArray[Any]) -> int:

@@ -26,9 +26,9 @@ _NO_PICTURES = ("crypto", "depth", "normal", "vector", "position", "mist", "uv",
 class Colour(NamedTuple):
     """The colour channels of an image.
 
-    part, layer: the part of the file and the layer in it that contain them. kind: "rgb", "y" or "chroma" (Y, RY, BY). channels:
-    short name (r, g, b, a, y, ry, by) -> index in the part; missing ones are 0. others: further layers that could have been
-    meant.
+    part, layer: the part of the file, and the layer in it, that contain these channels. kind: "rgb", "y" or "chroma" (Y, RY, BY).
+    channels: short name (r, g, b, a, y, ry, by) -> index in the part; missing ones are 0. others: further layers that could have
+    been meant.
     """
 
     part: int

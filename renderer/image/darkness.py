@@ -1,4 +1,4 @@
-"""Detects pictures that are black on a screen although they contain light: from dim lamps, or units of another program."""
+"""Detects images that look black on a screen although they contain light: because of dim lamps, or another program's units."""
 
 from __future__ import annotations
 
@@ -15,14 +15,17 @@ BRIGHTEST = 0.995  # quantile: a few fireflies or a lamp do not make a picture b
 
 
 class DarkPicture(NamedTuple):
-    """A picture that looks black. brightest: its greatest radiance. exposure: the stops that make this radiance white."""
+    """An image that looks black. brightest: its greatest radiance. exposure: the stops that make this radiance white."""
 
     brightest: float
     exposure: float
 
 
 def darkness(picture: npt.NDArray[Any]) -> DarkPicture | None:
-    """Returns how dark a scene-linear (h, w, 3) picture is; None if it is bright enough, or completely black."""
+    """Returns the brightest radiance of a scene-linear (h, w, 3) image that looks black, and the exposure that it needs.
+
+    Returns None if the image is bright enough, or completely black.
+    """
     peaks = np.nan_to_num(picture, posinf=0.0).max(axis=-1)
     brightest = float(np.quantile(peaks, BRIGHTEST))
     if not 0.0 < brightest < DARK_THRESHOLD:

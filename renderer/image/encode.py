@@ -1,4 +1,4 @@
-"""Encodes a picture as an image file.
+"""Encodes a rendered image as an image file.
 
 png, jpg: display values, after exposure and tone curve. exr, hdr: scene-linear Rec.709, without either. EXR stores float32 and
 may contain further channels.
@@ -93,7 +93,7 @@ def write(
     curve: str = "neutral",
     channels: Mapping[str, F32] | None = None,
 ) -> None:
-    """Writes an image file of `encode` atomically. The default of `format` is that of the name's suffix."""
+    """Writes an image file, encoded as by `encode`, atomically. format: None: that of the name's suffix."""
     path = Path(path)
     data = encode(rgb, format or format_of(path), exposure, curve, channels)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
@@ -110,7 +110,7 @@ def write(
 
 
 def write_bands(path: str | Path, bands: Iterable[F32], width: int, height: int, names: Sequence[str] = RGB) -> None:
-    """Writes an exr or hdr file, by the name's suffix, from bands of rows: the whole picture is never in memory.
+    """Writes an exr or hdr file, chosen by the name's suffix, from bands of rows: the whole image is never in memory.
 
     bands: from the top, (rows, width, channels) each. names: of the channels. Raises OSError if the file cannot be written.
     """

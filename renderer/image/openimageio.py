@@ -29,14 +29,17 @@ _YR, _YG, _YB = 0.2126, 0.7152, 0.0722
 
 
 class Decoded(NamedTuple):
-    """A decoded image: pixels, rows from the top, and notes on guesses and changes."""
+    """A decoded image: its pixels, rows from the top, and notes for the user on what was guessed or changed."""
 
     pixels: npt.NDArray[Any]
     notes: list[str]
 
 
 class Limits(NamedTuple):
-    """Limits on the number of pixels. most: allowed in an image; kept: larger images are scaled down to this."""
+    """Limits on an image's number of pixels. most: larger images are refused.
+
+    kept: larger images are scaled down to this number.
+    """
 
     most: int
     kept: int
@@ -64,7 +67,10 @@ class Limits(NamedTuple):
 
 
 def through_openimageio(data: bytes, name: str, suffix: str, limits: Limits, straight: bool) -> Decoded:
-    """Decodes an image. straight: divides premultiplied colours by alpha. Raises SceneError if it is damaged or not supported."""
+    """Decodes an image with OpenImageIO. straight: divides premultiplied colours by alpha.
+
+    Raises SceneError if the image is damaged or not supported.
+    """
     # OpenImageIO's Python module reads named files only.
     with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
         path = Path(folder) / f"image{suffix}"
@@ -205,7 +211,7 @@ def _channels_by_position(count: int) -> tuple[str, dict[str, int]]:
 
 
 def _rgba(planes: dict[str, npt.NDArray[Any]], colour: Colour, suffix: str) -> npt.NDArray[Any]:
-    """Returns the pixels (h, w, 4); for floats without alpha (h, w, 3)."""
+    """Returns the pixels (h, w, 4) from separate channels; (h, w, 3) for floats without alpha."""
     some = next(iter(planes.values()))
     if colour.kind == "y":
         rgb = [planes["y"]] * 3
@@ -225,7 +231,7 @@ def _rgba(planes: dict[str, npt.NDArray[Any]], colour: Colour, suffix: str) -> n
 
 
 def _third(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Returns the z coordinate of unit normals from their x and y, -1 ... 1, as stored in two-channel blocks (BC5)."""
+    """Returns the z coordinate, -1 ... 1, of unit normals that are stored as x and y in two-channel blocks (BC5)."""
     most = 1.0 if x.dtype == np.float32 else float(np.iinfo(x.dtype).max)
     squares = sum((2 * (each.astype(np.float32) / np.float32(most)) - 1) ** 2 for each in (x, y))
     z = 0.5 + 0.5 * np.sqrt(np.maximum(1 - squares, 0))
@@ -270,7 +276,7 @@ def _block_means(pixels: npt.NDArray[Any], factor: int) -> npt.NDArray[Any]:
 
 
 def _within_display(pixels: npt.NDArray[Any], spec: Any, factor: int) -> npt.NDArray[Any]:
-    """Returns the display window of an image whose data window differs: outside the data it is black and transparent."""
+    """Returns the display window of an image with a different data window; black and transparent outside the data."""
     window = spec.full_x, spec.full_y, spec.full_width, spec.full_height
     if window == (spec.x, spec.y, spec.width, spec.height) or spec.full_width < 1 or spec.full_height < 1:
         return pixels

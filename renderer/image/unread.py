@@ -1,4 +1,4 @@
-"""Creates notes on colour metadata of image files that the decoders ignore. Each note names the file."""
+"""Notes for the user on colour metadata of image files that the decoders ignore. Each note names the file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ORIENTATION = 0x0112  # of Exif
 
 
 def pillow_notes(source: Image.Image, name: str) -> list[str]:
-    """Returns the notes for an image opened by Pillow."""
+    """Returns notes on ignored metadata (colour profile, gamma, CMYK, orientation) of an image opened by Pillow."""
     notes = profile_notes(source.info.get("icc_profile"), name)
     gamma = source.info.get("gamma")
     if not notes and "srgb" not in source.info and gamma is not None and abs(gamma - _SRGB_GAMMA) > _TOLERANCE:
@@ -109,7 +109,7 @@ def primaries_notes(chromaticities: Any, name: str) -> list[str]:
 
 
 def header_notes(data: bytes, name: str) -> list[str]:
-    """Returns the notes for a Radiance file's header: its exposure factor and its primaries."""
+    """Returns notes on a Radiance file's header, about its ignored exposure factor and primaries."""
     head = data[: max(data.find(b"\n\n"), 0)].decode("latin-1")
     said: Mapping[str, list[str]] = {
         key: re.findall(rf"(?m)^{key}\s*=\s*(.+)$", head) for key in ("EXPOSURE", "COLORCORR", "PRIMARIES")

@@ -1,7 +1,7 @@
 """Named tuples in memory: the fields of a tuple declare its layout, from which the functions to read and write it are generated.
 
-A field's annotation is its kind. A tuple occupies the columns of a row that its kinds need, in order. A tuple read from one row
-contains plain numbers; one read from eight rows (u32x8) contains vectors of eight lanes.
+A field's annotation is its kind. A tuple occupies the columns of a table row that its kinds need, in order. A tuple read from one
+row contains plain numbers; one read from eight rows (u32x8) contains vectors of eight lanes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _FLOAT = ir.FloatType()
 
 
 class _Kind(NamedTuple):
-    """A kind of field: the number of its columns, and the type of each."""
+    """A kind of field of a named tuple: the number of its columns, and the type of each."""
 
     columns: int
     number: Any
@@ -44,7 +44,7 @@ Flag = Annotated[Any, _FLAG]
 
 
 class _Place(NamedTuple):
-    """The position of a field in the columns of its tuple. bit: that of a flag, else None."""
+    """The position of a field in the columns of its tuple. bit: a flag's bit in its column; None for other kinds."""
 
     kind: _Kind
     column: int
@@ -87,7 +87,7 @@ def is_integer(declared: type, field: str) -> bool:
 
 
 class Layout:
-    """The columns of a row: consecutive named tuples. Tuples that are listed together share their columns."""
+    """The columns of a table row that holds consecutive named tuples. Tuples that are listed together share their columns."""
 
     def __init__(self, *groups: type | tuple[type, ...]) -> None:
         self.first: dict[type, int] = {}
@@ -162,10 +162,11 @@ def _pointer(context: Any, builder: Any, kind: Any, table: Any, row: Any, width:
 
 
 def accessors(layout: Layout) -> tuple[Any, Any]:
-    """Returns (gather, scatter) for rows with this layout, to be called in kernels.
+    """Returns (gather, scatter) for table rows with this layout, to be called in kernels.
 
-    gather(table, rows, Tuple) returns the named tuple of one row or of eight rows (u32x8) of a C-contiguous float32 table;
-    scatter(table, rows, value) writes one. If several lanes have the same row, the last lane is written last. Unchecked.
+    gather(table, rows, Tuple) returns the named tuple of one row or of eight rows (u32x8) of a C-contiguous float32 table.
+    scatter(table, rows, value) writes a tuple; if several lanes have the same row, the last lane is written last. Indices are not
+    checked.
     """
 
     @intrinsic

@@ -1,6 +1,6 @@
 """An approximation of 1 / sqrt(x) for weights that need no precision: only integer operations and products.
 
-It has the same bits on every processor, unlike rsqrtps. A root and a division would take seven times as long.
+The result has the same bits on every processor, unlike that of rsqrtps. A root and a division would take seven times as long.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ _NUMBERS: dict[types.Type, types.Type] = {f32x8: types.float32, u32x8: types.uin
 def each_lane(typingctx, function, wanted, arguments):
     """Calls function(*arguments) for each lane in the mask `wanted`, with that lane's values. Other lanes get 0 and False.
 
-    Each number of the function's result, a number or nested tuples of numbers, becomes a value of eight lanes, integers as u32x8.
+    Each number in the function's result (a number or nested tuples of numbers) becomes a value of eight lanes, integers as u32x8.
     For a single path `wanted` is a bool, and the function's result is returned unchanged.
     """
     wide = is_wide(wanted)
@@ -94,14 +94,14 @@ def _leaves(builder: Any, kind: Any, value: Any) -> list[Any]:
 
 
 def _tuple(context: Any, builder: Any, kind: Any, leaves: Iterator[Any]) -> Any:
-    """Returns nested tuples of type `kind` of these numbers: the inverse of `_leaves`."""
+    """Returns nested tuples of type `kind` that contain these numbers: the inverse of `_leaves`."""
     if not _is_tuple(kind):
         return next(leaves)
     return context.make_tuple(builder, kind, [_tuple(context, builder, part, leaves) for part in kind])
 
 
 def _each_bit(builder: Any, mask: Any, at: Any) -> None:
-    """Emits a loop that calls at(lane) for each lane set in the mask."""
+    """Emits a loop that runs the code emitted by at(lane) for each lane set in the mask."""
     bits = builder.zext(builder.bitcast(mask, _I8), _I32)
     left = cgutils.alloca_once_value(builder, bits)
     test, body, end = (builder.append_basic_block(f"lanes.{name}") for name in ("test", "body", "end"))
@@ -126,7 +126,10 @@ def _element(kind: Any) -> ir.Type:
 
 
 def _memory(builder: Any, kind: types.Type) -> Any:
-    """Allocates eight zeroed numbers on the stack. In registers, each lane's result would have to be blended with all others."""
+    """Allocates eight zeroed numbers on the stack.
+
+    If they were in registers, each lane's result would have to be blended with all others.
+    """
     return cgutils.alloca_once_value(builder, ir.Constant(ir.VectorType(_element(kind), LANES), None))
 
 

@@ -30,7 +30,10 @@ INTS = ir.VectorType(_I32, LANES)
 def _binary(
     symbol: Any, lower: Callable[[Any, Any, Any], Any], result: Lanes, wide: Lanes, plain: Any, known: bool = False
 ) -> None:
-    """Defines operator `symbol` between a vector and a scalar, in either order, and between two vectors unless `known`."""
+    """Defines operator `symbol` between a vector and a scalar, in either order, and between two vectors.
+
+    known: True if it is already defined between two vectors.
+    """
     pairs = [(wide, plain), (plain, wide)] + ([] if known else [(wide, wide)])
 
     class Template(ConcreteTemplate):
@@ -60,7 +63,10 @@ def _compared(sign: str) -> Callable[[Any, Any, Any], Any]:
 
 
 def _chosen(sign: str) -> Callable[[Any, Any, Any], Any]:
-    """Returns a min or max function with the rule of Numba's scalar one: the second operand only if strictly beyond the first."""
+    """Returns the code generator of min ("<") or max (">"), which selects its second operand only if strictly beyond the first.
+
+    Numba's scalar min and max have the same rule, which decides for NaN and signed zeros.
+    """
     return lambda builder, a, b: builder.select(builder.fcmp_ordered(sign, b, a), b, a)
 
 

@@ -1,7 +1,7 @@
 """Gathers and scatters of table rows, eight at a time: columns of eight arbitrary rows become vectors, and vectors become rows.
 
 Each row is read contiguously, and the eight rows are transposed in registers, at half an instruction per number. AVX2's gathers
-cost three times that on current processors.
+take three times as long on current processors.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ def _shuffled(builder: Any, a: Any, b: Any, mask: list[int]) -> Any:
 
 
 def _quarters(builder: Any, rows: list[Any]) -> list[Any]:
-    """Transposes four columns of eight rows to four vectors of eight.
+    """Transposes four columns of eight table rows to four vectors of eight.
 
-    Rows[k]: row k in the lower half, row k + 4 in the upper half.
+    rows[k]: row k in the lower half, row k + 4 in the upper half.
     """
     a, b = _shuffled(builder, rows[0], rows[1], _LOW), _shuffled(builder, rows[0], rows[1], _HIGH)
     c, d = _shuffled(builder, rows[2], rows[3], _LOW), _shuffled(builder, rows[2], rows[3], _HIGH)
@@ -49,7 +49,7 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
 
 
 def _pointers(builder: Any, data: Any, index: Any, width: Any, first: Any) -> list[Any]:
-    """Returns pointers to column `first` of each of the eight rows."""
+    """Returns pointers to column `first` of each of the eight table rows `index`."""
     data = builder.bitcast(data, _FLOAT.as_pointer())
     offsets = []
     for lane in range(LANES):
@@ -78,9 +78,9 @@ def _quartet(builder: Any, pointer: Any, count: int) -> Any:
 
 
 def emit_gather(builder: Any, data: Any, index: Any, width: Any, first: Any, count: int) -> list[Any]:
-    """Emits code that returns `count` vectors of eight: columns from `first` on of the rows `index` of a table at `data`.
+    """Emits code that loads columns of eight table rows; returns `count` vectors of eight, from column `first` on.
 
-    The table has 32-bit numbers.
+    index: the rows' numbers, u32x8. data: pointer to the table, of 32-bit numbers. width: the table's number of columns.
     """
     if count == 1:
         undefined = ir.Constant(FLOATS, ir.Undefined)
@@ -101,7 +101,7 @@ def emit_gather(builder: Any, data: Any, index: Any, width: Any, first: Any, cou
 
 
 def emit_scatter(builder: Any, data: Any, index: Any, width: Any, first: Any, columns: list[Any]) -> None:
-    """Emits code that stores eight vectors of eight into the columns from `first` on of the rows `index`; see `emit_gather`."""
+    """Emits code that stores eight vectors of eight into the columns from `first` on of eight table rows; see `emit_gather`."""
     rows = _transposed(builder, columns)
     for pointer, row in zip(_pointers(builder, data, index, width, first), rows, strict=True):
         builder.store(row, builder.bitcast(pointer, FLOATS.as_pointer())).align = 4

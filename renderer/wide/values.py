@@ -37,7 +37,7 @@ _I32 = ir.IntType(32)
 
 @intrinsic
 def where(typingctx, mask, a, b):
-    """Returns a where the mask is set, else b. Both are evaluated, without a branch."""
+    """Returns `a` where the mask is set, else `b`. Both are evaluated, without a branch."""
     wide = next((kind for kind in (a, b) if is_wide(kind)), None)
     if wide is None:
         wide = a if not is_wide(mask) else {types.float32: f32x8, types.uint32: u32x8, types.boolean: mask8}[a]
@@ -56,7 +56,7 @@ def where(typingctx, mask, a, b):
 
 @device
 def where3(mask, a, b):
-    """Returns `where` for each component of 3-vectors."""
+    """Returns `a` where the mask is set, else `b`, for each component of 3-vectors."""
     return where(mask, a[0], b[0]), where(mask, a[1], b[1]), where(mask, a[2], b[2])
 
 
@@ -81,13 +81,13 @@ def not_(typingctx, mask):
 
 @intrinsic
 def rint(typingctx, a):
-    """Returns the nearest integer, as a float."""
+    """Returns the nearest integer, as a float; ties to even."""
     return a(a), lambda context, builder, sig, args: called(builder, "rint", args[0])
 
 
 @intrinsic
 def to_int(typingctx, a):
-    """Converts a float to an integer by truncation. In lanes: within the range of int32."""
+    """Converts a float to an integer by truncation. Lanes must be within the range of int32."""
 
     def codegen(context, builder, sig, args):
         return builder.fptosi(args[0], INTS if is_wide(sig.args[0]) else ir.IntType(64))
@@ -138,7 +138,7 @@ def as_wide(typingctx, number, like):
 
 @device
 def as_wide3(vector, like):
-    """Returns `as_wide` for each component of a 3-vector."""
+    """Broadcasts each component of a 3-vector to eight lanes if `like` has eight lanes; else returns the vector unchanged."""
     return as_wide(vector[0], like), as_wide(vector[1], like), as_wide(vector[2], like)
 
 
@@ -186,9 +186,9 @@ def as_floats(typingctx, a):
 
 @intrinsic
 def lookup(typingctx, table, index):
-    """Reads elements of a C-contiguous float32 or int32 table at a flat index. Bounds are not checked.
+    """Returns elements of a C-contiguous float32 or int32 table at a flat index, which is not checked.
 
-    Returns float32 or int32 for a scalar index; f32x8 of floats or u32x8 of integers' bits for a u32x8 index.
+    Returns float32 or int32 for a scalar index. For a u32x8 index returns an f32x8, or integers as the bits of a u32x8.
     """
     wide = is_wide(index)
     element = table.dtype
