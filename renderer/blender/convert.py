@@ -1,4 +1,4 @@
-"""Converts a .blend or .abc file to our scene format, by Blender in a sandboxed process with resource limits."""
+"""Converts a .blend or .abc file to Rayfarm's scene format, by Blender in a sandboxed process with resource limits."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SYSTEM = (
 
 
 class _SlowError(Exception):
-    """The conversion exceeded its time limit."""
+    """Raised if the conversion exceeded its time limit."""
 
 
 def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: int, seconds: float) -> str:

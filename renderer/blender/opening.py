@@ -1,4 +1,4 @@
-"""Opens files with Blender, for this process or for a confined reader process, which cannot start programs itself."""
+"""Opens files with Blender, for this process or for a sandboxed reader process, which cannot start programs itself."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SECONDS = 540.0
 
 
 def open_in_blender(root: Path, name: str, out: Path) -> str:
-    """Converts a file of the folder `root` with Blender into the folder `out`; returns the name of the scene file there.
+    """Converts a file of the folder `root` with Blender into the folder `out`; returns the name of the scene file in `out`.
 
     Raises SceneError if Blender is not available or cannot convert the file.
     """
@@ -47,7 +47,7 @@ def open_in_blender(root: Path, name: str, out: Path) -> str:
 
 
 def callable_functions(scene: Path, reader_folder: Path) -> dict[str, Callable[..., Any]]:
-    """Returns the functions of this process that a confined reader may call, by name.
+    """Returns function name -> function of this process that a sandboxed reader may call.
 
     The only one, `blender`, converts a file with Blender, which has its own sandbox. scene: the folder of the scene's files.
     reader_folder: the folder that contains all of the reader's files.
@@ -63,7 +63,7 @@ def callable_functions(scene: Path, reader_folder: Path) -> dict[str, Callable[.
 
 
 def _memory() -> int:
-    """Returns three quarters of the available memory, in bytes."""
+    """Returns the memory limit for Blender in bytes: three quarters of the available memory."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") * 3 // 4
     except (ValueError, OSError):

@@ -36,7 +36,7 @@ class Blender:
     reads: tuple[str, ...]  # the folders that it needs
 
     def command(self, script: Path, *arguments: str) -> list[str]:
-        """Returns the command line that runs a script with these arguments."""
+        """Returns the command line that runs a script in Blender with these arguments."""
         if self.is_module:
             return [self.program, "-I", str(script), *arguments]
         options = ["--background", "--factory-startup", "--disable-autoexec", "--python-exit-code", "3"]
@@ -44,14 +44,15 @@ class Blender:
 
 
 def environment_python() -> Path:
-    """Returns the Python of the environment that `rayfarm worker --blender` creates for Blender."""
+    """Returns the path of the Python in the environment that `rayfarm worker --blender` creates for Blender."""
     return private_folder("blender") / "bin" / "python"
 
 
 def find() -> Blender | None:
-    """Returns the Blender named by RAYFARM_BLENDER, else that of our environment, else that on the PATH; None if there is none.
+    """Returns the Blender to use; None if there is none.
 
-    Raises BlenderError if RAYFARM_BLENDER names an unusable one.
+    The first of: RAYFARM_BLENDER, the environment of `rayfarm worker --blender`, the PATH. Raises BlenderError if RAYFARM_BLENDER
+    names an unusable one.
     """
     if named := os.environ.get(NAMED):
         return inspect_blender(named)
@@ -66,9 +67,9 @@ def find() -> Blender | None:
 
 @functools.cache
 def inspect_blender(path: str) -> Blender:
-    """Returns the Blender at a path, that of a Blender program or of a Python with the module.
+    """Returns the Blender at a path, which is a Blender program or a Python with Blender as a module.
 
-    Raises BlenderError if unusable.
+    Raises BlenderError if it is unusable.
     """
     place = Path(path).expanduser()
     program = str(place) if place.exists() else shutil.which(path)

@@ -129,7 +129,7 @@ def _reason_not_to_bake(owners: list[Any]) -> str:
 
 
 def _settings(scene: Any) -> list[tuple[Any, str, Any]]:
-    """Applies the settings for baking; returns (owner, property, previous value) of each."""
+    """Changes render settings of the scene for baking; returns (owner, property, previous value) of each, to restore them."""
     render, cycles = scene.render, scene.cycles
     wanted = [
         (render, "engine", "CYCLES"),
@@ -246,9 +246,10 @@ def _assign_dummy_images(bpy: Any, material: Any, owners: list[Any]) -> list[tup
 
 
 def _within_one(image: Any, entry: Any) -> str:
-    """Scales an emission image down to 1, multiplying the light's strength; for other images returns a note on values above 1.
+    """Limits a baked linear image to 0 ... 1 and encodes it as sRGB; returns a note on clipped values, or "".
 
-    The image was baked in linear colours, and is sRGB-encoded afterwards.
+    entry: the material input for which the image was baked. Emission images are not clipped but scaled down, and the emission
+    strength is multiplied by the divisor.
     """
     import numpy as np
 

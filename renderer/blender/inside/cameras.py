@@ -1,4 +1,4 @@
-"""Converts cameras to our scene format."""
+"""Converts Blender's cameras to Rayfarm's scene format."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEAST = 1e-6  # of a lens shift: smaller values are rounding errors
 
 
 def to_ours(v: Any) -> tuple[float, float, float]:
-    """Converts a point or direction from Blender's Z-up world to our Y-up one."""
+    """Converts a point or direction from Blender's world (Z up) to Rayfarm's (Y up)."""
     return float(v[0]), float(v[2]), -float(v[1])
 
 
@@ -39,7 +39,7 @@ class Cameras:
         return {thing.name: partial(self._current_state, thing) for thing in self._all}
 
     def scene_file_cameras(self, states: dict[str, list[dict[str, Any]]], frames: list[int], fps: float) -> list[dict[str, Any]]:
-        """Returns the cameras of the scene file. states: camera name -> its states at the frames."""
+        """Returns the cameras for the scene file. states: camera name -> the camera's states at each of the frames."""
         cameras = []
         for thing in self._all:
             values = states[thing.name]
@@ -139,6 +139,6 @@ class Cameras:
 
 
 def _panorama(data: Any) -> Any:
-    """Returns the panorama type, which is a property of the camera since Blender 5, and of Cycles before."""
+    """Returns a camera's panorama type. It is a property of the camera since Blender 5, of Cycles' camera settings before."""
     own = getattr(data, "panorama_type", None)
     return own or getattr(getattr(data, "cycles", None), "panorama_type", None)

@@ -15,7 +15,7 @@ MOST = 6_000_000  # vertices of all shape keys: each takes 24 bytes of the file,
 class DeformedShapes:
     """The shapes at each frame of meshes that modifiers deform, except armatures, which are exported as skins.
 
-    left: names of meshes that stay static because the data would be too large or their number of vertices changes.
+    left: names of meshes that stay static because the data would be too large or because their number of vertices changes.
     """
 
     def __init__(self, bpy: Any, scene: Any, visible_names: set[str], frames: list[int]) -> None:
@@ -36,7 +36,7 @@ class DeformedShapes:
             self._shapes = self._over_all(kept)
 
     def into_keys(self, thing: Any) -> None:
-        """Adds an animated shape key per frame to a mesh object, whose own shape is that of the first frame."""
+        """Adds an animated shape key per frame to a mesh object whose own shape is that of the first frame."""
         shapes = self._shapes.get(thing.name)
         if shapes is None or len(shapes[0]) != 3 * len(thing.data.vertices):
             if shapes is not None:
@@ -69,7 +69,7 @@ class DeformedShapes:
         return name not in self._other and (thing.data.shape_keys is None or len(thing.data.shape_keys.key_blocks) < 2)
 
     def _over_all(self, names: list[str]) -> dict[str, list[Any]]:
-        """Returns object name -> vertex positions at each frame, (3 V,) float32.
+        """Returns object name -> its vertex positions at each frame, (3 V,) float32 each.
 
         Omits the largest meshes if the total is too large.
         """

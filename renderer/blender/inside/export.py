@@ -58,11 +58,14 @@ class UploadedFiles:
         return [name for name in self._files.values() if name.lower().endswith(".blend")]
 
     def path_to_open(self, name: str) -> Path:
-        """Returns the path at which a file is opened: of a .blend, that of its copy."""
+        """Returns the path at which Blender opens an uploaded file; for a .blend, the path of its sanitised copy."""
         return (self._copies if name.lower().endswith(".blend") else self._folder) / name
 
     def resolve(self, path: str, beside: str) -> str:
-        """Returns the path that replaces `path` in the copy of the .blend `beside`: an uploaded file, or a non-existent path."""
+        """Returns the replacement for `path` in the sanitised copy of a .blend: an uploaded file, or a path that does not exist.
+
+        beside: the name of that .blend, to which relative paths refer.
+        """
         cleaned = path.replace("\\", "/")
         parts = [part for part in cleaned.removeprefix("//").split("/") if part not in ("", ".") and not part.endswith(":")]
         while ".." in parts:
@@ -109,7 +112,7 @@ def copied(job: dict[str, Any]) -> Path:
 
 
 def opened(path: Path) -> Any:
-    """Opens the file in Blender with factory settings (its home folder is empty); returns the bpy module.
+    """Opens a .blend file with factory settings (Blender's home folder is empty); returns the bpy module.
 
     Raises DamagedError if Blender cannot read it.
     """
@@ -186,7 +189,7 @@ def main(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def run() -> int:
-    """Runs the command line; returns the exit status."""
+    """Runs this script's command line; returns the exit status."""
     arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
     job = json.loads(Path(arguments[0]).read_text())
     report: dict[str, Any]

@@ -1,4 +1,4 @@
-"""Determines which shader nodes between a socket and UV-mapped images are supported by Blender's glTF exporter."""
+"""Determines which shader nodes, between a socket and UV-mapped images, Blender's glTF exporter supports."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OUTPUTS_OF_EACH = {"Position", "Camera", "Window", *OUTPUTS_FROM_ELSEWHERE}
 
 
 def is_supported(node: Any) -> bool:
-    """Returns True if the exporter supports a node and all nodes connected to its inputs."""
+    """Returns True if the glTF exporter supports a shader node and all nodes connected to its inputs."""
     seen, left = set(), [node]
     while left:
         each = left.pop()
@@ -37,7 +37,7 @@ def is_supported(node: Any) -> bool:
 
 
 def _is_factor(node: Any) -> bool:
-    """Returns True if a node multiplies its inputs and does nothing else."""
+    """Returns True if a shader node only multiplies its inputs."""
     if node.type == "MATH":
         return node.operation == "MULTIPLY" and not node.use_clamp
     if node.type not in ("MIX", "MIX_RGB") or node.blend_type != "MULTIPLY" or getattr(node, "data_type", "RGBA") != "RGBA":
@@ -47,7 +47,7 @@ def _is_factor(node: Any) -> bool:
 
 
 def is_placed_by_uv(node: Any) -> bool:
-    """Returns True if an image node is mapped by a UV set, with at most one rotation, scale and translation in its plane."""
+    """Returns True if an image node is mapped by a UV set, with at most one rotation, scale and translation in the UV plane."""
     entry, is_mapped = node.inputs["Vector"], False
     while entry.is_linked:
         link = entry.links[0]
@@ -83,7 +83,7 @@ def view_dependent_label(node: Any, output: str) -> str:
 
 
 def differs_by_object(node: Any, output: str) -> bool:
-    """Returns True if an output has different values on objects that share a mesh."""
+    """Returns True if a node's output depends on the object, so that objects which share a mesh have different values."""
     return any(each.type == "OBJECT_INFO" or name in OUTPUTS_OF_EACH for each, name in _feeding_nodes(node, output))
 
 

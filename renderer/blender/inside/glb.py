@@ -1,4 +1,4 @@
-"""Edits a GLB file written by the exporter."""
+"""Edits a GLB file written by Blender's glTF exporter."""
 
 from __future__ import annotations
 

@@ -25,9 +25,9 @@ SHEARED = 1e-5
 
 
 class _Shown(NamedTuple):
-    """An instance. key: identifies it at all frames. thing: the instanced object; mesh: its evaluated mesh.
+    """An instance of an object. key: identifies the instance at all frames. place: its transform.
 
-    place: its transform.
+    thing: the instanced object. mesh: the object's evaluated mesh.
     """
 
     key: Any
@@ -38,9 +38,9 @@ class _Shown(NamedTuple):
 
 
 def instances_as_objects(bpy: Any, scene: Any, visible_names: set[str], frames: list[int], notes: list[str]) -> None:
-    """Creates an object for each instance at the current frame, animated over the other frames.
+    """Creates an object for each instance at the current frame, and animates it over the other frames.
 
-    visible_names: names of visible objects; those of the new objects are added.
+    visible_names: names of the visible objects; the names of the new objects are added. notes: receives warnings.
     """
     found = _find_instances(bpy, visible_names)
     _note_left_out(bpy, visible_names, notes)
@@ -94,7 +94,7 @@ def _is_exported(instance: Any, visible_names: set[str]) -> bool:
 
 
 def _note_left_out(bpy: Any, visible_names: set[str], notes: list[str]) -> None:
-    """Notes instanced objects, and results of geometry nodes, that are not exported because they are not surfaces."""
+    """Adds notes on instanced objects and results of geometry nodes that are not exported because they are not surfaces."""
     names: dict[str, dict[str, None]] = {}
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type in LEFT_OUT and instance.is_instance and instance.parent is not None:
@@ -168,7 +168,10 @@ def _are_apart(a: Any, b: Any) -> bool:
 def _place_object(
     bpy: Any, scene: Any, thing: Any, place: Any, places: list[Any] | None, frames: list[int], notes: list[str]
 ) -> None:
-    """Places an object by a transform, or by one per frame; a sheared object gets a parent with non-uniform scale."""
+    """Places an object by one transform, or by one per frame (`places`).
+
+    A sheared object gets a parent with non-uniform scale.
+    """
     if _is_straight(place):
         carrier, turn = thing, None
     else:

@@ -1,4 +1,4 @@
-"""Values over the frames, in our scene format."""
+"""Values sampled over the frames, in the notation of Rayfarm's scene format."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ALIKE = 1e-9
 
 
 def rounded(value: Any) -> Any:
-    """Rounds numbers to eight digits, the precision of Blender's float32."""
+    """Rounds a number, or all numbers in a list or dict, to eight digits, the precision of Blender's float32."""
     if isinstance(value, dict):
         return {name: rounded(each) for name, each in value.items()}
     if isinstance(value, str | int) or value is None:
@@ -94,16 +94,16 @@ def animated_paths(block: Any) -> list[str]:
 
 
 def frames_of(bpy: Any, scene: Any) -> list[int]:
-    """Returns the frames of the scene's range; for a static scene only the current one."""
+    """Returns the frame numbers of the scene's range; for a static scene only the current one."""
     if not is_animated(bpy, scene):
         return [scene.frame_current]
     return list(range(scene.frame_start, min(scene.frame_end, scene.frame_start + MOST_FRAMES - 1) + 1)) or [scene.frame_current]
 
 
 def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
-    """Returns the frames, extended by those that the shutter of `settings` overlaps; none before 0, the start of time.
+    """Returns the frame numbers, extended by those that the open shutter overlaps; none below 0, the start of time.
 
-    Never exactly two frames: for two keys Blender's exporter writes step interpolation.
+    Never exactly two frames: for two keys Blender's exporter writes step interpolation. settings: the render settings.
     """
     length = settings.get("shutter", 0.0)
     before = {"leading": 0.0, "trailing": 1.0}.get(settings.get("shutter_at", ""), 0.5) * length
@@ -113,7 +113,7 @@ def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
 
 
 def over_frames(scene: Any, frames: Iterable[int], state_functions: dict[str, Callable[[], Any]]) -> dict[str, list[Any]]:
-    """Returns name -> results of the function `looks[name]` at each of the frames."""
+    """Returns name -> the results of the function state_functions[name] at each of the frames."""
     found: dict[str, list[Any]] = {name: [] for name in state_functions}
     for frame in frames:
         scene.frame_set(frame)
@@ -123,9 +123,9 @@ def over_frames(scene: Any, frames: Iterable[int], state_functions: dict[str, Ca
 
 
 def keyed(values: list[Any], frames: list[int], fps: float) -> Any:
-    """Returns the value if it is the same at all frames, else {"keys": [[frame / fps, value], ...]}.
+    """Returns a value sampled at the frames in scene file notation: the value if it is constant, else as keys.
 
-    Omits keys between two equal ones.
+    Keys: {"keys": [[frame / fps, value], ...]}, without those between two equal ones.
     """
     values = [rounded(value) for value in values]
     if all(_are_nearly_equal(value, values[0]) for value in values):

@@ -1,6 +1,6 @@
 """Bypasses the glTF exporter for large meshes, since it takes several seconds for a million triangles.
 
-For each large mesh the exporter gets a stand-in, with one triangle per material, and writes it with its materials; afterwards
+The exporter gets a stand-in for each large mesh, with one triangle per material, and writes it with its materials; afterwards
 the real geometry is written into the file.
 """
 
@@ -26,7 +26,10 @@ Taken = dict[str, Any]  # rayfarm_addon's meshes, by the names of their stand-in
 
 
 def replace_by_stand_ins(bpy: Any, objects: list[Any], addon: Path | None) -> Taken:
-    """Replaces large, undeformed meshes by stand-ins; returns stand-in name -> mesh. addon: the add-on's folder, or None."""
+    """Replaces large, undeformed meshes by stand-ins; returns stand-in name -> the real mesh, for `restore_large_meshes`.
+
+    addon: the add-on's folder, or None, in which case nothing is replaced.
+    """
     if addon is None:
         return {}
     extract = modules_of(addon).meshes.extract
@@ -47,7 +50,7 @@ def replace_by_stand_ins(bpy: Any, objects: list[Any], addon: Path | None) -> Ta
 
 
 def restore_large_meshes(path: Path, stand_ins: Taken) -> None:
-    """Replaces the stand-ins in a GLB file by the real meshes."""
+    """Replaces the stand-ins in a GLB file by the real meshes. stand_ins: from `replace_by_stand_ins`."""
     if not stand_ins:
         return
     glb = Glb(path)
@@ -77,7 +80,7 @@ def _has_colors(tree: Any, depth: int) -> bool:
 
 
 def _stand_in(bpy: Any, mesh: Any, slots: list[int]) -> Any:
-    """Returns a stand-in for a mesh: one triangle per material slot that is used, and UV sets of the same names."""
+    """Returns a stand-in for a mesh: one triangle for each used material slot, and UV sets with the mesh's names."""
     made = bpy.data.meshes.new(mesh.name)
     corners = [(x, y, float(i)) for i in range(len(slots)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
     made.from_pydata(corners, [], [(3 * i, 3 * i + 1, 3 * i + 2) for i in range(len(slots))])

@@ -23,21 +23,21 @@ VIEW_DEPENDENT_NODES = ("LIGHT_FALLOFF", "LIGHT_PATH")  # nodes that depend on t
 
 
 class EmissionImage(NamedTuple):
-    """A linear image next to the scene file, which multiplies the emission that the light has without its nodes."""
+    """A linear image, stored next to the scene file, that multiplies the emission which the light has without its nodes."""
 
     file: str
     is_window: bool  # whether it covers the light's cone, instead of all directions
 
 
 def needs_emission_image(bpy: Any, data: Any) -> bool:
-    """Returns True if the nodes of a light, which are not all constant, can be rendered to an image."""
+    """Returns True if a light has nodes that are not all constant and that can be rendered to an image."""
     if data.type not in ("POINT", "SPOT") or "cycles" not in bpy.context.preferences.addons:
         return False
     return not any(node.type in VIEW_DEPENDENT_NODES for node in _nodes(data.node_tree))
 
 
 def render_emission_image(bpy: Any, lamp: Any, out: Path, name: str) -> EmissionImage:
-    """Renders the emission image of a light object to the file `name` in the folder `out`."""
+    """Renders the emission image of the light object `lamp` to the file `name` in the folder `out`."""
     is_window = lamp.data.type == "SPOT" and math.degrees(lamp.data.spot_size) <= WIDE
     sizes = [max(node.image.size) for node in _nodes(lamp.data.node_tree) if getattr(node, "image", None) is not None]
     width = min(max([SIDE if is_window else AROUND, *sizes]), MOST)
@@ -64,7 +64,7 @@ def _nodes(tree: Any) -> list[Any]:
 
 
 class _Studio:
-    """A Blender scene that contains only the light and the sphere around it."""
+    """The Blender scene in which a light's emission is rendered: only the light and a sphere around it."""
 
     def __init__(self, bpy: Any, lamp: Any, is_window: bool) -> None:
         self._bpy, self._is_window = bpy, is_window
@@ -103,7 +103,7 @@ class _Studio:
         cycles.light_sampling_threshold = cycles.sample_clamp_direct = 0.0
 
     def _fill(self, place: Any) -> None:
-        """Adds the sphere's faces to its mesh: of radius 1, with normals towards its centre."""
+        """Adds the faces of a sphere of radius 1 to the sphere's mesh, with normals towards its centre."""
         import bmesh
         from mathutils import Matrix
 

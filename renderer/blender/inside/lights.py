@@ -1,4 +1,4 @@
-"""Converts lights to our scene format: from watts to radiant intensity, irradiance and radiance, as in Cycles."""
+"""Converts lights to Rayfarm's scene format: from watts to radiant intensity, irradiance and radiance, as in Cycles."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ RAYS = {
 class Lights:
     """Converts the scene's lights.
 
-    Suns, spots, points without a size or with nodes that shape their emission become lights; all others become emitting shapes
-    that cast no shadows.
+    Suns, spots, and points without a size or with nodes that shape their emission, become lights; all others become emitting
+    shapes that cast no shadows.
     """
 
     def __init__(self, bpy: Any, scene: Any, addon_lights: Any, notes: list[str], out: Path) -> None:
-        """Initialises the lights of a scene.
+        """Initialises the conversion of a scene's lights.
 
         addon_lights: the add-on's module of lights; None if not available. out: folder for the emission images.
         """
@@ -148,7 +148,10 @@ class Lights:
         }
 
     def _color(self, data: Any) -> list[float]:
-        """Returns the factor from watts to colour: colour, temperature, exposure, and nodes if they are constant."""
+        """Returns the factor, rgb, from a light's power in watts to its coloured power.
+
+        The factor includes colour, temperature, exposure, and nodes if they are constant.
+        """
         color = list(data.color)
         if getattr(data, "use_temperature", False):
             color = [a * b for a, b in zip(color, data.temperature_color, strict=True)]
@@ -255,7 +258,7 @@ def _kind(thing: Any, thrown: EmissionImage | None) -> dict[str, Any]:
 
 
 def _area_of(data: Any, scale: Any) -> float:
-    """Returns the factor of a light's power: its area if the power is per square metre ("Normalize" is off), else 1."""
+    """Returns a factor of a light's power: the light's area if its power is per square metre ("Normalize" is off), else 1."""
     if getattr(data, "normalize", True):
         return 1.0
     if data.type == "SUN":

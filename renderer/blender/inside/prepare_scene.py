@@ -1,4 +1,7 @@
-"""Prepares the scene as rendered, as objects that the glTF exporter supports: modifiers and instances become meshes."""
+"""Prepares the scene as it is rendered, with only such objects as the glTF exporter supports.
+
+Modifiers are applied, and instances become objects with meshes.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ GREY = 0.8
 
 
 def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: list[str]) -> list[Any]:
-    """Prepares the open scene at the first of `frames`. Returns the visible objects.
+    """Prepares the open scene at the first of `frames`; returns the visible objects.
 
     exposed: the frames, extended by those that the shutter overlaps. notes: receives warnings.
     """
@@ -57,7 +60,7 @@ def _has_finite_transform(thing: Any) -> bool:
 
 
 def _as_rendered(bpy: Any, scene: Any) -> None:
-    """Copies the render settings of visibility and modifiers to the viewport settings, which the exporter uses."""
+    """Copies the visibility and modifier settings for renders to those for the viewport, which the exporter uses."""
     _visible_as_rendered(bpy)
     scene.render.simplify_subdivision = scene.render.simplify_subdivision_render
     scene.render.simplify_child_particles = scene.render.simplify_child_particles_render
@@ -75,7 +78,7 @@ def _as_rendered(bpy: Any, scene: Any) -> None:
 def _visible_as_rendered(bpy: Any) -> None:
     """Sets the viewport visibility of all objects to their render visibility.
 
-    Otherwise objects hidden in the viewport only would not be evaluated, and those hidden in renders only would be instanced.
+    Otherwise objects hidden only in the viewport would not be evaluated, and objects hidden only in renders would be instanced.
     """
     for each in [*bpy.data.objects, *bpy.data.collections]:
         each.hide_viewport = each.hide_render
@@ -140,7 +143,7 @@ def _rendered_objects(bpy: Any, scene: Any) -> set[str]:
 
 
 def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
-    """Returns True if a collection, or one that contains it, is among the hidden ones."""
+    """Returns True if a collection, or one that contains it, is in the set `hidden`."""
     if collection.name in hidden:
         return True
     parents = [each for each in scene.collection.children_recursive if collection.name in each.children]
@@ -148,7 +151,7 @@ def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
 
 
 def _modifiers(bpy: Any, scene: Any, visible_names: set[str], frames: list[int], exposed: list[int], notes: list[str]) -> None:
-    """Applies all modifiers except armatures, which the exporter writes as skins.
+    """Applies all modifiers of the visible meshes except armatures, which the exporter writes as skins.
 
     Modifiers that deform a mesh over time are replaced by shape keys. Other modifiers of meshes that already have shape keys
     cannot be applied.

@@ -90,7 +90,7 @@ class _Simplifier:
         self._painter = modules.image_nodes.Painter(material.name, self._texture_path)
 
     def run(self) -> dict[str, Any]:
-        """Converts the material if necessary; returns its properties that the exporter cannot write, for `with_rays`."""
+        """Converts the material if necessary; returns the properties that the exporter cannot write, for `with_rays`."""
         nodes = self._modules.nodes
         source = nodes.output_of(self._tree)
         output = self._tree.get_output_node("CYCLES") or self._tree.get_output_node("ALL")
@@ -133,7 +133,7 @@ class _Simplifier:
         ]
 
     def _filled(self, lets_in: bool, notes: list[str]) -> dict[str, Any]:
-        """Returns the extension with the medium of the material's volume; empty without one.
+        """Returns the glTF extension with the medium of the material's volume; empty if it has no volume.
 
         lets_in: whether the surface transmits light. notes: receives notes on what is ignored.
         """
@@ -141,7 +141,7 @@ class _Simplifier:
         return {} if found is None else {self._modules.subsurface.MEDIUM: found}
 
     def _combine_emission(self, principled: Any, surface: Any) -> tuple[str, ...]:
-        """Combines images of emission colour and strength into one; returns the names of the inputs that are done."""
+        """Multiplies images of emission colour and strength into one; returns the names of the material inputs that this sets."""
         nodes = self._modules.nodes
         names = ("Emission Color", "Emission Strength")
         color, strength = (surface.input(name) for name in names)
@@ -234,7 +234,7 @@ class _Simplifier:
             self._tree.links.new(self._picture(entry, *painted), entry)
 
     def _bumps(self, entry: Any, socket: Any) -> bool:
-        """Replaces a Bump node with a height image by a normal map on the input `entry`; returns False if there is none.
+        """Replaces a Bump node with a height image by a normal map on the input `entry`; returns False if there is no such node.
 
         socket: the source of the input in the principled look.
         """
@@ -300,9 +300,10 @@ class _Simplifier:
             entry.default_value = sum(value) / len(value) if isinstance(value, list) else value
 
     def _picture(self, entry: Any, painted: Any, texture_path: _Way, is_color: bool | None = None) -> Any:
-        """Creates an Image Texture node for a computed image, with the mapping of its source images; returns its colour output.
+        """Creates an Image Texture node for an image computed from nodes; returns the node's colour output.
 
-        is_color: whether the image is sRGB-encoded; None: if the input `entry` is a colour.
+        The node has the mapping of the source images. is_color: whether the image is sRGB-encoded; None: if the input `entry` is
+        a colour.
         """
         height, width = painted.texels.shape[:2]
         is_color = entry.type == "RGBA" if is_color is None else is_color

@@ -23,7 +23,7 @@ Flags = dict[str, bool]
 
 
 def passed_by(objects: list[Any], layer: Any) -> dict[str, Flags]:
-    """Returns object name -> flags `camera` and `shadow`: whether such rays hit it; only objects that some of them ignore."""
+    """Returns object name -> flags `camera` and `shadow`: whether such rays hit it. Only objects that one of them ignores."""
     found = {}
     for thing in objects:
         is_indirect = layer is not None and thing.indirect_only_get(view_layer=layer)

@@ -1,4 +1,4 @@
-"""Notes with codes: loads renderer/sentences.py by its path, since Blender's Python imports none of our packages."""
+"""Notes with codes: loads renderer/sentences.py by its path, since Blender's Python imports none of Rayfarm's packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Converts the scene's render settings to ours, and adds notes on those that are ignored."""
+"""Converts the scene's render settings to Rayfarm's, and adds notes on those that are ignored."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHUTTERS = {"START": "leading", "CENTER": "centred", "END": "trailing"}
 
 
 def settings_of(scene: Any, layer: Any, addon_module: Any) -> dict[str, Any]:
-    """Returns the render settings: size, depths, shutter, and clamping and pixel filter where ours equal those of Cycles.
+    """Returns the render settings: size, depths, shutter, and those of clamping and pixel filter that equal Cycles' settings.
 
     addon_module: the add-on's module of Cycles' settings, or None.
     """

@@ -114,7 +114,7 @@ def _node_label(node: Any) -> str:
 
 
 def _upstream_nodes(node: Any) -> list[Any]:
-    """Returns all nodes on which a node depends."""
+    """Returns all nodes on which a shader node depends."""
     found: dict[str, Any] = {}
     left = [link.from_node for entry in node.inputs for link in entry.links]
     while left and len(found) < MOST_NODES:

@@ -1,4 +1,4 @@
-"""Checks whether the images of a socket have the encoding that glTF requires: sRGB for colours, linear for numbers."""
+"""Checks whether the images connected to a socket have the encoding that glTF requires: sRGB for colours, linear for numbers."""
 
 from __future__ import annotations
 
@@ -27,10 +27,7 @@ def is_suited(entry: Any, node: Any, output: Any) -> bool:
 
 
 def _pictures(node: Any, output: Any) -> list[tuple[Any, str, bool]]:
-    """Returns the image nodes on which a node's output depends.
-
-    Each with the name of its used output, and whether only one channel of that is used.
-    """
+    """Returns (image node, name of its used output, whether one channel is used) for each image on which an output depends."""
     found, left = [], [(node, output.name, False)]
     while left:
         each, name, is_channel = left.pop()

@@ -38,7 +38,7 @@ class DamagedError(Exception):
 
 
 class _Form(NamedTuple):
-    """The layout of a file. order: byte order as in `struct`. pointer: size in bytes. head: format of a block's header."""
+    """The layout of a .blend file. order: byte order as in `struct`. pointer: size in bytes. head: format of a block's header."""
 
     order: str
     pointer: int
@@ -47,7 +47,7 @@ class _Form(NamedTuple):
 
 
 class _Places(NamedTuple):
-    """The (offset, length) of the fields of a struct that must be replaced. size: of the struct, in bytes."""
+    """The (offset, length) of each field of a struct that must be replaced. size: of the struct, in bytes."""
 
     size: int
     paths: list[tuple[int, int]]
@@ -127,7 +127,7 @@ def _unpack(source: Path, out: IO[bytes], max_bytes: int) -> None:
 
 
 def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
-    """Returns the blocks of a file, its DNA, and its layout."""
+    """Returns (blocks of a .blend file, its DNA, its layout)."""
     form, at = _parse_header(data)
     blocks: list[_Block] = []
     dna = b""
@@ -154,7 +154,7 @@ def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
 
 
 def _parse_header(data: mmap.mmap) -> tuple[_Form, int]:
-    """Parses the header; returns the layout and the header's size: 12 bytes, or since Blender 5 as stated in it."""
+    """Parses a .blend file's header; returns (layout, size of the header in bytes: 12, or since Blender 5 as stated in it)."""
     start = data[:SHORTEST]
     if start[7:8].isdigit():
         size = int(start[7:9]) if start[7:9].isdigit() else 0
@@ -171,7 +171,7 @@ def _parse_header(data: mmap.mmap) -> tuple[_Form, int]:
 
 
 class _Dna:
-    """A file's DNA: its structs, by number."""
+    """The DNA of a .blend file (the table that describes its memory dump): its structs, by number."""
 
     def __init__(self, data: bytes, form: _Form) -> None:
         """Parses the DNA. Raises DamagedError if it is malformed."""

@@ -1,4 +1,4 @@
-"""Converts the world: a constant colour directly, anything else as a panorama rendered by Cycles."""
+"""Converts Blender's world: a constant colour directly, anything else as a panorama rendered by Cycles."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RAYS = {
 def write_world(
     bpy: Any, scene: Any, out: Path, skies: Any, notes: list[str]
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
-    """Returns the scene file's environment, and the sun of the world's sky as lights; writes the image into `out`.
+    """Returns (the scene file's environment, the sun of the world's sky as lights); writes the panorama into the folder `out`.
 
     The environment is None if the world emits no light. skies: the add-on's module; None if not available.
     """
@@ -59,7 +59,7 @@ def write_world(
 
 
 def world_medium(world: Any, subsurface: Any, notes: list[str]) -> dict[str, Any] | None:
-    """Returns the medium that fills the world, in our scene format; None if there is none.
+    """Returns the medium that fills the world, in Rayfarm's scene format; None if there is none.
 
     subsurface: the add-on's module of that name; None if not available.
     """

@@ -1,4 +1,4 @@
-"""Writes the open scene in our scene format with a GLB: glTF contains the meshes and their animation, our file the rest."""
+"""Writes the open scene as a scene file with a GLB: glTF contains the meshes and their animation, the scene file the rest."""
 
 from __future__ import annotations
 
