@@ -1,4 +1,4 @@
-"""The AOVs of a frame: its planes besides colour. Each is declared once, by an entry of the table at the end.
+"""The AOVs of a frame: its planes besides colour. Each is declared once, by an entry of the table at the module's end.
 
 The film contains all of them except motion, which is a separate pass (renderer/vectors.py). Channels have the names used by
 Blender and Cycles, so that compositors recognise them.
@@ -44,11 +44,12 @@ _GOLDEN = 0.6180339887498949  # fraction of the hue circle between consecutive n
 
 
 class _Aov(NamedTuple):
-    """An AOV.
+    """The declaration of an AOV.
 
-    channels: names in an EXR. numbers: names of a pixel's values on the page. shown: returns it as colours 0 ... 1, given the
-    ends of its display range. planes: those of the film (renderer/film.py). mean: whether the planes are sums, which must be
-    divided by the number of samples. span: returns the display range of a whole plane, or None if it needs none.
+    channels: names in an EXR. numbers: names of a pixel's values on the page. shown: returns a plane of the AOV as colours 0 ...
+    1, given the ends of its display range. planes: the film's planes (renderer/film.py) from which it is computed. mean: whether
+    those planes are sums, which must be divided by the number of samples. span: returns the display range of a whole plane, or
+    None if it needs none.
     """
 
     label: str
@@ -62,7 +63,7 @@ class _Aov(NamedTuple):
 
 
 def parse_names(names: Iterable[str]) -> list[str]:
-    """Returns the AOVs in a list of names; `all` stands for all of the film's.
+    """Returns the AOVs in a list of names, in which `all` stands for all AOVs of the film.
 
     Raises SettingsError for an unknown name.
     """
@@ -132,7 +133,7 @@ def layers(pictures: dict[str, F32]) -> dict[str, F32]:
 
 
 def span(name: str, plane: F32) -> Span:
-    """Returns the display range of a whole plane, with which parts of it can be shown separately in matching colours.
+    """Returns the display range of a whole plane, with which parts of the plane can be shown separately in matching colours.
 
     Positions and depths: minimum and maximum. Samples: 0 and the maximum. Error: 0 and the 99th percentile. None for AOVs that
     need no range.
@@ -141,7 +142,7 @@ def span(name: str, plane: F32) -> Span:
 
 
 def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8]:
-    """Returns an AOV as a displayable picture, (h, w, 3) uint8.
+    """Returns an AOV as a displayable image, (h, w, 3) uint8.
 
     albedo: as colour. normal: from -1 ... 1. position, depth: over their range, near points bright and nothing black. object,
     material: in one constant colour per number. samples, error: as heat maps. motion: the offset to the next frame around grey,
@@ -199,7 +200,7 @@ def _motion_colors(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
 
 
 def _palette(plane: F32, low: Any, high: Any) -> F32:
-    """Returns a colour for each number, the same in every picture; black for 0."""
+    """Returns a colour for each object or material number in the plane, the same in every image; black for 0."""
     ids = plane.astype(np.int64)
     found, where = np.unique(ids, return_inverse=True)
     colors = [colorsys.hsv_to_rgb(i * _GOLDEN % 1, 0.45 + 0.3 * (i % 2), 0.95 - 0.25 * (i // 2 % 2)) for i in found.tolist()]

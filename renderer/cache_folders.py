@@ -1,7 +1,7 @@
 """The folders of this machine's cache: kernels, hashes of sources, fetched scenes, a worker's log.
 
-Kernels are pickles and machine code: a user who can write them can run code as this user. Therefore only files and folders are
-used that are owned by this user or root and that no other user can write. New folders get mode 0700.
+Kernels are pickles and machine code: a user who can write them can run code as this user. Therefore only such files and folders
+are used as are owned by this user or root and cannot be written by any other user. New folders get mode 0700.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def cache_home() -> Path:
-    """Returns $RAYFARM_CACHE, by default a folder in the user's cache folder: on Linux ~/.cache/rayfarm."""
+    """Returns the cache folder: $RAYFARM_CACHE, by default a folder in the user's own, on Linux ~/.cache/rayfarm."""
     named = os.environ.get("RAYFARM_CACHE")
     return Path(named).expanduser() if named else platformdirs.user_cache_path("rayfarm", appauthor=False)
 
 
 def reason_to_distrust(status: os.stat_result) -> str:
-    """Returns why a file or folder with this status must not be loaded from, as the end of a sentence; "" if it may be."""
+    """Returns why a file or folder with this stat result is not trusted, as the end of a sentence; "" if it is trusted."""
     if status.st_uid not in (os.geteuid(), 0):
         return f"belongs to user {status.st_uid}, neither to this user ({os.geteuid()}) nor to root"
     if status.st_mode & _OTHERS_WRITE:
@@ -48,14 +48,15 @@ def make_private(folder: Path) -> None:
 def private_folder(name: str) -> Path:
     """Returns the folder `name`, a relative path, in the cache.
 
-    If that or one of its parents is not trusted, returns the folder of that name in a private folder of this user: in the cache,
-    or else in the temporary folder. Does not create the folder in the cache. Warns once about each folder that is not used.
+    If that folder or one of its parents is not trusted, returns the folder of that name in a private folder of this user: in the
+    cache, or else in the temporary folder. Does not create the folder in the cache. Warns once about each folder that is not
+    used.
     """
     return trusted(cache_home(), name)
 
 
 def trusted(home: Path, name: str = "") -> Path:
-    """Returns the folder of `private_folder` for the cache folder `home` instead of `cache_home`."""
+    """Returns the folder `name` as `private_folder` does, in the cache folder `home` instead of `cache_home`."""
     fault = _fault(home, name)
     if not fault:
         return home / name

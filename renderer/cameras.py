@@ -1,4 +1,4 @@
-"""Selection of one of a scene's cameras."""
+"""Selection of a camera by name or index."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ MOST_CAMERAS = 10**_MOST_DIGITS
 
 
 def camera_number(names: Sequence[str], name_or_index: str | int | None) -> int:
-    """Returns the index of a camera given by name or by index from 0; by default the first.
+    """Returns the index of the camera given by name or by index from 0; without either, of the first.
 
-    Raises SettingsError if there is none.
+    Raises SettingsError if there is no such camera.
     """
     if not names:
         raise SettingsError(

@@ -1,7 +1,7 @@
-"""Child processes that end with their parent, however it ends, and processes that load before they get their options.
+"""Child processes that end with their parent, and processes that load modules before they receive their options.
 
-Children of a parent that is killed end on Linux only (prctl PR_SET_PDEATHSIG); elsewhere they end only if the parent ends
-normally.
+Children end even if the parent is killed, but that only on Linux (prctl PR_SET_PDEATHSIG); elsewhere they end only if the parent
+ends normally.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ _prctl = ctypes.CDLL(None, use_errno=True).prctl if sys.platform == "linux" else
 
 
 def die_with_parent(parent: int | None = None) -> None:
-    """Makes the kernel kill this process when its parent ends. parent: the parent's PID, if known.
+    """Makes the operating system kill this process when its parent ends. parent: the parent's PID, if known.
 
-    The kernel watches the thread that forked, so the thread that forks must live as long as its process.
+    The operating system watches the thread that forked, so that thread must live as long as its process.
     """
     if _prctl is None:
         return
@@ -58,7 +58,7 @@ def share_one_heap() -> None:
 
 
 class spawn_guard:  # noqa: N801 - used like a function
-    """A `preexec_fn` for subprocess.Popen, by which the new process ends with this one."""
+    """A `preexec_fn` for subprocess.Popen that makes the new process end when this one ends."""
 
     def __init__(self) -> None:
         self.parent = os.getpid()
@@ -74,12 +74,15 @@ def signal_name(number: int) -> str:
 
 
 def delayed_command(module: str, seconds: float) -> list[str]:
-    """Returns a command line like `python -m MODULE` that first waits some seconds, to leave the processors to others."""
+    """Returns a command line like `python -m MODULE` that first waits some seconds, to leave the CPU to other processes."""
     return [sys.executable, "-c", _BEGUN_LATER, str(seconds), module]
 
 
 def start_line(arguments: Sequence[str], environment: Mapping[str, str], log: Path) -> bytes:
-    """Returns the line that starts a process that waits in `wait_for_start_line`."""
+    """Returns the line of input that starts a process which waits in `wait_for_start_line`.
+
+    arguments, environment: of the process; log: the file for its output.
+    """
     return json.dumps({"arguments": [*arguments], "environment": {**environment}, "log": str(log)}).encode() + b"\n"
 
 
@@ -100,7 +103,7 @@ def wait_for_start_line() -> list[str] | None:
 
 
 def _redirect(path: str, flags: int, *descriptors: int) -> None:
-    """Makes these descriptors refer to a file. Raises OSError if it cannot be opened."""
+    """Redirects these file descriptors to a file. Raises OSError if the file cannot be opened."""
     opened = os.open(path, flags, 0o600)
     for each in descriptors:
         os.dup2(opened, each)

@@ -1,9 +1,9 @@
 """The CPU for which kernels are compiled.
 
-A film adds samples of many hosts and must not depend on which, so all Intel and AMD hosts count as one kind: they compile for
-x86-64-v3, or, if the CPU has it, for AVX-512, which yields the same bits faster (more registers, masks, byte operations;
-tests/renderer/test_same_bits.py). ARM hosts compile for their own baseline and are a separate kind, whose films are never
-merged with the others'.
+A film adds samples of many hosts and must not depend on which hosts those are. Therefore all Intel and AMD hosts count as one
+kind: they compile for x86-64-v3, or, if the CPU has it, for AVX-512, which yields the same bits faster (more registers, masks,
+byte operations; tests/renderer/test_same_bits.py). ARM hosts compile for their own baseline and are a separate kind, whose films
+are never merged with those of Intel and AMD.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _AVX512 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl", "avx512vbm
 
 
 def _target() -> tuple[str, str, str]:
-    """Returns the target's name within a kind, LLVM's name of the CPU, and the features to enable beyond that CPU's.
+    """Returns (the target's name within a kind, LLVM's name of the CPU, the features to enable beyond that CPU's).
 
     AVX-512 is used with the features of Intel since Ice Lake and AMD since Zen 4, unless $RAYFARM_AVX512 is false: earlier
     processors lower their clock for it.

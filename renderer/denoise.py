@@ -1,6 +1,6 @@
-"""Denoises pictures with Intel's Open Image Denoise, guided by the albedo and normals rendered with them.
+"""Denoises images with Intel's Open Image Denoise, guided by the albedo and normals rendered with them.
 
-Optional: the package pyoidn contains the library. A denoised picture is an estimate, so the original is always stored too.
+Optional: the package pyoidn contains the library. A denoised image is an estimate, so the original is always stored too.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def is_available() -> bool:
 
 
 class DenoisedPicture(NamedTuple):
-    """A denoised picture and its denoised guides, albedo and normal: (h, w, 3) float32 each."""
+    """A denoised image and its denoised guides, albedo and normal: (h, w, 3) float32 each."""
 
     color: F32
     albedo: F32
@@ -35,15 +35,15 @@ class DenoisedPicture(NamedTuple):
 
 
 def denoise(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> F32:
-    """Returns the picture of `denoise_with_guides` without its guides."""
+    """Returns a denoised image, without its denoised guides; see `denoise_with_guides`."""
     return denoise_with_guides(color, albedo, normal, threads).color
 
 
 def denoise_preview(color: F32, albedo: F32, normal: F32) -> F32:
-    """Returns a denoised preview of a small picture of few samples, computed in one thread.
+    """Returns a denoised preview of a small image of few samples, computed in one thread.
 
     The guides are used without denoising them first: edges are less sharp than with `denoise_with_guides`, in a third of the
-    time. Returns the picture unchanged if Open Image Denoise is not installed or fails.
+    time. Returns the image unchanged if Open Image Denoise is not installed or fails.
     """
     try:
         return _cleaned(color, albedo, normal, 1, guides_first=False).color
@@ -52,12 +52,12 @@ def denoise_preview(color: F32, albedo: F32, normal: F32) -> F32:
 
 
 def denoise_with_guides(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> DenoisedPicture:
-    """Returns the denoised picture, scene-linear, and its denoised guides; does not modify the inputs.
+    """Returns the denoised image, scene-linear, and its denoised guides; does not modify the inputs.
 
-    color: scene-linear radiance. albedo 0 ... 1 and normal -1 ... 1: those of the first hits, which have noise of their own (from
-    lens blur, edges, textures). They are denoised first, each separately, and then passed as clean (`cleanAux`): that preserves
-    edges of textures and shapes that a filter of colour alone would blur. threads: None for all cores. Raises SettingsError if
-    Open Image Denoise is not installed or fails.
+    color: scene-linear radiance. albedo 0 ... 1 and normal -1 ... 1: of the first hits, with noise from lens blur, edges and
+    textures. They are denoised first, each separately, and then passed as clean (`cleanAux`): that preserves edges of textures
+    and shapes that a filter of colour alone would blur. threads: None for all cores. Raises SettingsError if Open Image Denoise
+    is not installed or fails.
     """
     return _cleaned(color, albedo, normal, threads or 0, guides_first=True)
 

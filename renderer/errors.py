@@ -3,7 +3,7 @@
 RayfarmError
 ├── SceneError      a scene file is invalid: what is wrong, where, and what to do
 ├── SettingsError   a render request is invalid: which field, and which values it accepts
-└── MachineError    this machine cannot process any such scene: its limits, memory, temporary folder, libraries
+└── MachineError    this machine lacks a limit, memory, temporary folder or library that the work needs
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ def _without_addresses(text: str) -> str:
 
 
 class RayfarmError(Exception):
-    """An error with one clear sentence for the user who can correct it. Object addresses are removed from libraries' messages."""
+    """An error with one clear sentence for the user who can correct it. Memory addresses are removed from libraries' messages."""
 
     def __init__(self, *args: object) -> None:
         super().__init__(*(_without_addresses(each) if isinstance(each, str) else each for each in args))
 
 
 class SceneError(RayfarmError):
-    """A scene file is invalid. The message names the file, and the line or field if known."""
+    """Raised if a scene file is invalid. The message names the file, and the line or field if known."""
 
 
 class SettingsError(RayfarmError):
-    """A render setting is out of range. The message names the setting and the accepted values.
+    """Raised if a render setting is invalid. The message names the setting and the accepted values.
 
-    field: name of the setting in a request, if it is one.
+    field: the setting's name in a request; None if the setting is not part of requests.
     """
 
     def __init__(self, *args: object, field: str | None = None) -> None:
@@ -48,7 +48,7 @@ class SettingsError(RayfarmError):
 
 
 class MachineError(RayfarmError):
-    """This machine cannot do the work, independently of the scene.
+    """Raised if this machine cannot do the work, independently of the scene.
 
     The message names what is missing; another machine may succeed.
     """

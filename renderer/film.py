@@ -1,7 +1,7 @@
 """The exact film: fixed-point sums that have the same bits in any order of addition.
 
 A sample's value v is rounded once to the integer rint(v * 2**film_exponent) and only integers are added, so a film does not
-depend on tile size, batch size, the number of workers, or failures and retries. Plain numpy: the service merges with it.
+depend on tile size, batch size, the number of workers, or failures and retries. Plain numpy: the service merges films with it.
 
 Overflow cannot happen: |v| is clamped to SAMPLE_MAX = 2**18, the exponent is at most 24 and a pixel takes at most 2**20
 samples, so every sum stays below 2**62.
@@ -82,7 +82,7 @@ class BadSample(NamedTuple):
 
 
 class BatchSums(NamedTuple):
-    """The result of a batch: `sums`, (CHANNELS, h, w) int64, and the omitted samples (at most the first 64 of them)."""
+    """The result of a batch: its sums, (CHANNELS, h, w) int64, and the samples omitted as NaN or infinite (the first 64)."""
 
     sums: Sums
     bad: list[BadSample]
@@ -97,7 +97,7 @@ def mean(sums: Sums, film_exponent: int, channel: slice | int = COLOR) -> npt.ND
 
 
 def in_half(sample: int) -> bool:
-    """Returns True if a sample number is in the first of two halves: the first half of each [2**k, 2**(k+1)).
+    """Returns True if a sample number is in the half buffer for noise estimation: in the first half of its [2**k, 2**(k+1)).
 
     These are 0, 2, 4, 5, 8 ... 11, 16 ... 23 and so on. Both halves consist of blocks of 2**k numbers that begin at a multiple of
     2**k: well distributed points of Sobol', whose shuffled sequence puts such a block into either half with equal probability.
@@ -108,7 +108,7 @@ def in_half(sample: int) -> bool:
 
 
 def _halves(sums: Sums, film_exponent: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Returns the signed standard error (3, h, w) of each pixel's mean colour, estimated from two halves, and that mean.
+    """Returns (signed standard error of each pixel's mean colour, estimated from two halves; that mean), (3, h, w) each.
 
     The difference of the halves' means has the variance s²(1/a + 1/b) for a and b independent samples; the full mean has s²/(a +
     b). So the difference times sqrt(a b) / (a + b) estimates the full mean's standard error; its sign has no meaning. NaN where a
@@ -128,8 +128,8 @@ def _halves(sums: Sums, film_exponent: int) -> tuple[npt.NDArray[np.float64], np
 def error(sums: Sums, film_exponent: int, relative: bool = False) -> npt.NDArray[np.float32]:
     """Returns the standard error of each pixel's luminance, or if `relative` its ratio to the luminance: (h, w) float32.
 
-    inf where unknown. Estimated from two halves: correct on average (root mean square) over many pixels, rough for each pixel.
-    For samples of the Sobol' sequence the estimate is an upper bound.
+    inf where unknown. Estimated from two halves of the samples: correct on average (root mean square) over many pixels, rough for
+    each pixel. For samples of the Sobol' sequence the estimate is an upper bound.
     """
     deviation, color = _halves(sums, film_exponent)
     found = np.abs(np.tensordot(REC_709, deviation, 1))
@@ -150,11 +150,11 @@ def noise(sums: Sums, film_exponent: int) -> float:
 
 
 def least_samples(pixels: int) -> int:
-    """Returns the minimum spp before `noise` may end a frame or tile of this many pixels.
+    """Returns the minimum spp before a noise limit may end a frame or tile of this many pixels.
 
-    The estimate has as many degrees of freedom as pixels. It is too low by chance if both halves of few samples lack the same
-    rare, bright samples; then the mean is too low as well. With 512 samples over all pixels, a light that one sample in fifty
-    finds is off by 1 % on average; with 32 samples of a single pixel, by 28 %.
+    The estimate of `noise` has as many degrees of freedom as pixels. It is too low by chance if both halves of few samples lack
+    the same rare, bright samples; then the mean is too low as well. With 512 samples over all pixels, a light that one sample in
+    fifty finds is off by 1 % on average; with 32 samples of a single pixel, by 28 %.
     """
     return max(_LEAST_SAMPLES, -(-_LEAST_OF_ALL // max(pixels, 1)))
 

@@ -1,4 +1,4 @@
-"""Recognises scene files by name, and picks the main one of many. Opens no files, so the service uses it too."""
+"""Recognises scene files by name, and chooses the main one among several. Opens no files, so the service uses it too."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = [
 
 
 class Format(NamedTuple):
-    """A scene file format."""
+    """A scene file format, recognised by its file name suffixes."""
 
     suffix: str
     reader: str  # in renderer/scene/readers
@@ -108,7 +108,7 @@ def is_junk(name: str) -> bool:
 
 
 def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list[str]]:
-    """Returns the main scene file among the names, and warnings if others could have been meant.
+    """Returns the main scene file among the names, and warnings if other names could have been meant.
 
     A preferred name is chosen if it is a scene file. Otherwise the order is: best suffix, shallowest path, names that do not mark
     an auxiliary file, shortest name, alphabetical. Raises SceneError if no name is that of a scene file.

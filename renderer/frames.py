@@ -30,9 +30,9 @@ _PART = re.compile(rf"{_NUMBER}(?:-{_NUMBER}(?:[x:]{_NUMBER})?)?")
 
 
 def parse_frames(text: str) -> list[float]:
-    """Returns the frames of `0-99`, `7`, `1-250x5,300` (every fifth, and one more) or `0-10x0.5`, in order, without duplicates.
+    """Returns the frame numbers in a text such as `0-99`, `7`, `1-250x5,300` or `0-10x0.5`, in order, without duplicates.
 
-    Raises SettingsError if the text is invalid.
+    `1-250x5` is every fifth frame. Raises SettingsError if the text is invalid.
     """
     return list(_parsed(text))
 
@@ -89,7 +89,7 @@ def _parsed(text: str) -> tuple[float, ...]:
 
 
 def frame_key(frame: float) -> int:
-    """Returns a frame number in half frames, the form in films and messages: 12.5 becomes 25."""
+    """Returns a frame number counted in half frames, as in films and messages: 12.5 becomes 25."""
     return round(2 * frame)
 
 
@@ -104,7 +104,7 @@ def frame_text(frame: float) -> str:
 
 
 def frames_text(frames: Iterable[float]) -> str:
-    """Returns frames as short text: runs of consecutive whole numbers as ranges; if that is long, also runs with equal steps."""
+    """Returns frame numbers as short text: runs of consecutive integers as ranges; if that is long, also runs with equal steps."""
     numbers = sorted(frames)
     runs: list[list[float]] = []
     for frame in numbers:
@@ -138,7 +138,7 @@ def _steps(numbers: list[float]) -> Iterator[tuple[float, float, float]]:
 
 
 def numbers_of(pattern: str, names: Iterable[str]) -> list[int]:
-    """Returns the frame numbers of the names that match the pattern, ascending; empty if the pattern has no #."""
+    """Returns the frame numbers of those names that match the file name pattern, ascending; empty if the pattern has no #."""
     marks, names = list(re.finditer("#+", pattern)), set(names)
     if not marks:
         return []
@@ -149,9 +149,9 @@ def numbers_of(pattern: str, names: Iterable[str]) -> list[int]:
 
 
 def frame_name(pattern: str, frame: float) -> str:
-    """Returns a file name with the frame number instead of its last run of #, zero-padded to that length.
+    """Returns the file name of a frame: the pattern with its last run of # replaced by the number, zero-padded to that length.
 
-    `out.####.exr` -> `out.0012.exr`. A half frame gets the suffix .5: `out.0012.5.exr`. A name without # is the same for every
+    `out.####.exr` -> `out.0012.exr`. A half frame gets the suffix .5: `out.0012.5.exr`. A pattern without # is the name of every
     frame.
     """
     marks = list(re.finditer("#+", pattern))

@@ -3,8 +3,8 @@
 In `a * b + c`, `c + a * b`, `a * b - c`, `c - a * b` and `c += a * b` the product is not rounded separately: one fused
 multiply-add rounds the result once. Of two products in one sum the first is fused. A product that is assigned to a variable, or
 computed by `product` of renderer/bvh/simd.py, is rounded. No other operations are merged: kernels are compiled without fast-math
-flags. With those LLVM would fuse differently for each CPU, and scalar code, eight lanes and other CPUs would differ in the last
-bit.
+flags, with which LLVM would fuse differently for each CPU, so that scalar code, eight lanes and other CPUs would differ in the
+last bit.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ _PLAIN = {operator.add: operator.add, operator.sub: operator.sub, operator.iadd:
 
 
 def _is_fused(operands: tuple[Any, ...], product: Any, result: Any) -> bool:
-    """Returns True if a sum of type `result` is fused with its product: for floats, and for lanes, also with scalar operands.
+    """Returns True if a sum of type `result` is fused with its product: for floats and for lanes.
 
-    For lanes also if the product is one of two scalars, so that one value has the same bits as eight lanes.
+    Operands of lanes may be scalars. Even a product of two scalars is then fused, so that one value has the same bits as eight
+    lanes.
     """
     if result in _ELEMENTS:
         return all(kind in (result, _ELEMENTS[result]) for kind in operands)
@@ -38,7 +39,7 @@ def _is_fused(operands: tuple[Any, ...], product: Any, result: Any) -> bool:
 
 
 def _signature(typingctx: Any, function: Callable[..., Any], operands: tuple[Any, ...]) -> Any:
-    """Returns the operation's signature for operands of these types; None if there is none."""
+    """Returns the signature of an operation for operands of these types; None if there is none."""
     try:
         return typingctx.resolve_function_type(function, operands, {})
     except TypingError:
@@ -48,7 +49,7 @@ def _signature(typingctx: Any, function: Callable[..., Any], operands: tuple[Any
 def _sum_with_product(combine: Callable[..., Any], product_first: bool) -> Any:
     """Returns the intrinsic (a, b, c) -> combine(a * b, c), or combine(c, a * b) if `product_first` is False.
 
-    It is fused for floating-point numbers and lanes; for other types it is two operations.
+    The intrinsic is fused for floating-point numbers and lanes; for other types it consists of two operations.
     """
 
     def sum_with_product(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
@@ -110,7 +111,7 @@ class FuseProducts(FunctionPass):
 
 
 def _fuse(func_ir: Any, block: Any) -> bool:
-    """Fuses the products of a block that are used once, by a sum of the same expression; returns True if there were any."""
+    """Fuses the products of a block that are used once, by a sum in the same expression; returns True if there were any."""
     uses: dict[str, int] = {}
     for statement in block.body:
         for variable in statement.list_vars():
@@ -139,7 +140,7 @@ def _fuse(func_ir: Any, block: Any) -> bool:
 
 
 def _fused(func_ir: Any, scope: Any, statement: Any, product: Any, product_first: bool) -> list[Any]:
-    """Returns the statements that replace a sum and the product in it."""
+    """Returns the statements that replace a sum and the product in it by a fused operation."""
     whole, factors = statement.value, product.value
     function = _SUMS[whole.fn, product_first]
     target = scope.redefine("$sum_with_product", statement.loc)

@@ -1,6 +1,7 @@
 """All compiler options of kernels, and the cache folder of their machine code.
 
-Kernels have a separate compile target (renderer/target.py): importing this module changes nothing for other users of Numba.
+Kernels have a separate compile target (renderer/target.py): importing this module changes nothing for a program's other Numba
+code.
 """
 
 from __future__ import annotations
@@ -51,10 +52,10 @@ COMPILE_PATIENCE_S = 300.0
 
 
 def _meaning(name: str, parts: Iterable[str]) -> str:
-    """Returns the hash of the meaning of these sources (renderer/sources.py).
+    """Returns a hash of these sources that ignores comments and docstrings (renderer/sources.py).
 
-    It is cached next to Python's byte code, or in this user's cache, but not in the kernel cache. A hash that another user, such
-    as the build of a container image, has stored for all users is used too.
+    The hash is cached next to Python's byte code, or in this user's cache, but not in the kernel cache. A hash that another user,
+    such as the build of a container image, has stored for all users is used too.
     """
     beside, file = sources.ROOT / "__pycache__", f"{name}.meaning"
     folder = beside if os.access(beside, os.W_OK) or (beside / file).is_file() else private_folder("sources")
@@ -62,7 +63,7 @@ def _meaning(name: str, parts: Iterable[str]) -> str:
 
 
 def _hash(*parts: str) -> str:
-    """Returns the hash of the sources' meaning, the compiler and the target, which names the cache folder."""
+    """Returns the hash, of the sources' meaning, the compiler and the target, that names the kernel cache folder."""
     return hashlib.sha256(f"{' '.join(parts)} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
 
 
@@ -72,9 +73,9 @@ _MACHINE_CODE = _hash(_MEANING, cpu.NAME, cpu.FEATURES)
 
 @functools.cache
 def kind() -> str:
-    """Returns the identifier of films to which this worker's samples may be added, e.g. "0.1.0-3fa9c1d2-x86-64-v3".
+    """Returns the identifier of the films to which this worker's samples may be added, e.g. "0.1.0-3fa9c1d2-x86-64-v3".
 
-    Depends on exactly those inputs that decide the machine code and the arrays that it reads. Can be used in a queue's name.
+    Depends on exactly those inputs that determine the machine code and the arrays that it reads. Can be used in a queue's name.
     """
     both = _hash(_MEANING, _meaning("arrays", sources.ARRAYS))
     return f"{__version__}-{both[:8]}-{TARGET}"
@@ -83,7 +84,7 @@ def kind() -> str:
 def cache_folder() -> Path:
     """Returns the folder of the machine code: $RAYFARM_CACHE/kernels/<hash>, by default under ~/.cache/rayfarm.
 
-    If other users can write there, a private folder is used instead (renderer/cache_folders.py).
+    If other users can write to that folder, a private folder is used instead (renderer/cache_folders.py).
 
     Numba checks the modification time of one function's file only and would miss a change in a function that it calls. Therefore
     each state of the sources has a separate folder.
@@ -96,7 +97,7 @@ Function = Callable[..., Any]
 
 @intrinsic
 def never_inline(typingctx: Any) -> Any:
-    """Marks the calling subroutine as never inlined, however small, so that it has its own register allocation."""
+    """Marks the calling subroutine as never inlined, however small, so that its registers are allocated separately."""
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.function.attributes.add("noinline")
@@ -108,9 +109,9 @@ def never_inline(typingctx: Any) -> Any:
 
 @intrinsic(prefer_literal=True)
 def local_floats(typingctx: Any, count: Any) -> Any:
-    """Returns an array of `count` float32 on the stack, valid until the function that calls this returns. count: a literal.
+    """Returns an array of `count` float32 on the stack, valid until the calling function returns. count: a literal.
 
-    Not initialised. It may be passed to subroutines, but never returned.
+    The array is not initialised. It may be passed to subroutines, but never returned.
     """
     array = types.Array(types.float32, 1, "C")
     length = count.literal_value
@@ -164,18 +165,18 @@ def builder(function: Function) -> Function:
 def device(function: Function) -> Function:
     """Declares a function that kernels call and that is always inlined into its caller.
 
-    If it were called out of line, a scene's arrays would be pushed on the stack field by field, two hundred words per call. It is
-    cached on disk too, so that further kernels load it typed and optimised. It must not be called from Python: such a call would
-    crash. Tests call an `entry` that calls it.
+    If the function were called out of line, a scene's arrays would be pushed on the stack field by field, two hundred words per
+    call. It is cached on disk too, so that further kernels load it typed and optimised. It must not be called from Python: such a
+    call would crash. Tests call an `entry` that calls it.
     """
     return _compiled(function, heap=False, inline=True, from_python=False)
 
 
 def template(function: Function) -> Function:
-    """Declares a device function that is inlined into each caller before type inference.
+    """Declares a device function that is inlined into each caller before type inference, for the largest functions.
 
-    For the largest functions: none is compiled twice, arguments may be kernels, and branches that depend on an argument that is
-    None are removed.
+    None of them is compiled twice, their arguments may be kernels, and branches that depend on an argument that is None are
+    removed.
     """
     return KernelDispatcher(
         function, targetoptions={"nopython": True, "boundscheck": None, "inline": "always"}, pipeline_class=Compiler
@@ -191,7 +192,7 @@ _ready: set[str] = set()
 
 
 def is_ready(name: str) -> bool:
-    """Returns True if this process, or the one from which it was forked, has run `compiling` for a kernel of that name."""
+    """Returns True if `compiling` has run for the kernel of that name, in this process or in the one from which it was forked."""
     return name in _ready
 
 
@@ -202,12 +203,12 @@ def is_cached(name: str) -> bool:
 
 @contextlib.contextmanager
 def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bool]:
-    """Context manager for the first call of a kernel: one of a machine's processes compiles it, the others wait and load it.
+    """Context manager for the first call of a kernel: one process of this machine compiles it, the others wait and load it.
 
-    Yields True if this process has to compile it. fetch: called by that process before it compiles; it may copy machine code from
-    elsewhere into the folder. `<name>.done` lists the files of which the kernel consists, for processes that distribute it.
+    Yields True if this process has to compile the kernel. fetch: called by that process before it compiles; may copy machine code
+    from another host into the folder. `<name>.done` lists the files of the kernel, for processes that distribute it.
 
-    Without this, 64 slots would compile the same kernel 64 times at once, each with the memory for it. A process that waits in
+    Otherwise 64 slots would compile the same kernel 64 times at once, each with the memory for it. A process that waits in
     vain, because the compiling one is stopped or the file system has no locks, compiles too.
     """
     folder = cache_folder()
@@ -246,7 +247,7 @@ def _lock(path: Path) -> Iterator[IO[bytes] | None]:
 
 
 def _is_taken(lock: IO[bytes] | None) -> bool:
-    """Tries to take the lock; returns False if another process has it."""
+    """Tries to take a file lock; returns False if another process holds it."""
     if lock is None:
         return True
     try:

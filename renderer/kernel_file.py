@@ -43,14 +43,14 @@ def name_of(folder: Path, kernel: str) -> str:
 
 
 def is_name(text: str) -> bool:
-    """Returns True if text has the form of a kernel file's name, and so is safe in a path."""
+    """Returns True if a text has the form of a kernel file's name, and so is safe as a part of a path."""
     return _NAME.fullmatch(text) is not None
 
 
 def pack(folder: Path, kernel: str, key: str, out: IO[bytes]) -> None:
-    """Writes the signed kernel file of a cached kernel. out: a file opened for reading and writing.
+    """Writes a cached kernel as a signed kernel file. out: a file opened for reading and writing.
 
-    Raises OSError if files of the kernel are missing in the folder.
+    Raises OSError if files of the kernel are missing in the cache folder.
     """
     start = out.tell()
     out.write(bytes(_SIGNATURE))
@@ -74,7 +74,7 @@ def is_signed(file: IO[bytes], key: str) -> bool:
 
 
 def signed_anew(artefact: bytes, key: str) -> bytes:
-    """Returns the kernel file with its signature replaced by one with this key."""
+    """Returns the kernel file with its signature replaced by one made with this key."""
     return _signature(io.BytesIO(artefact), key) + artefact[_SIGNATURE:]
 
 

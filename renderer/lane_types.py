@@ -20,7 +20,7 @@ _SUFFIX = {str(ir.FloatType()): "f32", str(ir.DoubleType()): "f64", str(_I32): "
 
 
 class Lanes(types.Type):
-    """The Numba type of eight values of one type in a vector register."""
+    """The Numba type of a vector register with eight values (lanes) of one type."""
 
     def __init__(self, name: str, element: ir.Type) -> None:
         self.element = element
@@ -45,7 +45,7 @@ def is_wide(kind: types.Type) -> bool:
 
 
 def lifted(builder: Any, kind: types.Type, value: Any) -> Any:
-    """Returns the value, broadcast to all lanes if it is a scalar."""
+    """Returns the LLVM value, broadcast to all lanes if it is a scalar. kind: its Numba type."""
     if is_wide(kind):
         return value
     vector = ir.VectorType(value.type, LANES)
@@ -54,7 +54,7 @@ def lifted(builder: Any, kind: types.Type, value: Any) -> Any:
 
 
 def called(builder: Any, name: str, *arguments: Any) -> Any:
-    """Returns a code generator that calls an LLVM intrinsic on scalars or vectors of one type."""
+    """Emits a call of the LLVM intrinsic `name` on scalars or vectors of one type; returns its result."""
     kind = arguments[0].type
     wide = isinstance(kind, ir.VectorType)
     suffix = _SUFFIX[str(kind.element if wide else kind)]

@@ -1,6 +1,6 @@
-"""Translates messages of the system and of libraries, which are in English only, to sentences with codes.
+"""Converts messages of the operating system and of libraries, which are in English only, to sentences with codes.
 
-An unknown message keeps its text.
+The codes make them translatable. An unknown message keeps its text.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _OF_SYSTEM: dict[int, str] = {
 
 
 def library_message(error: BaseException) -> str:
-    """Returns the message of an exception of the system or of a library: a Sentence with a code if it is a known one."""
+    """Returns the message of an exception of the system or of a library: a Sentence with a code if the message is known."""
     own = str(error)
     if isinstance(own, Sentence):
         return own

@@ -1,7 +1,7 @@
 """Links the functions of a kernel without optimising any of them again in each caller, and emits machine code of entries only.
 
 Numba links all callees into each function, then optimises the whole and emits machine code for it. A deep callee would be
-optimised and translated once for each function above it.
+optimised and translated once for each function above it in the call graph.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ def mark_never_inlined(library: Any) -> None:
 
 
 class _Kernel(JITCodeLibrary):
-    """The code library of a function that Python calls: out-of-line callees are linked when its own code is optimised.
+    """The code library of a function that Python calls. Callees that are not inlined are linked after it was optimised.
 
-    counts: whether it has arrays of its own, which are reference-counted. is_inlinable: whether LLVM may inline its function into
-    callers. beneath: name -> code of each out-of-line callee, after all of that callee's own callees.
-    _unread: the bitcode of a cached kernel with which other functions would link; large, slow to parse and hardly ever needed.
+    counts: whether the function has arrays of its own, which are reference-counted. is_inlinable: whether LLVM may inline it into
+    callers. beneath: name -> code of each callee that is not inlined, after all of that callee's own callees. _unread: the
+    bitcode of a cached kernel, needed only if other functions link with it, which is rare; large and slow to parse.
     """
 
     counts = False
@@ -40,7 +40,7 @@ class _Kernel(JITCodeLibrary):
     _read: Any = None
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Optimises each function before linking if it counts references, since Numba's pass that removes counts runs then."""
+        """Optimises each function before linking if it counts references, since Numba removes such counts in that step."""
         if self.counts:
             super()._optimize_functions(ll_module)
         ll_module.data_layout = str(super().codegen.target_data)
@@ -81,7 +81,7 @@ class _Kernel(JITCodeLibrary):
 
     @classmethod
     def restored(cls, codegen: Any, name: str, code: Any) -> Self:
-        """Restores the library from what `serialize_using_object_code` returned."""
+        """Restores the library from the state that `serialize_using_object_code` returned."""
         library = cls(codegen, name)
         machine_code, library._unread, defined = code
         library.enable_object_caching()
@@ -129,7 +129,7 @@ class InlinedLibrary(_Kernel):
         return self._final_module
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Returns None: there is no machine code."""
+        """Returns None: the library has no machine code."""
         return 0
 
     def serialize_using_object_code(self) -> tuple[str, str, Any]:
@@ -139,7 +139,7 @@ class InlinedLibrary(_Kernel):
 
     @classmethod
     def restored(cls, codegen: Any, name: str, code: Any) -> Self:
-        """Restores the library from what `serialize_using_object_code` returned."""
+        """Restores the library from the state that `serialize_using_object_code` returned."""
         library = cls(codegen, name)
         library.own_name, own, library.beneath, library.is_inlinable = code
         library._final_module = llvm.parse_bitcode(own)
@@ -150,7 +150,7 @@ class InlinedLibrary(_Kernel):
 class NoEnvironment:
     @staticmethod
     def set_env(name: str, environment: Any) -> None:
-        """Does nothing: there is no environment."""
+        """Does nothing: the library has no environment."""
 
 
 _KEPT: dict[str, type[_Kernel]] = {_PART: InlinedLibrary, _KERNEL: _Kernel}

@@ -33,7 +33,7 @@ _noted: set[Path] | None = None
 
 @contextlib.contextmanager
 def collect_cache_files() -> Iterator[set[Path]]:
-    """Context manager that collects the cache files of all kernels that any thread of this process reads or writes within it.
+    """Context manager that yields the set of cache files of kernels that any thread of this process reads or writes within it.
 
     Excludes the files of functions that kernels call: the kernels' files contain their code, and which of them are accessed
     depends on what the process has compiled before.
@@ -48,7 +48,7 @@ def collect_cache_files() -> Iterator[set[Path]]:
 
 
 def note_file(path: Path) -> None:
-    """Adds a cache file to the set of a running `collect_cache_files`."""
+    """Adds a cache file to the set that a running `collect_cache_files` has yielded."""
     if _noted is not None:
         _noted.add(path)
 
@@ -56,9 +56,9 @@ def note_file(path: Path) -> None:
 class FunctionCacheFiles:
     """The cache of one function (machine code, or bitcode for linking), with the cache interface of Numba's dispatchers.
 
-    folder: returns the cache folder; called at the first use. stamp: what decides the machine code besides the function's byte
-    code, its signature and the target. is_kernel: whether Python calls the function, so that `collect_cache_files` collects its
-    files.
+    folder: returns the cache folder; called at the first use. stamp: a text that names all inputs of the machine code besides the
+    function's byte code, its signature and the target. is_kernel: whether Python calls the function, so that
+    `collect_cache_files` collects its files.
     """
 
     def __init__(self, function: Any, folder: Callable[[], Path], stamp: str, is_kernel: bool) -> None:
@@ -69,7 +69,7 @@ class FunctionCacheFiles:
 
     @property
     def cache_path(self) -> str:
-        """The folder of the function's files."""
+        """The folder that contains the function's cache files."""
         return str(self._files.folder)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
@@ -85,7 +85,7 @@ class FunctionCacheFiles:
         self._files.save(self._key(signature, result.codegen), result._reduce())
 
     def flush(self) -> None:
-        """Deletes the function's files."""
+        """Deletes the function's cache files."""
         self._files.flush()
 
     @functools.cached_property
@@ -121,7 +121,7 @@ class _Files:
         self._is_kernel = is_kernel
 
     def save(self, key: Any, data: Any) -> None:
-        """Stores the data atomically. If it cannot be written, the next process compiles the function again."""
+        """Stores the data for a key atomically. If it cannot be written, the next process compiles the function again."""
         path = self._path(key)
         try:
             make_private(self.folder)
@@ -142,9 +142,9 @@ class _Files:
         self._note(path)
 
     def load(self, key: Any) -> Any:
-        """Returns the stored data.
+        """Returns the data stored for a key.
 
-        Returns None if it is missing, damaged, outdated (refers to removed code), or writable by other users.
+        Returns None if the file is missing, damaged, outdated (refers to removed code), or writable by other users.
         """
         path = self._path(key)
         try:
@@ -158,7 +158,7 @@ class _Files:
         return data
 
     def flush(self) -> None:
-        """Deletes the files of this function."""
+        """Deletes the cache files of this function."""
         for path in self.folder.glob(f"{self._stem}.*{SUFFIX}"):
             path.unlink(missing_ok=True)
 

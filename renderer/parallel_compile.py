@@ -1,7 +1,7 @@
 """Helper processes that compile parts of a kernel in parallel, since Numba compiles one function at a time per process.
 
-Each part is compiled by the first free process, stored in the kernels' folder, and loaded from there by the others. Parts that
-are missing because a helper was killed or failed are compiled by this process when it needs them.
+Each part is compiled by the first free process, stored in the kernels' folder, and loaded from there by the other processes.
+Parts that are missing because a helper was killed or failed are compiled by this process when it needs them.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 
 
 class Helpers:
-    """A context manager: helper processes that compile parts of a kernel, and the kernels that prepare scenes.
+    """A context manager for helper processes that compile parts of a kernel, and the kernels that prepare scenes.
 
-    variant: that of the kernel for pictures; "": only the kernels that prepare scenes. wanted: False: no helpers, since nothing
-    has to be compiled.
+    variant: of the kernel for images; "" to compile only the kernels that prepare scenes. wanted: False if nothing has to be
+    compiled: no helpers are started.
 
-    The helpers are forked if this process has no other threads, so a worker creates them before it starts any. Otherwise they are
-    spawned, and only when `share` is called.
+    The helpers are forked if this process has no other threads, so a worker creates them before it starts threads. Otherwise they
+    are spawned, and only when `share` is called.
     """
 
     def __init__(self, variant: str, wanted: bool = True) -> None:
@@ -59,7 +59,7 @@ class Helpers:
                 self._forked = [self._fork(number) for number in range(self._count)]
 
     def share(self) -> None:
-        """Compiles the parts of the kernel together with the helpers. Returns when all processes have finished their parts."""
+        """Compiles the parts of the kernel in this process and in the helpers. Returns when all processes have finished."""
         if self._count == 0:
             return
         parts = _Parts(self._variant)
@@ -141,7 +141,7 @@ class _Parts:
     def compile(self, taking: int, parent: int = 0) -> bool:
         """Compiles parts that no other process has taken, one by one; returns True if there were any.
 
-        taking: the pipe of part numbers. parent: PID of the parent, or 0; stops if the parent has ended.
+        taking: the pipe from which part numbers are taken. parent: PID of the parent, or 0; stops if the parent has ended.
         """
         any_taken = False
         while (number := os.read(taking, 1)) and (parent == 0 or os.getppid() == parent):
@@ -165,12 +165,12 @@ def _help(variant: str, taking: int, working: int, parent: int, is_first: bool) 
 
 
 def _helpers() -> int:
-    """Returns the number of useful helpers: one for each other core, as memory allows."""
+    """Returns how many helpers are useful: one for each other core, as memory allows."""
     return max(min(cores() - 1, MOST, _free() // NEEDS), 0)
 
 
 def _free() -> int:
-    """Returns the free memory of this machine in bytes; if unknown, enough for all helpers."""
+    """Returns the free memory of this machine in bytes; if unknown, a number large enough for all helpers."""
     with contextlib.suppress(OSError, ValueError):
         for line in Path("/proc/meminfo").read_text().splitlines():
             if line.startswith("MemAvailable:"):

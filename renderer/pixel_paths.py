@@ -1,4 +1,4 @@
-"""Explains a pixel: renders its samples again and returns the paths of some of them, projected into the picture."""
+"""Explains a pixel: renders its samples again and returns the paths of some of them, projected into the image."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ MODELS = {kind.number: kind.model for kind in rows.KINDS if kind.model is not No
 
 
 class ProjectedPoint(NamedTuple):
-    """A projected point in homogeneous coordinates: if w > 0, its pixel is (x / w, y / w) from the picture's upper left corner.
+    """A projected point in homogeneous coordinates: if w > 0, its pixel is (x / w, y / w) from the image's upper left corner.
 
-    Otherwise it is not in front of the camera. The segment between two points projects to the segment between their projections.
-    A direction (a point at infinity) can be projected too.
+    If w <= 0, the point is not in front of the camera. The segment between two points projects to the segment between their
+    projections. A direction (a point at infinity) can be projected too.
     """
 
     x: float
@@ -61,7 +61,7 @@ class PixelPath:
 
 @dataclass(frozen=True)
 class PixelPaths:
-    """Sums of a pixel's samples, and the chosen paths.
+    """The sum of a pixel's samples, and the paths of some of them.
 
     sums: of the colours of samples 0 ... samples - 1, in the film's fixed point. finite: how many of these samples were finite.
     """
@@ -75,10 +75,10 @@ class PixelPaths:
 def pixel_paths(
     scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int, sample_number: int | None = None
 ) -> PixelPaths:
-    """Returns paths of the pixel's first `count` samples, at most MOST_SAMPLES: the first, the median, the brightest.
+    """Renders a pixel's first `count` samples, at most MOST_SAMPLES; returns the paths of the first, median and brightest.
 
-    sample_number: the number of a further sample to return, which need not be below `count`. Raises SettingsError if the pixel
-    or the sample is out of range.
+    sample_number: the number of a further sample whose path is returned; it need not be below `count`. Raises SettingsError if
+    the pixel or the sample is out of range.
     """
     count = min(count, MOST_SAMPLES)
     values, is_finite = pixel_samples(scene, settings, x, y, count)
@@ -120,7 +120,7 @@ def _spots(settings: RenderSettings, found: Replay) -> tuple[list[ProjectedPoint
 
 
 def _view_at(settings: RenderSettings, time: float) -> View:
-    """Returns the camera's view at the key nearest to a time of the shutter."""
+    """Returns the camera's view at the motion key nearest to a shutter time."""
     if not settings.views:
         return settings.view
     return settings.views[round(time * (len(settings.views) - 1))]

@@ -1,7 +1,7 @@
-"""`python -m renderer.precompile`: compiles the kernels for pictures into the cache, for installations and container images.
+"""`python -m renderer.precompile`: compiles the kernels for images into the cache, for installations and container images.
 
-Variants are compiled in parallel, one process each, as cores and memory allow. If a FOLDER is given, the files of which the
-kernels consist (each kernel's `.done` lists them) are copied to FOLDER/kernels: an eighth of the files that compiling creates.
+Variants are compiled in parallel, one process each, as cores and memory allow. If a FOLDER is given, only the files that the
+kernels need (each kernel's `.done` lists them) are copied to FOLDER/kernels: an eighth of the files that compiling creates.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ PREPARING = "preparing"  # the job of the kernels that prepare scenes
 
 
 def _compile(job: str, prepares: bool) -> None:
-    """Compiles one job; runs in a process of its own.
+    """Compiles one job, a kernel variant or the kernels that prepare scenes; runs in a separate process.
 
-    prepares: also lists the kernels that prepare scenes in the kernel's list.
+    prepares: also lists the kernels that prepare scenes among the files of the variant's kernel.
     """
     gc.disable()  # collections take a fifth of the time and find little; this process ends afterwards
     if job == PREPARING:
@@ -46,7 +46,7 @@ def _compile_in_process(job: str, *options: str) -> None:
 
 
 def _jobs(variants: list[str]) -> list[str]:
-    """Returns the variants, longest compile first, and the job of the kernels that prepare scenes."""
+    """Returns the compile jobs: the variants, longest compile first, and the kernels that prepare scenes."""
     return [*sorted(variants, key=lambda name: sum(map(bool, KERNEL_VARIANTS[name])), reverse=True), PREPARING]
 
 
@@ -56,7 +56,10 @@ def _at_a_time(count: int) -> int:
 
 
 def _compile_all(jobs: list[str], begin: float) -> None:
-    """Compiles the jobs in parallel, and prints a line after each: how many are ready, and the time taken."""
+    """Compiles the jobs in parallel, and prints a line after each: how many are ready, and the time taken.
+
+    begin: the start time, from time.perf_counter().
+    """
     count = _at_a_time(len(jobs))
     print(f"compiling {len(jobs)} kernels, {count} at a time ({', '.join(jobs)})", flush=True)
     with ThreadPoolExecutor(count) as pool:
@@ -78,7 +81,7 @@ def _variants(text: str) -> list[str]:
 
 
 def main(arguments: Iterable[str] | None = None) -> None:
-    """Compiles the kernels, loads each variant once more to complete its list, then copies the files.
+    """Compiles the kernels, loads each variant once more to complete its list of files, then copies the files.
 
     Raises CalledProcessError if a compiling process fails.
     """

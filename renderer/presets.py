@@ -1,4 +1,4 @@
-"""The names of the environments that requests, --env and the page offer besides images, colours and skies.
+"""The names of the preset environments, offered by requests, --env and the page besides images, colours and skies.
 
 The formulas are in renderer/scene/presets.py. This module contains no pixels, so that the service can list the names.
 """
@@ -11,7 +11,7 @@ __all__ = ["PRESETS", "Preset"]
 
 
 class Preset(NamedTuple):
-    """A named environment. sky: for a clear sky, elevation and azimuth of its sun in degrees."""
+    """A preset environment. sky: for a clear sky, elevation and azimuth of its sun in degrees."""
 
     label: str
     help: str

@@ -31,7 +31,7 @@ class LogRecord(logging.LogRecord):
 
     @property
     def exc_text(self) -> str | None:
-        """The traceback text that formatters cache."""
+        """The text of a traceback, printable, which formatters of `logging` cache here."""
         return self._exc_text
 
     @exc_text.setter

@@ -65,7 +65,7 @@ class Compiler(CompilerBase):
 
 @intrinsic
 def where_present(typingctx: Any, part: Any, value: Any) -> Any:
-    """Returns `value` if `part` is present, else None. Decided by type, so that code that depends on the value is pruned."""
+    """Returns `value` if `part` is present, else None. Decided at compile time by type, so that unused code is not compiled."""
     lacks = isinstance(part, types.NoneType)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:

@@ -31,7 +31,7 @@ class Reference(types.Type):
         super().__init__(f"Reference({whole.instance_class.__name__} {digest})")
 
     def field(self, name: str) -> types.Type | None:
-        """Returns the type of a field; of a tuple of arrays, a reference to it. None if there is no such field."""
+        """Returns the type of a field: for a nested tuple of arrays, a reference to it. None if there is no such field."""
         if name not in self.whole.fields:
             return None
         found = self.whole.types[self.whole.fields.index(name)]
@@ -54,7 +54,7 @@ register_model(Reference)(models.OpaqueModel)
 
 @intrinsic
 def by_reference(typingctx: Any, whole: Any) -> Any:
-    """Returns a reference to a NamedTuple, valid until the function that calls this returns.
+    """Returns a reference to a NamedTuple, valid until the calling function returns.
 
     May be passed only to functions that are called out of line, which treat the tuple as constant.
     """
@@ -94,7 +94,7 @@ def _read_array(context: Any, builder: Any, array: types.Array, place: Any) -> A
 
 
 def _read(builder: Any, place: Any) -> Any:
-    """Loads the value at a pointer, each number separately: the optimiser removes unused loads."""
+    """Emits code that loads the value at a pointer, each number separately, so that the optimiser removes unused loads."""
     kind = place.type.pointee
     if isinstance(kind, ir.Aggregate):
         whole = ir.Constant(kind, ir.Undefined)

@@ -73,7 +73,7 @@ class RenderStats:
 
 
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
-    """Returns the scene for the kernel: with the settings' environment and light choice, and without absent features."""
+    """Returns the scene for the kernel: with the settings' environment and choice among lights, and without absent features."""
     scene = with_environment_changed(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
     scene = with_light_choice(scene, settings.light_choice)
     if settings.sampling == "light" or settings.integrator == "whitted":
@@ -86,7 +86,7 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
 def _render(
     scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, log: npt.NDArray[np.float64] = _NO_LOG
 ) -> tuple[BatchSums, int]:
-    """Returns a batch's sums and its number of rays. scene: from `_prepared`.
+    """Renders a batch; returns (its sums, number of rays). scene: from `_prepared`.
 
     log: rows in which the kernel records the path of the last sample.
     """
@@ -108,7 +108,7 @@ def _render(
 def _render_on(
     card: CardRenderer, scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int
 ) -> tuple[BatchSums, int]:
-    """Renders a batch on a card; returns the same as `_render`. Raises CardError if the card fails."""
+    """Renders a batch on a graphics card; returns (its sums, number of rays). Raises CardError if the card fails."""
     camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
     variant = next(name for name, has in KERNEL_VARIANTS.items() if has == scene.has)
@@ -121,12 +121,12 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a card can render with these settings: path tracing with the default strategy."""
+    """Returns True if a graphics card can render with these settings: path tracing with the default strategy."""
     return has_variants(settings)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
-    """Raises SettingsError unless a card can render with these settings."""
+    """Raises SettingsError unless a graphics card can render with these settings."""
     if not is_for_cards(settings):
         raise SettingsError(
             Sentence(
@@ -140,10 +140,10 @@ def check_for_cards(settings: RenderSettings) -> None:
 def render_batch(
     scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, card: CardRenderer | None = None
 ) -> BatchSums:
-    """Renders samples first ... first + count - 1 of every pixel of the tile. Runs without the GIL; thread-safe without a card.
+    """Renders samples first ... first + count - 1 of every pixel of the tile. Runs without the GIL; thread-safe without a `card`.
 
     The sums do not depend on the card or on how a frame is divided into batches: its batches always add up to the same bits.
-    card: renders the batch, if given and if `is_for_cards`. Raises CardError if the card fails.
+    card: a graphics card, which renders the batch if `is_for_cards(settings)`. Raises CardError if the card fails.
     """
     prepared = _prepared(scene, settings)
     if card is not None and is_for_cards(settings):
@@ -164,13 +164,14 @@ def render_frame(
 ) -> Sums:
     """Renders samples 0 ... spp - 1 of every pixel; returns the film's sums, (CHANNELS, height, width) int64.
 
-    threads: None: one per CPU available to this process. The sums do not depend on it.
+    threads: None: one per CPU available to this process. The sums do not depend on the number.
     progress: called from this thread with (samples finished, total samples), over all pixels.
     stats: receives the statistics, if given.
     stop: called with the sums after every pass over the frame; ends the render if it returns True.
     time_limit: seconds after which no further pass begins; at least one pass is rendered.
     If `stop` or `time_limit` is given, passes have 1, 1, 2, 4 ... and at most 64 samples per pixel; else all have 64.
-    card: renders everything instead of the CPU, to the same bits. Raises SettingsError unless `is_for_cards`, and CardError.
+    card: a graphics card, which renders everything instead of the CPU, to the same bits. Raises SettingsError unless
+    `is_for_cards(settings)`, and CardError if the card fails.
     """
     stats = stats if stats is not None else RenderStats()
     if card is not None:
@@ -230,9 +231,9 @@ def _batches(tiles: list[Tile], first: int, count: int, threads: int) -> Iterato
 
 
 def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sample: int) -> Replay:
-    """Renders one sample of a pixel again with the production kernel; returns its path with all vertices.
+    """Renders one sample of a pixel again with the kernel that renders frames; returns its path with all vertices.
 
-    Raises SettingsError if the pixel is not in the picture or the sample number is out of range.
+    Raises SettingsError if the pixel is not in the image or the sample number is out of range.
     """
     _check_pixel(settings, x, y)
     if not 0 <= sample < MAX_SPP:
@@ -257,10 +258,10 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
 def pixel_samples(
     scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-    """Renders samples 0 ... count - 1 of a pixel; returns their colours and whether each is finite and so in the film.
+    """Renders samples 0 ... count - 1 of a pixel; returns (their colours, whether each is finite and so in the film).
 
     Colours: (count, 3) integers in the film's fixed point; finite: (count,) bool. Raises SettingsError if the pixel is not in the
-    picture.
+    image.
     """
     _check_pixel(settings, x, y)
     prepared = _prepared(scene, settings)
@@ -294,12 +295,12 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
 
 
 def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) -> str:
-    """Returns the name of the kernel that `warm_up` loads."""
+    """Returns the cache name of the kernel for these settings and this variant."""
     return f"{renderer_of(settings or _PICTURE).__name__.strip('_')}-{variant}"
 
 
 def is_warm(settings: RenderSettings, variant: str) -> bool:
-    """Returns True if `warm_up` has run for this kernel; otherwise the first batch compiles it, which takes up to a minute."""
+    """Returns True if this kernel is loaded (by `warm_up`); otherwise the first batch compiles it, which takes up to a minute."""
     return jit.is_ready(kernel_name(settings, variant))
 
 
@@ -312,12 +313,12 @@ def warm_up(
 ) -> float:
     """Compiles or loads the kernel for these settings and a variant (renderer.arrays.kernel_variant); returns the seconds taken.
 
-    settings: None: those of pictures. A kernel in the cache or in the installation is loaded instead of compiled.
+    settings: None: those of images. A kernel in the cache or in the installation is loaded instead of compiled.
 
     prepares: also loads the kernels that prepare scenes. With the plain kernel, which a starting worker needs first, only those
     that every scene needs, unless all are cached; with every other kernel, all of them.
 
-    fetch: called with the kernel's name before a kernel that is not cached is compiled; it may fetch it from elsewhere. helpers:
+    fetch: called with the kernel's name before a kernel that is not cached is compiled; may fetch it from another host. helpers:
     from `helpers_for`, if created earlier. A parent that calls this before it forks shares the machine code with its children.
     """
     begin = time.perf_counter()
@@ -348,7 +349,7 @@ def load_preparing() -> None:
 
 
 def helpers_for(settings: RenderSettings | None = None, variant: str = PLAIN) -> Helpers:
-    """Returns the helper processes for `warm_up`; none if the kernel is in the cache already."""
+    """Returns the helper processes for `warm_up`; no processes are started if the kernel is in the cache already."""
     parts = variant if has_variants(settings or _PICTURE) else ""
     is_of_use = not jit.is_cached(kernel_name(settings, variant)) and (parts != "" or not is_prepared())
     return Helpers(parts, is_of_use)

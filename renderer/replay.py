@@ -1,4 +1,4 @@
-"""Converts the log of one sample's path to readable records."""
+"""Converts the kernel's record of one sample's path to readable objects."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FAR = 1e17  # scene units; the kernel puts infinitely distant points slightly be
 
 
 class LightSample(NamedTuple):
-    """The light sample of a path vertex: a point on a light chosen by next-event estimation."""
+    """The light sample at a path's vertex: a point on a light chosen by next-event estimation."""
 
     point: Vec3 | None  # None: infinitely far
     direction: Vec3  # unit, towards the light
@@ -71,7 +71,7 @@ class Vertex(NamedTuple):
 class Replay(NamedTuple):
     """A sample's value, with the same bits as in the film, and its path from the camera on.
 
-    value is None if the sample was NaN or infinite and so is not in the film.
+    value: None if the sample was NaN or infinite and so is not in the film.
     """
 
     value: Vec3 | None
@@ -131,7 +131,7 @@ def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ligh
 
 
 def _end_reason(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:
-    """Returns why a path has no vertex after that of this row; None if unknown.
+    """Returns why a path ends at the vertex recorded in this row of the log; None if unknown.
 
     is_last: whether no further segment was allowed.
     """
@@ -156,9 +156,9 @@ def read_log(
     log: npt.NDArray[np.float64],
     origin: npt.NDArray[np.float64] = _WORLD,
 ) -> Replay:
-    """Returns the replay of a batch of one sample. log: its rows, as written by renderer/kernel/path_trace.py.
+    """Returns the Replay of a batch of one sample. log: the record of its path, as written by renderer/kernel/path_trace.py.
 
-    origin: that of the compiled scene, to which the log's positions are relative.
+    origin: of the compiled scene, to which the record's positions are relative.
     """
     value = None
     if batch.sums[SAMPLES, 0, 0] == 1:

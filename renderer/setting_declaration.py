@@ -2,8 +2,9 @@
 
     max_depth: Annotated[int, Setting(1, MAX_DEPTH), SettingTexts("Max depth", "Path segments.")] = 8
 
-From the `table` of the dataclass follow its checks, the command's options, the API's models and the scene file's schema; with
-renderer/setting_docs.py also the response of GET /api/info, the page's form and the table of differences between two pictures.
+The checks of the settings, the command's options, the API's models and the scene file's schema are derived from the `table` of
+the dataclass. With renderer/setting_docs.py, so are the response of GET /api/info, the page's form and the table of differences
+between two images.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ __all__ = ["Choices", "DeclaredSetting", "Setting", "SettingTexts", "checked", "
 class SettingTexts:
     """The user-facing texts of a setting or of one of its choices.
 
-    They affect no sample, so renderer/sources.py does not hash them. group: where it is shown: among the basic settings, the
+    They affect no sample, so renderer/sources.py does not hash them. group: where the setting is shown: among the basic ones, the
     advanced ones, or those for comparing renderers. section: its heading in the command's help and on the page. integrators,
     projections: those that use the setting; empty for all. off: label of the value `Setting.off`, a `Sentence`. option: the
-    command's option, if its name differs from the setting's. phrase: describes a picture by the value, which replaces {}. usual:
-    the usual range, for a slider; None if a slider does not help.
+    command's option, if its name differs from the setting's. phrase: describes an image by the setting's value, which replaces
+    {}. usual: the usual range, for a slider; None if a slider does not help.
     """
 
     label: str
@@ -46,12 +47,12 @@ class SettingTexts:
 
 
 class Choices(tuple[str, ...]):
-    """The names that a setting accepts, in the order of their numbers in kernels, and the user-facing texts of each."""
+    """The names that a setting accepts, in the order of their numbers in kernels, with the user-facing texts of each."""
 
     shown: Mapping[str, SettingTexts]
 
     def __new__(cls, shown: Mapping[str, SettingTexts]) -> Self:
-        """Creates the choices from name -> texts."""
+        """Creates the choices from a mapping of name to texts."""
         made = super().__new__(cls, shown)
         made.shown = dict(shown)
         return made
@@ -61,9 +62,9 @@ class Choices(tuple[str, ...]):
 class Setting:
     """The values that a setting accepts: numbers from low to high (for each component of a vector), or names.
 
-    off: the value that switches it off, which may be below `low`.
+    off: the value that switches the setting off, which may be below `low`.
     of: "job": requests and scene files may set it; "environment": a request's environment sets it; "": internal.
-    digest: whether the picture's bits depend on it.
+    digest: whether an image's bits depend on the setting.
     """
 
     low: float | None = None
@@ -76,7 +77,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class DeclaredSetting:
-    """A setting with the name, type and default of its field. `default` is MISSING if a value is required."""
+    """A setting with the name, type and default of its dataclass field. `default` is MISSING if a value is required."""
 
     name: str
     kind: type
@@ -86,10 +87,7 @@ class DeclaredSetting:
     shown: SettingTexts
 
     def check(self, value: Any) -> Any:
-        """Returns the value converted to the field's type.
-
-        Raises SettingsError, with a sentence, for a value that is not accepted.
-        """
+        """Returns the value converted to the field's type. Raises SettingsError for a value that the setting does not accept."""
         if value is None and self.optional:
             return None
         if self.setting.choices is not None:
@@ -237,7 +235,7 @@ def table(owner: type[Any]) -> Mapping[str, DeclaredSetting]:
 
 
 def checked(owner: Any) -> None:
-    """Checks all settings of a frozen dataclass, called from its __post_init__, and converts each to its field's type."""
+    """Checks all settings of a frozen dataclass, and converts each to its field's type. For calls from __post_init__."""
     for declared in table(owner.__class__).values():
         object.__setattr__(owner, declared.name, declared.check(getattr(owner, declared.name)))
 

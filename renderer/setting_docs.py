@@ -1,4 +1,4 @@
-"""Texts that describe settings for the page, the command's help and the documentation. They affect no sample."""
+"""Texts that describe settings for the page, the command's help and the documentation. They affect no sample's colour."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def values(each: DeclaredSetting) -> str:
 
 
 def sentences(each: DeclaredSetting) -> str:
-    """Returns what a setting does, with the names it accepts or the value that switches it off."""
+    """Returns the description of a setting, with the names it accepts or the value that switches it off."""
     if each.setting.choices is not None:
         return f"{each.shown.help.rstrip('.')}: {values(each)}."
     if each.setting.off is None:

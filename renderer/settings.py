@@ -1,4 +1,4 @@
-"""The settings of a picture: the view, the size, and everything else on which a sample's colour depends.
+"""The settings of an image: the view, the size, and everything else on which a sample's colour depends.
 
 `RenderSettings` declares all inputs of a sample's colour besides the scene (renderer/setting_declaration.py).
 Plain data without numpy, so that the service and the client can create and check it without the kernel.
@@ -125,10 +125,10 @@ _lit = ("path", "direct", "whitted")
 class RenderSettings:
     """All inputs of a sample's colour except the scene. Each field's annotation describes it.
 
-    film_exponent: the film's quantum is 2**-film_exponent. environment: linear RGB radiance; None for the scene's own.
-    mistake: light-cutoff omits a light sample where 1/d^2 < 0.001; attenuation multiplies radiance by a further 1/d^2.
-    sampling: see renderer/kernel/lineage/mixture.py; heuristic: Veach 1997.
-    views: of a moving camera, at equal steps from shutter opening to closing.
+    film_exponent: the film's quantum is 2**-film_exponent. environment: linear RGB radiance; None for the scene's own. mistake: a
+    deliberate error: light-cutoff omits a light sample where 1/d^2 < 0.001; attenuation multiplies radiance by a further 1/d^2.
+    sampling: see renderer/kernel/lineage/mixture.py; heuristic: Veach 1997. views: of a moving camera, at equal steps from
+    shutter opening to closing.
     """
 
     width: Annotated[int, Setting(1, MAX_SIZE), SettingTexts("Width", "Pixels.", "px", "basic", "Size and quality")]
@@ -399,7 +399,8 @@ class RenderSettings:
     def to_json(self) -> dict[str, Any]:
         """Returns a JSON-ready dict, from which `from_json` restores settings with the same bits.
 
-        The settings of `_LATER` are omitted if they have their defaults, so that older workers render such pictures.
+        The settings of `_LATER` (added in later releases) are omitted if they have their defaults, so that older workers can
+        render them.
         """
         told = {**asdict(self), "view": self.view.to_json(), "views": tuple(view.to_json() for view in self.views)}
         return {name: value for name, value in told.items() if name not in _LATER or value != SETTINGS[name].default}
@@ -443,7 +444,10 @@ ENVIRONMENT = {
 
 
 def chosen(asked: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the optional settings: those of the request, and for those that it does not set, the scene file's `defaults`."""
+    """Returns the optional settings: those that a request sets, and the scene file's `defaults` for those that it does not set.
+
+    asked: the request's settings.
+    """
     both = {name: asked.get(name) if asked.get(name) is not None else defaults.get(name) for name in OPTIONAL}
     return {name: value for name, value in both.items() if value is not None}
 
@@ -458,7 +462,7 @@ class Tile(NamedTuple):
 
 
 def tiles_of(width: int, height: int, size: int) -> list[Tile]:
-    """Returns the tiles of a frame in reading order. Those at the right and lower edge may be smaller."""
+    """Returns the tiles of a frame in reading order. Tiles at the right and lower edge may be smaller."""
     return [
         Tile(x, y, min(size, width - x), min(size, height - y)) for y in range(0, height, size) for x in range(0, width, size)
     ]

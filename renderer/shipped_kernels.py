@@ -1,6 +1,6 @@
 """Kernels shipped with a container image or a wheel: missing ones are copied into the cache before anything is compiled.
 
-So the cache may be on a volume that outlives the image, and everything else may be read-only.
+So the cache may be on a volume that outlives the container image, and everything else may be read-only.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 def copy_shipped_kernels(cache: Path) -> None:
     """Copies the installation's kernels to this cache folder. If that fails, logs a warning; the kernels are then compiled.
 
-    The kernels are in $RAYFARM_KERNELS, else in the wheel from which Rayfarm was installed.
+    The kernels are copied from $RAYFARM_KERNELS, else from the wheel from which Rayfarm was installed.
     """
     shipped = Path(os.environ.get(FOLDER, "") or IN_WHEEL)
     try:
@@ -34,7 +34,7 @@ def copy_shipped_kernels(cache: Path) -> None:
 
 
 def copy_finished_kernels(source: Path, to: Path) -> int:
-    """Copies the files of all complete kernels in a folder, and their lists; returns the number of copied files.
+    """Copies the files of all complete kernels in the folder `source`, and their lists; returns the number of copied files.
 
     Existing files are not replaced: equal names imply equal content. The lists are copied last, so that every listed file exists.
     Files writable by other users are not copied (renderer/cache_folders.py). Raises OSError if copying fails.

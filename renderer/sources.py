@@ -69,7 +69,7 @@ TEXTS = ("SettingTexts", "Sentence")  # the classes of user-facing texts
 
 
 def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:
-    """Returns the source files of these files and folders, including the kernels' tables, in an order independent of the host."""
+    """Returns the source files in these files and folders, including the kernels' tables, in an order independent of the host."""
     found: set[Path] = set()
     for part in parts:
         path = root / part
@@ -78,7 +78,7 @@ def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:
 
 
 def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
-    """Returns a SHA-256 hash of the files' names and meaning."""
+    """Returns a SHA-256 hash of the files' names and of the meaning of their content."""
     total = hashlib.sha256()
     for path in files:
         total.update(path.relative_to(root).as_posix().encode() + b"\0")
@@ -91,9 +91,9 @@ def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
 
 
 def cached_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
-    """Returns `meaning`, cached in the file `kept` together with a hash of the files' bytes and of this module's.
+    """Returns the hash `meaning` of the files, cached in the file `kept` with a hash of the files' bytes and of this module's.
 
-    Computing it takes a good part of a second.
+    Computing `meaning` takes a good part of a second.
     """
     files = list(files)
     raw = hashlib.sha256(Path(__file__).read_bytes())  # the cached hash depends on this module too
@@ -113,7 +113,7 @@ def cached_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
 
 
 def _as_text(tree: ast.AST) -> list[str]:
-    """Returns the syntax tree as text: only fields that are set, so that new fields of later Python versions have no effect."""
+    """Returns a syntax tree as text: only fields that are set, so that new fields of later Python versions have no effect."""
     words: list[str] = []
     _write(tree, words.append)
     return words

@@ -1,8 +1,8 @@
 """The compile target of Rayfarm's kernels: Numba's CPU target with its own CPU name, optimisation options and registries.
 
 Numba reads such options from one configuration for the whole process, which belongs to the host program. Therefore kernels do not
-use the target "cpu": they are dispatched by `KernelDispatcher`, whose contexts and code generator are separate instances. A
-host's own `@njit` functions keep their options, their cache and their machine code (tests/renderer/test_target.py).
+use the target "cpu": they are dispatched by `KernelDispatcher`, whose contexts and code generator are separate instances. The
+host program's `@njit` functions keep their options, their cache and their machine code (tests/renderer/test_target.py).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _OPTIMISATION = {"opt": 2, "loop_vectorize": False, "slp_vectorize": False}
 
 
 class KernelCPU(CPU):
-    """The target's key in Numba's registries. Declarations for "cpu" or "generic" apply to it."""
+    """The key of this target in Numba's registries. Declarations for "cpu" or "generic" apply to it."""
 
 
 class _Codegen(JITCPUCodegen):
@@ -62,9 +62,9 @@ class _TypingContext(typing.Context):
         super().__init__()
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
-        """Returns the call's signature, or None. Caches the signatures of operators, intrinsics and Numba's own functions.
+        """Returns the signature of a call, or None. Caches the signatures of operators, intrinsics and Numba's own functions.
 
-        Those of functions that are compiled at their first call are cached by Numba itself.
+        Signatures of functions that are compiled at their first call are cached by Numba itself.
         """
         if kws or isinstance(func, str) or (isinstance(func, types.Type) and not isinstance(func, types.Function)):
             return super().resolve_function_type(func, args, kws)
@@ -96,7 +96,7 @@ class _Context(CPUContext):
         rtsys.initialize(cpu_target.target_context)
 
     def load_additional_registries(self) -> None:
-        """Loads Numba's declarations."""
+        """Loads Numba's declarations of types and functions."""
         self.prepare_to_load()
         super().load_additional_registries()
 
@@ -114,12 +114,12 @@ class _Target(CPUTarget):
 
 
 class KernelDispatcher(CPUDispatcher):
-    """Compiles functions for this target when they are called."""
+    """The dispatcher of kernels: compiles a function for this target when it is called."""
 
     targetdescr = _Target(NAME)
 
     def keep_in(self, cache: Any) -> None:
-        """Sets the cache of compiled code."""
+        """Sets the on-disk cache of the function's compiled code."""
         self._cache = cache
 
     def compile(self, sig: Any) -> Any:

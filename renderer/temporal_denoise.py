@@ -43,7 +43,7 @@ class DenoisedFrame(NamedTuple):
 
 
 class _PixelPositions(NamedTuple):
-    """The positions of a frame's pixels in a neighbouring frame: rows, columns, and which are valid (`alive`)."""
+    """The positions of a frame's pixels in a neighbouring frame: rows, columns, and which of these are valid (`alive`)."""
 
     rows: F64
     columns: F64
@@ -53,8 +53,8 @@ class _PixelPositions(NamedTuple):
 def stabilised_frame(frames: Mapping[float, DenoisedFrame], number: float) -> F32:
     """Returns a frame averaged with its available neighbours, at most REACH frames away: (h, w, 3) float32.
 
-    frames: frame number -> frame; a neighbour is used only if all frames in between are available. The result depends on these
-    arguments only.
+    frames: frame number -> frame; a neighbour is used only if all frames in between are available. number: of the frame. The
+    result depends on these arguments only.
     """
     here = frames[number]
     light, surface = _light(here), _surface(here)
@@ -99,7 +99,8 @@ def _nearest(plane: npt.NDArray[np.floating], places: _PixelPositions) -> npt.ND
 def _step_along_motion(
     before: DenoisedFrame, other_frame: DenoisedFrame, places: _PixelPositions, direction: int
 ) -> _PixelPositions:
-    """Returns the positions one frame further: before (way = -1) or after.
+    """Returns the pixels' positions one frame further along their motion. direction: -1 towards earlier frames, 1 towards later
+    ones.
 
     before, other_frame: the frames of the old and new positions. A position becomes invalid where the vector back to the old
     frame differs (occlusion).

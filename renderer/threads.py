@@ -1,4 +1,4 @@
-"""A thread pool for compiled code that runs without the GIL: divides a job into parts."""
+"""A thread pool for compiled code that runs without the GIL, and the division of a range into parts."""
 
 from __future__ import annotations
 
@@ -22,12 +22,15 @@ def cores() -> int:
 
 
 def parts_of(first: int, end: int, size: int) -> list[tuple[int, int]]:
-    """Divides first ... end - 1 into parts of `size`, the last smaller. The parts must not depend on the number of threads."""
+    """Returns the range first ... end - 1 divided into parts (start, end) of `size`, the last smaller.
+
+    The parts must not depend on the number of threads, so that results do not.
+    """
     return [(at, min(at + size, end)) for at in range(first, end, size)]
 
 
 class Team:
-    """A thread pool of fixed size, reused between jobs. threads: None for one per core. A context manager."""
+    """A thread pool of fixed size, reused between jobs; a context manager. threads: None for one per core."""
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or cores()

@@ -1,7 +1,7 @@
 """Sines, cosines and angles with the same bits on every host.
 
-Those of the C library and numpy depend on the CPU in the last bit, while many machines prepare cameras, environments and motion.
-Here sines are computed in integers, and angles by sums, products and roots of floats, each rounded as IEEE 754 defines.
+The results of the C library and numpy depend on the CPU in the last bit, while many machines prepare cameras, environments and
+motion. Here sines are computed in integers, and angles by sums, products and roots of floats, each rounded as IEEE 754 defines.
 """
 
 from __future__ import annotations

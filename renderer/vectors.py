@@ -1,7 +1,7 @@
-"""Motion vectors: the motion in the picture, in pixels, of each pixel's surface point between frames.
+"""Motion vectors: the motion in the image, in pixels, of each pixel's surface point between frames.
 
 They are a separate pass with one ray per pixel, and not a plane of the film: a film stores means over samples, and at an edge the
-mean of two objects' motion is the motion of neither. So a picture's cost and bits do not depend on whether vectors are requested.
+mean of two objects' motion is the motion of neither. So an image's cost and bits do not depend on whether vectors are requested.
 
 The scene is compiled as if the shutter were open from the previous frame to the next (`renderer.scene.animation.BETWEEN`), which
 includes all motion that motion blur includes, and is rendered at the middle.
@@ -38,10 +38,10 @@ _MAX_OFFSET = 1e7  # pixels
 
 
 def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int | None = None) -> F32:
-    """Returns motion vectors, (h, w, 4) float32: x and y in pixels, to the right and upwards, as Cycles' Vector pass.
+    """Returns motion vectors, (h, w, 4) float32: x and y in pixels, to the right and upwards, as in Cycles' Vector pass.
 
-    First two: from the point's position in this frame to that in the previous one. Last two: from its position in the next frame
-    to that in this one. For uniform motion both are equal. 0 where the point is behind the camera at that time.
+    First two: from the point's position in this frame to that in the previous one. Last two: from the point's position in the
+    next frame to that in this one. For uniform motion both are equal. 0 where the point is behind the camera at that time.
 
     scene: compiled from `Shot.between_frames`, or a static one. settings: their view is the frame's; if the camera moves, their
     views are those of the previous, this and the next frame. threads: None for one per core.
@@ -67,7 +67,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
 
 
 def load_kernel() -> None:
-    """Compiles or loads the kernel."""
+    """Compiles or loads the kernel for motion vectors."""
     nothing = RenderSettings(1, 1, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
     with jit.compiling(_KERNEL):
         trace_motion_points(
@@ -90,7 +90,7 @@ def _pixel_offsets(start: F64, end: F64, settings: RenderSettings, views: list[V
 
 
 def _projected(view: View, settings: RenderSettings, places: F64) -> F64:
-    """Projects points to pixel positions, (h, w, 2), from the picture's upper left corner, y downwards; NaN behind the camera.
+    """Projects points to pixel positions, (h, w, 2), from the image's upper left corner, y downwards; NaN behind the camera.
 
     places: (h, w, 4), points with w = 1, or directions with w = 0. Uses products, quotients and roots only.
     """

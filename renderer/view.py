@@ -33,11 +33,11 @@ class View:
     """A camera: world-space `eye` and `target`, and an `up` hint; lengths in the scene's unit.
 
     projection: perspective, with the vertical field of view `fov` in degrees; orthographic, with `height` units from top to
-    bottom; or panorama, all directions around the eye as an equirectangular picture (`fov` unused).
+    bottom; or panorama, all directions around the eye as an equirectangular image (`fov` unused).
     aperture: radius of the thin lens of a perspective camera; 0 for a pinhole, sharp everywhere.
     focus: distance along the line of sight of the plane in focus; None for the target's.
     near: distance along the line of sight where rays start (near clipping); not used by a panorama.
-    shift_x, shift_y: offset of the picture's centre to the right of the line of sight, and above it, in heights of the picture
+    shift_x, shift_y: offset of the image's centre to the right of the line of sight, and above it, in heights of the image
     (lens shift); not used by a panorama. Vertical lines stay vertical, unlike with a rotated camera.
     """
 
@@ -157,7 +157,7 @@ class View:
             )
 
     def middle(self, width: int, height: int) -> tuple[float, float]:
-        """Returns the pixel position at which the line of sight intersects a picture of that size, from its upper left corner."""
+        """Returns the pixel position, from the upper left corner, at which the line of sight intersects an image of that size."""
         if self.projection == "panorama":
             return width / 2, height / 2
         return width / 2 - self.shift_x * height, height / 2 + self.shift_y * height
@@ -165,7 +165,7 @@ class View:
     def to_json(self) -> dict[str, Any]:
         """Returns a JSON-ready dict, from which `from_json` restores the view.
 
-        Without a lens shift, it is the same as that of older releases.
+        Without a lens shift, the dict is the same as in older releases.
         """
         return {name: value for name, value in asdict(self).items() if value or not name.startswith("shift_")}
 

@@ -1,4 +1,4 @@
-"""The amount of rendering and its order: the part of a request besides the settings."""
+"""How much to render and in which order: the part of a request besides the settings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ NOISE_SPP = 16384  # the limit if only a noise level is requested
 
 @dataclass(frozen=True)
 class Work:
-    """The amount of rendering and its order, which affect no sample's colour. The first limit that is reached ends the render."""
+    """How much to render and in which order, which affects no sample's colour.
+
+    The first limit that is reached ends the render.
+    """
 
     spp: Annotated[
         int | None,
@@ -124,7 +127,11 @@ SHOT = table(ShotWork)
 
 
 def most_samples(spp: int | None, noise: float | None, seconds: float | None, defaults: Mapping[str, Any]) -> int:
-    """Returns the maximum spp of a request. defaults: the scene file's, used unless the request sets another limit."""
+    """Returns the maximum spp of a request.
+
+    spp, noise, seconds: the request's limits, each None if not set. defaults: the scene file's settings, used if all three are
+    None.
+    """
     if spp is not None:
         return spp
     if noise is not None:

@@ -1,8 +1,8 @@
 """Decodes the names of a zip's entries: normalises separators to slashes and detects the encoding.
 
 Sources: APPNOTE.TXT 4.4.4 (bit 11: UTF-8), 4.6.9 (Info-ZIP's Unicode path). Without either, the encoding is that of the packing
-system and is not recorded. Then the encoding is chosen in which the archive's scene files refer to the names, else the first that
-yields words.
+system and is not recorded. Then the chosen encoding is the one in which the archive's scene files refer to the names, else the
+first that yields words.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def _decoded(names: list[bytes], encoding: str) -> list[str] | None:
 
 
 def _are_words(names: list[str], encoding: str) -> bool:
-    """Returns True if the names look like words: all letters are ones commonly used in file names by users of this encoding."""
+    """Returns True if all letters of the names are ones that users of this encoding commonly use in file names."""
     letters = [letter for name in names for letter in name if not letter.isascii()]
     if encoding in ("gb2312", "cp932", "gb18030", "big5", "cp949"):
         return all(letter.isalpha() and ord(letter) >= _FIRST_OF_EAST_ASIA for letter in letters)

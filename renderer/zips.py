@@ -1,4 +1,4 @@
-"""Errors and limits for untrusted zip archives: the exceptions of zipfile for damaged ones, and the maximum unpacked size."""
+"""Limits and errors for untrusted zip archives: the maximum unpacked size, and the exceptions of zipfile for damaged archives."""
 
 from __future__ import annotations
 
@@ -25,5 +25,5 @@ def most_unpacked(packed: int) -> int:
 
 
 def is_bomb(unpacked: int, packed: int) -> bool:
-    """Returns True if an archive's unpacked size in bytes exceeds what scenes of this packed size may have."""
+    """Returns True if an archive's unpacked size, in bytes, exceeds the maximum for its packed size."""
     return unpacked > most_unpacked(packed)
