@@ -143,7 +143,7 @@ class Keys:
             return row.user if _role_of(row.user, session) is not Role.NOBODY else None
 
     def listed(self, kind: KeyKind, user: str | None = None) -> list[Key]:
-        """Returns the valid keys of one kind, newest first. user: only this user's keys; None: those of all users."""
+        """Returns the valid keys of one kind, newest first. user: returns only this user's keys; None: those of all users."""
         with self._sessions() as session:
             return list(session.scalars(self.select_valid((kind,), user)))
 

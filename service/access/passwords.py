@@ -72,9 +72,9 @@ def hashed(password: str) -> str:
 
 
 def is_right(password: str, stored_hash: str | None) -> bool:
-    """Returns True if the password matches the stored hash `stored_hash`.
+    """Returns True if `password` matches `stored_hash`.
 
-    None (no stored password) never matches, but takes as long to check.
+    stored_hash: None for a user without a password: returns False, after the same computing time.
     """
     from argon2.exceptions import InvalidHashError, VerificationError
 

@@ -47,7 +47,8 @@ MAX_CACHED = 65536
 class ProjectVisibility:
     """The projects visible to a caller, in addition to content outside any project.
 
-    everything: all projects. projects: names of the visible ones. looks: those of them that the caller may only read.
+    everything: whether all projects are visible. projects: names of the visible projects. looks: names of the visible projects
+    that the caller may only read.
     """
 
     everything: bool
@@ -55,9 +56,9 @@ class ProjectVisibility:
     looks: frozenset[str] = frozenset()
 
     def is_visible(self, project: str | None) -> bool:
-        """Returns True if content of this project is visible.
+        """Returns True if content of this project is visible to the caller.
 
-        True also for "" (no project) and None (missing content: anyone may learn that).
+        project: "" for content outside any project, and None for content that does not exist; both return True.
         """
         return self.everything or not project or project in self.projects
 

@@ -32,7 +32,10 @@ ADVICE = "or ask who runs the farm for more"
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits, or the amounts in use. None: unlimited. samples_day: samples in the last 24 hours."""
+    """Limits of a user or token on stored bytes, unfinished jobs and samples; also used for the amounts in use.
+
+    None: unlimited. samples_day: samples in the last 24 hours.
+    """
 
     bytes: int | None = None
     jobs: int | None = None
@@ -230,7 +233,7 @@ class Quotas:
         return sizes
 
     def _bytes_of(self, kind: Kind, name: str, session: Session) -> int:
-        """Returns the total bytes of one user's or token's uploads and films, and remembers them for `_had_allowance_left`."""
+        """Returns the total bytes of one user's or token's uploads and films, and caches the sum for `_had_allowance_left`."""
         used = self._bytes(kind, session, [name])[name]
         self._counted[kind, name] = time.monotonic(), used
         return used
@@ -289,7 +292,10 @@ def _samples(kind: Kind, session: Session, names: Collection[str]) -> Counter[st
 
 
 def _filtered_by_owner(row: Any, kind: Kind, names: Collection[str], query: Any, grouped: bool = False) -> Any:
-    """Restricts a query to rows of the given users or tokens. grouped: also groups it by owner."""
+    """Restricts a query to rows of the given users or tokens. row: the table with the owner columns.
+
+    grouped: also groups by owner.
+    """
     owner = _owner(row, kind)
     query = query.where(owner.in_(names))
     return query.group_by(owner) if grouped else query

@@ -1,4 +1,4 @@
-"""Identifies a Redis or Valkey release, and whether it has the security fixes that a farm relies on."""
+"""The release of a Redis or Valkey server, and checks whether it has the security fixes that a farm relies on."""
 
 from __future__ import annotations
 

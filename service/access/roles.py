@@ -36,7 +36,7 @@ class Role(IntEnum):
 
     @property
     def label(self) -> str:
-        """The role's name as a parameter of a sentence."""
+        """The role's name as a translatable text, to insert into a message."""
         match self:
             case Role.VIEW:
                 return Sentence("role-view", "view")

@@ -106,7 +106,7 @@ def _names_proxy(names: Iterable[bytes]) -> bool:
 
 
 def signed_origin(scope: Scope, address: str, secret: str) -> str:
-    """Returns the signed value of the header PASSED_ON, by which a standby reports a client to the owner.
+    """Returns the signed value of the header PASSED_ON, in which a standby sends the client's address to the farm's owner.
 
     address: the client's; "" for a local client. The scheme (http or https) is part of the value.
     """

@@ -53,7 +53,7 @@ HANDSHAKE = {"host", "sec-websocket-key", "sec-websocket-version", "sec-websocke
 class OwnerClient:
     """HTTP and WebSocket client for the service that owns the farm.
 
-    `over` in its methods is set when this service becomes the owner.
+    `ended`, a parameter of its methods, is an event that is set when this service becomes the owner.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -232,7 +232,10 @@ async def _relay_to_client(owner_socket: ClientConnection, send: Send) -> None:
 
 
 async def _result_unless(ended: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:
-    """Returns the result of a coroutine; None if `ended` is set or another task ends first, which cancels it."""
+    """Returns the result of the coroutine `doing`; None if `ended` is set or another task ends first.
+
+    `doing` is then cancelled.
+    """
     task, ending = asyncio.create_task(doing), asyncio.create_task(ended.wait())
     try:
         await asyncio.wait((task, ending, *others), return_when=asyncio.FIRST_COMPLETED)

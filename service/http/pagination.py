@@ -33,7 +33,7 @@ class Page:
     def rows(self, query: Select[Any], session: Session, first: Sequence[T] = ()) -> tuple[Sequence[T], list[Any]]:
         """Returns the requested range of a list that consists of `first` followed by the rows of an ordered query.
 
-        first: entries that are in no table. The range is returned as its part of `first` and its rows.
+        The range is returned in two lists: entries of `first`, which are in no table, and rows.
         """
         count = session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
         here = self.slice_of(first)

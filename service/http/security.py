@@ -134,7 +134,7 @@ def _head_as_get(scope: Scope) -> Scope:
 
 
 def _with_refusal(scope: Scope, send: Send) -> Send:
-    """Wraps `send` so that a failed start reports its reason as one sentence instead of a traceback."""
+    """Wraps `send`: if the service cannot start, the server logs the reason (`app.state.refusal`) instead of a traceback."""
 
     async def send_with_refusal(message: Message) -> None:
         refusal = getattr(scope["app"].state, "refusal", None)

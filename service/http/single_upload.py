@@ -73,9 +73,10 @@ async def read_single_upload(request: Request, farm: Farm, what: str) -> Form:
 
 
 def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) -> tuple[str, BlobWriter]:
-    """Returns the base name and the content of the only file in a form.
+    """Returns the base name and the content of the only file in a form. Raises Invalid.
 
-    suffixes: accepted file name suffixes. what: description of the expected file, for the message. Raises Invalid.
+    suffixes: accepted file name suffixes. address: the upload's URL path, for the message about an empty form. what: why a file
+    with another suffix is rejected, for the message.
     """
     if len(form.files) != 1 or form.files[0][1].size == 0:
         raise Invalid(

@@ -280,7 +280,7 @@ def changed_upload(
     up: str | None = None,
     floor: str | None = None,
 ) -> Upload:
-    """Returns a scene's files with other lighting, or another material variant, up axis or floor, applied.
+    """Returns the upload that results from applying other lighting, material variant, up axis or floor to a scene.
 
     light: a preset's name, a sky, or an image as a BlobRef with its path among the files; None: unchanged. variant: None:
     unchanged; empty: the file's default materials. up, floor: None: unchanged; "auto": a guessed axis, and a floor if the file

@@ -21,7 +21,7 @@ AT_A_TIME = 100  # jobs in one transaction; a longer one would stall the engine 
 
 
 def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:
-    """Applies each change to the jobs that allow it. Jobs hidden from the caller are reported as missing."""
+    """Applies each change to the jobs that allow it. The result lists jobs hidden from the caller as missing."""
     ids = list(dict.fromkeys(changes.jobs))
     answer = ChangesOut(changed=[], refused=[])
     with farm.sessions() as session:

@@ -48,7 +48,10 @@ class ShotSums:
 
 
 class _SumsCache:
-    """Cache of the totals of long shots that have ended. An entry is valid while the job's row is unchanged."""
+    """Cache of the totals of ended shots with more than MIN_CACHED_FRAMES frames.
+
+    An entry is valid while the job's row is unchanged.
+    """
 
     def __init__(self) -> None:
         self._known: OrderedDict[str, tuple[str, ShotSums]] = OrderedDict()

@@ -42,7 +42,7 @@ class JobDeleter:
     def delete(self, ids: Sequence[str]) -> list[DeletedJob]:
         """Deletes jobs with their films, and stops those that are being rendered. Returns the jobs that existed.
 
-        Frames of a long shot may be deleted later, in the background. Raises FarmError.
+        The frames of a shot with very many frames may be deleted later, in the background. Raises FarmError.
         """
         long = self._mark_long_shots(ids)
         for job in long:
@@ -51,9 +51,9 @@ class JobDeleter:
         return [long.get(each.id, each) for each in self._delete_jobs(ids)]
 
     def _mark_long_shots(self, ids: Sequence[str]) -> dict[str, DeletedJob]:
-        """Cancels those of the jobs that have too many frames for one transaction, and marks these frames for deletion.
+        """Cancels the jobs that have too many frames for one transaction, and marks their frames for deletion in the background.
 
-        The frames are deleted later, in several transactions. Returns these jobs.
+        Returns these jobs by id.
         """
         with self._sessions() as session:
             counted = select(Frame.job).where(Frame.job.in_(ids)).group_by(Frame.job).having(func.count() > AT_A_TIME)

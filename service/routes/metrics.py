@@ -88,7 +88,7 @@ class _Collector:
 
 
 def _slots_wanted(view: Snapshot, jobs: dict[str, int], scenes: dict[str, int]) -> int:
-    """Returns the number of slots that could work at present, for autoscaling.
+    """Returns the number of slots that the waiting and running work could occupy at present, for autoscaling.
 
     Work of unknown duration counts as one slot each, so that a farm scaled to no workers gets some.
     """

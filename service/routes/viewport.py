@@ -171,7 +171,7 @@ class _Viewer:
     async def _try_to_resolve(self, ask: ViewIn, makes: bool, tries_again: bool = False) -> bool:
         """Resolves a view. Returns True if it is being rendered or was rejected, False while it is being prepared.
 
-        Does not raise.
+        makes, tries_again: as for `_resolve`. Does not raise FarmError: queues it as a message for the page.
         """
         try:
             view = await run_in_threadpool(self._resolve, ask, makes, tries_again)
@@ -200,7 +200,8 @@ class _Viewer:
     def _resolve(self, ask: ViewIn, makes: bool, tries_again: bool) -> ViewRequest | None:
         """Returns the view to render; None while its scene is being prepared. Raises FarmError.
 
-        makes: create the scene with the requested lighting if it does not exist; otherwise returns None then.
+        makes: creates the scene with the requested lighting if it does not exist; otherwise the result is None in that case.
+        tries_again: with `makes`, prepares a scene again whose preparation failed.
         """
         request = ask.model_dump(mode="json", exclude={"id"})
         lighting = self._farm.lighting

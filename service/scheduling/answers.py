@@ -101,8 +101,8 @@ class Answers:
     ) -> None:
         """Stores the parameters.
 
-        put_aside: dead-letter list. tell: notes a change of an item for the next snapshot. settled: called with a job after its
-        plan was updated from its film.
+        put_aside: dead-letter list. tell: records the change of an item, to be published with the next snapshot. settled: called
+        with a job after its plan was updated from its film.
         """
         self._results = results
         self._bulkheads = bulkheads
@@ -150,7 +150,7 @@ class Answers:
             self._pace.record_unread(max(unread, 0), self._results.size)
 
     def _gather(self) -> None:
-        """Waits before reading while results arrive at a high rate, so that results of the same tile are stored together."""
+        """Waits before the next read while results arrive at a high rate, so that the results of a tile are stored together."""
         left_s = self._took_in + self._pace.gather_s - time.monotonic()
         if left_s > 0:
             time.sleep(left_s)

@@ -61,7 +61,7 @@ class Lifecycle:
         tell: Callable[[ItemKind, str], None],
         events: Events,
     ) -> None:
-        """Stores the parameters. tell: notes a change of a job or scene for the next snapshot."""
+        """Stores the parameters. tell: records the change of a job or scene, to be published with the next snapshot."""
         self._records = records
         self._films = films
         self._scheduler = scheduler

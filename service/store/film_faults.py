@@ -81,7 +81,10 @@ def film_faults() -> Iterator[None]:
 
 
 def damaged_film_error(why: str) -> FilmDamaged:
-    """Returns the error for a film with invalid content. why: detail for the message, a sentence where it is not a library's."""
+    """Returns the error for a film with invalid content.
+
+    why: the detail for the message: a sentence, or a library's error text.
+    """
     return FilmDamaged(
         Sentence("film-damaged", "{film} is damaged ({reason}). {advice}", film=FILM, reason=why, advice=RENDER_AGAIN_ADVICE)
     )
@@ -117,7 +120,7 @@ def incomplete_film_error(found: int, recorded: int) -> FilmDamaged:
 
 
 def owned_elsewhere_error() -> FilmUnavailable:
-    """Returns the error for a film that belongs to another service, which has taken over the farm."""
+    """Returns the error for a film that another service owns, because it has taken over the farm."""
     return FilmUnavailable(Sentence("film-owned-elsewhere", "{film} now belongs to another service.", film=FILM))
 
 

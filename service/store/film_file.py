@@ -200,7 +200,7 @@ class FilmFile:
     def row(self, frame: int, tile: int, first: int) -> Row | None:
         """Returns a row, or None if it is missing or does not match its checksum.
 
-        Raises FilmLost if the file cannot be read there.
+        Raises FilmLost if the part of the file with this row cannot be read.
         """
         with film_faults():
             where = (frame, tile, first)

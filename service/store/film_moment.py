@@ -72,7 +72,7 @@ class FilmSnapshotView:
         self._database.close()
 
     def coverage(self, frame: int, tile: int) -> Coverage:
-        """Implements `Readable.coverage`."""
+        """Implements `ReadableFilm.coverage`."""
         if self._coverage is None:
             self._coverage = {}
             try:
@@ -86,7 +86,7 @@ class FilmSnapshotView:
         return self._coverage.get((frame, tile)) or Coverage()
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """Implements `Readable.tile_planes`."""
+        """Implements `ReadableFilm.tile_planes`."""
         with film_faults():
             rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile)).fetchall()
         return sum_of_rows((packed for (packed,) in rows), self.tiles[tile], planes) if rows else None

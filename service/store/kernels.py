@@ -19,7 +19,7 @@ MAX_KERNELS = 24  # artefacts: a few kernels for each of a few kinds of workers;
 
 
 class KernelStore:
-    """Stored artefacts (renderer.kernel_file) by name. token: the key with which they are signed."""
+    """The stored kernel files (renderer.kernel_file), by name. token: the key with which they are signed."""
 
     def __init__(self, folder: Path, token: str) -> None:
         self._folder = folder
@@ -29,12 +29,15 @@ class KernelStore:
             left_over.unlink(missing_ok=True)
 
     def find(self, name: str) -> Path | None:
-        """Returns the path of an artefact, or None if it does not exist."""
+        """Returns the path of a stored kernel file, or None if it does not exist."""
         path = self._folder / name
         return path if is_name(name) and path.is_file() else None
 
     def signed_for(self, name: str, key: str) -> bytes:
-        """Returns an artefact signed with another key. Raises NotFound if it is missing or its signature is invalid."""
+        """Returns a stored kernel file, signed again with another key.
+
+        Raises NotFound if it is missing or its signature is invalid.
+        """
         path = self.find(name)
         data = b"" if path is None else path.read_bytes()
         if not is_signed(io.BytesIO(data), self._token):
@@ -42,7 +45,7 @@ class KernelStore:
         return signed_anew(data, key)
 
     def put(self, name: str, data: bytes) -> None:
-        """Stores an artefact atomically, and deletes the oldest ones beyond KEPT.
+        """Stores a kernel file atomically, and deletes the oldest ones beyond KEPT.
 
         Raises Invalid for an invalid name or signature.
         """

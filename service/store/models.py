@@ -285,7 +285,7 @@ class Frame(Base):
 
 
 class FrameChange(Base):
-    """A pending change of a long shot's frames (service/store/frame_changes.py).
+    """A pending change of a shot's frames, too many for one transaction (service/store/frame_changes.py).
 
     The row is deleted when the change is complete.
     """

@@ -34,7 +34,7 @@ class PixelExplainer:
     """Sends explanation requests to workers and waits for their answers. Thread-safe; blocks the calling thread."""
 
     def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotHolder) -> None:
-        """Stores what all requests share. `stop` closes connection and dispatcher."""
+        """Stores the connections and the snapshot holder that all requests share. `stop` closes connection and dispatcher."""
         self._redis = connection
         self._dispatcher = dispatcher
         self._board = board

@@ -30,7 +30,10 @@ class ViewSession:
     """State of a live view on one WebSocket. Created by the route and passed to the scheduler."""
 
     def __init__(self, wake: Callable[[], None]) -> None:
-        """wake: called in the scheduler's thread when there is a message or a picture to send."""
+        """Creates a session without a view.
+
+        wake: called in the scheduler's thread when there is a message or a picture to send.
+        """
         self.id = uuid.uuid4().hex[:16]
         self.wake = wake
         self.is_paused = False

@@ -41,8 +41,8 @@ class Pool:
     ) -> None:
         """Stores the limits.
 
-        memory: budget in bytes; a function that needs more runs alone. threads: number of concurrent functions. in_line,
-        most_in_line: waiting requests per user, while the expected wait is long and while it is short.
+        memory: budget in bytes; a function that needs more runs while no other does. threads: number of concurrent functions.
+        in_line, most_in_line: maximum number of waiting requests per user, while the expected wait is long and while it is short.
         """
         self._turns = _FairQueue(threads, memory)
         self._limiter = anyio.CapacityLimiter(threads)

@@ -71,9 +71,9 @@ class UnfitMachines:
         return Destination(report.name, report.kind, own_prepare_queue(report.kind, report.name))
 
     def error_message(self, owner: str, what: str) -> str:
-        """Returns the error sentence that lists the faults of all machines tried.
+        """Returns the error sentence that lists the faults of all machines tried for a work.
 
-        what: the work, as a sentence such as "prepare this scene".
+        what: the work, as a text that completes "No worker can", such as "prepare this scene".
         """
         return Sentence(
             "task-without-worker",

@@ -37,10 +37,11 @@ class SlotGroup:
 
 @dataclass(frozen=True)
 class BatchGroup:
-    """The batches of one message. is_joint: consecutive batches of one tile, whose sums are added up by the receiving machine.
+    """The batches of one message.
 
-    run, queue: for messages to a site: the run that the batches belong to, and the site's queue. only: for messages to one worker
-    with graphics cards, in its queue. is_of_card: rendered with a card.
+    is_joint: they are consecutive batches of one tile, whose sums are added up by the receiving machine. run: the run that the
+    batches belong to, if the message is for a site. queue: the queue to use, if not the kind's: a site's, or that of a worker
+    with graphics cards. only: name of that worker, the only receiver. is_of_card: the batches are rendered with a graphics card.
     """
 
     batches: list[Range]
@@ -122,9 +123,9 @@ def _batches_of_one_tile(job: ActiveJob, slots: SlotGroup, first: Range) -> list
 
 
 def _separate_group(job: ActiveJob, slots: SlotGroup, occupied: int, batch: Range) -> list[BatchGroup]:
-    """Returns one message with a batch that does not fit the previous ones.
+    """Returns a list with one message, for a batch that cannot be grouped with the previous ones.
 
-    If all slots are taken, returns the batch to the plan, and an empty list.
+    If all slots are taken, returns an empty list, and the batch is put back into the job's plan.
     """
     if occupied < slots.most:
         return [BatchGroup([batch])]

@@ -1,10 +1,10 @@
 """Dispatching to workers with graphics cards, which have a queue each (protocol/card.py).
 
-A slot with a card makes some hundred times the samples of a slot of the CPU. So it gets messages with batches of many tiles,
-sized by the measured cost of a sample on that worker's cards; each batch has as many samples of its tile as make its result worth
-sending. The sums of each come back by themselves, so pictures are updated while a message is rendered, and only what has not been
-sent is lost with a card. Towards the end of a job a message takes at most a third of the time that is left, so all slots end
-together.
+A slot with a card renders some hundred times the samples of a CPU slot. So it gets messages with batches of many tiles, sized by
+the measured cost of a sample on that worker's cards; each batch has as many samples of its tile as make its result worth sending.
+The sums of each batch are sent as soon as they are known, so pictures are updated while a message is rendered, and if a card
+fails, only sums that were not sent are lost. Towards the end of a job a message takes at most a third of the remaining time, so
+that all slots end together.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MAX_BATCHES = 512  # of a message
 
 @dataclass
 class CardPlace:
-    """A ready worker whose slots have cards. room: how many more messages it accepts."""
+    """A ready worker whose slots have graphics cards. room: how many more messages it accepts."""
 
     worker: str
     queue: str
@@ -36,7 +36,10 @@ class CardPlace:
     room: int
 
     def accepts(self, job: ActiveJob) -> bool:
-        """Returns True if the cards render a job. A job whose batches are rendered twice is left to the CPU's slots."""
+        """Returns True if the graphics cards render a job.
+
+        Jobs whose batches are rendered twice for verification use CPU slots only.
+        """
         return not job.verify and self.worker not in job.card_refusals
 
 
@@ -64,9 +67,9 @@ class CardPlaces:
         return job.needs is None or (offer is not None and job.needs.are_met(offer))
 
     def next_message(self, job: ActiveJob, kind: str, place: CardPlace, cpu_slots: int) -> BatchGroup | None:
-        """Returns the next batches of a job for one slot with a card; None if there are none.
+        """Returns the message with the next batches of a job for one slot with a graphics card; None if there are none.
 
-        cpu_slots: number of slots of the CPU that may render the job.
+        cpu_slots: number of CPU slots that may render the job.
         """
         aim = job.card_target_s(self._pace.card_message_s(), cpu_slots, self._outstanding_s(job, kind))
         tile_s = self._pace.card_batch_s(aim, len(job.film.tiles))
@@ -81,7 +84,9 @@ class CardPlaces:
         return BatchGroup(batches, queue=place.queue, only=place.worker, is_of_card=True) if batches else None
 
     def _outstanding_s(self, job: ActiveJob, kind: str) -> float:
-        """Returns the seconds of work per slot that this kind's cards have of a job."""
+        """Returns the duration, in seconds per slot, of the batches of a job that were sent to this kind's cards and are
+        outstanding.
+        """
         slots = sum(report.slots for report in self._workers.roster.with_cards(kind))
         out = (lease.charged_s for lease in self._leases.leases_of(job.id) if lease.is_of_card and lease.takes_a_slot)
         return sum(out) / max(slots, 1)

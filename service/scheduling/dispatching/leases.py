@@ -57,7 +57,7 @@ class Lease:
 
     @property
     def takes_a_slot(self) -> bool:
-        """Whether the batch occupies a slot: it has no answer yet, is not known to be rendered, and its worker is not away."""
+        """Whether the batch occupies a slot: it has no answer yet, its sums are not rendered, and its worker sends reports."""
         return self.batch is not None and not (self.has_arrived or self.is_away or self.is_rendered)
 
     def is_overdue(self, now: float) -> bool:
@@ -133,8 +133,8 @@ class Leases:
     def update_state(self, lease: Lease, is_away: bool, is_rendered: bool) -> None:
         """Updates the state of a lease after a check.
 
-        is_away: the worker that holds it does not report; the lease then occupies no slot, so others get work instead.
-        is_rendered: its sums are complete and wait for others.
+        is_away: the worker that has the batch sends no reports; the lease then occupies no slot, so other workers get work
+        instead. is_rendered: the batch's sums are complete and wait for those of other batches.
         """
         took = lease.takes_a_slot
         lease.is_away, lease.is_rendered = is_away, is_rendered

@@ -236,7 +236,7 @@ class Scheduler:
         self._send_all(job, kind, handfuls)
 
     def _send_all(self, job: ActiveJob, kind: str, handfuls: list[BatchGroup]) -> None:
-        """Sends messages; returns the batches of those that were not sent to the plan. Raises QueueError."""
+        """Sends messages. Puts the batches of messages that could not be sent back into the plan. Raises QueueError."""
         try:
             while handfuls:
                 self._send(job, kind, handfuls[0])
@@ -318,7 +318,7 @@ class Scheduler:
             self._quarantine_if_alone(other)
 
     def _card_worker(self, lease: Lease | None, worker: str) -> str:
-        """Returns the worker whose card has rendered a batch; "" if the CPU has. lease: None if it had ended before."""
+        """Returns the worker whose graphics card has rendered a batch; "" if a CPU has. lease: None if it had ended before."""
         if lease is not None:
             return lease.only if lease.is_of_card else ""
         report = self._workers.roster.reports.get(worker)
@@ -362,7 +362,10 @@ class Scheduler:
         return None
 
     def handle_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
-        """Returns a batch to the plan that a worker sent back because of its own trouble. It does not count against the job."""
+        """Handles a batch that a worker sent back because of its own trouble: puts it back into the plan.
+
+        Does not count against the job.
+        """
         ended = self._end_lease(job, lease)
         if ended is None:
             return
@@ -378,7 +381,10 @@ class Scheduler:
             job.rests_until = time.monotonic() + RETURNED_PAUSE_S
 
     def handle_card_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
-        """Returns a batch to the plan that a card cannot render. From then on that worker gets none of this job for its cards."""
+        """Handles a batch that a graphics card cannot render: puts it back into the plan.
+
+        From then on, that worker's cards get no batches of this job.
+        """
         ended = self._end_lease(job, lease)
         if ended is None:
             return

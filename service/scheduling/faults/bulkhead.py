@@ -2,11 +2,11 @@
 
 Every step that the engine takes for a job or a scene runs through `Bulkheads.run`, the one place that attributes errors:
 
-Redis                raised: without the queue no work is possible, and the whole engine waits for it.
-the database         not the job's fault. The step is retried about once a second; steps that need no database go on.
-FilmUnavailable            the job waits and reports why. The step is retried about once a second.
-the machine          out of memory or file descriptors, or a failing disk: the same.
-all others           the job's own fault: it gets a verdict, which `Lifecycle.fail` carries out.
+Redis             raised: without the queue no work is possible, and the whole engine waits for it.
+the database      not the job's fault. The step is retried about once a second; steps that need no database continue.
+FilmUnavailable   the job waits and shows the reason. The step is retried about once a second.
+the machine       out of memory or file descriptors, or a failing disk: as for FilmUnavailable.
+all others        the job's own fault: it gets a verdict, which `Lifecycle.fail` carries out.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ FORGIVEN_PER_SUCCESS = 0.02  # failures cancelled by one success, so one failure
 class Suspicion:
     """Counts the failures that are attributed to each worker. Used only by the engine's thread.
 
-    Two kinds are: batches that failed on the worker and were then rendered by another one; and successive failures of different
-    batches while another worker succeeded. Otherwise a worker that fails at once would take all the work.
+    Two kinds of failure are attributed to a worker: of batches that another worker then rendered; and successive failures of
+    different batches while another worker succeeded. Without this, a worker that fails at once would fetch all the work.
     """
 
     def __init__(self) -> None:

@@ -74,8 +74,7 @@ class WorkerSnapshot:
     def slots_serving(self, queue: str, of_cpu: bool = False) -> dict[str, int]:
         """Returns the slots, by kind, of the ready workers that have confirmed that they serve this queue for requirements.
 
-        A worker with graphics cards confirms it too, but gets the batches from its own queue, of which it is the only one.
-        of_cpu: without such workers.
+        A worker with graphics cards confirms it too, but gets the batches from its own queue. of_cpu: excludes such workers.
         """
         found: dict[str, int] = {}
         for report in self.ready_reports():

@@ -44,7 +44,11 @@ class Deadlines:
     def __init__(
         self, records: DeadlineRecords, run: Callable[[str, Callable[[], object]], bool], tell: Callable[[ItemKind, str], None]
     ) -> None:
-        """Stores the parameters. run: runs a step that needs the database; returns False if the step has to wait."""
+        """Stores the parameters.
+
+        run: runs a step that needs the database; returns False if the step has to wait. tell: records a job's change, to be
+        published with the next snapshot.
+        """
         self._records = records
         self._run = run
         self._tell = tell

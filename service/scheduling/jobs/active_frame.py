@@ -226,7 +226,7 @@ class ActiveFrame:
         return self.plan.next_batch(samples_wanted, of_a_tile)
 
     def requeue(self, batch: Range) -> None:
-        """Returns a lost batch to the plan, to be dispatched again."""
+        """Puts a lost batch back into the plan, to be dispatched again."""
         self.plan.requeue(batch)
         self.is_idle = False
         self._notify_change()

@@ -45,7 +45,7 @@ class ActiveJob:
         of_scene: set[str],
         settings_of: Callable[[int], RenderSettings],
     ) -> None:
-        """Creates a job without frames. Then call `add_frames` for all frames and exhaust `prepare_in_steps` before all else.
+        """Creates a job without frames. Before any other use, call `add_frames` for all frames and exhaust `prepare_in_steps`.
 
         settings_of: returns the settings that are stored in a frame's row.
         compiled: SHA-256 of the scene compiled for the job's start time, by worker kind.
@@ -116,8 +116,8 @@ class ActiveJob:
     def prepare_in_steps(self) -> Iterator[None]:
         """Sorts and sums up the frames; yields after each step.
 
-        A long shot needs many steps, between which the engine handles other jobs. Call no other method until the iterator is
-        exhausted.
+        A shot with very many frames needs many steps, between which the engine handles other jobs. Call no other method until the
+        iterator is exhausted.
         """
         self.focus_on(self.focus)
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN_ORDER, 1)
@@ -262,7 +262,8 @@ class ActiveJob:
         return min(batch_seconds, max(SMALLEST_BATCH_S, self._left_s(slots) / 3))
 
     def _left_s(self, slots: int) -> float:
-        """Returns the expected wall time of the remaining work, in seconds, on this many slots of the CPU and the job's cards.
+        """Returns the expected wall time of the job's remaining work, in seconds, on this many CPU slots and the job's graphics
+        cards.
 
         0 if it is unknown.
         """
@@ -275,14 +276,14 @@ class ActiveJob:
         return self._card_costs[worker].average if worker in self._card_costs else 0.0
 
     def card_target_s(self, batch_seconds: float, slots: int, outstanding_s: float) -> float:
-        """Returns the target duration, in seconds, of a message for a card.
+        """Returns the target duration, in seconds, of a message for a graphics card.
 
-        slots: of the CPU, which render the job beside it. outstanding_s: duration of the work that each card already has.
+        slots: number of CPU slots that render the job too. outstanding_s: duration of the work that each card already has.
         """
         return min(batch_seconds, max(SMALLEST_CARD_MESSAGE_S, (self._left_s(slots) - outstanding_s) / 3))
 
     def next_for_card(self, worker: str, seconds: float, kind: str) -> Range | None:
-        """Returns the next batch for a card of this worker: of one tile, of about `seconds`; None if there is none."""
+        """Returns the next batch for a graphics card of this worker: of one tile, of about `seconds`; None if there is none."""
 
         def samples_wanted(tile: int) -> int:
             rect = self.film.tiles[tile]
@@ -317,7 +318,7 @@ class ActiveJob:
         return None
 
     def requeue(self, batch: Range) -> None:
-        """Returns a lost batch to the plan, which dispatches it first."""
+        """Puts a lost batch back into the plan, which dispatches it first."""
         if (frame := self.frames.get(batch.frame)) is not None:
             frame.requeue(batch)
 

@@ -66,9 +66,9 @@ class FrameOrder:
         return self.turns.ready_frames(kind)
 
     def is_out_of_order(self, frame: ActiveFrame, kind: str) -> bool:
-        """Returns True if a frame precedes only because a frame before it in the order is not prepared yet.
+        """Returns True if a frame is rendered now only because a frame before it in the order is not prepared yet.
 
-        Only for orders with rounds.
+        Always False for orders without rounds.
         """
         if self._order not in MULTI_PASS_ORDERS:
             return False

@@ -62,7 +62,7 @@ class History:
     def add_point(self, seconds: float, samples: int, noise: float | None, is_end: bool = False) -> None:
         """Adds a point if the samples have grown by the factor `POINT_SPACING` since the last one.
 
-        is_end: also if they have grown less.
+        is_end: adds it if they have grown at all.
         """
         last = self.points[-1] if self.points else None
         has = (last[1] or 0) if last is not None else 0

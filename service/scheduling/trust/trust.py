@@ -263,7 +263,10 @@ class Trust:
         self._update_counts()
 
     def _update_counts(self) -> None:
-        """Updates the jobs that cannot finish: those with a pending decision; all of them while a wrong worker is unhandled."""
+        """Updates the set of jobs that cannot finish: those with a pending decision.
+
+        While the samples of a worker with wrong results are not removed yet, all jobs.
+        """
         self._scheduler.checks.clear()
         self._scheduler.checks.update(check.job for check in self._open)
         if self._wrong:

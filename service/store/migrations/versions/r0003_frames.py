@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds jobs.shot and the state of frames; existing jobs are stills, whose frame follows the job's state."""
+    """Adds jobs.shot and the state of frames; existing jobs are stills, whose only frame has the job's state."""
     with op.batch_alter_table("jobs") as jobs:
         jobs.add_column(sa.Column("shot", sa.JSON()))
     with op.batch_alter_table("frames") as frames:

@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds members.role and jobs.doubted; existing members get `submit`, limited by the role they have elsewhere."""
+    """Adds members.role and jobs.doubted; existing members get `submit`, limited by the user's own role."""
     op.add_column("members", sa.Column("role", sa.String(16), nullable=False, server_default="submit"))
     op.add_column("jobs", sa.Column("doubted", sa.JSON()))

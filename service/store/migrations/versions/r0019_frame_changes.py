@@ -1,4 +1,4 @@
-"""Adds pending changes to the frames of long shots: service/store/frame_changes.py."""
+"""Adds pending changes to the frames of shots with very many frames: service/store/frame_changes.py."""
 
 from __future__ import annotations
 
