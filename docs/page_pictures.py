@@ -1,10 +1,10 @@
-"""Takes the pictures of the page that README.md and animation.md show, while a farm renders.
+"""Takes the screenshots of the page for README.md and animation.md, while a farm renders.
 
     python3 farm.py up                           in one terminal
-    python3 farm.py page-pictures                in another: some minutes, as they are rendered until there is something to see
-    python3 farm.py page-pictures tour -o out    every page at three widths, light and dark, to be looked at
+    python3 farm.py page-pictures                in another: some minutes, since each waits until there is something to see
+    python3 farm.py page-pictures tour -o out    every page at three widths, light and dark, for inspection
 
-It drives Debian's Chromium, as the tests do, and asks for its pictures as a person would by the page.
+It drives Debian's Chromium, as the tests do, and submits its jobs through the page as a user does.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def _tour(chromium: Browser, server: str, folder: Path) -> None:
-    """Takes pictures of every page at every width in both themes."""
+    """Takes pictures of every page of the web interface, at every width, in the light and the dark theme."""
     request = {"example": "still-life", "width": 640, "height": 400, "spp": 32}
     own, other = _job_id(server, **request), _job_id(server, **request, environment={"preset": "noon"})
     for job in (own, other):
@@ -92,7 +92,7 @@ def _tour(chromium: Browser, server: str, folder: Path) -> None:
 
 
 def _record(chromium: Browser, server: str, folder: Path) -> None:
-    """Records a view that is turned and then converges, as an animated WebP in real time."""
+    """Records an interactive view while it is turned and then converges, as an animated WebP in real time."""
     page = chromium.new_page(viewport={"width": 1200, "height": 700}, color_scheme="dark")
     page.goto(f"{server}/#/scenes/{_scene(server, 'still-life')}")
     view = page.locator(".live-view canvas").first
@@ -155,7 +155,7 @@ def _wait_for_samples(server: str, job: str, enough: float) -> None:
 
 
 def _show_still(page: Page) -> None:
-    """Shows a still with the mouse over a pixel."""
+    """Shows a job's still picture with the mouse over a pixel."""
     stage = page.locator("canvas.film")
     stage.wait_for()
     page.wait_for_timeout(SETTLE_MS)
@@ -164,7 +164,7 @@ def _show_still(page: Page) -> None:
 
 
 def _shot(page: Page) -> None:
-    """Plays the shot, and stops it where the caterpillar looks at the top."""
+    """Plays the example shot, and stops it where the caterpillar looks at the top."""
     page.get_by_role("button", name="Play", exact=True).click()
     page.locator(".loaded").filter(has_text="in memory").wait_for()
     page.wait_for_timeout(5 * SETTLE_MS)

@@ -26,7 +26,7 @@ GUIDE = ROOT / "docs" / "scene-format.md"
 
 
 def schema_text(settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS) -> str:
-    """Returns the whole schema: the text of schema.json with one line for each declared part."""
+    """Returns the text of the complete schema: that of schema.json, with one line for each declared property."""
     text = template_text()
     materials = attribute_docs(Path(str(material.__file__)), "Material")
     lights = attribute_docs(Path(str(description.__file__)), "Light")
@@ -54,21 +54,21 @@ def attribute_docs(path: Path, name: str) -> dict[str, str]:
 
 
 def guide_text(text: str, settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS) -> str:
-    """Returns the guide with the settings table between its marks."""
+    """Returns the guide's text with the settings table inserted between its marks."""
     rows = ["| field | default | takes | |", "|---|---|---|---|", *(_row(each) for each in settings.values())]
     start, _, end = _split_at(text, "", "<!-- settings -->\n", "<!-- /settings -->\n")
     return start + "\n".join(rows) + "\n" + end
 
 
 def _filled(text: str, after: str, properties: Mapping[str, object]) -> str:
-    """Returns the text with these properties in place of the first empty ones after `after`."""
+    """Returns the text with `properties` inserted into the first empty JSON object that follows `after`."""
     start, end = text[: text.index(after)], text[text.index(after) :]
     lines = [f"        {json.dumps(name)}: {_line(part)}" for name, part in properties.items()]
     return start + end.replace('"properties": {}', '"properties": {\n' + ",\n".join(lines) + "\n      }", 1)
 
 
 def _replaced(text: str, after: str, name: str, part: object) -> str:
-    """Returns the text with a property's line, of the definition that begins at `after`, written anew or added at its end."""
+    """Returns the text with the line of property `name`, in the definition that begins at `after`, replaced or added."""
     start = text.index(after)
     end = text.index("\n    }", start)
     section = text[start:end]
@@ -85,7 +85,7 @@ def _line(part: object) -> str:
 
 
 def _split_at(text: str, after: str, begin: str, end: str) -> tuple[str, str, str]:
-    """Text up to the first `begin` after `after`, what follows up to `end`, and the rest from `end` on."""
+    """Returns three parts of the text: up to the first `begin` that follows `after`, then up to `end`, then the rest."""
     first = text.index(begin, text.index(after)) + len(begin)
     last = text.index(end, first)
     return text[:first], text[first:last], text[last:]

@@ -4,7 +4,7 @@ service --- Celery task RENDER_ON_CARD > worker    CardBatches: batches of one j
 worker ---- stream RESULTS ------------> service   a Result for each batch, of type `batch` as soon as its sums are known, or
                                                    `batch-returned` with `for_cpu` if the card cannot render it
 
-A card makes some hundred times the samples of a slot of the CPU, so a message has batches for some seconds of a card.
+A graphics card renders some hundred times the samples of a CPU slot, so a message has batches for some seconds of a card.
 Such a worker does not serve `render_queue`. A message of another type in its own queue is rendered with the CPU.
 """
 
@@ -31,12 +31,12 @@ def card_queue(worker: str) -> str:
 
 @dataclass(frozen=True)
 class CardBatches:
-    """The batches of one message. They are rendered in any order."""
+    """The batches of one message, for one graphics card. The worker may render them in any order."""
 
     batches: tuple[RenderBatch, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the batches as JSON data for the Celery message. What the batches of a frame share is written once."""
+        """Returns the batches as JSON data for the Celery message. Fields that the batches of a frame share are included once."""
         frames = []
         for _, group in groupby(self.batches, key=lambda batch: batch.frame):
             batches = list(group)

@@ -75,7 +75,10 @@ _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a m
 
 
 def _fields(cls: type, data: Any) -> dict[str, Any]:
-    """Returns the message's values for the fields of `cls`; ignores others, which another release may send. Raises ValueError."""
+    """Returns the values in `data` for the fields of class `cls`, without other keys, which another release may send.
+
+    Raises ValueError if a required field is missing.
+    """
     if not isinstance(data, Mapping):
         raise ValueError(f"{cls.__name__} is an object, and not {type(data).__name__}")
     known = {f.name: f for f in fields(cls)}

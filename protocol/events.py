@@ -73,20 +73,20 @@ class _Work(TypedDict):
 
 
 class WorkMade(_Work):
-    """Motion vectors or the thumbnail of an environment are stored as a blob."""
+    """Motion vectors, or the thumbnail of an environment, were made and stored as a blob."""
 
     sha256: str
 
 
 class Denoised(WorkMade):
-    """A denoised frame is stored as a blob. version, samples: of the means, as the service sent them."""
+    """A frame was denoised and stored as a blob. version, samples: of the means, as the service sent them."""
 
     version: str
     samples: int
 
 
 class WorkFailed(_Work):
-    """A frame cannot be denoised, or other such work failed. unfit: the machine cannot do it, but another may."""
+    """An artifact (a denoised frame, motion vectors, a thumbnail) cannot be made. unfit: by this machine; another may succeed."""
 
     error: str
     unfit: NotRequired[bool]

@@ -111,7 +111,7 @@ class ViewFrame:
 
 @dataclass(frozen=True)
 class ViewAnswer:
-    """A worker's answer to a view message. Values of type:
+    """A worker's answer to a view message. Values of `type`, each with its fields:
 
     begun      a slot has taken the message: message, worker
     compiling  the worker is compiling its kernel, which may take minutes: message, worker
@@ -119,7 +119,7 @@ class ViewAnswer:
     frame      a frame is prepared: frame, info (FrameInfo)
     over       the message is finished: every part is answered or outdated
     failed     the message cannot be processed: error (a sentence)
-    returned   the worker's own trouble, error: to be sent again; unfit: to another worker
+    returned   sent back because of the worker's own trouble, to be sent again: error; unfit: must be sent to another worker
     """
 
     type: str

@@ -13,7 +13,7 @@ __all__ = ["FROM_CLIENT", "FROM_SERVICE", "Look", "Pause", "Pick", "Picked", "Re
 
 @dataclass(frozen=True)
 class Look(FromClient):
-    """Client message: the new view, {"id": n, ...} with the fields of a job's request (POST /api/jobs). Replaces earlier views.
+    """Client message: a new view, {"id": n, ...} with the fields of a job's request (POST /api/jobs). Replaces the previous view.
 
     Size, camera or view, settings, frame, clip, fps and turntable are used. spp limits the samples per pixel (256 at most); a
     tile that has reached `noise` is complete with fewer.

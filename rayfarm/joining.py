@@ -117,7 +117,7 @@ def _sentence(line: str) -> str:
 
 
 def _follow(shown: dict[Path, int]) -> None:
-    """Prints the logs from the bytes on that are printed already, and updates these."""
+    """Prints new bytes of the processes' logs. shown: number of bytes printed so far of each log; updated."""
     for log, size in shown.items():
         shown[log] = _print_from(log, size)
 

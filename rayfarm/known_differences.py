@@ -39,7 +39,7 @@ def known_differences(scene: SceneDescription, other: str) -> list[str]:
 
 
 def _lost_energy(scene: SceneDescription, is_meant: Callable[[Material], bool]) -> dict[str, float]:
-    """Returns, by material name, the energy lost by single scattering between microfacets, relative to the remaining energy."""
+    """Returns, by material name, the energy lost by single scattering on microfacets, relative to the remaining energy."""
     return {
         material.name: lost
         for material in _used_materials(scene)
@@ -69,7 +69,10 @@ def _mean_albedo(roughness: float) -> float:
 
 
 def _bumps(scene: SceneDescription) -> dict[str, float]:
-    """Returns, by name of normal-mapped materials, how much Mitsuba's shadowing term darkens a matt surface with their slopes."""
+    """Returns, by name of normal-mapped materials, how much Mitsuba's shadowing term darkens a matt surface, as a fraction.
+
+    Computed from the mean slope of each normal map.
+    """
     found = {}
     for material in _used_materials(scene):
         if material.normal_texture is None:

@@ -107,14 +107,14 @@ class Picture:
         return options.environment_of(self.given.get("env"))
 
     def placement(self) -> options.Placement:
-        """Returns the up axis and floor. The default floor is for the studio's light: none if --env gives another."""
+        """Returns the up axis and floor. Without an option, a floor is added for the studio light only, not if --env is given."""
         default = options.AUTO if self.environment() == options.Env() else None
         asked = self.given.get("floor")
         floor = default if asked is None else "on" if asked else None
         return options.Placement(options.parse_up_axis(self.given.get("up_axis")), floor)
 
     def floor_notes(self, has_floor: bool) -> list[str]:
-        """Returns a sentence about a floor for which no option asked; empty without one."""
+        """Returns a list with the note about a floor that was added without an option; empty without such a floor."""
         is_default = has_floor and self.given.get("floor") is None
         return ["A floor takes the scene's shadows; --no-floor leaves it out."] if is_default else []
 

@@ -28,7 +28,10 @@ Show = Callable[[int, int], None]  # called with the number of samples done, and
 
 
 class Clock:
-    """Wall time, and processor time of all threads, for each step; a step lasts from one mark to the next. In seconds."""
+    """Measures the wall time, and the processor time of all threads, of each step, in seconds.
+
+    A step begins when the last one ends.
+    """
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}

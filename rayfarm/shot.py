@@ -22,7 +22,7 @@ __all__ = ["FarmShot", "fetch_shot"]
 class FarmShot:
     """The requested frames of a scene, and their files.
 
-    frames: those to render. all_frames: those requested, including frames whose files exist already.
+    frames: those to render. all_frames: all requested frames, including those whose files exist already.
     """
 
     all_frames: list[float]

@@ -53,8 +53,8 @@ class OpenScene:
     def scene_at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
         """Returns the compiled scene at a moment, and its summary. say: called with each step when it begins. Raises SceneError.
 
-        The result is valid until the next call, which modifies it in place. The automatic camera, for a scene without a camera,
-        frames the scene at its start and does not move.
+        The result is valid until the next call, which modifies it in place. For a scene without a camera, the automatic camera
+        frames the scene as it is at its start, and does not move.
         """
         return self._compile_moment(moment, say, lambda each: self._shot.over_shutter(each, self._shutter))
 

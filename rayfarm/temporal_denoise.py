@@ -23,7 +23,7 @@ class TemporalDenoiser:
     """
 
     def __init__(self, frames: Iterable[float], missing: Iterable[float]) -> None:
-        """frames: all requested frames. missing: those whose files must be written."""
+        """Creates a denoiser without frames. frames: all requested frames. missing: those whose files must be written."""
         self._all = frozenset(frames)
         self.missing = frozenset(missing)
         self.plan = sorted({*self.missing, *(each for frame in self.missing for each in self._neighbours(frame))})

@@ -62,7 +62,7 @@ class Part:
 
 
 def merged(parts: list[Part]) -> Part:
-    """Returns several parts as one."""
+    """Returns one part with the triangles of all these parts."""
     offsets = np.cumsum([0, *(len(p.positions) for p in parts)])
     uvs = None if parts[0].uvs is None else np.concatenate([p.uvs for p in parts if p.uvs is not None])
     return Part(
@@ -81,7 +81,10 @@ def _unit(*vector: float) -> np.ndarray:
 
 
 def _grid(points: np.ndarray) -> Part:
-    """Returns a surface through points (rows, columns, 3); its outside is where rows turn clockwise to columns."""
+    """Returns a surface through points (rows, columns, 3).
+
+    Normals: direction of increasing rows x direction of increasing columns.
+    """
     rows, columns = points.shape[:2]
     i = np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)
     quads = np.stack([i, i + columns, i + columns + 1, i + 1], -1).reshape(-1, 4)
@@ -102,7 +105,7 @@ def _grid(points: np.ndarray) -> Part:
 
 
 def _ball(center: np.ndarray, radius: float, axis: np.ndarray | None = None, reach: float = np.pi, rings: int = 14) -> Part:
-    """Returns a sphere, or its cap within an angle of an axis."""
+    """Returns a sphere, or only its cap within the angle `reach`, in radians, of an axis."""
     axis = np.array([0.0, 1.0, 0.0]) if axis is None else axis
     side = _unit(*np.cross(axis, [0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [1.0, 0.0, 0.0]))
     other = np.cross(axis, side)

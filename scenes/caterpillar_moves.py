@@ -158,6 +158,6 @@ def bones(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _blinks() -> np.ndarray:
-    """Returns the times of blinks in seconds: when it turns around, and once before."""
+    """Returns the times of the caterpillar's two blinks, in seconds: when it turns around, and 1.9 s before."""
     turning = (np.radians(262) - BEGIN) / (2 * np.pi) * PERIOD
     return np.array([turning, turning - 1.9])

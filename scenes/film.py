@@ -1,12 +1,12 @@
-"""Renders our shot by the farm that runs here, and makes of it what docs/ and the page show: a film, a filmstrip, a thumbnail.
+"""Renders the example shot on the farm that runs here, and makes the film, filmstrip and thumbnail that docs/ and the page show.
 
     python3 farm.py up              in one terminal
     python3 farm.py film            in another: about an hour on two cores
 
-    python3 farm.py film --samples 4 --size 320x180 -o /tmp        something quick, elsewhere
+    python3 farm.py film --samples 4 --size 320x180 -o /tmp        a quick version, elsewhere
 
-Frames are kept, as PNGs beside their denoised copies, in the folder that --frames names: the same command goes on where it
-stopped.
+The frames are stored as PNGs, with denoised copies, in the folder given by --frames: the same command continues an interrupted
+run.
 """
 
 from __future__ import annotations

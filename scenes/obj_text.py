@@ -18,7 +18,10 @@ def number(value: float, digits: int = 3) -> str:
 
 
 class Obj:
-    """Polygons whose corners are numbered backwards from the latest point, so parts are independent of each other."""
+    """Text of an OBJ file.
+
+    Face corners use negative indices, relative to the latest point, so parts are independent of each other.
+    """
 
     def __init__(self, library: str, digits: int = 3) -> None:
         self._lines = [f"mtllib {library}"]

@@ -2,7 +2,7 @@
 
     python3 farm.py sheets [name ...] [-o docs/pictures/sheets] [--spp 128]
 
-They are for the eye: whether a sweep is even, where it should be; whether anything breaks at its ends.
+They are for visual inspection: whether a sweep is even where it should be, and whether anything breaks at its ends.
 """
 
 from __future__ import annotations

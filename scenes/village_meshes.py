@@ -103,7 +103,7 @@ def fir(random: Random, whorls: int = 10) -> str:
 
 
 def _along(turn: float, length: float, y: float, droop: float) -> Callable[[float, float, float], tuple[float, float, float]]:
-    """Returns a function from frond coordinates (outwards 0..1, sideways and up in metres) to a point."""
+    """Returns a function that maps frond coordinates (0..1 outwards, metres sideways and up) to a point in space."""
     cosine, sine = math.cos(turn), math.sin(turn)
 
     def point(s: float, side: float, up: float) -> tuple[float, float, float]:

@@ -86,7 +86,7 @@ def _frost(random: np.random.Generator) -> Pixels:
 
 
 def _soot(random: np.random.Generator) -> Pixels:
-    """Returns a decal: black at the top, where snow and soot hide the bricks, white where they are visible."""
+    """Returns a decal: black at the top, where snow and soot cover the bricks, and white where the bricks are visible."""
     h, w = 64, 32
     up = np.linspace(1, 0, h)[:, None]
     shown = np.clip(4 * (0.8 + 0.5 * (_noise(random, h, w, 4) - 0.5) - up), 0, 1)

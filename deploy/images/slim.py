@@ -74,7 +74,7 @@ def remove_unused(packages: Path) -> None:
 
 
 def link_copies(packages: Path) -> None:
-    """Replaces a library by a link if its folder has the same bytes under a longer name."""
+    """Replaces a library by a link if its folder contains the same bytes under a longer name."""
     folders = {path.parent for path in packages.rglob("*.so*")}
     for folder in folders:
         files = sorted((path for path in folder.glob("*.so*") if not path.is_symlink() and path.is_file()), key=_longest)
@@ -108,7 +108,10 @@ def strip(packages: Path) -> None:
 
 
 def _load(library: Path) -> str:
-    """Returns why a library does not load in Python (mostly a dependency that its package loads before it), or "" if it does."""
+    """Returns why a library cannot be loaded in Python; "" if it can.
+
+    The usual cause is a dependency that its package loads first.
+    """
     outcome = subprocess.run([sys.executable, "-c", LOAD, library], capture_output=True, check=False, text=True)
     return "" if outcome.returncode == 0 else f"{outcome.returncode}: {outcome.stderr.replace(str(library), '').strip()}"
 

@@ -49,11 +49,11 @@ class Example:
         self.settings = RenderSettings(width, height, description.cameras[0].view, **own)
 
     def sums(self, spp: int | None = None, **changed: Any) -> Picture:
-        """Returns the film's sums of samples."""
+        """Returns the film's sums of samples, at this many samples per pixel."""
         return render_frame(self.scene, replace(self.settings, **changed), spp or self.spp)
 
     def picture(self, spp: int | None = None, **changed: Any) -> Picture:
-        """Returns linear radiance (h, w, 3)."""
+        """Returns the example's picture at this many samples per pixel, as linear radiance (h, w, 3)."""
         return mean(self.sums(spp, **changed), self.settings.film_exponent)
 
 
@@ -87,7 +87,7 @@ def table(title: str, rows: dict[str, float]) -> None:
 
 
 def smallpt() -> None:
-    """Renders the usual picture of the box, and one with four samples."""
+    """Renders smallpt's box of spheres with 8 and with 512 samples per pixel."""
     box = Example("smallpt", 480)
     strip("smallpt", {"8 samples": box.picture(8), "512 samples": box.picture(512)}, 2)
 
@@ -122,7 +122,7 @@ def course_project() -> None:
 
 
 def games101() -> None:
-    """Renders 1, 20 and 200 samples at 784 x 784, as in the assignment; shown at half size."""
+    """Renders the Cornell box of GAMES101's assignment with 1, 20 and 200 samples at 784 x 784; shown at half size."""
     box = Example("games101-7", 784)
 
     def half(picture: Picture) -> Picture:
@@ -137,7 +137,7 @@ STRATEGIES = ("uniform", "bsdf", "light", "mis")
 
 
 def strategies() -> None:
-    """Renders the four light sampling strategies at equal samples, and plots their variance."""
+    """Renders a scene with each of four light sampling strategies at equal samples, and plots their variance."""
     box = Example("games101-7", 300)
     plain = replace(box.settings, sampler="independent", roulette=0.0, max_depth=6)
     box.settings = plain
@@ -164,7 +164,10 @@ def strategies() -> None:
 
 
 def shiny() -> None:
-    """Renders the four strategies on glossy surfaces, where each single one fails somewhere, and MIS by either heuristic."""
+    """Renders glossy spheres with each light sampling strategy, and prints the variances, also for MIS by the balance heuristic.
+
+    Each strategy without MIS fails somewhere.
+    """
     balls = Example("spheres", 420)
     strip("strategies-shiny", {f"{s}, 16 samples": balls.picture(16, sampling=s) for s in STRATEGIES}, 2)
     balls = Example("spheres", 160)
@@ -174,7 +177,7 @@ def shiny() -> None:
 
 
 def light_choices() -> None:
-    """Renders the choice of one light of many: by contribution, by power, and uniform."""
+    """Prints the variance of a pixel for each way to choose one light of many: by contribution, by power, and uniformly."""
     evening = Example("christmas/christmas", 160)
     evening.settings = replace(evening.settings, sampler="independent")
     ways = {choice: {"light_choice": choice} for choice in LIGHT_CHOICES}
@@ -192,7 +195,7 @@ def _variance(example: Example, spp: int, changed: dict[str, Any]) -> float:
 
 
 def attenuation() -> None:
-    """Renders radiance wrongly divided by the squared distance once more, beside the correct picture."""
+    """Renders a wrong picture, whose radiance is divided once more by the squared distance, beside the correct one."""
     box = Example("cornell-box", 300)
     right, wrong = box.picture(128), box.picture(128, mistake="attenuation")
     brightened = wrong * (right.mean() / wrong.mean())
@@ -223,7 +226,7 @@ def roulette() -> None:
 
 
 def christmas() -> None:
-    """Renders the evening scene, and its tone mapping of the brightest pixels."""
+    """Renders the evening scene, and a detail of its brightest pixels with channels clipped and with colours scaled to fit."""
     scene = Example("christmas/christmas", 960)
     picture = scene.picture(256)
     strip("christmas", {"256 samples": picture}, 1, curve="neutral")
@@ -233,7 +236,7 @@ def christmas() -> None:
 
 
 def rest_of_your_life() -> None:
-    """Compares mixture densities with and without the glass as a target to light sampling by MIS."""
+    """Compares the book's mixture densities, with and without the glass ball as a target, to light sampling by MIS."""
     box = Example("rest-of-your-life", 360)
     strip("rest-of-your-life", {
         "bsdf alone, 64 samples": box.picture(64, sampling="bsdf"),

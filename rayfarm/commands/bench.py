@@ -45,7 +45,7 @@ def register(app: typer.Typer) -> None:
 
 @dataclass
 class Row:
-    """One configuration of the benchmark; all of them render the same picture."""
+    """Settings of one run of the benchmark; all runs render the same picture."""
 
     bvh: bool
     threads: int

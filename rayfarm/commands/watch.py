@@ -34,7 +34,7 @@ ACTIVE = ("running", "queued", "paused")
 
 
 class _WatchCommand(TyperCommand):
-    """A command with options whose value is optional."""
+    """A typer command in which some options may be given without their value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         told: list[str] = []
@@ -171,7 +171,7 @@ def _show_until_ended(
 
 
 def _pass_on_result(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
-    """After the job has finished, passes its EXR to tev and to the viewer, if requested."""
+    """Sends the EXR of a finished job to tev and opens it in the viewer, if these were requested."""
     from rayfarm.reading_files import read_picture
     from rayfarm.watch.viewer import open_in
 

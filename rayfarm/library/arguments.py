@@ -43,7 +43,7 @@ class _LibraryPicture(Picture):
         return light
 
     def placement(self) -> Placement:
-        """Returns the up axis and floor; by default no floor, so that a program's scene is what it made."""
+        """Returns the requested up axis and floor. By default there is no floor: a program's scene is rendered as given."""
         floor = self.given.get("floor")
         if not isinstance(floor, bool | str | None) or floor not in _FLOORS:
             raise SettingsError(f"floor is {floor!r}; it is True, False, or 'auto': if the scene has no light")

@@ -78,7 +78,7 @@ def _widget_class() -> Any:
         raise SettingsError(_MISSING_ANYWIDGET) from None
 
     class Shown(anywidget.AnyWidget):  # type: ignore[misc,unused-ignore]
-        """Notebook widget that shows a picture. `pixels`: RGB9E5 words, rows from the top."""
+        """Notebook widget that displays a picture. `pixels`: RGB9E5 words, rows from the top."""
 
         _esm = Path(__file__).with_suffix(".js")
         width = traitlets.Int(0).tag(sync=True)

@@ -28,7 +28,10 @@ class Blocks:
     name = "half blocks"
 
     def __init__(self, is_true_colour: bool) -> None:
-        """is_true_colour: whether the terminal supports 24-bit colours; otherwise xterm's 256 colours are used."""
+        """Creates an empty drawing.
+
+        is_true_colour: whether the terminal supports 24-bit colours; otherwise xterm's 256 are used.
+        """
         self._is_true_colour = is_true_colour
         self._rows: dict[int, str] = {}
 
@@ -58,7 +61,7 @@ class Blocks:
         return "".join(out).encode()
 
     def clearing_bytes(self) -> bytes:
-        """Returns the bytes that delete what clearing the screen does not."""
+        """Returns the bytes that delete graphics which remain after the screen is cleared: none for half blocks."""
         return b""
 
     def _colours(self, picture: U8) -> list[list[int]]:

@@ -1,4 +1,4 @@
-"""Reports a job line by line, for a pipe, a file or a log."""
+"""Prints a job's progress line by line, for a pipe, a file or a log."""
 
 from __future__ import annotations
 

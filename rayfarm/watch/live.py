@@ -36,7 +36,7 @@ class LiveJob:
     """
 
     def __init__(self, farm: Client, job: Job, frame: float | None, wake: Callable[[], None]) -> None:
-        """frame: the frame to show; None: always one that is being rendered."""
+        """Prepares to follow the job; `with` starts it. frame: the frame to show; None: always one that is being rendered."""
         self._farm = farm
         self._wake = wake
         self._lock = threading.Lock()
@@ -73,7 +73,7 @@ class LiveJob:
         return self.frames.get(self.frame)
 
     def versions(self) -> tuple[int, npt.NDArray[np.float32] | None, dict[Tile, int]]:
-        """Returns the film's number, its linear radiance (height, width, 3), and a version for each changed tile.
+        """Returns the current film's sequence number, its linear radiance (height, width, 3), and a version of each changed tile.
 
         Pixels without samples are black. The radiance is None before the size is known.
         """

@@ -36,7 +36,7 @@ class Pixels:
         """Resets the record of the drawn picture, since the screen was cleared."""
 
     def clearing_bytes(self) -> bytes:
-        """Returns the bytes that delete what clearing the screen does not."""
+        """Returns the bytes that delete graphics which remain after the screen is cleared."""
         return b""
 
 
@@ -67,7 +67,7 @@ class Kitty(Pixels):
         return b"".join([*out, _deleted(old)])
 
     def clearing_bytes(self) -> bytes:
-        """Returns the bytes that delete what clearing the screen does not."""
+        """Returns the bytes that delete both images of kitty's graphics, which remain after the screen is cleared."""
         return _deleted(self.FIRST) + _deleted(self.FIRST + 1)
 
 

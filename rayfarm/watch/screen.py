@@ -58,7 +58,7 @@ class Screen:
         self._shape: tuple[int, ...] = ()
 
     def run(self) -> int | None:
-        """Draws until q is pressed, the job is gone, or a signal arrives; returns the signal or None.
+        """Draws until q is pressed, the job is gone, or a signal arrives. Returns the signal, or None without one.
 
         Raises ClientError if the job cannot be watched.
         """

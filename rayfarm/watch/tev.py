@@ -115,7 +115,7 @@ class TevFeed:
             self._tev.close()
 
     def finish(self, film: F32) -> None:
-        """Sends the whole final film, with the values of its EXR."""
+        """Sends the final film to tev as a whole: the values of the job's EXR file."""
         self._stop.set()
         self._thread.join(PATIENCE_S)
         with contextlib.suppress(OSError):

@@ -66,7 +66,7 @@ class MachineError(TemporaryError):
 
 
 class UnfitError(WorkerError):
-    """Raised if this machine cannot do this work, independent of the scene: its limits, its memory, its temporary folder."""
+    """Raised if this machine's limits, memory or temporary folder do not permit this work. The scene is not the cause."""
 
 
 class RefusedError(WorkerError):

@@ -32,8 +32,8 @@ _UNREACHABLE = (redis.RedisError, OSError)
 class HeartbeatReply:
     """Redis's replies to a heartbeat.
 
-    is_taken: whether Redis stored the report. is_paused: whether the worker shall pause. is_asked: whether a help request for the
-    worker's slots is queued. waiting: number of queued tasks for workers of its kind.
+    is_taken: whether Redis stored the report. is_paused: whether the worker must pause. is_asked: whether a message that asks the
+    worker's slots to render a waiting piece is queued. waiting: number of queued tasks for workers of its kind.
     """
 
     is_taken: bool

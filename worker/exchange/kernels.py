@@ -32,7 +32,7 @@ _PATIENCE_S, _PAUSE_S = 60.0, 1.0
 def fetch_kernel(link: Link, folder: Path, kernel: str) -> tuple[bool, str]:
     """Downloads a kernel to this folder (renderer.jit.cache_folder).
 
-    Returns whether the farm had it, and a sentence for the log.
+    Returns whether the farm had the kernel, and a sentence for the log.
     """
     with tempfile.TemporaryFile() as file:
         try:

@@ -22,7 +22,10 @@ _log = logging.getLogger("worker")
 def make_kernel_ready(
     link: Link, settings: RenderSettings | None = None, variant: str = PLAIN, helpers: Helpers | None = None
 ) -> None:
-    """Like `warm_up`, but downloads the kernel from the farm if possible, and otherwise uploads it after compiling."""
+    """Makes a kernel ready: downloads it from the farm if possible; otherwise compiles it, and uploads it in the background.
+
+    helpers: as for renderer.jit's `warm_up`, which compiles it.
+    """
     if not fetch_or_compile(link, settings, variant, helpers):
         upload_kernel_in_background(link, jit.cache_folder(), kernel_name(settings, variant))
 
@@ -30,7 +33,7 @@ def make_kernel_ready(
 def fetch_or_compile(
     link: Link, settings: RenderSettings | None = None, variant: str = PLAIN, helpers: Helpers | None = None
 ) -> bool:
-    """Like `make_kernel_ready`, but without the upload. Returns whether the kernel was downloaded, so that the farm has it."""
+    """Downloads a kernel from the farm, or else compiles it; does not upload it. Returns whether the kernel was downloaded."""
     folder = jit.cache_folder()
     farm_has_it = False
 

@@ -94,7 +94,7 @@ class Pieces:
         self.release(piece)
 
     def release(self, piece: ClaimedPiece) -> None:
-        """Removes the claim on a piece that is rendered or abandoned."""
+        """Deletes the file that marks a piece as claimed by this slot, after the piece was rendered or abandoned."""
         with contextlib.suppress(FileNotFoundError):
             (piece.folder / f"doing-{piece.number}-{os.getpid()}").unlink()
 
@@ -126,9 +126,9 @@ class Pieces:
         return sum(len(_names(folder, "todo-")) for folder in self._groups())
 
     def withdraw_unfinished(self, message: str) -> list[int] | None:
-        """Removes the free pieces of a message, and those that ended slots had claimed; returns their numbers.
+        """Removes a message's free pieces, and those claimed by slots that have ended; returns the numbers of these pieces.
 
-        None if it is not here.
+        None if the folder does not have the message.
         """
         for folder in self._groups():
             if _message(folder) == message:
@@ -137,7 +137,7 @@ class Pieces:
         return None
 
     def withdraw(self) -> list[tuple[bytes, list[int]]]:
-        """Removes all free pieces. Returns each message's JSON with the numbers of its pieces."""
+        """Removes all free pieces. Returns the JSON of each of their messages, with the numbers of the removed pieces."""
         taken = []
         for folder in self._groups():
             if numbers := _claimed_numbers(folder, sorted(_names(folder, "todo-"))):
@@ -204,7 +204,10 @@ def _is_alive(pid: int) -> bool:
 
 
 def _claimed_numbers(folder: Path, names: list[str]) -> list[int]:
-    """Deletes the files of pieces; returns the numbers of those that no other process deleted first."""
+    """Deletes the files of these pieces.
+
+    Returns the numbers of the pieces whose files this process deleted before any other did.
+    """
     numbers = []
     for name in names:
         with contextlib.suppress(FileNotFoundError):

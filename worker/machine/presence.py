@@ -59,7 +59,7 @@ class Presence:
         self.by = tuple(seen)
 
     def _cores_used_by_others(self, now: float) -> float | None:
-        """Returns the number of cores that other programs used on average since the last check; None if unknown."""
+        """Returns the mean number of cores that programs other than this worker used since the last check; None if unknown."""
         try:
             name, *ticks = (self._proc / "stat").read_text().split("\n", 1)[0].split()
             user, low, system, _, _, irq, soft = map(int, ticks[:7])
@@ -121,7 +121,7 @@ def _output_of(command: list[str]) -> str:
 
 
 def _last_screen_input() -> float | None:
-    """Returns for how many seconds keyboard and mouse of this X session are idle; None if unavailable."""
+    """Returns for how many seconds keyboard and mouse of this X session have been idle; None if xprintidle cannot be used."""
     program = shutil.which("xprintidle")
     if program is None or not os.environ.get("DISPLAY"):
         return None

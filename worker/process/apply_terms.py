@@ -31,13 +31,16 @@ _limit = mmap.mmap(-1, 8)  # shared with the slots, which are forked later
 
 
 def memory_limit() -> int:
-    """Returns the memory limit of this worker's processes in bytes; 0: unlimited. Callable in any of them."""
+    """Returns the memory limit of this worker's processes in bytes; 0: unlimited. May be called in any of these processes."""
     return int(struct.unpack("q", _limit[:8])[0])
 
 
 @dataclass
 class TermsKeeper:
-    """The terms of one worker, and whether it rests because of them. own: the start values."""
+    """The terms of one worker, and whether the worker rests (takes no tasks) because of them.
+
+    own: the terms it was started with.
+    """
 
     slots: int  # processes that it has
     tags: tuple[str, ...] = ()
@@ -82,7 +85,7 @@ class TermsKeeper:
         self.asked = asked
 
     def refresh(self) -> None:
-        """Updates whether the worker rests, and its nice level."""
+        """Updates the reason why the worker takes no tasks under its terms (None: it does), and its nice level."""
         terms = self.terms
         struct.pack_into("q", _limit, 0, terms.memory or 0)
         self._set_nice_level(terms.nice)
@@ -131,7 +134,10 @@ class TermsKeeper:
         )
 
     def _memory_reason(self, terms: Terms) -> str | None:
-        """Returns why the worker rests for its memory use; None if it does not. It rests above its limit, until well below it."""
+        """Returns a sentence on why the worker rests for its memory use; None if it does not.
+
+        It rests from when its processes exceed the memory limit until they use much less.
+        """
         if not terms.memory:
             self._is_over = False
         elif self._beats % MEMORY_EVERY == 0 or self._is_over:

@@ -20,7 +20,8 @@ __all__ = ["relight", "save_relit"]
 def relight(folder: bytes, light: str, base_folder: bytes, base: str, power: float, out: bytes, link: Link) -> dict[str, Any]:
     """Writes the scene with its new environment. Returns the name of its manifest in `out` as `compiled`.
 
-    light: path of an image in `folder`, or a preset. base: hash of the compiled scene to start from. power: of its other lights.
+    light: path of an image in `folder`, or a preset. base: hash of the compiled scene to start from. power: total power of the
+    scene's other lights.
     """
     data = (folder_of(base_folder) / base).read_bytes()
     return {"compiled": save_relit(folder_of(folder), light, mapped_scene(base_folder, base), data, power, folder_of(out)).name}

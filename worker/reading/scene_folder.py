@@ -1,4 +1,4 @@
-"""Compiled scenes in a reader's room: files of the worker's cache, linked by their hashes into one folder."""
+"""Compiled scenes for a confined reader: files of the worker's cache, linked by their hashes into one folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["folder_of", "mapped_scene"]
 
 
 def folder_of(path: bytes) -> Path:
-    """Returns the folder whose path a slot has sent as bytes."""
+    """Returns a folder as a Path. path: its path as bytes, as the slot sends it."""
     return Path(os.fsdecode(path))
 
 

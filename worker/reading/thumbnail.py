@@ -31,7 +31,7 @@ def thumbnail_settings(view: dict[str, Any], defaults: dict[str, Any]) -> Render
 def render_thumbnail(
     base_folder: bytes, compiled: str, view: dict[str, Any], defaults: dict[str, Any], result: bytes, link: Link
 ) -> dict[str, Any]:
-    """Renders a small tone-mapped PNG, denoised, to the file `result`, with as many samples as a short time permits.
+    """Renders a small, denoised and tone-mapped PNG to the file `result`, with as many samples as a short time limit permits.
 
     compiled: hash of the compiled scene in `base_folder`.
     """

@@ -93,9 +93,9 @@ class Reducer:
 
     @contextlib.contextmanager
     def reserve_memory(self, size: int, is_ours: bool = False) -> Iterator[bool]:
-        """Context manager that reserves memory for a body; yields False if there is not enough.
+        """Context manager that reserves memory for a request's body; yields False if there is not enough.
 
-        is_ours: the sender is a worker of the farm.
+        is_ours: whether the sender is a worker of the farm.
         """
         with self._count:
             is_there = self._coming[is_ours] + size <= MAX_INCOMING_BYTES
@@ -134,7 +134,7 @@ class Reducer:
             both.execute()
 
     def withdraw(self) -> None:
-        """Withdraws what `report` published, so that workers send to the service."""
+        """Deletes the data that `report` published in Redis, so that workers send their sums to the service."""
         with contextlib.suppress(redis.RedisError):
             self._store.delete(site_key(self.name), secret_key(self.name))
 
@@ -166,7 +166,7 @@ class _Server(ThreadingHTTPServer):
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignores broken connections; the sender notices them."""
+        """Ignores errors of broken connections, since the sender handles them."""
         log.debug("a connection of %s broke", client_address, exc_info=True)
 
 

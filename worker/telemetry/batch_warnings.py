@@ -23,7 +23,7 @@ LONGEST = 300  # characters of a line
 
 @dataclass
 class BatchWarnings:
-    """Warnings and timings of a batch. lines: the first warnings and errors. took: seconds by step."""
+    """Warnings and timings of a batch. lines: the first warnings and errors. took: duration of each step in seconds, by name."""
 
     lines: list[str] = field(default_factory=list)
     took: dict[str, float] = field(default_factory=dict)

@@ -19,7 +19,7 @@ LONGEST = 200
 
 
 def message_ids(message: Any) -> dict[str, Any]:
-    """Returns the ids in a message; ignores malformed ones, which another release may send."""
+    """Returns the ids (of job, batch, scene, ...) in a task's message. Skips malformed ones, which another release may send."""
     if isinstance(message, str):
         return {"scene": message[:LONGEST]}
     if not isinstance(message, Mapping):

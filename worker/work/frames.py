@@ -35,7 +35,7 @@ Answer = Callable[..., None]  # the event's type, and its further fields
 
 
 class _OpenScene:
-    """A scene that a confined reader of this slot has open: its room, and the compiled files of its latest frame."""
+    """A scene that a confined reader of this slot has open: the reader's folder, and the compiled files of its latest frame."""
 
     def __init__(self, worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> None:
         """Opens a reader for the scene. Raises TemporaryError, UnfitError or RefusedError."""
@@ -66,13 +66,13 @@ class _OpenScene:
             self.reader.close()
 
     def keep_only(self, files: Path) -> None:
-        """Deletes the compiled files of earlier frames, except the folder `files`, which the next frame may reuse."""
+        """Deletes the compiled files of all frames except those in the folder `files`, which the next frame may reuse."""
         if self._latest not in (None, files):
             shutil.rmtree(self._latest, ignore_errors=True)
         self._latest = files
 
     def close(self) -> None:
-        """Ends the reader, and deletes its room."""
+        """Ends the reader, and deletes its folder."""
         self.reader.close()
         self.room.close()
 

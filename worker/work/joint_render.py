@@ -66,7 +66,10 @@ def remaining_pieces(worker: WorkerContext, joint: JointBatch, message: str) -> 
 
 
 def ask_for_help(app: Celery, worker: WorkerContext, slots: int) -> None:
-    """Sends help requests to this many slots. If Redis is unreachable, the worker's next heartbeat repeats it."""
+    """Sends messages that ask this many slots to render waiting pieces.
+
+    If Redis is unreachable, the next heartbeat sends them.
+    """
     options = {"queue": help_queue(worker.name), "ignore_result": True, "retry": False}
     try:
         with app.producer_or_acquire() as producer, producer.batch():

@@ -135,9 +135,9 @@ def _info(worker: WorkerContext, summary: dict[str, Any], compiled: BlobRef, beg
 
 
 def _compile_kernel(variant: Any, progress: Progress) -> None:
-    """Compiles the kernel that the scene needs, unless it is cached here.
+    """Compiles the kernel that renders the scene, unless this machine has it cached.
 
-    Jobs load it, and readers, which cannot store kernels.
+    Slots and confined readers, which cannot store kernels, load it from the cache.
     """
     if isinstance(variant, str) and variant in KERNEL_VARIANTS and not jit.is_cached(kernel_name(variant=variant)):
         progress(COMPILING, 0.85)
@@ -145,9 +145,9 @@ def _compile_kernel(variant: Any, progress: Progress) -> None:
 
 
 def _convert_with_blender(manifest: Manifest, folder: ReaderFolder) -> list[str]:
-    """Converts the scene with Blender into the room's folder WRITTEN. Returns the names of the written files, main file first.
+    """Converts the scene with Blender into the folder WRITTEN of the reader's folder.
 
-    Raises WorkError.
+    Returns the names of the written files, main file first. Raises WorkError.
     """
     written = folder.folder / CONVERTED_FOLDER
     written.mkdir()

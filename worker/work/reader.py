@@ -1,6 +1,6 @@
-"""The slot's side of confined readers (renderer/confine/): their rooms and limits, and their failures as the worker's errors.
+"""Runs confined readers (renderer/confine/) for a slot: their folders and limits, and their failures as the worker's errors.
 
-A room is a temporary folder: `scene`, `base` and other folders that the slot puts there are read-only; `out` and `temporary`
+A reader's folder is temporary: `scene`, `base` and other folders that the slot puts there are read-only; `out` and `temporary`
 are writable. A reader's answers are untrusted: names and values are checked here, blobs by their hash when they are stored.
 """
 
@@ -87,7 +87,7 @@ class ReaderFolder:
         self._kept.close()
 
     def place_base(self, worker: WorkerContext, sha256: str) -> None:
-        """Links a compiled scene of the cache, and its parts, into the folder `base`.
+        """Links a compiled scene from the cache, with its parts, into the folder `base`.
 
         Raises TemporaryError, RefusedError and SceneError.
         """

@@ -55,8 +55,9 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
 
 
 def _base_scene(worker: WorkerContext, manifest: Manifest) -> tuple[SceneInfo, CompiledScene, bytes] | None:
-    """Returns the scene with its original environment: its info, its compiled scene, and the bytes of its manifest; None if
-    unusable.
+    """Returns the scene with its original environment: its info, its compiled scene, and the bytes of its manifest.
+
+    None if it cannot be reused.
     """
     if manifest.base is None:
         return None

@@ -40,7 +40,7 @@ class SlotTask:
         self._worker.board.write(slot(), {}, self.speed)
 
     def turn_to(self, doing: dict[str, Any]) -> None:
-        """Reports the next part of the task."""
+        """Reports the part of the task that begins now."""
         self._doing = doing
         self._worker.board.write(slot(), doing)
 
@@ -51,7 +51,7 @@ class SlotTask:
 
 @contextmanager
 def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], Result]]:
-    """Context manager during which the slot reports this batch; yields a function that renders it."""
+    """Context manager in which the slot reports that it renders this batch; yields the function that renders the batch."""
     about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
     with SlotTask(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
 

@@ -1,4 +1,4 @@
-"""Graphics card of a slot: renders messages for cards (protocol/card.py).
+"""Rendering of batches with a slot's graphics card (protocol/card.py).
 
 Adjacent tiles are rendered by one launch, as a card needs many samples at once. While the card renders, the sums of the previous
 tiles are packed and sent.
@@ -48,7 +48,7 @@ Show = Callable[["Block", bool], None]  # called with the block that is rendered
 
 
 class Block(NamedTuple):
-    """Batches of the same samples of adjacent tiles, which fill a rectangle."""
+    """Batches with the same sample numbers, of adjacent tiles that fill a rectangle."""
 
     tile: Tile  # the rectangle
     batches: list[RenderBatch]
@@ -68,7 +68,10 @@ class _ReturnedError(Exception):
 
 
 def blocks_of(batches: Sequence[RenderBatch], most: int = BLOCK_SAMPLES) -> list[Block]:
-    """Joins adjacent tiles to rectangles, first within rows and then rows. most: samples of a joined block."""
+    """Joins batches of adjacent tiles to rectangular blocks: first within a row of tiles, then across rows.
+
+    most: maximum number of samples of a joined block, over all pixels.
+    """
     groups: dict[object, list[RenderBatch]] = {}
     for batch in batches:
         groups.setdefault((batch.job, batch.frame, batch.compiled, batch.first, batch.count), []).append(batch)
@@ -93,7 +96,7 @@ def _joined(blocks: list[Block], join: Callable[[Tile, Tile], Tile | None], most
 
 
 def _beside(a: Tile, b: Tile) -> Tile | None:
-    """Returns the rectangle of a tile and the next one to its right; None if they do not fill one."""
+    """Returns the rectangle that tile `a` and tile `b` to its right fill; None if they do not fill one."""
     return Tile(a.x, a.y, a.w + b.w, a.h) if (a.y, a.h, a.x + a.w) == (b.y, b.h, b.x) else None
 
 
@@ -102,9 +105,10 @@ def _below(a: Tile, b: Tile) -> Tile | None:
 
 
 def render_on_card(worker: WorkerContext, work: CardBatches, show: Show) -> float:
-    """Renders the batches with this slot's card, and sends their sums. Returns the samples per second; 0 without any.
+    """Renders the batches with this slot's graphics card, and sends their sums.
 
-    Batches that the card cannot render return to the service, which gives them to the CPU's slots.
+    Returns the samples per second; 0 if it rendered none. Batches that the card cannot render are sent back to the service,
+    which dispatches them to CPU slots.
     """
     left = {batch.batch: batch for batch in work.batches}
     samples, seconds = 0, 0.0
@@ -129,7 +133,7 @@ def render_on_card(worker: WorkerContext, work: CardBatches, show: Show) -> floa
 
 
 def return_to_cpus(worker: WorkerContext, batches: Iterable[RenderBatch], reason: str) -> None:
-    """Sends batches back to the service, for slots of the CPU."""
+    """Sends batches back to the service, for CPU slots."""
     for batch in batches:
         event = returned_event(worker, batch, reason)
         worker.results.send(Result({**event.event, "for_cpu": True}))
@@ -162,7 +166,10 @@ def _rendered(worker: WorkerContext, work: CardBatches, show: Show) -> Iterator[
 def _ready(
     worker: WorkerContext, card: Card, batch: RenderBatch, compiling: Callable[[bool], None]
 ) -> tuple[CardRenderer, CompiledScene]:
-    """Returns the card with the kernel for a batch, and its scene. Raises _UnusableError, and what opening and loading raise."""
+    """Returns the renderer of a graphics card with the kernel for a batch loaded, and the batch's scene.
+
+    Raises _UnusableError, and the errors of opening the scene and loading the kernel.
+    """
     if not is_for_cards(batch.settings):
         raise _UnusableError(
             Sentence("card-lacks-settings", "A graphics card does not render with these settings: the processor does.")

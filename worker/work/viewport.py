@@ -68,7 +68,7 @@ class ViewAnswers:
 
 
 def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[bool], None]) -> float:
-    """Renders parts until all are done or the view is outdated. Returns samples per second; 0 if none was rendered.
+    """Renders parts of a view until all are done or the view is outdated. Returns samples per second; 0 if none was rendered.
 
     compiling: called with True before the scene's kernel is made ready, and with False afterwards.
     """
