@@ -25,7 +25,7 @@ CARD_QUEUES = "rayfarm.card."
 
 
 def card_queue(worker: str) -> str:
-    """Returns the Celery queue of one worker whose slots render with cards."""
+    """Returns the Celery queue of one worker whose slots render with graphics cards."""
     return f"{CARD_QUEUES}{worker}"
 
 

@@ -384,7 +384,10 @@ class WorkerReport:
     cards_unused: list[str] = field(default_factory=list)  # why other cards are not used (renderer.sentences.to_text)
 
     def to_bytes(self) -> bytes:
-        """Serializes the report as JSON for the worker's key. Without graphics cards it is that of earlier releases."""
+        """Serializes the report as JSON for the worker's key.
+
+        For a worker without graphics cards, the JSON is as in earlier releases.
+        """
         return json.dumps({name: value for name, value in asdict(self).items() if value or name not in _OF_CARDS}).encode()
 
     @classmethod

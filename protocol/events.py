@@ -53,7 +53,7 @@ class BatchesRendered(_Rendered):
 
 
 class BatchReturned(_Batch):
-    """A worker could not render a batch because of its own trouble; the batch is dispatched again. error: a sentence."""
+    """A worker could not render a batch because of a fault of the worker; the batch is dispatched again. error: a sentence."""
 
     error: str
     for_cpu: NotRequired[bool]  # whether only a graphics card cannot render it (card.py)
@@ -127,7 +127,7 @@ class PrepareFailed(PrepareStarted):
 
 
 class PrepareReturned(PrepareFailed):
-    """A worker could not prepare a scene because of its own trouble; the scene is sent again.
+    """A worker could not prepare a scene because of a fault of the worker; the scene is sent again.
 
     unfit: the machine cannot do it, but another may. passing: only temporarily.
     """
@@ -158,7 +158,7 @@ class FrameFailed(_Frames):
 
 
 class FramesReturned(_Frames):
-    """A worker could not prepare frames because of its own trouble; the unanswered ones are sent again.
+    """A worker could not prepare frames because of a fault of the worker; the unanswered ones are sent again.
 
     unfit, passing: as in PrepareReturned.
     """

@@ -9,7 +9,7 @@ begun      a slot has taken the task: worker
 compiling  the worker is compiling its kernel, which may take minutes: worker
 done       explained (worker/work/explain.py), worker
 failed     error (a sentence), worker
-returned   the worker's own trouble, error: to be sent again; unfit: to another worker
+returned   sent back because of a fault of the worker, to be sent again: error; unfit: must be sent to another worker
 """
 
 from __future__ import annotations

@@ -119,7 +119,7 @@ class ViewAnswer:
     frame      a frame is prepared: frame, info (FrameInfo)
     over       the message is finished: every part is answered or outdated
     failed     the message cannot be processed: error (a sentence)
-    returned   sent back because of the worker's own trouble, to be sent again: error; unfit: must be sent to another worker
+    returned   sent back because of a fault of the worker, to be sent again: error; unfit: must be sent to another worker
     """
 
     type: str

@@ -1,4 +1,4 @@
-"""/healthz on a port and thread of its own, so that a busy service is not considered dead.
+"""Serves /healthz on a separate port and thread, so that a busy service is not considered dead.
 
 On the main port the event loop answers /healthz, possibly late. Here the loop's health is judged by the time since its last
 iteration: a loop that hangs needs a restart, one that is busy does not.

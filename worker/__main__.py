@@ -234,9 +234,9 @@ def _check_settings(options: argparse.Namespace) -> Blender | None:
 
 
 def _choose_cards(options: argparse.Namespace) -> tuple[tuple[Card, ...], tuple[str, ...]]:
-    """Returns the graphics cards to use, and why others are not used. With cards, `options.slots` becomes their number.
+    """Returns the graphics cards to use, and sentences on why others are not used.
 
-    Raises RefusedError if a card is missing or cannot be used.
+    With graphics cards, `options.slots` becomes their number. Raises RefusedError if a card is missing or cannot be used.
     """
     if options.gpu == "none" and (options.paired or not has_nvidia_hardware()):
         return (), ()

@@ -191,7 +191,7 @@ class Heartbeat(bootsteps.StartStopStep):
     def _consume_needs_queues(self, queues: tuple[str, ...]) -> None:
         """Serves exactly these queues for requirements, in addition to the worker's own queues.
 
-        A worker with cards does not, as the service sends all its batches to its own queue.
+        A worker with graphics cards does not, as the service sends all its batches to its own queue.
         """
         if card_queue(self.worker.name) in self.worker.queues:
             self.served = queues

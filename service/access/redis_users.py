@@ -62,7 +62,7 @@ REDIS_6_RULES = (
 
 
 class RedisUsers:
-    """Keeps Redis's users synchronized with the worker keys. `trouble`: why Redis does not permit that, or None."""
+    """Keeps Redis's users synchronized with the worker keys. `trouble`: the reason why Redis does not permit that, or None."""
 
     def __init__(self, connection: redis.Redis, keys: Keys, secret: str, instance: str) -> None:
         self._redis = connection

@@ -27,7 +27,7 @@ MAX_ERROR_OUTPUT = 300  # characters of a program's error output that are kept
 
 
 def redacted_hook(hook: str) -> str:
-    """Returns a hook for logs: for a URL, only scheme and host, since the rest often contains a secret."""
+    """Returns the text of a hook for logs: for a URL, only scheme and host, since its path often contains a secret."""
     parts = urlsplit(hook)
     return f"{parts.scheme}://{parts.hostname}/..." if parts.scheme and parts.netloc else hook
 

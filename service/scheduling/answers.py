@@ -1,7 +1,7 @@
 """Handles the messages from workers, grouped by job or scene.
 
 A message that cannot be stored at present (its film is locked, the database is full) stays in the stream and in memory, and is
-retried. So no batch is rendered twice for that reason, and one job's trouble does not delay other jobs' messages.
+retried. So no batch is rendered twice for that reason, and a fault of one job's film does not delay other jobs' messages.
 
 An invalid message, or one whose handling raises any other error, is moved to the dead-letter list: counted, stored in a bounded
 list and deleted from the stream. Its work is dispatched again.

@@ -43,8 +43,8 @@ class PictureRequest:
     """A client's choice of picture.
 
     planes: names of AOVs; empty for colour. in_layers: write the planes as layers in addition to the colour, instead of one plane
-    alone. denoised: function that opens the denoised colour, used in place of the film's; None: not denoised. motion: function
-    that opens motion vectors, which films do not contain; they are the last of the planes.
+    without the colour. denoised: function that opens the denoised colour, used in place of the film's; None: not denoised.
+    motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
     """
 
     extension: str

@@ -66,7 +66,7 @@ class _Pipe(io.RawIOBase):
 
 
 def movie(film: Film, frames: Sequence[int], wish: PictureRequest, fps: float, folder: Path) -> PictureBody:
-    """Returns a movie of the frames, in the format of `wish.extension`. Raises Conflict if it cannot be written."""
+    """Returns a movie of the frames. wish.extension: its format. Raises Conflict if it cannot be written."""
     pictures = (display_picture(film, frame, wish) for frame in frames)
     try:
         return PictureBody.from_writer(lambda path: write_movie(path, pictures, fps), folder, f".{wish.extension}")

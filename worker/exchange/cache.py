@@ -190,7 +190,7 @@ class BlobCache:
         return folder
 
     def _evict(self, keep: Path, max_bytes: int) -> None:
-        """Deletes the least recently used files until the rest fits `max_bytes`, and partial files of killed processes."""
+        """Deletes the least recently used files until the others fit `max_bytes`, and partial files of killed processes."""
         files = []
         for path in self.folder.glob("??/*"):
             with contextlib.suppress(OSError):

@@ -4,7 +4,7 @@ They access neither the service nor Redis. Paths are passed as bytes, and output
 of each is the module of the same name in the package worker.work.
 
 kernels.py       kernels that the launcher loads, so that readers share them
-scene_folder.py  compiled scenes that the slot has linked into the room
+scene_folder.py  compiled scenes that the slot has linked into the reader's folder
 prepare.py       a scene: compiled, with a summary
 thumbnail.py     a compiled scene's thumbnail
 frames.py        frames of a shot

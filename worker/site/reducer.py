@@ -107,7 +107,7 @@ class Reducer:
                 self._coming[is_ours] -= size if is_there else 0
 
     def store(self, body: bytes) -> None:
-        """Stores sums. Raises ValueError if they are invalid, SumsFullError if there is no room, or OSError."""
+        """Stores sums. Raises ValueError if they are invalid, SumsFullError if the store is full, or OSError."""
         self.sums.store(result_of(body))
         with self._count:
             self.results += 1

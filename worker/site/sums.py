@@ -44,7 +44,7 @@ class SumsFullError(Exception):
 
 @dataclass
 class _Group:
-    """The stored results of one run."""
+    """The stored results of one run (protocol.joint.Run): samples of a tile that the site's machines render."""
 
     folder: Path
     run: Run
@@ -83,7 +83,7 @@ class SiteSums:
             return [batch for group in [*self._groups.values(), *self._sending.values()] for batch in group.batches]
 
     def store(self, result: Result) -> None:
-        """Stores sums until those of their run are complete.
+        """Stores sums until all sums of their run (protocol.joint.Run) are stored.
 
         Raises ValueError for malformed or conflicting sums, SumsFullError if they do not fit, and OSError.
         """
@@ -124,7 +124,7 @@ class SiteSums:
             self._groups[key] = group
 
     def due_results(self, at_once: bool = False) -> Iterator[list[Result]]:
-        """Yields the results that are due, one list per run. Advancing the iterator marks them as sent.
+        """Yields the results that are due, one list per run (protocol.joint.Run). Advancing the iterator marks them as sent.
 
         Due are runs that are complete or have waited too long. at_once: all runs are due.
         """
@@ -170,7 +170,10 @@ class SiteSums:
 
 
 def _parse_result(result: Result) -> tuple[Run, Result]:
-    """Validates sums. Returns their run, and the result with the worker's name added to each batch. Raises ValueError."""
+    """Validates sums. Returns their run (protocol.joint.Run), and the result with the worker's name added to each batch.
+
+    Raises ValueError.
+    """
     try:
         event = {name: value for name, value in result.event.items() if name != "run"}
         run = Run.of(result.event["run"])

@@ -101,7 +101,7 @@ def failure_event(worker: WorkerContext, batch: RenderBatch, error: str, trace: 
 
 
 def returned_event(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
-    """Returns the result for a batch that this worker sends back because of its own trouble."""
+    """Returns the result for a batch that this worker sends back because of a fault of the worker, such as a full disk."""
     return Result({**batch_event(worker, batch, "batch-returned"), "error": error})
 
 

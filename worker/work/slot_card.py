@@ -1,6 +1,6 @@
 """Rendering of batches with a slot's graphics card (protocol/card.py).
 
-Adjacent tiles are rendered by one launch, as a card needs many samples at once. While the card renders, the sums of the previous
+Adjacent tiles are rendered by one kernel launch, as a GPU needs many samples at once. While it renders, the sums of the previous
 tiles are packed and sent.
 """
 

@@ -44,7 +44,7 @@ class CardPlace:
 
 
 class CardPlaces:
-    """The workers with cards that accept batches at present. Used only by the engine's thread."""
+    """The workers with graphics cards that accept batches at present. Used only by the engine's thread."""
 
     def __init__(self, workers: Workers, leases: Leases, pace: BatchSizing) -> None:
         self._workers = workers

@@ -71,8 +71,9 @@ class Lease:
     def transit_s(self, seconds: float, now: float) -> float:
         """Returns the time that the lease's sums spent in transit, in seconds. seconds: the batch's rendering time.
 
-        Returns 0 if it is unknown: for joint batches, whose sums wait for others on their machine, for batches of a card, which
-        wait for those before them in their message, and for results that arrived before a worker had reported the lease.
+        Returns 0 if it is unknown: for joint batches, whose sums wait for others on their machine, for batches of a graphics
+        card, which wait for those before them in their message, and for results that arrived before a worker had reported the
+        lease.
         """
         return 0.0 if self.is_joint or self.is_of_card or self.held_since is None else max(now - self.held_since - seconds, 0.0)
 

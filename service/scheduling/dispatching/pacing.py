@@ -138,9 +138,9 @@ class BatchSizing:
 
     @staticmethod
     def card_batch_s(message_s: float, tiles: int) -> float:
-        """Returns the target duration of one tile's batch in a card's message of `message_s` seconds.
+        """Returns the target duration, in seconds, of one tile's batch in a message of `message_s` seconds for a graphics card.
 
-        A message has all of the frame's tiles, or fewer, so that the results of each are worth their cost.
+        A message has batches of all the frame's tiles, or of fewer, so that each batch is long enough to be worth a result.
         """
         return min(message_s, max(message_s / tiles, MIN_CARD_BATCH_S))
 

@@ -119,7 +119,7 @@ class Scheduler:
     def _fill_cards(
         self, cards: list[CardPlace], turns: dict[int, list[ActiveJob]], kind: str, slots: int, start: StartJob
     ) -> None:
-        """Dispatches batches to workers with graphics cards. slots: number of the CPU's slots of this kind. Raises QueueError."""
+        """Dispatches batches to workers with graphics cards. slots: number of CPU slots of this kind. Raises QueueError."""
         for each in (job for jobs in turns.values() for job in jobs):
             each.card_rate = sum(
                 place.slots / cost for place in cards if place.accepts(each) and (cost := each.card_sample_s(place.worker)) > 0.0
@@ -142,9 +142,9 @@ class Scheduler:
                         line.record_served(job, 1, sum(lease.charged_s for lease in new))
 
     def _hand_to_card(self, job: ActiveJob, kind: str, place: CardPlace, cpu_slots: int, start: StartJob) -> None:
-        """Dispatches one message to a worker with cards. Does nothing if the job has no batch for it. Raises QueueError.
+        """Dispatches one message to a worker with graphics cards. Does nothing if the job has no batch for it. Raises QueueError.
 
-        cpu_slots: number of the CPU's slots. If none renders this job, the worker's processor renders what its cards cannot.
+        cpu_slots: number of CPU slots. If none renders this job, the worker's own CPU renders what its graphics cards cannot.
         """
         if job.needs is not None:
             cpu_slots = self._workers.roster.slots_serving(job.needs.queue(kind), of_cpu=True).get(kind, 0)
@@ -247,7 +247,7 @@ class Scheduler:
             raise
 
     def _choose_site(self, job: ActiveJob) -> SitePlace | None:
-        """Returns the site with most room; None if there is none, or if this job's sums must stay separate for each worker."""
+        """Returns the site that accepts most batches; None if there is none, or if this job's sums must stay separate by worker."""
         if job.needs is not None or job.verify:
             return None
         return max((place for place in self._places if place.room > 0), key=lambda place: place.room, default=None)
@@ -362,7 +362,7 @@ class Scheduler:
         return None
 
     def handle_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
-        """Handles a batch that a worker sent back because of its own trouble: puts it back into the plan.
+        """Handles a batch that a worker sent back because of a fault of the worker: puts it back into the plan.
 
         Does not count against the job.
         """

@@ -1,8 +1,8 @@
 """Dispatching to sites: groups of machines that add up their sums before they send them (protocol/site.py).
 
 A site is efficient for consecutive batches of one tile. It has a queue, that of jobs which require the site's tag (needs.py); its
-workers serve this queue in addition to all others. A run of batches is sent there in as many messages as there are machines.
-Nothing is sent while the site's reducer is away; batches left in its queue are withdrawn once no worker serves it.
+workers serve this queue in addition to all others. A run of consecutive batches is sent there in as many messages as the site has
+machines. Nothing is sent while the site's reducer is away; batches left in its queue are withdrawn once no worker serves it.
 """
 
 from __future__ import annotations

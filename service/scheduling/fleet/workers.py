@@ -229,8 +229,8 @@ class Workers:
     def send_terms(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
         """Sends each worker its terms, unless it has confirmed them already. Raises redis.RedisError.
 
-        terms: by worker name. needs: requirements of the active jobs. A worker must serve the queues of the requirements that it
-        meets.
+        terms: by worker name. needs: requirements of the active jobs. A worker must serve the queues of all requirements
+        that it meets.
         """
         different = {each.text: each for each in needs}
         for name, offer in self.roster.offers.items():

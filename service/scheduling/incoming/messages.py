@@ -160,7 +160,7 @@ class BatchFailed(_Batch):
 
 
 class BatchReturned(_Batch):
-    """Message: a worker sends back a batch because of its own trouble, such as a lost connection or a full disk."""
+    """Message: a worker sends back a batch because of a fault of the worker, such as a lost connection or a full disk."""
 
     type: Literal["batch-returned"]
     error: SentSentence
@@ -350,7 +350,7 @@ class PrepareFailed(_Prepare):
 
 
 class PrepareReturned(_Prepare):
-    """Message: a worker sends back a scene because of its own trouble.
+    """Message: a worker sends back a scene because of a fault of the worker, such as a full disk.
 
     unfit: the worker's machine cannot prepare the scene. passing: the cause is temporary.
     """

@@ -272,7 +272,7 @@ class ActiveJob:
         return max(self.target_samples - self.samples, 0) / rate if rate else 0.0
 
     def card_sample_s(self, worker: str) -> float:
-        """Returns the expected slot-seconds per pixel sample on a card of this worker; 0 if unknown."""
+        """Returns the expected slot-seconds per pixel sample on a graphics card of this worker; 0 if unknown."""
         return self._card_costs[worker].average if worker in self._card_costs else 0.0
 
     def card_target_s(self, batch_seconds: float, slots: int, outstanding_s: float) -> float:
@@ -335,7 +335,7 @@ class ActiveJob:
     def expected_s(self, batch: Range, card: str = "") -> float:
         """Returns the expected rendering time of a batch on one slot, in seconds; 0 if unknown.
 
-        card: the worker with whose card it is rendered; "": with the CPU.
+        card: name of the worker whose graphics card renders it; "": a CPU renders it.
         """
         rect = self.film.tiles[batch.tile]
         costs = self._card_costs.get(card) if card else self._costs
