@@ -111,6 +111,7 @@ def render_guide(text: str, has_guide: Callable[[str], bool]) -> tuple[str, str,
             token.attrSet("loading", "lazy")
     body = str(parser.renderer.render(tokens, parser.options, {}))
     body = body.replace("<table>", '<div class="wide" tabindex="0"><table>').replace("</table>", "</table></div>")
+    body = re.sub(r"<th(?: [^>]*)?></th>", "<td></td>", body)  # of a column without a name
     nav = f'<nav class="contents" aria-label="Contents"><ul>{contents}</ul></nav>' if contents else ""
     return escape(title or "Guide"), nav, body.replace("<pre>", '<pre tabindex="0">')
 

@@ -107,3 +107,8 @@ def test_links_and_anchors_follow_github() -> None:
 def test_numbers_of_a_table_are_aligned_without_inline_styles() -> None:
     body = render_guide("# T\n\n| a | n |\n|---|--:|\n| x | 1 |\n", lambda _: False)[2]
     assert '<td class="right">1</td>' in body
+
+
+def test_a_column_without_a_name_has_no_empty_header() -> None:
+    body = render_guide("# T\n\n| | n |\n|---|--:|\n| x | 1 |\n", lambda _: False)[2]
+    assert body.count("<th") - body.count("<thead") == 1
