@@ -14,6 +14,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Light, Material, Mesh, SceneDescription
 from renderer.scene.readers.shapes import quad
 from renderer.settings import RenderSettings, View
+from tests.grids import grid
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -157,8 +158,15 @@ def test_behind_decals_in_the_plane_of_a_wall_the_wall_is_seen(at, moves, wall_f
         np.testing.assert_allclose(picture.reshape(-1, 3), np.broadcast_to(GREEN, (256, 3)), atol=1e-6)
 
 
-@pytest.mark.parametrize("opacities", [(0.5, 0.25), (0.1, 0.3, 0.2), (0.5, 0.0, 0.4, 0.2, 0.1)])
-@pytest.mark.parametrize("moves", [False, True])
+@grid(
+    ("opacities", "moves"),
+    [
+        pytest.param(opacities, moves, id=f"{len(opacities)} {'moving' if moves else 'still'}")
+        for opacities in ((0.5, 0.25), (0.1, 0.3, 0.2), (0.5, 0.0, 0.4, 0.2, 0.1))
+        for moves in (False, True)
+    ],
+    ordinary=("2 moving", "3 moving", "5 still"),
+)
 def test_layers_in_one_plane_let_their_product_through_to_the_camera_and_to_lights(opacities, moves):
     """Coplanar layers transmit the product of 1 - opacity, between the floor and a small light and before the camera."""
     product = float(np.prod([1 - each for each in opacities]))
