@@ -60,7 +60,7 @@ def _terrain(n: int) -> tuple[Any, Any]:
 
 
 def _rays(position: Any) -> dict[str, tuple[Any, Any]]:
-    """Returns (origins, directions) by kind of ray, (n, 3) float32 each."""
+    """Returns the primary and the random rays by name: (origins, directions), each (n, 3) float32."""
     rng = np.random.default_rng(0)
     center = (position.min(0) + position.max(0)) / 2
     radius = np.linalg.norm(position.max(0) - position.min(0)) / 2
@@ -75,7 +75,10 @@ def _rays(position: Any) -> dict[str, tuple[Any, Any]]:
 
 
 def _rate(work: Callable[[], Any], amount: int, rounds: int = 5) -> float:
-    """Returns the highest rate of several rounds, in millions per second."""
+    """Returns the highest rate of several rounds, in millions per second.
+
+    amount: rays or triangles that one call of `work` processes.
+    """
     best = np.inf
     for _ in range(rounds):
         begin = time.process_time()
@@ -114,7 +117,7 @@ def _bunny() -> tuple[Any, Any]:
 
 
 def _places(position: Any, count: int) -> Any:
-    """Returns transforms (count, 3, 4) on a square grid, each rotated about the vertical axis by another angle."""
+    """Returns `count` transforms (3, 4) on a square grid, each rotated about the vertical axis by a different angle."""
     side = int(np.ceil(count**0.5))
     size = float((position.max(0) - position.min(0)).max())
     places = np.zeros((count, 3, 4))
@@ -158,7 +161,7 @@ def _instances() -> None:
 
 
 def main() -> None:
-    """Prints the rates."""
+    """Prints the rates of building, tracing and instances, or only those named on the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", nargs="?", choices=("terrain", "instances"), help="one of the two; both unless told")
     part = parser.parse_args().part

@@ -81,7 +81,7 @@ class Containers:
             )
 
     def is_healthy(self, name: str) -> bool:
-        """Returns whether the container's health check succeeds."""
+        """Returns whether the container's health check (of docker-compose.yml or the Dockerfile) succeeds."""
         about = self.services[name.partition("-")[0]]
         test = about.get("healthcheck", {}).get("test") or _health_check()
         command = [_here(word) for word in test[1:]]
@@ -129,7 +129,9 @@ def main() -> int:
 
 
 def render(containers: Containers, spp: int) -> bool:
-    """Renders a job on two workers, kills one and lets a third join; returns whether the digest is right."""
+    """Renders a job on two workers, kills one and lets a third join; returns whether the digest equals that of an undisturbed
+    render.
+    """
     with Client(containers.url) as client:
         scene = client.wait_for_scene(client.upload([SCENE]).id).id
         wait_until(lambda: sum(w.state == "ready" for w in client.workers()) == 2, PATIENCE_S, "two workers are ready")
@@ -148,7 +150,7 @@ def render(containers: Containers, spp: int) -> bool:
 
 
 def _filled_in(what: Any, values: dict[str, str]) -> Any:
-    """Replaces ${NAME:-default} in parsed values, as Docker Compose does."""
+    """Replaces ${NAME:-default} in parsed YAML, as Docker Compose does. values: environment variables by name."""
     if isinstance(what, dict):
         return {key: _filled_in(value, values) for key, value in what.items()}
     if isinstance(what, list):
@@ -157,7 +159,7 @@ def _filled_in(what: Any, values: dict[str, str]) -> Any:
 
 
 def _targets() -> dict[str, str]:
-    """Returns the Dockerfile's build stages: target name to text."""
+    """Returns the Dockerfile's build stages: the text of each by target name."""
     parts = re.split(r"^FROM \S+ AS (\w+)$", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
@@ -176,7 +178,7 @@ def _health_check() -> list[str]:
 
 
 def _here(word: str) -> str:
-    """Returns the local path of a program by its name in the image."""
+    """Returns the local path of a program by its name in the container image."""
     scripts = Path(sys.executable).parent
     return {"python3": sys.executable, "uvicorn": str(scripts / "uvicorn"), "redis-server": str(find_server())}.get(word, word)
 

@@ -70,7 +70,7 @@ def main() -> None:
 
 
 def alone(folder: Path, threads: int, spp: int) -> tuple[float, float]:
-    """Returns wall and processor seconds of `rayfarm render`, excluding reading and compiling the scene."""
+    """Returns wall and processor seconds of `rayfarm render` without a farm, excluding reading and compiling the scene."""
     command = [sys.executable, "-m", "rayfarm", "render", str(SCENE), "-o", str(folder / "alone.exr"), f"--spp={spp}"]
     command += [f"--threads={threads}", "--size=512x512", "--max-depth=8", f"--stats={folder / 'stats.json'}"]
     subprocess.run(command, cwd=ROOT, check=True, stderr=subprocess.DEVNULL)
@@ -92,7 +92,7 @@ def through(farm: Farm, spp: int) -> tuple[float, dict[str, float]]:
 
 
 def _processor(farm: Farm) -> dict[str, float]:
-    """Returns processor seconds so far: of all slots together, of each other part, and of the remaining processes."""
+    """Returns the farm's processor seconds so far: of all slots together, of each other part, and of the remaining processes."""
     pids = {pid: name for name, pid in farm.pids().items()}
     workers = {pid for pid, name in pids.items() if name == "worker"}
     found: dict[str, float] = {}
@@ -104,9 +104,9 @@ def _processor(farm: Farm) -> dict[str, float]:
 
 
 def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float, dict[str, float]]:
-    """Returns seconds to the first tile after the farm's start, and after the request of a second job.
+    """Returns (seconds to the first tile after the farm's start, those after the request of a second job, processor seconds).
 
-    Also returns the processor seconds until the first of them, by part of the farm.
+    The processor seconds are those until the first of these tiles, by part of the farm.
     """
     begun = time.perf_counter()
     farm = start_farm(data, slots, until=b"is up at", **environment)
@@ -123,7 +123,7 @@ def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float
 
 
 def _samples_of(client: Client, job: str) -> float:
-    """Returns the time at which a job has its first samples, and cancels it."""
+    """Waits until a job has samples, cancels the job, and returns the time at which the samples arrived."""
     while not client.job(job).samples:
         time.sleep(0.05)  # more frequent requests would use part of the measured time
     now = time.perf_counter()

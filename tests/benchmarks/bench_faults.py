@@ -6,8 +6,8 @@ A farm renders small jobs; one or more faults are injected into each. `back afte
 lasting fault (a lock, a full disk, a cut cable), until new samples arrive. When a job has ended, its digest is compared with that
 of the same frame rendered by this process alone. `batches repeated` counts results whose samples had arrived before.
 
-As root, data folders are small separate disks, and hosts have separate networks (`faults/hosts.py`); otherwise these kinds are
-left out.
+If run as root, data folders are small separate disks, and hosts have separate networks (`faults/hosts.py`); without root the
+faults that need these are left out.
 """
 
 from __future__ import annotations
@@ -122,7 +122,10 @@ class Campaign:
         return fault
 
     def _until_it_is_back(self, ground: Ground, job: str, since: float, fault: Fault) -> None:
-        """Waits until samples arrive that were not there when the fault ended."""
+        """Waits until the job has new samples after the fault, and stores the recovery time in `fault`.
+
+        since: when recovery could begin.
+        """
         known = -1
 
         def grows() -> bool:
@@ -184,7 +187,7 @@ class Campaign:
         print(f"      THE JOB DID NOT END\n{ground.logs()[-6000:]}")
 
     def _read_digest(self, ground: Ground, job: str) -> str:
-        """Returns the job's digest once it is available; a film damaged at the very end is repaired first."""
+        """Returns the job's digest once it is available. A film that was damaged at the very end of the job is repaired first."""
         found = ""
 
         def is_told() -> bool:

@@ -2,9 +2,9 @@
 
     python3 farm.py bench files --in DIR... [--packages] [--timeout 60] [--jobs 2] [--refusals]
 
-Outcomes: the file loads; loads with warnings (that of a studio light does not count); is refused with an error message; crashes
-its importer in native code, which also yields an error message; exceeds the time limit; or fails in any other way, which is a
-bug. The counts in docs/correctness.md come from this table.
+Outcomes: the file loads; loads with warnings (that about an added studio light does not count); is refused with an error message;
+crashes its importer in native code, which also yields an error message; exceeds the time limit; or fails in any other way, which
+is a bug. The counts in docs/correctness.md come from this table.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _INTERNAL = re.compile(r"Traceback|\b[A-Z]\w*(?:Error|Exception)\b|<class |<[\w.
 
 
 class Found(NamedTuple):
-    """The outcome of reading one file."""
+    """The outcome of reading one scene file."""
 
     path: Path
     end: str  # one of _ENDS

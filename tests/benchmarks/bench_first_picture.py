@@ -66,7 +66,7 @@ def main() -> None:
 def with_farm(
     browser: Browser, data: Path, slots: int, scenes: list[Path | str], rounds: int, label: str, **environment: str
 ) -> None:
-    """Prints a line for each scene, measured with a farm of its own."""
+    """Prints a line of medians for each scene, measured with a new farm on this data folder."""
     farm = start_farm(data, slots, **environment)
     try:
         if label == "warm":
@@ -105,7 +105,7 @@ def first_picture(browser: Browser, url: str, scene: Path | str) -> dict[str, fl
 
 
 def begin(page: Page, scene: Path | str) -> float:
-    """Chooses the file or opens the example, and returns the time at which it did."""
+    """Chooses the scene's file in the page, or opens the example; returns the time at which it did."""
     if isinstance(scene, str):
         begun = time.monotonic()
         page.get_by_role("button", name=scene).first.click()

@@ -49,7 +49,7 @@ def stone(size: int = 256) -> np.ndarray:
 
 
 def room() -> SceneDescription:
-    """Returns a scene with a textured floor and wall, a ball and a board, under a lamp and a dim sky."""
+    """Returns a scene with a textured floor and wall, a ball and an upright board, under a lamp and a dim sky."""
     corners = np.array([[0, 0], [4, 0], [4, 4], [0, 4]], np.float32)
     floor = replace(square((0, 0, 0), (8, 0, 0), (0, 0, -8), FLOOR), uvs=corners)
     wall = square((0, 2, -3), (8, 0, 0), (0, 2, 0), RED)
@@ -74,7 +74,7 @@ def room() -> SceneDescription:
 
 
 def indoors() -> SceneDescription:
-    """Returns the same scene between walls, with a card below the lamp: all light is reflected by the ceiling."""
+    """Returns the same scene between walls, with a board below the lamp, so that all light is reflected by the ceiling."""
     found = room()
     more = [
         square((-1.5, 3.6, 1), (0.7, 0, 0), (0, 0, -0.7), RED),
@@ -168,9 +168,10 @@ def _shown(light: F32) -> F32:
 
 
 def off_along(first: F32, second: F32, there: DenoisedFrame) -> tuple[F32, np.ndarray]:
-    """Returns the change of the error between two frames along the motion, and a mask of where it is defined.
+    """Returns how the error changes from one frame to the next along the motion vectors, and a mask (h, w) of defined pixels.
 
-    It is defined for pixels whose object is the same in both frames and inside the picture.
+    first, second: errors of the two frames. there: the second frame's auxiliary layers. Pixels whose motion vector leads outside
+    the first frame are not defined.
     """
     height, width = first.shape[:2]
     rows, columns = np.mgrid[0:height, 0:width]
@@ -182,7 +183,7 @@ def off_along(first: F32, second: F32, there: DenoisedFrame) -> tuple[F32, np.nd
 
 
 def figures(made: dict[int, F32], truth: dict[int, DenoisedFrame]) -> tuple[float, float]:
-    """Returns (error, flicker) of the evaluated frames."""
+    """Returns (error, flicker) of the frames `made` against the reference frames `truth`, both by frame number."""
     whole = float(np.mean([each.clean.color.mean() for each in truth.values()]))
     off = {n: _shown(picture / whole) - _shown(truth[n].clean.color / whole) for n, picture in made.items()}
     level = float(np.mean([_shown(each.clean.color / whole).mean() for each in truth.values()]))
@@ -195,7 +196,7 @@ def figures(made: dict[int, F32], truth: dict[int, DenoisedFrame]) -> tuple[floa
 
 
 def main() -> int:
-    """Prints the table."""
+    """Prints the table of errors and flicker."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--size", default="192x108")
     parser.add_argument("--shot", choices=list(MOVES), default=None)

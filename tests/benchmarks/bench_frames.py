@@ -180,7 +180,7 @@ def costs(folder: Path, frames: int) -> list[Cost]:
 
 
 def measure(name: str, triangles: int, frames: int) -> str:
-    """Returns a row of the table."""
+    """Returns the table row of one shot, whose static set has that many triangles."""
     make, asked, words = SHOTS[name]
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "shot.glb").write_bytes(make(still_set(triangles)).glb())
@@ -194,7 +194,7 @@ def measure(name: str, triangles: int, frames: int) -> str:
 
 
 def main() -> None:
-    """Prints the table."""
+    """Prints the table of costs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("triangles", nargs="?", type=int, default=SET, help=f"of the set that stands still; {SET}")
     parser.add_argument("frames", nargs="?", type=int, default=FRAMES, help=f"after the first; {FRAMES}")

@@ -1,10 +1,10 @@
-"""NVIDIA cards: builds their kernels, compares their films with the CPU's bit by bit, and measures both against Mitsuba.
+"""NVIDIA graphics cards: builds their kernels, compares their films with the CPU's bit by bit, and measures both against Mitsuba.
 
     python3 farm.py bench gpu [--quick] [--scenes "Cornell box,glass"] [--no-mitsuba] [--library PATH]
 
-Without a card it builds the kernels and prints why no card is used. Mitsuba's variant cuda_ad_rgb runs in a separate process, if
-it is installed. Times are the best of several tries after compilation, with splitting 1, so that all trace equally many paths.
-Hardware counters: ncu --set full --launch-count 1 python -m tests.benchmarks.bench_gpu --once "Cornell box"
+Without a graphics card it builds the kernels and prints why no card is used. Mitsuba's variant cuda_ad_rgb runs in a separate
+process, if it is installed. Times are the best of several tries after compilation, with splitting 1, so that all trace equally
+many paths. Hardware counters: ncu --set full --launch-count 1 python -m tests.benchmarks.bench_gpu --once "Cornell box"
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _settings(case: Case, width: int, height: int) -> RenderSettings:
 
 
 def _compare(case: Case, card: CardRenderer, quick: bool) -> int:
-    """Prints whether the card's film equals the CPU's to the bit; returns 1 if not, otherwise 0."""
+    """Prints whether the graphics card's film equals the CPU's to the bit; returns 1 if not, otherwise 0."""
     pixels, spp = (32, 4) if quick else (COMPARED, COMPARED_SPP)
     scene, settings = compile_scene(case.description), case.settings(pixels)
     films = [render_frame(scene, settings, spp, card=each) for each in (card, None)]
@@ -146,7 +146,7 @@ def _mitsuba(options: argparse.Namespace, sizes: Sizes) -> int:
 
 
 def _print_speed(who: str, case: Case, width: int, height: int, spp: int, picture: Callable[[int], Any]) -> None:
-    """Prints millions of samples per second of the fastest of several runs after a first one."""
+    """Prints the speed of the renderer named `who` in millions of samples per second: the fastest run after a warm-up."""
     seconds = []
     for seed in range(TRIES + 1):
         begin = time.perf_counter()

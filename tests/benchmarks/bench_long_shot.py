@@ -36,7 +36,7 @@ SIZE = {"width": 64, "height": 48, "spp": 4}
 
 
 class Watched:
-    """Measures the longest transaction and the longest delays since `reset`."""
+    """Measures the service's longest transaction and the longest delays of its event loop since `reset`."""
 
     def __init__(self) -> None:
         self.held = self.held_processor = self.late = self.round = 0.0
@@ -85,7 +85,7 @@ class Watched:
 
 
 class Measured:
-    """Prints a line for each measured request."""
+    """A table of measurements: each call measures one request and prints its row."""
 
     def __init__(self, watched: Watched) -> None:
         self.watched = watched
@@ -171,7 +171,7 @@ def run(service: Service, measured: Measured, options: argparse.Namespace) -> No
 
 
 def finish(service: Service, job: str) -> None:
-    """Marks all frames as rendered."""
+    """Marks all frames of the job as rendered in the database."""
     settings = service.job(job)["settings"]
     with service.farm.sessions.begin() as session:
         done = {"state": "finished", "samples": 4 * 64 * 48, "target": 4 * 64 * 48, "progress": 1.0, "settings": settings}

@@ -76,7 +76,7 @@ def read(folder: Path, main: str) -> dict[str, Any]:
 
 
 def _used() -> float:
-    """Returns the processor seconds of this process and its ended children."""
+    """Returns the processor seconds used so far by this process and its ended children."""
     return sum(sum(resource.getrusage(whose)[:2]) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
@@ -132,7 +132,7 @@ class Campaign:
         return draw(number, self._seed, self._seeds)
 
     def sound(self) -> None:
-        """Reads the undamaged files in this process, so that children are forked with all modules loaded."""
+        """Reads the undamaged files in this process, so that children are forked with all needed modules imported."""
         for kind, given in self._seeds.items():
             for each in given:
                 files = packed(each.main, each.files) if each.is_package else each.files
@@ -155,7 +155,7 @@ class Campaign:
             yield from map(self._again, doubtful)
 
     def _read(self, number: int, slot: int) -> dict[str, Any]:
-        """Reads a file in a child process that reads many."""
+        """Reads the file of this number in a child process that reads many files. slot: index of that child process."""
         _, main, files, _ = self.of(number)
         return read(placed(self._folder / f"case-{slot}", files), main)
 

@@ -109,7 +109,7 @@ def hand(farm: Farm, browser: Browser, _: argparse.Namespace) -> None:
 
 
 def moved(page: Page, cdp: Any, gesture: str) -> str:
-    """Performs a gesture, and returns its cost as text."""
+    """Performs a gesture in the page, and returns its processor time and frame intervals as text."""
     box = page.locator("canvas.film").bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -139,7 +139,7 @@ def moved(page: Page, cdp: Any, gesture: str) -> str:
 
 
 def live(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
-    """Measures a job of 1920x1080 in an open page while low-priority workers render it."""
+    """Measures a job of 1920x1080 in an open page while workers of low process priority render it."""
     for name, pid in farm.pids().items():
         if name not in ("service", "redis"):
             for process in (psutil.Process(pid), *psutil.Process(pid).children(recursive=True)):
@@ -224,7 +224,7 @@ def reload(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
 
 
 def first(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
-    """Measures opening the page for the first time and again, over lines of several speeds."""
+    """Measures opening the page for the first time and again, over network connections of several speeds."""
     job = rendered(farm, width=320, height=200, spp=4)
     places = {
         "the front page": ("/", (".drop-zone", ".home .job-row")),
@@ -249,7 +249,7 @@ def first(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
 
 @dataclass
 class Visit:
-    """Arrival time of each awaited item, and the number of requests until the last of them."""
+    """Measurements of one visit to the page: arrival time of each awaited item, and number of requests until the last of them."""
 
     seconds: list[float]
     requests: int
@@ -257,7 +257,7 @@ class Visit:
 
 
 def visited(context: BrowserContext, url: str, wanted: Sequence[str], line: tuple[float, float] | None) -> Visit:
-    """Visits the page over a connection of (bits per second, latency in milliseconds); None: without limits."""
+    """Visits the page and returns the measurements. line: (bits per second, latency in ms) of the connection; None: unlimited."""
     page = context.new_page()
     cdp = context.new_cdp_session(page)
     cdp.send("Network.enable")
@@ -299,7 +299,7 @@ def opened(browser: Browser, url: str, is_watched: bool = True) -> Page:
 
 
 def submitted(farm: Farm, **request: Any) -> str:
-    """Submits a job of the spheres scene and returns its id."""
+    """Submits a job of the example scene `spheres` and returns its id."""
     with farm.client() as client:
         scene = httpx.post(f"{farm.url}/api/examples/spheres", verify=False).raise_for_status().json()["id"]
         client.wait_for_scene(scene)
@@ -314,7 +314,7 @@ def rendered(farm: Farm, **request: Any) -> str:
 
 
 def described(farm: Farm, job: str) -> dict[str, Any]:
-    """Returns a job as the API describes it."""
+    """Returns the job's JSON from the API."""
     found: dict[str, Any] = httpx.get(f"{farm.url}/api/jobs/{job}", verify=False, timeout=60).raise_for_status().json()
     return found
 

@@ -1,4 +1,4 @@
-"""Comparison with Mitsuba, Embree and Cycles, each at its fastest, in alternating rounds; rows without a peer have targets.
+"""Comparison with Mitsuba, Embree and Cycles, each at its fastest, in alternating rounds. Rows without a peer have targets too.
 
     python3 farm.py bench peers [--quick] [--long] [--rows samples,rays] [--only "Cornell box,textured mesh"] [--out FOLDER]
     python3 farm.py bench peers --against COMMIT [--rounds 15] [--spp 4]   # row samples, compared with another commit
@@ -105,7 +105,10 @@ def main() -> int:
 
 
 def _measure(row: str, lines: Callable[..., Iterator[Line]], sizes: Sizes, report: Report) -> None:
-    """Adds a row's measured lines to the report; the failure of one row does not prevent the others."""
+    """Adds the measured lines of a table row to the report.
+
+    An error in one row is reported and does not prevent the other rows.
+    """
     begun = time.perf_counter()
     print(f"{row} ...", flush=True)
     try:

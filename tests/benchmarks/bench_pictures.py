@@ -66,7 +66,7 @@ def main() -> None:
 
 
 def rendered(farm: Farm, width: int, height: int) -> tuple[str, str]:
-    """Renders a job of that size, and returns its id and its scene's."""
+    """Renders a job with pictures of width x height; returns (job id, scene id)."""
     with farm.client() as client:
         scene = client.wait_for_scene(client.upload([SCENE]).id).id
         job = client.submit(scene, width=width, height=height, spp=2, max_depth=3).id
@@ -75,7 +75,7 @@ def rendered(farm: Farm, width: int, height: int) -> tuple[str, str]:
 
 
 def addresses(job: str, scene: str, width: int, requests: int, pictures: int, seed: int) -> list[str]:
-    """Returns the requests' paths, with the pictures distributed evenly."""
+    """Returns the URL paths of the requests, with those of pictures distributed evenly among the others."""
     whole = [
         f"/api/jobs/{job}/frames/0/" + WHOLE[i % len(WHOLE)].format(x=(seed * 1000 + i) / 4096, w=width // 2 - i - 64 * seed)
         for i in range(pictures)
@@ -90,7 +90,7 @@ def addresses(job: str, scene: str, width: int, requests: int, pictures: int, se
 
 
 def load(farm: Farm, asked: list[str]) -> None:
-    """Sends all requests at once and prints their latencies."""
+    """Sends requests for all paths at once; prints their latencies, those of /healthz meanwhile, and the service's memory."""
     service = psutil.Process(farm.pids()["service"])
     before = resident(service)
     with multiprocessing.get_context("spawn").Pool(1) as pool, multiprocessing.Manager() as manager:

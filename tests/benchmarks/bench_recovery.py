@@ -95,7 +95,10 @@ def _victim(farm: Farm, name: str, draw: random.Random) -> psutil.Process:
 
 
 def _is_back(farm: Farm, victim: psutil.Process, slots: int) -> bool:
-    """Returns whether the killed process is gone, all processes run again, and the service is ready."""
+    """Returns whether the killed process is gone, all processes run again, and the service is ready.
+
+    slots: the number expected.
+    """
     is_gone = not victim.is_running() or victim.status() == psutil.STATUS_ZOMBIE
     return is_gone and victim.pid not in farm.pids().values() and _number(farm) >= slots and _ready(farm)
 

@@ -100,7 +100,7 @@ def main() -> None:
 
 
 def real_sums(side: int) -> Sums:
-    """Returns the sums of a tile in the middle of a rendered picture, with realistic noise."""
+    """Returns the sums of a tile (side x side) in the middle of a rendered picture, with realistic noise."""
     compiled, summary = load_scene(SCENE, Env(), Clock())
     view = summary["cameras"][0]["view"]
     settings = RenderSettings(1920, 1080, View(**{k: tuple(v) if isinstance(v, list) else v for k, v in view.items()}))
@@ -108,7 +108,7 @@ def real_sums(side: int) -> Sums:
 
 
 def line(load: Load, taken: Taken, size: int) -> str:
-    """Returns a row of the table."""
+    """Returns the table row of one measurement."""
     each = 1e3 * taken.service_s / max(taken.merged, 1)
     health = 1e3 * statistics.quantiles(taken.health_s, n=20)[-1]
     wait = 1e3 * statistics.quantiles(taken.rounds_s, n=20)[-1] if taken.rounds_s else 0.0

@@ -42,7 +42,7 @@ LOOKED_AT = 3  # number of frames whose digests are compared
 
 
 class Taken(NamedTuple):
-    """Seconds from the request to the first frame and to the end, and processor seconds by process."""
+    """The times of one rendered shot: seconds from request to first frame and to the end, and processor seconds by process."""
 
     first: float
     all: float
@@ -86,7 +86,7 @@ def main() -> None:
 
 
 def report(slots: int, alone: tuple[float, float], taken: Taken, frames: int) -> str:
-    """Returns the results as lines of text."""
+    """Returns the comparison as lines of text. alone: (wall, processor) seconds of the samples without a farm."""
     wall, processor = alone
     by = ", ".join(f"{name} {seconds:.1f}" for name, seconds in taken.processor.items())
     beside = 1000 * (taken.sum - processor) / frames
@@ -105,7 +105,7 @@ def report(slots: int, alone: tuple[float, float], taken: Taken, frames: int) ->
 
 
 def prepared(folder: Path, count: int) -> list[tuple[CompiledScene, RenderSettings]]:
-    """Returns every frame's scene, compiled from parts, and its settings as a farm resolves them."""
+    """Returns the scene of every frame, compiled from parts, and its render settings as a farm determines them."""
     stage, out = OpenScene(Shot(folder / "scene", "shot.glb")), folder / "parts"
     out.mkdir()
     saver = Saver(out)
@@ -159,7 +159,7 @@ def through(farm: Farm, scene: str, frames: int, spp: int) -> tuple[Taken, list[
 
 
 def check(frames: list[tuple[CompiledScene, RenderSettings]], digests: list[str], spp: int) -> None:
-    """Asserts that the farm's digests equal those of this process."""
+    """Asserts that the farm's digests of these frames equal those of renders in this process."""
     whole = Tile(0, 0, SIZE["width"], SIZE["height"])
     for (compiled, settings), found in zip(frames, digests, strict=False):
         assert digest(render_batch(compiled, settings, whole, 0, spp).sums) == found

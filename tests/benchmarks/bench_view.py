@@ -38,7 +38,7 @@ class Viewer:
         self.bytes = self.pictures = 0
 
     def send(self, angle: float) -> int:
-        """Sends the scene's camera, rotated by an angle; returns the view's id."""
+        """Requests a view: the scene's camera, rotated by an angle. Returns the view's id."""
         (ex, ey, ez), (tx, _, tz) = self.view["eye"], self.view["target"]
         x, z = ex - tx, ez - tz
         c, s = math.cos(angle), math.sin(angle)
@@ -67,7 +67,7 @@ class Viewer:
         return None
 
     def until_samples(self, wanted: int) -> float:
-        """Returns the time at which the view has that many samples."""
+        """Waits until the latest view has that many samples per pixel, and returns the time at which it had."""
         while True:
             message = self.socket.recv(timeout=240)
             if isinstance(message, bytes):
@@ -103,7 +103,7 @@ def main() -> None:
 
 
 def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: bool, rest: int) -> None:
-    """Prints three tables of one line each."""
+    """Prints the latencies, ages and convergence times of one scene. rest: samples per pixel of a finished view."""
     with farm.client() as client:
         scene = httpx.post(f"{farm.url}/api/examples/{name}", verify=False).raise_for_status().json()["id"]
         client.wait_for_scene(scene)
@@ -141,7 +141,7 @@ def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: b
 
 
 def moving(viewer: Viewer, views: int) -> list[float]:
-    """Returns the ages of the shown cameras while a camera is sent every 33 ms."""
+    """Returns the age in seconds of the camera that each arriving picture shows, while 30 cameras per second are sent."""
     ages, begun = [], time.perf_counter()
     for number in range(views):
         viewer.send(0.02 * number)
@@ -153,7 +153,7 @@ def moving(viewer: Viewer, views: int) -> list[float]:
 
 
 def told(seconds: list[float]) -> str:
-    """Returns percentiles of the times as text, in milliseconds."""
+    """Returns the median and the 95th percentile of times (seconds) as text in milliseconds."""
     p50, p95 = np.percentile(np.array(seconds) * 1000, (50, 95))
     return f"p50 {p50:4.0f} ms, p95 {p95:4.0f} ms of {len(seconds)}"
 

@@ -1,4 +1,4 @@
-"""Tests of the table of outcomes of many scene files."""
+"""Tests of the table of outcomes that `bench files` prints."""
 
 from pathlib import Path
 

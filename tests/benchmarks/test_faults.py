@@ -1,4 +1,4 @@
-"""Tests of the fault campaign: timeouts by idle time, and the counts of batches."""
+"""Tests of the fault campaign: its timeouts by idle time, and its counts of repeated batches."""
 
 from __future__ import annotations
 

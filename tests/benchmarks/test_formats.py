@@ -1,4 +1,4 @@
-"""Tests of row `formats`: the same mesh is written in each format and read back."""
+"""Tests of row `formats`: the mesh that is written in each format is read back unchanged."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of the campaign of damaged files: what is drawn, and how outcomes are classified."""
+"""Tests of the campaign of damaged files: which files are drawn, and how outcomes are classified."""
 
 import io
 import os
@@ -47,7 +47,7 @@ def test_what_a_package_is_made_of_is_damaged_and_packed():
 
 
 def lost(number, _):
-    """Replaces a child process, and loses some files."""
+    """Reads a file in a child process: for three of the numbers kills the process, hangs, or raises SystemError."""
     if number == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     if number == 5:

@@ -26,7 +26,7 @@ def _row(materials: list[bpy.types.Material], y: float) -> None:
 
 
 def _mix(name: str, first: tuple[str, dict], second: tuple[str, dict], share: float = 0.5):
-    """Returns a material that mixes two shaders, and the mix node."""
+    """Returns (a material that mixes two shaders, its mix node). share: mix factor."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     tree = material.node_tree
@@ -62,7 +62,7 @@ def _new(tree: bpy.types.NodeTree, kind: str, values: dict, source, into, output
 
 
 def shaders() -> bpy.types.Scene:
-    """Returns mixed shaders in the upper row, and image nodes in the lower one."""
+    """Returns a scene with mixed shaders in the upper row of objects, and image nodes in the lower one."""
     scene = empty()
     _front(scene)
     diffuse, glossy = "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfGlossy"
@@ -110,7 +110,7 @@ def shaders() -> bpy.types.Scene:
 
 
 def suns() -> bpy.types.Scene:
-    """Returns a sun of non-zero size over mirrors and glass, and point lights of both kinds close to surfaces."""
+    """Returns a scene with a sun of non-zero size over mirrors and glass, and point lights of both kinds close to surfaces."""
     scene = empty()
     _front(scene)
     bpy.data.objects["area"].hide_render = True
@@ -126,7 +126,7 @@ def suns() -> bpy.types.Scene:
 
 
 def rays() -> bpy.types.Scene:
-    """Returns objects hidden from camera or shadow rays, and a collection visible only indirectly, next to a mirror."""
+    """Returns a scene with objects hidden from camera or shadow rays, and a collection seen only in a mirror."""
     scene = empty()
     _front(scene)
     matt = {"Roughness": 0.8, "Specular_IOR_Level": 0.0}
@@ -145,7 +145,7 @@ def rays() -> bpy.types.Scene:
 
 
 def bumps() -> bpy.types.Scene:
-    """Returns bump maps of several strengths and distances, one inverted, above; normal maps below."""
+    """Returns a scene with bump maps of several strengths and distances, one inverted, above, and normal maps below."""
     scene = empty()
     add("plane", principled("floor", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
     background(scene).inputs["Strength"].default_value = 0.1
@@ -188,7 +188,7 @@ def _leaning(x: float, y: float) -> tuple[float, float, float]:
 
 
 def surroundings() -> bpy.types.Scene:
-    """Returns a world with a rotated image, and objects with textures, alpha and bumps."""
+    """Returns a scene whose world has a rotated image, with objects with textures, alpha and bumps."""
     scene = empty()
     node = world_node(scene, "ShaderNodeTexEnvironment")
     node.image = painted("sky", 64, 32, lambda x, y: (0.2 + 2 * (0.1 < x < 0.35) * y, 0.3 + y, 0.4 + 0.8 * (x > 0.6)), True)

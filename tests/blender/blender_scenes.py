@@ -1,4 +1,4 @@
-"""Small scenes, made in Blender. Run by a Python that has bpy."""
+"""Small scenes for tests, built in Blender. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SIZE = 96, 72
 
 
 def principled(name: str, **values) -> bpy.types.Material:
-    """Returns a principled material. values: by socket name, with _ for spaces."""
+    """Returns a principled material. values: inputs by socket name, with _ for spaces."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     node = material.node_tree.nodes["Principled BSDF"]
@@ -22,7 +22,7 @@ def principled(name: str, **values) -> bpy.types.Material:
 
 
 def add(primitive: str, material: bpy.types.Material, number: int = 0, smooth: bool = True, **where) -> bpy.types.Object:
-    """Adds a Blender primitive."""
+    """Adds a mesh primitive of Blender (primitive_NAME_add) with a material; returns the object."""
     getattr(bpy.ops.mesh, f"primitive_{primitive}_add")(**where)
     thing = bpy.context.object
     thing.data.materials.append(material)
@@ -51,7 +51,7 @@ def look(thing: bpy.types.Object, at=(0, 0, 0.6)) -> None:
 
 
 def empty() -> bpy.types.Scene:
-    """Returns an empty scene with a small image size."""
+    """Returns a scene without objects, with a small picture size."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = SIZE
@@ -89,7 +89,7 @@ def table(scene: bpy.types.Scene) -> None:
 
 
 def world_node(scene: bpy.types.Scene, kind: str) -> bpy.types.Node:
-    """Adds a node that colours the world."""
+    """Adds a texture node that colours the world, and returns the node."""
     tree = scene.world.node_tree
     node = tree.nodes.new(kind)
     tree.links.new(node.outputs["Color"], background(scene).inputs["Color"])
@@ -159,7 +159,7 @@ def leaves(scene: bpy.types.Scene) -> None:
 
 
 def smoke_filled(tree: Any, surface: str) -> None:
-    """Connects smoke as a volume, alone or inside a glass surface."""
+    """Connects a smoke volume to the material output, alone or inside a glass surface."""
     shader = tree.nodes["Principled BSDF"]
     if surface == "glass":
         _set(shader, Base_Color=(1, 1, 1, 1), Transmission_Weight=1.0, Roughness=0.3, IOR=1.3)

@@ -27,7 +27,7 @@ def _sky(kind: str) -> Callable[[bpy.types.Scene], None]:
 
 
 def _things() -> None:
-    """Adds objects on a diffuse floor, none glossy enough to show single pixels of a lamp."""
+    """Adds objects on a diffuse floor, none so glossy that a lamp's reflection covers single pixels."""
     add("plane", principled("floor", Base_Color=(0.6, 0.55, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), 1, size=12)
     red = principled("red", Base_Color=(0.7, 0.08, 0.05, 1), Roughness=0.6)
     blue = principled("blue", Base_Color=(0.05, 0.2, 0.5, 1), Roughness=0.7)
@@ -90,7 +90,7 @@ def _cycles(**values) -> Callable[[bpy.types.Scene], None]:
 
 
 def _blurred(position: str) -> Callable[[bpy.types.Scene], None]:
-    """Returns a function that adds a cube that moves while the shutter is open; `position` is the shutter's."""
+    """Returns a function that adds a cube that moves while the shutter is open. position: Blender's shutter position."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -119,19 +119,19 @@ def _layered(**values) -> Callable[[bpy.types.Scene], None]:
 
 
 def _shutter_of_layer(scene: bpy.types.Scene) -> None:
-    """Disables motion blur in a view layer."""
+    """Enables motion blur in the scene, and disables it in the view layer."""
     _blurred("CENTER")(scene)
     bpy.context.view_layer.use_motion_blur = False
 
 
 def _still(scene: bpy.types.Scene) -> None:
-    """Adds a moving object without motion blur."""
+    """Adds a moving object for which motion blur is disabled."""
     _blurred("CENTER")(scene)
     bpy.data.objects["Cube"].cycles.use_motion_blur = False
 
 
 def _panes(scene: bpy.types.Scene) -> None:
-    """Adds a transparent object that casts opaque shadows."""
+    """Adds a transparent object whose shadow is opaque."""
     _plain(scene)
     ghost = principled("ghost", Base_Color=(0.8, 0.3, 0.1, 1), Roughness=1.0, Alpha=0.4)
     ghost.use_transparent_shadow = False
@@ -174,7 +174,7 @@ def _normals(space: str) -> Callable[[bpy.types.Scene], None]:
 
 
 def _bright(entry: str) -> Callable[[bpy.types.Scene], None]:
-    """Returns a function that connects a Noise texture, scaled to colours above 1, to the input `entry`."""
+    """Returns a function that connects a Noise texture, scaled to values above 1, to the input `entry` of the ball's material."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -207,7 +207,7 @@ def _scaled_camera(scene: bpy.types.Scene) -> None:
 
 
 def _held(scene: bpy.types.Scene) -> None:
-    """Makes an object a holdout by its collection in the view layer."""
+    """Makes an object a holdout, by its collection's setting in the view layer."""
     _plain(scene)
     aside = bpy.data.collections.new("aside")
     scene.collection.children.link(aside)
@@ -218,7 +218,7 @@ def _held(scene: bpy.types.Scene) -> None:
 
 
 def _linked(scene: bpy.types.Scene) -> None:
-    """Links a lamp to a single object."""
+    """Restricts a lamp to a single object by light linking."""
     _plain(scene)
     receivers = bpy.data.collections.new("receivers")
     receivers.objects.link(bpy.data.objects["Cube"])
@@ -247,7 +247,7 @@ def _foggy(scene: bpy.types.Scene) -> None:
 
 
 def _changed(change: Callable[..., None], **values) -> Callable[[bpy.types.Scene], None]:
-    """Returns a function that changes the ball's material."""
+    """Returns a function that changes the ball's material by `change`."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -384,7 +384,7 @@ SURVEY: dict[str, Survey] = {
 
 
 def made(name: str) -> bpy.types.Scene:
-    """Returns the scene with this name."""
+    """Returns the surveyed scene with this name."""
     scene = empty()
     SURVEY[name][0](scene)
     if scene.camera.data.type != "PANO" and name not in ("camera-scaled", "world-unseen"):

@@ -1,4 +1,4 @@
-"""A substitute for Blender's window. Run by a Python that has bpy."""
+"""Substitutes for the objects of Blender's window that a viewport render uses. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from blender_scenes import SIZE
 
 
 class Region:
-    """A window region that looks through the scene's camera."""
+    """A substitute for a window region that looks through the scene's camera."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.width, self.height = SIZE
@@ -25,7 +25,7 @@ class Region:
 
 
 class Engine:
-    """The parts of a render engine that a viewport uses."""
+    """A substitute for Blender's render engine, with the methods that a viewport uses."""
 
     redraws = 0
 

@@ -25,7 +25,7 @@ def socket(name: str, value: Any = None) -> SimpleNamespace:
 
 
 class Node:
-    """A substitute node. inputs: values by name; more: properties."""
+    """A substitute node. inputs: input values by socket name. more: node properties."""
 
     def __init__(self, kind: str, inputs: dict[str, Any], outputs: tuple[str, ...] = ("Color",), **more: Any) -> None:
         self.type, self.bl_label, self.mute, self.name = kind, kind.title(), False, kind
@@ -36,7 +36,7 @@ class Node:
 
 
 def linked(source: Node, into: Node, name: str | int, output: str | int = 0) -> Node:
-    """Links an output to an input; returns the node with the input."""
+    """Links an output of `source` to the input `name` of `into`; returns `into`."""
     entry = into.inputs[name]
     link = SimpleNamespace(from_node=source, from_socket=source.outputs[output], is_valid=True, is_muted=False)
     entry.links, entry.is_linked = [link], True
@@ -44,13 +44,13 @@ def linked(source: Node, into: Node, name: str | int, output: str | int = 0) -> 
 
 
 def at(source: Node, output: str | int = 0) -> SocketInGroups:
-    """Connects the output to a socket, and returns that socket as the add-on sees it."""
+    """Connects an output of `source` to the input of a new node, and returns this input socket as the add-on sees it."""
     end = linked(source, Node("END", {"in": 0.0}), "in", output)
     return SocketInGroups(end.inputs[0])
 
 
 def ramp(*stops: tuple[float, tuple[float, float, float]]) -> Any:
-    """Returns a ramp with linear interpolation."""
+    """Returns a substitute colour ramp with linear interpolation between stops (position, colour)."""
     places = [place for place, _ in stops]
 
     def evaluate(x: float) -> list[float]:
@@ -60,7 +60,7 @@ def ramp(*stops: tuple[float, tuple[float, float, float]]) -> Any:
 
 
 class Image:
-    """An image with (h, w, 3) encoded pixels, rows from the top."""
+    """A substitute image with (h, w, 3) encoded pixels, whose rows begin at the top."""
 
     is_float, is_dirty, source, file_format, packed_file, channels = False, False, "GENERATED", "PNG", None, 4
 

@@ -35,7 +35,7 @@ TOKEN = sys.argv[4] if len(sys.argv) > 4 else ""
 
 
 def use(engine: str, scene: bpy.types.Scene, samples: int) -> None:
-    """Selects an engine with comparable settings."""
+    """Selects a render engine, with settings for which Cycles and the farm are comparable."""
     scene.render.engine = engine
     if engine == "RAYFARM":
         scene.rayfarm.samples, scene.rayfarm.depth, scene.rayfarm.filter = samples, 14, "box"
@@ -59,7 +59,7 @@ def picture(name: str, scene: bpy.types.Scene, engine: str, samples: int = 256, 
 
 
 def both(name: str, scene: bpy.types.Scene, samples: int = 256) -> list[str]:
-    """Renders with Cycles and with the farm; returns the add-on's messages."""
+    """Renders the scene with Cycles and with the farm; returns the add-on's messages."""
     from rayfarm_addon.ui import connection
 
     lost = blank_images()
@@ -70,7 +70,7 @@ def both(name: str, scene: bpy.types.Scene, samples: int = 256) -> list[str]:
 
 
 def lamps() -> list[str]:
-    """Renders each kind of light alone."""
+    """Renders each kind of light alone with both engines; returns the add-on's messages."""
     kinds = {
         "sun": ("SUN", 3.0, {"angle": 0.2}),
         "point": ("POINT", 400.0, {"shadow_soft_size": 0.3, "color": (1, 0.8, 0.6)}),
@@ -175,7 +175,7 @@ def moving() -> list[str]:
 
 
 def passes() -> dict:
-    """Renders all passes into a multilayer file."""
+    """Renders all passes with the farm into a multilayer file."""
     scene = empty()
     table(scene)
     lamp("AREA", 400.0, (2, -3, 5), size=2.0)
@@ -198,7 +198,11 @@ def sent_bytes() -> int:
 
 
 def changes() -> dict:
-    """Returns the bytes sent at first, unchanged, after moving a small object, after changing a large mesh, in the next shot."""
+    """Returns the bytes sent by successive renders.
+
+    They are the first render, an unchanged one, one after a small object moved, one after a large mesh changed, and the next
+    shot's.
+    """
     scene = empty()
     table(scene)
     for i in range(3):
@@ -285,7 +289,7 @@ def cancelled() -> dict:
 
 
 def viewport() -> dict:
-    """Runs a viewport except for drawing, which needs a window; returns what it reads, sends and receives."""
+    """Runs a viewport render except for drawing, which needs a window; returns the data that it reads, sends and receives."""
     from rayfarm_addon.ui.viewport import Viewport
 
     scene = empty()

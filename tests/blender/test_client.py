@@ -1,4 +1,4 @@
-"""Tests of the add-on's client: farms that refuse, hang, lose jobs or are no farm; and repeated uploads."""
+"""Tests of the add-on's client against substitute farms that refuse, hang, lose jobs or are no farm, and of repeated uploads."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from blender.rayfarm_addon.scene.files import digest_of
 
 
 class Answering(ThreadingHTTPServer):
-    """A farm with canned responses that records requests. answers: (status, body) by method and path."""
+    """A substitute farm with canned responses that records requests. answers: (status, body) by method and path."""
 
     daemon_threads = True
 

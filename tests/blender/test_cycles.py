@@ -1,4 +1,4 @@
-"""Tests that exactly the unsupported Cycles settings that change the picture are reported."""
+"""Tests that unsupported Cycles settings are reported exactly if they change the picture."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_what_changes_the_picture_is_named_once(changed: dict[str, Any], word: s
 
 
 def test_bounces_are_limited_as_in_cycles() -> None:
-    """Cycles counts bounces and still lights the last hit; our limits count one more."""
+    """Our limits are one more than Cycles', which counts bounces and still lights the last hit."""
 
     def depths(**changed: Any) -> dict[str, int]:
         return cycles.depths_of(scene(**changed)[0])

@@ -18,7 +18,7 @@ RISING = np.repeat(np.arange(8, dtype=np.float32)[None, :, None] / 8, 3, axis=2)
 
 
 class Density:
-    """A surface of 4 by 2 units per unit of UVs, on an object scaled by 2."""
+    """A substitute for UV density: the surface has 4 by 2 units per unit of UVs, on an object scaled by 2."""
 
     scale = 2.0
 
@@ -60,7 +60,7 @@ def test_what_of_displacement_is_otherwise_is_named() -> None:
 
 
 def test_how_long_a_surface_is_each_way() -> None:
-    """Lengths per unit of UV equal those of two rotated triangles of 6 by 2 over half of the UV square."""
+    """The lengths of a surface per unit of u and v are right, for two triangles of 6 by 2 over half of the UV square."""
     corners, uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float), np.array([(0, 0), (0.5, 0), (0.5, 1), (0, 1)])
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     at = np.column_stack([corners * (6, 2), np.zeros(4)]) @ turn

@@ -152,7 +152,9 @@ def test_a_pixel_looks_where_the_projection_says(shift, border) -> None:
 
 
 def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
-    """Pass indices match the farm's numbers, also for objects with ray visibility, which have separate materials there."""
+    """Pass indices equal the numbers that the farm assigns, also for objects with ray visibility, which have separate materials
+    there.
+    """
     scene = Scene(meshes={"a": mesh("a")}, materials={"red": Material("red", number=11), "blue": Material("blue", number=12)})
     flags = ({}, {"unseen": True}, {"shadeless": True}, {"shadeless": True}, {"unseen": True, "shadeless": True}, {})
     for i, hidden in enumerate(flags):
@@ -175,7 +177,7 @@ def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
     ("kind", "has_sun", "strength"), [("NISHITA", True, 4.9), ("HOSEK_WILKIE", False, 0.085), ("PREETHAM", False, 0.65)]
 )
 def test_a_sky_is_the_scene_files_own(kind: str, has_sun: bool, strength: float, tmp_path) -> None:
-    """A sky is part of the scene file, since requests lack a sun size; it is 49 times as bright as our sky with a sun."""
+    """A sky is stored in the scene file, since job requests have no sun size; it is 49 times as bright as our sky with a sun."""
     node = Sky("TEX_SKY", {"Vector": None}, ("Color",), sky_type=kind, sun_direction=(0.0, 0.5, 0.75**0.5))
     node.sun_elevation, node.sun_rotation, node.sun_size, node.sun_disc = np.radians(60), np.radians(30), np.radians(2), True
     node.air_density, node.dust_density, node.ozone_density = 1.0, 2.0, 3.0

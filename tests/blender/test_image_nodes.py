@@ -68,7 +68,7 @@ def test_no_share_of_a_blend_is_the_first(how: str) -> None:
 
 
 def test_a_mix_and_arithmetic_behind_it() -> None:
-    """An overlay of an image and a colour is baked, with a power of another channel as the factor."""
+    """An overlay of an image and a colour is baked, with a power of another image's channel as the mix factor."""
     mix = Node("MIX_RGB", {"Fac": 0.5, "Color1": None, "Color2": (0.9, 0.3, 0.2, 1)}, blend_type="OVERLAY", use_clamp=False)
     power = Node("MATH", {"a": 0.5, "b": 2.0, "c": 0.0}, ("Value",), operation="POWER", use_clamp=False)
     linked(linked(spots(), Node("SEPARATE_COLOR", {"Color": None}, ("Red", "Green", "Blue"), mode="RGB"), 0), power, 0, "Green")
@@ -119,7 +119,7 @@ def test_a_blend_of_looks_is_painted() -> None:
 
 
 def test_heights_become_slopes() -> None:
-    """A height ramp over 8 texels and 4 units has slopes of 1/8 per texel of half a unit, times the distance."""
+    """A height map that rises by 1 over 8 texels and 4 units has the slope 1/8 per texel of half a unit, times the distance."""
     rising = np.repeat(np.arange(8, dtype=np.float32)[None, :, None] / 8, 3, axis=2).repeat(4, axis=0)
     bump = Node("BUMP", {"Strength": 1.0, "Distance": 0.5, "Height": None, "Normal": None}, ("Normal",), invert=False)
     linked(image_node(Image("rising", rising, "Non-Color")), bump, "Height")

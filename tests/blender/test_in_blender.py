@@ -83,7 +83,7 @@ def pictures(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 
 def blocks(picture: np.ndarray) -> np.ndarray:
-    """Returns the means of 4 x 4 pixels, which average most of the noise."""
+    """Returns the means of 4 x 4 pixels, which average out most of the noise."""
     h, w = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
     return picture.astype(float).reshape(h, BLOCK, w, BLOCK, -1).mean((1, 3))
 
@@ -113,7 +113,7 @@ def surveyed(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 
 def judged(name: str, ours: np.ndarray, theirs: np.ndarray) -> None:
-    """Asserts that a picture matches that of Cycles."""
+    """Asserts that our picture matches that of Cycles. name: of the scene, for messages."""
     both = [blocks(np.minimum(each, BRIGHTEST)) for each in (ours, theirs)]
     difference = float(np.abs(both[0] - both[1]).mean() / both[1].mean())
     print(f"{name}: differs by {difference:.2%}")
@@ -126,7 +126,7 @@ def assert_said(word: str, said: list[str]) -> None:
 
 
 def survey_table() -> list[tuple[str, str, str]]:
-    """Returns (name, add-on's message, reader's message) of blender_survey.py's table, read without Blender."""
+    """Returns (scene, add-on's message, reader's message) for each row of blender_survey.py's table, read without Blender."""
     tree = ast.parse(Path(__file__).with_name("blender_survey.py").read_text())
     table = next(n.value for n in tree.body if isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == "SURVEY")
     assert isinstance(table, ast.Dict)

@@ -69,7 +69,7 @@ def test_what_lamps_cannot_be_told_is_named() -> None:
 
 
 def test_numbers_behind_a_lamp_are_worked_out() -> None:
-    """Node inputs of a lamp are evaluated: a black body's colour, a product as strength; quadratic falloff is the default."""
+    """Node inputs of a lamp are evaluated: a black body's colour, and a product as strength; quadratic falloff is the default."""
     body = Node("BLACKBODY", {"Temperature": 3000.0})
     falls = Node("LIGHT_FALLOFF", {"Strength": 2.0, "Smooth": 0.0}, ("Quadratic", "Linear"))
     for output, wanted in (("Quadratic", [2 * c for c in blackbody(3000.0)]), ("Linear", None)):

@@ -1,4 +1,4 @@
-"""Tests that shaders and their mixes become a single principled BSDF."""
+"""Tests that each of Blender's shaders, and their mixes, is exported as a single principled BSDF."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of material interiors: volumes by Cycles' formulas, and subsurface scattering by its radii."""
+"""Tests of the exported interior of materials: volumes by Cycles' formulas, and subsurface scattering by its radii."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def test_a_radius_is_four_pi_mean_free_paths() -> None:
 
 
 def test_skins_radius_is_what_light_diffuses_by() -> None:
-    """A skin radius is a diffusion length (Jensen et al. 2001): the albedo reproduces the half-space's colour."""
+    """The Skin shader's radius is a diffusion length (Jensen et al. 2001), and the albedo reproduces the half-space's colour."""
     found = material(beneath(method="RANDOM_WALK_SKIN"))[0]["extensions"][SUBSURFACE]
     inner = -1.44 / 1.4**2 + 0.71 / 1.4 + 0.668 + 0.0636 * 1.4
     for color, radius, path in zip((0.8, 0.5, 0.2), (0.5, 0.1, 0.05), found["subsurfaceRadius"], strict=True):

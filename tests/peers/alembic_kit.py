@@ -79,7 +79,7 @@ def told() -> dict[int, Any]:
 
 
 def main(folder: Path) -> None:
-    """Writes the files."""
+    """Writes all files to the folder."""
     build()
     bpy.context.scene.frame_set(FRAMES[0])
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"))

@@ -1,4 +1,4 @@
-"""Writes small .blend scenes of one feature each, of which each was once rendered differently from Cycles, with Cycles' pictures.
+"""Writes small .blend scenes, each with one feature that was once rendered differently from Cycles, and Cycles' pictures of them.
 
 python blend_features.py FOLDER [NAME...]        run by a Python that has bpy
 """
@@ -35,7 +35,7 @@ def stage(scene: Any, power: float = 300.0, **values: Any) -> tuple[Any, Any]:
 
 
 def stripes(tree: Any, space: str) -> Any:
-    """Returns the colour output of a striped image."""
+    """Returns an image texture node with a striped image. space: the image's colour space."""
     node = tree.nodes.new("ShaderNodeTexImage")
     node.interpolation = "Closest"
     node.image = painted(
@@ -45,7 +45,7 @@ def stripes(tree: Any, space: str) -> Any:
 
 
 def grey(tree: Any) -> Any:
-    """Returns the output of a data image marked as colour, as are Blender's new images."""
+    """Returns an image texture node with grey data in an image that is marked as colour, as new images of Blender are."""
     node = tree.nodes.new("ShaderNodeTexImage")
     node.interpolation = "Closest"
     node.image = painted("numbers", 16, 16, lambda x, y: (0.2 + 0.5 * (int(x * 8) % 2),) * 3)
@@ -75,7 +75,7 @@ def spaces(scene: Any) -> None:
 
 
 def mask(scene: Any) -> None:
-    """Sets colours as opacity."""
+    """Connects the colour output of an image to an opacity input."""
     _, tree = stage(scene)
     tree.links.new(stripes(tree, "Non-Color").outputs[0], tree.nodes[SHADER].inputs["Alpha"])
 
@@ -114,7 +114,7 @@ def plain(scene: Any) -> None:
 
 
 def of_each(scene: Any) -> None:
-    """Adds objects that share a mesh and are coloured by object."""
+    """Adds objects that share a mesh and have different object colours, which the material uses as base colour."""
     ball, tree = stage(scene, Roughness=0.8)
     node = tree.nodes.new("ShaderNodeObjectInfo")
     tree.links.new(node.outputs["Color"], tree.nodes[SHADER].inputs["Base Color"])
@@ -126,7 +126,7 @@ def of_each(scene: Any) -> None:
 
 
 def lamps(scene: Any) -> None:
-    """Adds lamps: not rendered, instanced twice by a collection, a portal, power per square metre, with nodes."""
+    """Adds lamps: one not rendered, one instanced twice, a portal, one with power per square metre, one with nodes."""
     stage(scene, power=0.0)
     lamp("POINT", 500.0, (0, -2, 3)).hide_render = True
     lamp("AREA", 500.0, (0, -2, 3)).data.cycles.is_portal = True
@@ -153,7 +153,7 @@ def _shaded(thing: Any) -> Any:
 
 
 def profiles(scene: Any) -> None:
-    """Adds a point and a spot light with asymmetric IES profiles, from a file and a text block; rotated."""
+    """Adds a point and a spot light, both rotated, with asymmetric IES profiles: one from a file, one from a text block."""
     stage(scene, power=0.0)
     text = bpy.data.texts.new("lamp.ies")
     angles, planes = range(0, 91, 10), range(0, 361, 30)
@@ -171,7 +171,7 @@ def profiles(scene: Any) -> None:
 
 
 def slides(scene: Any) -> None:
-    """Adds spots with projected images, one of them very wide, and a coloured point light."""
+    """Adds spot lights that project images, one of them very wide, and a coloured point light."""
     stage(scene, power=0.0, Roughness=0.8)
     for kind, watts, place, turn, size in (
         ("SPOT", 900.0, (1.0, -3.0, 3.5), (0.75, 0.1, 0.4), 0.8),
@@ -187,7 +187,7 @@ def slides(scene: Any) -> None:
 
 
 def sky(scene: Any) -> None:
-    """Sets a sky with a sun of half a degree."""
+    """Sets a procedural sky with a sun disk of half a degree."""
     stage(scene, power=0.0, Roughness=0.7)
     node = world_node(scene, "ShaderNodeTexSky")
     node.sky_type, node.sun_elevation, node.sun_rotation = "NISHITA", 0.6, 0.8
@@ -195,7 +195,7 @@ def sky(scene: Any) -> None:
 
 
 def shader(tree: Any, kind: str, into: str, **values: Any) -> Any:
-    """Adds a node connected to the material output."""
+    """Adds a node of this kind to the node tree, and connects it to the input `into` of the material output."""
     node = tree.nodes.new(kind)
     for name, value in values.items():
         node.inputs[name.replace("_", " ")].default_value = value
@@ -204,21 +204,21 @@ def shader(tree: Any, kind: str, into: str, **values: Any) -> Any:
 
 
 def smoke(scene: Any) -> None:
-    """Sets a forward-scattering volume without a surface."""
+    """Sets a material with a forward-scattering volume and no surface."""
     _, tree = stage(scene)
     tree.nodes.remove(tree.nodes[SHADER])
     shader(tree, "ShaderNodeVolumeScatter", "Volume", Color=(0.9, 0.7, 0.4, 1), Density=1.2, Anisotropy=0.4)
 
 
 def ink(scene: Any) -> None:
-    """Sets an absorbing volume beneath a clear surface."""
+    """Sets a material with an absorbing volume beneath a clear surface."""
     _, tree = stage(scene)
     shader(tree, "ShaderNodeBsdfTransparent", "Surface")
     shader(tree, "ShaderNodeVolumeAbsorption", "Volume", Color=(0.8, 0.4, 0.1, 1), Density=1.5)
 
 
 def juice(scene: Any) -> None:
-    """Sets a volume inside glass."""
+    """Sets a glass material with a volume inside."""
     _, tree = stage(scene, Base_Color=(1, 1, 1, 1), Roughness=0.2, Transmission_Weight=1.0, IOR=1.33)
     values = {"Color": (0.6, 0.3, 0.1, 1), "Density": 2.0, "Anisotropy": -0.3, "Absorption_Color": (0.5, 0.2, 0.1, 1)}
     shader(tree, "ShaderNodeVolumePrincipled", "Volume", **values)
@@ -245,7 +245,7 @@ def skin(scene: Any) -> None:
 
 
 def marble(scene: Any) -> None:
-    """Sets a subsurface scattering shader with the colours of an image."""
+    """Sets a subsurface scattering shader whose colours are those of an image."""
     _, tree = stage(scene)
     values = {"Scale": 1.0, "Radius": (1.0, 1.0, 1.0)}
     node = shader(tree, "ShaderNodeSubsurfaceScattering", "Surface", **values)
@@ -253,7 +253,7 @@ def marble(scene: Any) -> None:
 
 
 def dents(scene: Any) -> None:
-    """Sets bump-only displacement on a scaled object."""
+    """Sets displacement that Cycles renders as bump mapping only, on a scaled object."""
     ball, tree = stage(scene, Roughness=0.5)
     node = tree.nodes.new("ShaderNodeTexImage")
 

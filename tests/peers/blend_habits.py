@@ -44,7 +44,7 @@ def collection(name: str, *children: Any) -> Any:
 
 
 def shown(name: str, what: Any, at=(0, 0, 0), into: Any = None) -> Any:
-    """Returns an empty that instances a collection."""
+    """Returns an object, linked to the collection `into`, that instances the collection `what` at location `at`."""
     made = bpy.data.objects.new(name, None)
     made.instance_type, made.instance_collection, made.location = "COLLECTION", what, at
     (into or bpy.context.scene.collection).objects.link(made)
@@ -52,7 +52,7 @@ def shown(name: str, what: Any, at=(0, 0, 0), into: Any = None) -> Any:
 
 
 def move(each: Any, path: str, *keys: tuple[float, Any]) -> None:
-    """Adds keyframes of a property."""
+    """Adds keyframes (frame, value) of an object's property."""
     for frame, value in keys:
         setattr(each, path, value)
         each.keyframe_insert(path, frame=frame)
@@ -218,7 +218,7 @@ def rigs() -> None:
 
 
 def layers() -> None:
-    """Adds two scenes and three view layers with collections excluded, not rendered, or hidden only in the viewport."""
+    """Adds two scenes and three view layers, with collections that are excluded, not rendered, or hidden only in the viewport."""
     scene = bpy.context.scene
     thing("plain")
     for i, name in enumerate(("excluded", "unrendered", "unseen in the viewport", "hidden by eye")):
@@ -307,7 +307,7 @@ def colors() -> None:
 
 
 def units() -> None:
-    """Sets centimetres as the unit; one object is as large as a country, one as small as a grain."""
+    """Sets centimetres as the scene's unit, and adds an object as large as a country and one as small as a grain."""
     settings = bpy.context.scene.unit_settings
     settings.system, settings.scale_length = "METRIC", 0.01
     thing("country", (0, 0, -6e5), 1e6)
@@ -316,7 +316,7 @@ def units() -> None:
 
 
 def names() -> None:
-    """Adds names of maximum length, in other scripts, in other case, with separators, and with equal beginnings."""
+    """Adds objects whose names have maximum length, other scripts, other case, separators, or equal beginnings."""
     for i, name in enumerate(
         (LONG, LONG[:-1] + "d", "Ünïcödé/with\\slashes", "cube", "Cube", "a: [b] {c} #d 'e' \"f\"", "\n", "🫖")
     ):
@@ -330,7 +330,7 @@ def names() -> None:
 
 
 def large() -> None:
-    """Adds a mesh too large for the exporter: two of three materials, smooth with sharp edges, two UV sets."""
+    """Adds a smooth mesh too large for Blender's exporter, with sharp edges, two UV sets, and two of three materials used."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=180, y_subdivisions=120, size=4)
     grid = bpy.context.object
     grid.name = "wavy"
@@ -359,7 +359,7 @@ FILES: dict[str, Callable[[], None]] = {
 
 
 def empty() -> None:
-    """Creates an empty scene of some frames."""
+    """Creates a scene without objects, with several frames."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.fps, scene.frame_start, scene.frame_end = 24, FRAMES[0], FRAMES[-1]

@@ -22,7 +22,7 @@ FRAMES = (1, 6, 12)
 
 
 def hostile(folder: Path) -> None:
-    """Writes a file in which everything that can execute does, and which refers to files outside the folder."""
+    """Writes a file with a driver and a registered script, and with references to files outside the folder."""
     outside = folder / "outside"
     outside.mkdir()
     bpy.ops.wm.read_factory_settings(use_empty=True)

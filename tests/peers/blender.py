@@ -1,4 +1,4 @@
-"""Locates Blender, and runs scripts that write files with it."""
+"""Finds a Python with Blender, and runs scripts with it that write files."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def python_with_bpy() -> Path | None:
 
 @contextmanager
 def written_by(script: str, folder: Path) -> Iterator[Path]:
-    """Runs a script of this package in Blender, and yields the folder that it filled.
+    """Runs a script of this package in Blender, and yields the folder into which it wrote.
 
-    Until exit our .blend reader uses the same Blender. Skips the test if there is no Blender.
+    Inside the `with` block our .blend reader uses the same Blender. Skips the test if there is no Blender.
     """
     python = python_with_bpy()
     if python is None:

@@ -151,7 +151,7 @@ def bent():
 
 
 def bent_alone():
-    """Leaves only the tube on its floor, with a static camera and lamp."""
+    """Deletes all objects but the tube and its floor, and adds a static camera and lamp."""
     bpy.data.objects["tube"].data.shape_keys.key_blocks["long"].driver_remove("value")
     for name in ("mast", "yard", "flag"):
         bpy.data.objects.remove(bpy.data.objects[name])
@@ -163,7 +163,7 @@ def bent_alone():
 
 
 def seen():
-    """Returns all transforms, vertices and numbers at the current frame."""
+    """Returns all transforms, vertices and animated numbers at the current frame."""
     graph = bpy.context.evaluated_depsgraph_get()
     matrices, vertices = {}, {}
     for thing in bpy.context.scene.objects:

@@ -94,7 +94,7 @@ def picture(path: Path, size: int, samples: int, max_depth: int, shutter: float,
 
 
 def main(folder: Path, size: int, samples: int, max_depth: int) -> None:
-    """Writes the files and pictures."""
+    """Writes the files, and Cycles' pictures, to the folder."""
     build()
     scene = bpy.context.scene
     scene.render.resolution_x = scene.render.resolution_y = size

@@ -55,9 +55,10 @@ def render(
     shutter: float | None = None,
     vectors: bool = False,
 ) -> None:
-    """Renders one picture to an EXR file.
+    """Renders one picture of a GLB file to an EXR file.
 
-    frame: of a file with motion, at 24 per second. shutter: fraction of a frame's time, centred. vectors: writes these as well.
+    frame: frame number of a file with motion, at 24 per second. shutter: open time in frames, centred on the frame. vectors:
+    whether to write motion vectors too.
     """
     prepare(glb, size, max_depth, sky)
     if shutter is not None:
@@ -73,7 +74,7 @@ def render(
 
 
 def open_shutter(length: float) -> None:
-    """Enables motion blur, with nine motion keys for each object."""
+    """Enables motion blur with this shutter time in frames, and nine motion keys for each object."""
     scene = bpy.context.scene
     scene.render.use_motion_blur = True
     scene.render.motion_blur_shutter = length
@@ -99,7 +100,7 @@ def prepare(glb: str, size: int, max_depth: int, sky: list[float]) -> None:
 
 
 def as_we_have_it(scene: bpy.types.Scene, size: int, max_depth: int) -> None:
-    """Sets Cycles' options to those that we support: a square picture, and unclamped samples."""
+    """Sets Cycles' options to what we support: a square picture, and unclamped samples."""
     scene.render.engine = "CYCLES"
     scene.render.resolution_x = scene.render.resolution_y = size
     scene.render.resolution_percentage = 100

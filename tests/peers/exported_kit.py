@@ -56,7 +56,7 @@ def picture(path: Path, size: int, samples: int, max_depth: int) -> None:
 
 
 def main(folder: Path, size: int, samples: int, max_depth: int, names: list[str]) -> None:
-    """Writes the files and pictures."""
+    """Writes the files and pictures of these materials; of all materials if `names` is empty."""
     for name in names or MATERIALS:
         ball = stage()
         MATERIALS[name](ball)

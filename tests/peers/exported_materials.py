@@ -21,7 +21,7 @@ MATERIALS: dict[str, Callable[[Any], None]] = {}
 
 
 def material(build: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Registers a material: a function that modifies a ball, whose material is a plain principled one."""
+    """Registers a material: a function that modifies the material of a ball, which is initially a plain principled one."""
     MATERIALS[build.__name__] = build
     return build
 
@@ -74,7 +74,7 @@ def squares(name: str, seed: int, space: str, columns: int = 8, rows: int = 4, a
 
 
 def shown(tree: Any, image: Any, **values: Any) -> Any:
-    """Returns a node that looks up an image."""
+    """Returns an image texture node with this image."""
     node = tree.nodes.new("ShaderNodeTexImage")
     node.image = image
     for key, value in values.items():
@@ -108,7 +108,7 @@ def metal(ball: Any) -> None:
 
 @material
 def packed_metal(ball: Any) -> None:
-    """Takes roughness and metallic from channels of one image."""
+    """Sets roughness and metallic to channels of one image."""
     tree = set_to(ball, Base_Color=GOLD)
     parts = tree.nodes.new("ShaderNodeSeparateColor")
     image = squares("packed", 1, "Non-Color")
@@ -155,7 +155,7 @@ def rough_glass(ball: Any) -> None:
 
 @material
 def absorbing_glass(ball: Any) -> None:
-    """Absorbs in the exporter's parameters: a colour that remains after a distance."""
+    """Sets absorption by the exporter's parameters: the colour that remains of white light after a distance."""
     tree = set_to(ball, Base_Color=WHITE, Roughness=0.0, Transmission_Weight=1.0, IOR=1.5)
     thick(ball, 1.0)
     volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
@@ -164,7 +164,7 @@ def absorbing_glass(ball: Any) -> None:
 
 
 def thick(ball: Any, depth: float) -> None:
-    """Adds the node group by which Blender's exporter recognises a solid mesh of this thickness."""
+    """Adds the node group by which Blender's exporter recognises a solid mesh, with this thickness."""
     group = bpy.data.node_groups.new("glTF Material Output", "ShaderNodeTree")
     for name in ("Occlusion", "Thickness"):
         group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
@@ -185,7 +185,7 @@ def transmission_textured(ball: Any) -> None:
 
 @material
 def emission(ball: Any) -> None:
-    """Emits more than 1, coloured by an image."""
+    """Sets emission of strength above 1, coloured by an image."""
     tree = set_to(ball, Base_Color=(0.1, 0.1, 0.1, 1), Emission_Strength=4.0)
     link(tree, shown(tree, squares("shine", 4, "sRGB", 6, 3)).outputs["Color"], "Emission Color")
 
@@ -234,7 +234,7 @@ def alpha_mask(ball: Any) -> None:
 
 @material
 def texture(ball: Any) -> None:
-    """Multiplies an image by a colour."""
+    """Sets the base colour to the product of an image and a colour."""
     tree = set_to(ball, Roughness=0.7)
     mix = tree.nodes.new("ShaderNodeMix")
     mix.data_type, mix.blend_type, mix.inputs[0].default_value = "RGBA", "MULTIPLY", 1.0
@@ -258,7 +258,7 @@ def texture_transform(ball: Any) -> None:
 
 @material
 def texture_mirrored(ball: Any) -> None:
-    """Mirrors the image at each repetition, with nearest texel lookup."""
+    """Sets an image as base colour that is mirrored at each repetition, with nearest-texel lookup."""
     tree = set_to(ball, Roughness=0.7)
     node = shown(tree, squares("mirrored", 10, "sRGB", 3, 3), extension="MIRROR", interpolation="Closest")
     mapping, at = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
@@ -284,7 +284,7 @@ def normal_map(ball: Any) -> None:
 
 @material
 def two_sets(ball: Any) -> None:
-    """Looks up colour by the second UV set, roughness by the first."""
+    """Sets an image by the second UV set as base colour, and one by the first UV set as roughness."""
     first, second = ball.data.uv_layers[0], ball.data.uv_layers.new(name="second")
     for one, other in zip(first.data, second.data, strict=True):
         other.uv = (one.uv[1] * 2, one.uv[0])
@@ -326,7 +326,7 @@ def unlit(ball: Any) -> None:
 
 @material
 def nodes(ball: Any) -> None:
-    """Takes base colour and roughness from Colour and Value nodes."""
+    """Sets base colour and roughness by an RGB and a Value node."""
     tree = set_to(ball)
     color, value = tree.nodes.new("ShaderNodeRGB"), tree.nodes.new("ShaderNodeValue")
     color.outputs[0].default_value, value.outputs[0].default_value = RED, 0.3
@@ -336,7 +336,7 @@ def nodes(ball: Any) -> None:
 
 @material
 def open_shell(ball: Any) -> None:
-    """Shows half a ball, whose inside is visible."""
+    """Deletes half of the ball, so that its inside is visible."""
     set_to(ball, Base_Color=(0.2, 0.5, 0.7, 1), Roughness=0.5)
     mesh = ball.data
     keep = [p for p in mesh.polygons if p.center.y > -0.35]
@@ -352,7 +352,7 @@ def open_shell(ball: Any) -> None:
 
 @material
 def bent_colors(ball: Any) -> None:
-    """Uses node arithmetic, which glTF, FBX and USD cannot represent."""
+    """Sets colours by node arithmetic that glTF, FBX and USD cannot represent."""
     tree = set_to(ball)
     noise = tree.nodes.new("ShaderNodeTexNoise")
     noise.inputs["Scale"].default_value = 2.0

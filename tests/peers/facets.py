@@ -1,4 +1,4 @@
-"""A random walk of light between the facets of a rough dielectric.
+"""A random walk of light between the facets of a rough dielectric, as a reference for multiple scattering.
 
 Source: Heitz, Hanika, d'Eon and Dachsbacher 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model". Slopes are
 distributed as GGX, heights uniformly.
@@ -16,7 +16,7 @@ _MOST = 30  # maximum number of facet hits
 
 
 def walked(alpha: float, degrees: float, ior: float, paths: int = 400_000) -> tuple[F64, F64]:
-    """Returns the fractions of light incident at an angle that are reflected and transmitted, by number of facets hit."""
+    """Returns the reflected and the transmitted fraction of light incident at an angle, by number of facets hit."""
     random = np.random.default_rng(1)
     w = np.tile((-np.sin(np.radians(degrees)), 0.0, -np.cos(np.radians(degrees))), (paths, 1))
     height, side = np.ones(paths), np.ones(paths)  # 1 outside, -1 inside
@@ -42,7 +42,7 @@ def walked(alpha: float, degrees: float, ior: float, paths: int = 400_000) -> tu
 
 
 def _next_height(random: np.random.Generator, up: F64, height: F64, alpha: float) -> F64:
-    """Returns the height at which each ray hits the next facet; infinity if it leaves."""
+    """Returns the height at which each ray hits the next facet; infinity if the ray leaves the surface."""
     u = random.random(len(up))
     z = np.clip(up, -0.99999, 0.99999)
     z = np.where(np.abs(z) < 1e-5, 1e-5, z)
@@ -56,7 +56,7 @@ def _next_height(random: np.random.Generator, up: F64, height: F64, alpha: float
 
 
 def _visible(random: np.random.Generator, w: F64, alpha: float) -> F64:
-    """Returns a facet normal sampled by visibility from a direction on either side (Dupuy and Benyoub 2023)."""
+    """Returns a facet normal for each direction w, on either side, sampled by visibility from w (Dupuy and Benyoub 2023)."""
     stretch = np.array([alpha, alpha, 1.0])
     seen = w * stretch
     seen /= np.linalg.norm(seen, axis=1)[:, None]
@@ -68,7 +68,10 @@ def _visible(random: np.random.Generator, w: F64, alpha: float) -> F64:
 
 
 def _fresnel(cosine: F64, eta: F64) -> tuple[F64, F64]:
-    """Returns (Fresnel reflectance, cosine of refraction). eta: index on the incident side divided by the other."""
+    """Returns (Fresnel reflectance, cosine of the refracted angle).
+
+    eta: refractive index on the incident side divided by that on the other.
+    """
     below = np.sqrt(np.clip(1 - eta**2 * (1 - cosine**2), 0, 1))
     s, p = (eta * cosine - below) / (eta * cosine + below), (cosine - eta * below) / (cosine + eta * below)
     return np.where(below > 0, (s * s + p * p) / 2, 1.0), below

@@ -1,4 +1,4 @@
-"""Writes tests/data/fbx by Blender's own exporter, with Blender's values of the scene. Run by a Python that has bpy.
+"""Writes tests/data/fbx by Blender's own FBX exporter, and Blender's values of the scene. Run by a Python that has bpy.
 
 python tests/peers/fbx_kit.py FOLDER
 """

@@ -25,7 +25,7 @@ PLAIN = False  # only diffuse surfaces: Blender's Collada lacks roughness and sp
 
 
 def build(folder: Path, name: str) -> None:
-    """Builds what the format can store: a wavy floor with a checker texture, four bodies with materials, four lights."""
+    """Builds the scene, limited to what the format can store: a wavy checkered floor, four bodies with materials, four lights."""
     global PLAIN, SAYS_ALL
     PLAIN, SAYS_ALL = name == "dae", name in ("blend", "fbx", "usdc")
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -75,7 +75,7 @@ def build(folder: Path, name: str) -> None:
 
 
 def light_up(scene: bpy.types.Scene) -> None:
-    """Adds a uniform sky."""
+    """Adds a uniform sky to the scene."""
     world = bpy.data.worlds.new("sky")
     world.use_nodes = True
     world.node_tree.nodes["Background"].inputs["Color"].default_value = (*WORLD, 1)
@@ -83,7 +83,7 @@ def light_up(scene: bpy.types.Scene) -> None:
 
 
 def surface(name, point, across, along):
-    """Returns a smooth mesh with UVs of a formula over 0..1 x 0..1."""
+    """Returns a smooth mesh with UVs over 0..1 x 0..1; its vertices are point(u, v)."""
     vertices = [point(i / across, j / along) for j in range(along + 1) for i in range(across + 1)]
     row = across + 1
     faces = [
@@ -200,7 +200,7 @@ def picture(path: Path, size: int, samples: int, max_depth: int) -> None:
 
 
 def told() -> dict[str, object]:
-    """Returns Blender's lights and materials, which show what an exporter or importer loses."""
+    """Returns Blender's values of lights and materials, which show what an exporter or importer loses."""
     lights = {
         thing.name: [thing.data.type, thing.data.energy, list(thing.data.color), getattr(thing.data, "shadow_soft_size", 0)]
         for thing in bpy.context.scene.objects

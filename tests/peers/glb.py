@@ -25,24 +25,24 @@ class Glb:
         self._bytes = bytearray()
 
     def add(self, kind: str, item: dict[str, Any]) -> int:
-        """Adds an item to one of glTF's lists."""
+        """Adds an item to the top-level list `kind` of the glTF document, and returns its index."""
         self.root.setdefault(kind, []).append(item)
         return len(self.root[kind]) - 1
 
     def use(self, extension: str) -> None:
-        """Lists an extension as used."""
+        """Lists an extension in extensionsUsed."""
         used = self.root.setdefault("extensionsUsed", [])
         if extension not in used:
             used.append(extension)
 
     def add_view(self, data: bytes) -> int:
-        """Adds a buffer view."""
+        """Adds a buffer view of these bytes, and returns its index."""
         self._bytes += b"\0" * (-len(self._bytes) % 4)
         self._bytes += data
         return self.add("bufferViews", {"buffer": 0, "byteOffset": len(self._bytes) - len(data), "byteLength": len(data)})
 
     def add_accessor(self, values: np.ndarray) -> int:
-        """Adds an accessor of values (n,) or (n, 2..4)."""
+        """Adds an accessor of values (n,) or (n, 2..4), and returns its index."""
         columns = 1 if values.ndim == 1 else values.shape[1]
         accessor = {
             "bufferView": self.add_view(np.ascontiguousarray(values).tobytes()),
@@ -55,7 +55,7 @@ class Glb:
         return self.add("accessors", accessor)
 
     def add_mesh(self, attributes: dict[str, np.ndarray], triangles: np.ndarray, material: int) -> int:
-        """Adds a mesh. attributes: by glTF's names (POSITION, NORMAL, TEXCOORD_0 ...)."""
+        """Adds a mesh, and returns its index. attributes: by glTF's names (POSITION, NORMAL, TEXCOORD_0 ...)."""
         primitive = {
             "attributes": {name: self.add_accessor(values.astype(np.float32)) for name, values in attributes.items()},
             "indices": self.add_accessor(triangles.astype(np.uint32).reshape(-1)),
@@ -64,13 +64,13 @@ class Glb:
         return self.add("meshes", {"primitives": [primitive]})
 
     def add_node(self, **node: Any) -> int:
-        """Adds a node to the scene."""
+        """Adds a node to the scene, and returns its index."""
         index = self.add("nodes", node)
         self.root["scenes"][0]["nodes"].append(index)
         return index
 
     def add_texture(self, pixels: np.ndarray) -> int:
-        """Adds a repeating texture of pixels (h, w, 3 or 4) uint8."""
+        """Adds a repeating texture of pixels (h, w, 3 or 4) uint8, and returns its index."""
         buffer = io.BytesIO()
         Image.fromarray(pixels).save(buffer, "PNG")
         image = self.add("images", {"bufferView": self.add_view(buffer.getvalue()), "mimeType": "image/png"})

@@ -22,9 +22,10 @@ _WRAP = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
 
 
 def mitsuba_dict(mi: Any, description: SceneDescription, settings: RenderSettings, folder: Path) -> dict[str, Any]:
-    """Returns the scene with camera, film and integrator. Meshes are written to `folder`, since Mitsuba reads them from files.
+    """Returns Mitsuba's dictionary of the scene with camera, film and integrator.
 
-    mi: the mitsuba module with its variant set. Raises ValueError for materials without an equal in Mitsuba.
+    mi: the mitsuba module with its variant set. folder: receives the meshes, since Mitsuba reads these from files. Raises
+    ValueError for materials without an equal in Mitsuba.
     """
     scatters = description.medium is not None or any(_is_filled(material) for material in description.materials)
     made: dict[str, Any] = {
@@ -79,7 +80,7 @@ def _is_filled(material: Material) -> bool:
 
 
 def _medium(medium: Material | Medium) -> dict[str, Any]:
-    """Returns the medium as Mitsuba's dictionary, which has colours up to 1 and a scale."""
+    """Returns the medium as Mitsuba's dictionary, in which colours are at most 1 and multiplied by a scale."""
     scattered = np.array(medium.sigma_s, float)
     total = scattered + np.array(medium.sigma_a, float)
     return {
@@ -148,7 +149,7 @@ def _shape(mi: Any, description: SceneDescription, bsdfs: list[Any], path: Path,
 
 
 def _emitter(mi: Any, description: SceneDescription, material: Material) -> dict[str, Any]:
-    """Returns a shape's entries besides its surface: an emitter, or a medium's boundary."""
+    """Returns the entries of a shape's dictionary other than its BSDF: an emitter, or the medium that the shape bounds."""
     if _is_filled(material):
         return {"interior": _medium(material)}
     if max(material.emission) <= 0:

@@ -1,4 +1,4 @@
-"""Small scenes rendered by both renderers."""
+"""Small scenes rendered by both Rayfarm and Mitsuba."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _ceiling(material: int, side: float = 0.8, height: float = 3.5) -> Mesh:
 
 
 def _on_the_floor(*tested: Material) -> SceneDescription:
-    """Returns spheres of the materials on a floor, with a square light and a dim sky."""
+    """Returns one sphere of each material on a floor, with a square light and a dim sky."""
     x = [0.0] if len(tested) == 1 else [-1.1, 1.1]
     radius = 0.9
     return _scene(
@@ -171,7 +171,7 @@ def point_spot_and_directional_light() -> Case:
 
 @_case
 def metals_of_measured_index() -> Case:
-    """Gold and copper, the latter only as rough as both agree: Mitsuba loses multiple scattering of rough metals, we do not."""
+    """Returns spheres of gold and copper, which is only as rough as both renderers agree on multiple scattering."""
     gold = Material(kind="conductor", eta=(0.143, 0.375, 1.442), k=(3.983, 2.386, 1.603), roughness=0.0)
     copper = Material(kind="conductor", eta=(0.200, 0.924, 1.102), k=(3.912, 2.452, 2.142), roughness=0.1)
     return _on_the_floor(gold, copper), _settings(_view())
@@ -192,7 +192,7 @@ def white_rough_metal() -> Case:
 
 @_case
 def normal_map() -> Case:
-    """Normal maps on a rotated wall and, with exchanged axes, on a slope, to reveal any swapped or flipped axis."""
+    """Returns normal maps on a rotated wall and, with exchanged axes, on a slope, which reveal any swapped or flipped axis."""
     y, x = np.meshgrid(np.arange(32) / 32 * 2 * math.pi, np.arange(32) / 32 * 2 * math.pi, indexing="ij")
     n = np.stack([0.08 * np.cos(x), 0.06 * np.cos(2 * y), np.ones_like(x)], -1)
     n /= np.linalg.norm(n, axis=-1, keepdims=True)

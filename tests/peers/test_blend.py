@@ -1,4 +1,4 @@
-"""Tests that .blend files converted by Blender run nothing, read nothing outside, and have their content where Blender has it.
+"""Tests that converting .blend files runs no code of the file, reads nothing outside its folder, and keeps Blender's positions.
 
 Needs a Python with bpy, which `python3 farm.py peers` installs.
 """
@@ -36,7 +36,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def upload(made: Path, tmp_path: Path, *names: str) -> Path:
-    """Returns a folder with only the named files."""
+    """Returns a new folder with only the named files of `made`."""
     folder = tmp_path / "upload"
     folder.mkdir()
     for name in names:
@@ -45,14 +45,14 @@ def upload(made: Path, tmp_path: Path, *names: str) -> Path:
 
 
 def pictures(found: SceneDescription) -> int:
-    """Returns the number of the file's images, without that of the studio preset."""
+    """Returns the number of the scene's images, without that of the added studio light."""
     return sum("blender-scene" in image.name for image in found.images)
 
 
 def test_nothing_in_a_hostile_file_runs_and_nothing_outside_is_read(made: Path, tmp_path: Path) -> None:
-    """Nothing in a hostile file is executed, and nothing outside is read.
+    """No code in a hostile file is executed, and no file outside the folder is read.
 
-    blend_kit.py has verified that everything in it is executed if scripts are enabled.
+    blend_kit.py has verified that all of the file's code is executed if scripts are enabled.
     """
     found = read(upload(made, tmp_path, "hostile.blend"), "hostile.blend")
     assert list(made.glob("ran-*")) == []
@@ -144,7 +144,7 @@ def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
 
 
 def test_what_nodes_make_is_baked(shot: Shot) -> None:
-    """Procedural nodes are baked by Cycles to an image, on UVs made for it."""
+    """Procedural node textures are baked by Cycles to an image, on UVs created for this image."""
     found = shot.scene_at(Moment(1))
     odd = next(material for material in found.materials if material.name == "odd")
     assert odd.base_color_texture is not None
@@ -158,7 +158,10 @@ def test_what_nodes_make_is_baked(shot: Shot) -> None:
 
 
 def test_the_world_is_a_picture_of_what_cycles_sees(shot: Shot) -> None:
-    """The world becomes an image of what Cycles sees; in blend_kit.py's world, each direction's colour is its coordinates."""
+    """The world becomes an environment image as Cycles renders it.
+
+    In blend_kit.py's world, a direction's colour is its coordinates.
+    """
     environment = shot.scene_at(Moment(1)).environment
     assert environment is not None
     assert environment.image is not None

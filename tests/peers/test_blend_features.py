@@ -1,4 +1,4 @@
-"""Tests that .blend files of one feature each match Cycles' pictures within 3 % by blocks, without messages of missing features.
+"""Tests that .blend files with one feature each match Cycles' pictures within 3 % by blocks, without warnings.
 
 Needs a Python with bpy, which `python3 farm.py peers` installs.
 """

@@ -61,7 +61,7 @@ def test_what_is_shown_is_where_blender_has_it(name: str, made: Path) -> None:
 
 
 def bodies(found: SceneDescription) -> list[tuple[str, Any, int]]:
-    """Returns name, bounds (2, 3) and triangle count of each object."""
+    """Returns name, bounds (2, 3) and triangle count of each object of the scene."""
     parts: dict[Any, list[Any]] = {}
     for number, instance in enumerate(found.instances):
         mesh = found.meshes[instance.mesh]
@@ -72,7 +72,7 @@ def bodies(found: SceneDescription) -> list[tuple[str, Any, int]]:
 
 
 def test_colours_of_points_and_corners_are_those_of_blender(made: Path) -> None:
-    """Colours of points and corners equal Blender's in bytes and floats: red rises, green is 0.25 and blue 0.5."""
+    """Colours at points and at corners equal Blender's, in bytes and in floats: red rises, green is 0.25 and blue 0.5."""
     found = Shot(made, "colors.blend").scene_at(Moment(1))
     colors = [mesh.colors for mesh in found.meshes if mesh.colors is not None]
     assert len(colors) == 4

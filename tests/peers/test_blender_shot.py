@@ -100,7 +100,7 @@ def test_what_blender_writes_as_pointers_is_what_it_shows(shot: tuple[Shot, dict
 
 @pytest.mark.parametrize("frame", [7, 24, 40])
 def test_the_picture_of_cycles(shot: tuple[Shot, dict[str, Any]], folder: Path, frame: int) -> None:
-    """The mean difference from Cycles' picture, over blocks of 4 x 4 pixels and relative to the picture's mean, is small."""
+    """The picture's mean difference from Cycles', over blocks of 4 x 4 pixels and relative to the picture's mean, is small."""
     job = {"glb": str(folder / "shot-plain.glb"), "exr": str(folder / f"{frame}.exr"), "frame": frame}
     job |= {"size": SIZE, "samples": SPP, "max_depth": DEPTH, "sky": SKY}
     (folder / "jobs.json").write_text(json.dumps([job]))
@@ -122,7 +122,8 @@ BLURRED = [("plain", 13, 0.5), ("plain", 8, 6.0), ("plain", 20, 8.0), ("bent", 1
 def test_the_motion_blur_of_cycles(
     shot: tuple[Shot, dict[str, Any]], folder: Path, kind: str, frame: int, shutter: float
 ) -> None:
-    """Motion blur equals Cycles': of rotating, moving and deforming bodies and of the camera, and of bones and shape keys alone.
+    """Motion blur equals Cycles', for rotating, moving and deforming bodies with a moving camera, and for bones and shape keys
+    alone.
 
     Lamps are static in Cycles.
     """
@@ -148,12 +149,12 @@ def test_the_motion_blur_of_cycles(
 
 
 def blocks(picture: np.ndarray) -> np.ndarray:
-    """Returns the means of 4 x 4 pixels."""
+    """Returns the means of blocks of 4 x 4 pixels."""
     return picture.astype(float).reshape(SIZE // 4, 4, SIZE // 4, 4, 3).mean((1, 3))
 
 
 def test_it_moves(shot: tuple[Shot, dict[str, Any]]) -> None:
-    """The shot moves, so that no static pictures are compared."""
+    """The shot moves; otherwise the tests of this module would compare static pictures."""
     places = [shot[1][str(frame)]["vertices"] for frame in (0, 13, 40)]
     for name in ("mast", "yard", "flag", "tube"):
         for a, b in ((0, 1), (1, 2)):

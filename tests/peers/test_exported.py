@@ -84,7 +84,9 @@ def _blocks(picture: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", NAMES)
 def test_the_picture_of_cycles(name: str, kind: str, made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The mean difference over blocks of 8 x 8 pixels, relative to the picture's mean, and the difference of means are small."""
+    """The picture's difference from Cycles', averaged over blocks of 8 x 8 pixels, and the difference of the pictures' means are
+    small.
+    """
     if (name, kind) in NOBODY:
         pytest.skip(NOBODY[name, kind])
     monkeypatch.setenv(NAMED, str(python_with_bpy()))

@@ -1,4 +1,4 @@
-"""Tests against Mitsuba 3: the same small scenes, rendered by both from one description."""
+"""Tests against Mitsuba 3: Rayfarm and Mitsuba render the same small scenes from one description."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SPP = 16
 
 @pytest.fixture(scope="module")
 def mi():
-    """Returns the mitsuba module with its scalar variant, which needs no LLVM."""
+    """Returns the mitsuba module with its scalar variant selected, which needs no LLVM."""
     mitsuba = pytest.importorskip("mitsuba")
     mitsuba.set_variant("scalar_rgb")
     return mitsuba

@@ -1,6 +1,7 @@
 """Tests of rough surfaces with Beckmann facets in Mitsuba's format, alone and wrapped in other BSDFs, against Mitsuba's pictures.
 
-Mitsuba loses light that hits a second facet, ours returns it, so tolerances for rough metals and glass are a few per cent.
+Mitsuba loses light that hits a second facet, while our BSDF reflects it, so tolerances for rough metals and glass are a few per
+cent.
 """
 
 from __future__ import annotations
@@ -86,7 +87,7 @@ CASES = {
 
 
 def _write_pictures(folder: Path) -> None:
-    """Writes a normal map of waves, and a ramp of roughness."""
+    """Writes the scene's textures: a normal map of waves, and a ramp of roughness."""
     y, x = np.mgrid[0:64, 0:64] / 64
     slope = np.stack([0.3 * np.sin(4 * np.pi * x), 0.3 * np.sin(4 * np.pi * y), np.ones_like(x)], -1)
     normals = slope / np.linalg.norm(slope, axis=-1, keepdims=True)

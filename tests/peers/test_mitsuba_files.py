@@ -1,4 +1,4 @@
-"""Tests of Mitsuba's own files: what we read from one is the scene that Mitsuba renders from it.
+"""Tests that the scene that our reader makes from a Mitsuba file is the scene that Mitsuba renders from it.
 
 Mitsuba renders both the file and the scene that our reader made from it. Where the renderers' models differ (multiple scattering
 of rough metals, smooth normals at the edge of shadow), our picture may differ by 3 %.

@@ -1,4 +1,4 @@
-"""Tests that images projected by Mitsuba's lights are the same on our walls as in Mitsuba."""
+"""Tests that images projected by Mitsuba's lights appear the same on walls in our pictures as in Mitsuba's."""
 
 from __future__ import annotations
 

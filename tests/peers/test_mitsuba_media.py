@@ -1,6 +1,6 @@
 """Tests of Mitsuba's media and bump maps: our picture of a file against that of Mitsuba's `volpath`.
 
-Both pictures are noisy: block means come with the standard errors of their batches, and the differences must be within these.
+Both pictures are noisy: each block mean has a standard error, estimated from batches, and differences must be explained by it.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ BLUE = '<bsdf type="diffuse"><rgb name="reflectance" value="0.1 0.2 0.7"/></bsdf
 
 
 def both(folder: Path, inside: str, degrees: float = 0.0, depth: int = 2, size: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the means (3,) of our picture and of Mitsuba's."""
+    """Returns the mean colours (3,) of our picture and of Mitsuba's. inside: XML of the wall's BSDF and lights."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
     x, z = 5 * np.sin(np.radians(degrees)), 5 * np.cos(np.radians(degrees))
@@ -44,7 +44,10 @@ def both(folder: Path, inside: str, degrees: float = 0.0, depth: int = 2, size: 
 
 
 def scattered_once(degrees: float, alpha: float) -> float:
-    """Returns what a white metal reflects of uniform light if light that hits a second facet is lost, with Smith's masking."""
+    """Returns the fraction of uniform light that a white rough metal reflects if light that hits a second facet is lost.
+
+    degrees: angle of the view to the normal. Masking is Smith's, for GGX.
+    """
     random = np.random.default_rng(2)
     view = np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
     stretched = view * (alpha, alpha, 1)
@@ -74,9 +77,9 @@ def test_white_metal_is_white_here_and_has_in_mitsuba_what_one_bounce_leaves(
 def test_rough_glass_is_what_a_random_walk_between_facets_gives_and_in_mitsuba_the_first_of_them(
     alpha: float, degrees: float, tmp_path: Path
 ) -> None:
-    """Rough glass in uniform light of radiance 1 shows what is reflected plus 1/2.25 of what is transmitted.
+    """Rough glass in uniform light of radiance 1 shows the reflected light plus 1/2.25 of the transmitted light.
 
-    Ours equals a random walk between facets, Mitsuba's only its first facet.
+    Our picture equals a random walk between facets, Mitsuba's only the first facet of this walk.
     """
     reflected, through = walked(alpha, degrees, 1.5)
     assert reflected.sum() + through.sum() == pytest.approx(1, abs=1e-4)
@@ -102,9 +105,9 @@ LAMP = """<emitter type="directional"><vector name="direction" value="0 -1 -1"/>
 
 
 def walked_on_a_ramp(slope: float, paths: int = 400_000) -> tuple[float, float]:
-    """Returns the radiance of a diffuse ramp facing away from a lamp, seen from above: at the first vertex, and in total.
+    """Returns the radiance of a diffuse ramp that faces away from a lamp, seen from above: after one reflection, and in total.
 
-    Directions below the facet hit it again; the normal is bent until the mirror direction leaves (consistent_normals.py).
+    Directions that enter the facet hit it again. The normal is bent until the mirror direction leaves (consistent_normals.py).
     """
     random = np.random.default_rng(3)
     lamp, up = np.array([0, 1, 1]) / np.sqrt(2), np.array([0.0, 0.0, 1.0])

@@ -1,7 +1,7 @@
-"""Tests of pbrt's files: what we read from one is the scene that Mitsuba renders from an equal file of its own format.
+"""Tests that the scene that our reader makes from a pbrt file is the one that Mitsuba renders from an equal file of its format.
 
-There is no pbrt to compare with. What both formats can express is compared with Mitsuba's picture: the left-handed world and its
-camera, transforms, shapes, textures, lights and their scales, metals, glass and paint under varnish.
+pbrt is not available for comparison. What both formats can express is compared with Mitsuba's picture: the left-handed world and
+its camera, transforms, shapes, textures, lights and their scales, metals, glass and paint under varnish.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Tests that values of our readers equal Blender's to 1e-4, for files by Blender's exporters with all their features.
+"""Tests that values of our readers equal Blender's to 1e-4, for files by Blender's exporters with all features of these.
 
 Needs a Python with bpy, which `python3 farm.py peers` installs. The files are those of values_kit.py. Each joint is checked by
-the vertices that it alone moves.
+the vertices that only this joint moves.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def test_corners_are_blenders(scene: str, kind: str, made: tuple[Path, dict[str,
 
 @pytest.mark.parametrize("kind", KNOWN)
 def test_materials_are_blenders(kind: str, made: tuple[Path, dict[str, Any]]) -> None:
-    """Materials have Blender's values, except the two that its glTF exporter omits: sheen weight, and index of transmission."""
+    """Materials have Blender's values, except two that Blender's glTF exporter omits: sheen weight, and index of transmission."""
     folder, told = made
     found = Shot(folder, f"paints-{kind}").scene_at()
     lost = {"velvet: ": "its physical extension has one number"} if kind == "obj-physical.obj" else {}

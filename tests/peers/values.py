@@ -1,6 +1,6 @@
-"""Compares what our readers return with Blender's values of the same scene: positions, lenses, lights and materials.
+"""Compares values that our readers return with Blender's values of the same scene: positions, lenses, lights and materials.
 
-values_kit.py defines Blender's values. Each function yields a sentence for each value that differs by more than NEAR.
+Blender's values are those of values_kit.py. Each function yields a sentence for each value that differs by more than NEAR.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ NEAR = 1e-4  # relative to the value or to the farthest coordinate
 
 
 def meshes_apart(found: SceneDescription, told: dict[str, Any], turn: Any = TO_Y_UP) -> Iterator[str]:
-    """Compares meshes by their world-space corners, pairing each of Blender's with one of ours.
+    """Compares meshes by their world-space corners, pairing each mesh of Blender with one of ours.
 
-    turn: rotation from Blender's axes.
+    told: Blender's values. turn: rotation from Blender's axes to the file's.
     """
     left = [_corners(found, i) for i in range(len(found.instances)) if not _is_lamp(found, i)]
     for name, count, vertices in told["meshes"]:
@@ -64,7 +64,7 @@ def _is_lamp(found: SceneDescription, number: int) -> bool:
 
 
 def _far(a: Any, b: Any) -> float:
-    """Returns the largest distance of a point of either cloud from the other, relative to the farthest coordinate."""
+    """Returns the largest distance of a point of either cloud to the other cloud, relative to the largest coordinate."""
     apart = max(cKDTree(a).query(b)[0].max(), cKDTree(b).query(a)[0].max())
     return float(apart / max(1.0, np.abs(b).max()))
 
@@ -129,7 +129,10 @@ def lights_apart(found: SceneDescription, told: dict[str, Any]) -> Iterator[str]
 
 
 def _shining(found: SceneDescription, name: str) -> tuple[Any, Light | Sphere | None] | None:
-    """Returns a named light's watts, per square metre for a sun, and the light; the light is None for a surface."""
+    """Returns (watts by colour, light) of the light with this name; None if there is none.
+
+    For a sun the watts are per square metre. The light is None for an emissive mesh.
+    """
     names = {name, name.replace(" ", "_")}
     for light in found.lights:
         if light.name in names:

@@ -1,4 +1,4 @@
-"""Writes scenes of everything that Blender's exporters support of objects, bones, lights and cameras, with Blender's values.
+"""Writes scenes with all objects, bones, lights and cameras that Blender's exporters support, and Blender's values of these.
 
     python values_kit.py FOLDER [NAME ...]
 
@@ -58,7 +58,9 @@ def moved(owner: Any, path: str, *values: Any) -> None:
 
 @scene
 def hierarchy() -> None:
-    """Adds parents scaled non-uniformly, mirrored, rotated in every mode, and moved; parent inverses and delta transforms."""
+    """Adds objects whose parents are scaled non-uniformly, mirrored, rotated in every mode or moved; also parent inverses and
+    deltas.
+    """
     root = placed("root", None, location=(1, 2, 0.5), rotation_euler=(0.3, -0.2, 0.9), scale=(1, 2, 0.5))
     moved(root, "location", (1, 2, 0.5), (2, 2, 1), (3, 1, 1))
     below = placed("below", wedge("below"), root, location=(0.5, 0.3, 1), rotation_euler=(0.7, 0.1, -0.4))
@@ -90,7 +92,8 @@ def hierarchy() -> None:
 def rig() -> None:
     """Adds an armature below a rotated and scaled empty, with bones of all inheritance modes, moved by keys and constraints.
 
-    Each bone alone moves a wedge, whose vertices show the joint's position; one mesh is between bones, and has shape keys.
+    Each bone alone moves a wedge, whose vertices show the joint's position. One mesh is bound to several bones, and has shape
+    keys.
     """
     carrier = placed("carrier", None, location=(0.5, -1, 0.2), rotation_euler=(0.1, 0.2, 0.5), scale=(1.5, 1.5, 1.5))
     arm = placed("arm", bpy.data.armatures.new("arm"), carrier, location=(0, 0, 1), rotation_euler=(0, 0.3, 0))
@@ -259,7 +262,7 @@ PAINTS: dict[str, dict[str, Any]] = {
 
 @scene
 def paints() -> None:
-    """Adds a mesh for each of PAINTS."""
+    """Adds a mesh for each material of PAINTS."""
     for i, (name, values) in enumerate(PAINTS.items()):
         made = bpy.data.materials.new(name)
         made.use_nodes = True

@@ -15,7 +15,10 @@ __all__ = ["KINDS", "Attack", "Kind", "kind"]
 
 @dataclass
 class Attack:
-    """A fault being injected. since: the time from which the farm can recover: the fault's start, or its end if it lasts."""
+    """A fault being injected.
+
+    since: the time from which the farm can recover, which is the fault's start, or its end if the fault lasts.
+    """
 
     ground: Ground
     stream: Stream
@@ -24,7 +27,7 @@ class Attack:
     since: float = 0.0
 
     def pause(self, least_s: float, most_s: float) -> None:
-        """Waits for a random time between the limits while the fault lasts."""
+        """Waits for a random time of `least_s` to `most_s` seconds, for which the fault lasts."""
         time.sleep(self.draw.uniform(least_s, most_s))
 
     def over(self) -> None:
@@ -34,7 +37,7 @@ class Attack:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of fault. grounds: names of the test farms that support it. weight: relative frequency."""
+    """A kind of fault. grounds: names of the test farms on which it can be injected. weight: relative frequency."""
 
     name: str
     act: Callable[[Attack], None]
@@ -52,7 +55,7 @@ def kind(
 ) -> Callable[[Callable[[Attack], None]], Callable[[Attack], None]]:
     """Returns a decorator that registers a kind of fault.
 
-    The decorated function must undo everything except kills before it returns.
+    The decorated function injects the fault, and must undo everything except kills before it returns.
     """
 
     def add(act: Callable[[Attack], None]) -> Callable[[Attack], None]:

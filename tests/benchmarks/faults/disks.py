@@ -128,7 +128,7 @@ def film_gone(attack: Attack) -> None:
 
 @kind("the films cannot be written for a while", weight=1, harms_films=True)
 def films_read_only(attack: Attack) -> None:
-    """Mounts the folder of films read-only, and kills the service, which had the film open."""
+    """Mounts the folder of films read-only, and kills the service, since it had the film open."""
     if not attack.ground.has_disk:
         raise UnrecoveredError("this user may not mount: nothing was done")
     folder = str(attack.ground.data / "films")

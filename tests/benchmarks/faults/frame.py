@@ -20,7 +20,7 @@ WIDTH, HEIGHT, DEPTH = 96, 80, 5
 
 
 def request(spp: int, seed: int) -> dict[str, Any]:
-    """Returns the fields of the job's request."""
+    """Returns the JSON fields of the job's request."""
     view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
     return {"view": view, "width": WIDTH, "height": HEIGHT, "max_depth": DEPTH, "spp": spp, "seed": seed}
 

@@ -35,9 +35,9 @@ class UnrecoveredError(Exception):
 
 
 class Ground:
-    """A farm of two slots and a joined worker of one slot.
+    """A test farm: a service with a worker of two slots, and a worker of one slot that joins over the network.
 
-    Both have an empty data folder, on a separate disk if this user may mount one.
+    The farm and the joined worker each have an empty data folder, on a separate disk if this user may mount one.
     """
 
     name = "one machine"
@@ -77,7 +77,10 @@ class Ground:
         return redis.Redis.from_url(self.redis_url, socket_timeout=5, socket_connect_timeout=5)
 
     def part(self, name: str) -> psutil.Process:
-        """Returns the current process of a part. Raises psutil.NoSuchProcess if it has just ended."""
+        """Returns the current process of a part of the farm, such as "service".
+
+        Raises psutil.NoSuchProcess if it has just ended.
+        """
         return psutil.Process(self.farm.pids()[name])
 
     def spares(self) -> list[psutil.Process]:
@@ -102,7 +105,7 @@ class Ground:
     # --- actions for attacks
 
     def look_after(self) -> None:
-        """Restarts processes without a supervisor: the joined worker, and `rayfarm up` itself."""
+        """Restarts those processes that no supervisor restarts: the joined worker, and `rayfarm up` itself."""
         if self.farm.process.poll() is not None:
             self.farm.log.replace(self.farm.log.with_suffix(".old.log"))  # later, only the new log is read
             self.farm = self.start()
@@ -162,9 +165,9 @@ class Ground:
             return -1
 
     def wait(self, true: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> float:
-        """Waits until a condition is true, restarting processes if needed; returns the time at which it was.
+        """Waits until the function `true` returns True, restarting processes if needed; returns the time at which it did.
 
-        patience_s: timeout, which counts only idle time. Raises UnrecoveredError after it.
+        patience_s: timeout in seconds, of which only idle time counts. Raises UnrecoveredError with `what` after the timeout.
         """
         patience = Patience(patience_s, children)
         while not true():

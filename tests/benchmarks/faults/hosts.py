@@ -26,7 +26,7 @@ NETWORK = ("three hosts",)
 
 
 class HostsGround(Ground):
-    """A `Ground` over simulated networks. Its worker runs on host a, its guest on host b."""
+    """A `Ground` over simulated networks: the farm's worker runs on host a, the joined worker on host b."""
 
     name = "three hosts"
 
@@ -81,7 +81,7 @@ class HostsGround(Ground):
         self._hosts.clear()
 
     def _start_worker(self, host: str) -> subprocess.Popen[bytes]:
-        """Starts a worker that sees an empty data folder, so that it fetches files over the network."""
+        """Starts a worker for which the service's data folder appears empty, so that it fetches files over the network."""
         cache = self.folder / f"cache-{host}"
         worker = f"exec {sys.executable} -m worker --service http://{self.network.addresses['s']}:{PORT} --slots 1"
         script = f"mount -t tmpfs hidden {self.data} && {worker} --name {host} --cache {cache}"

@@ -31,7 +31,7 @@ QUEUE_S = 2.0  # frames that would wait longer for a slow cable are lost
 
 @dataclass
 class Cable:
-    """Quality of a host's cable in both directions. rate: bytes per second, None for unlimited."""
+    """Quality of a host's cable, equal in both directions. rate: bytes per second; None: unlimited."""
 
     is_cut: bool = False
     delay_s: float = 0.0

@@ -51,7 +51,7 @@ class PairGround(Ground):
         return urls[0]
 
     def _stands_still(self, url: str) -> bool:
-        """Returns whether the service is suspended and cannot answer; such waiting does not count as recovery time."""
+        """Returns whether the service is suspended and so cannot answer; waiting for a suspended service is no recovery time."""
         with contextlib.suppress(psutil.NoSuchProcess):
             process = self.part("service") if url == self.farm.url else psutil.Process(self._second.pid if self._second else -1)
             return process.status() == psutil.STATUS_STOPPED
@@ -70,7 +70,7 @@ class PairGround(Ground):
             return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=log, stderr=log, preexec_fn=spawn_guard())
 
     def services(self) -> tuple[psutil.Process, psutil.Process]:
-        """Returns the owner and the standby. Raises UnrecoveredError."""
+        """Returns the processes (owner, standby). Raises UnrecoveredError if the farm has no owner in time."""
         self.wait(lambda: sorted(map(said, self._urls)) in (["ready", "stands by"],), "one works and one stands by", STANDBY_S)
         assert self._second is not None
         own, second = self.part("service"), psutil.Process(self._second.pid)

@@ -1,4 +1,4 @@
-"""Timeouts for a farm on a busy machine: only time counts in which none of its processes ran or waited for a processor."""
+"""Timeouts for a farm on a busy machine: only time in which none of the farm's processes ran or waited for a processor counts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LOOKS_EVERY_S = 1.0
 
 
 class Patience:
-    """A timeout over idle time since its creation; without /proc, which reports waiting times of threads, over all time."""
+    """A timeout over idle time since its creation. Without /proc, which has the waiting times of threads, all time counts."""
 
     def __init__(self, seconds: float, processes: Callable[[], list[int]], now: Callable[[], float] = time.monotonic) -> None:
         """seconds: idle time until the timeout. processes: returns the current process ids."""
@@ -39,7 +39,7 @@ class Patience:
         return self._idle > self._seconds or now - self._begun > MOST * self._seconds
 
     def _busy(self) -> dict[int, float]:
-        """Returns thread id -> seconds that the thread ran or was ready to run."""
+        """Returns the seconds that each thread of the processes ran or was ready to run, by thread id."""
         found = {}
         for process in self._processes():
             for thread in Path(f"/proc/{process}/task").glob("*"):
@@ -50,5 +50,5 @@ class Patience:
 
 
 def children() -> list[int]:
-    """Returns all descendants of this process."""
+    """Returns the process ids of all descendants of this process."""
     return [process.pid for process in psutil.Process().children(recursive=True)]

@@ -1,4 +1,4 @@
-"""Faults of Redis' content: lost, duplicated, forged, or from another release."""
+"""Faults of the messages in Redis: lost, duplicated, forged, or from another release."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
 
 
 def lists(attack: Attack) -> list[bytes]:
-    """Returns the names of queues with messages."""
+    """Returns the names of Redis queues that hold messages."""
     store = attack.ground.store()
     return [key for key in store.scan_iter("rayfarm.*") if store.type(key) == b"list"]
 

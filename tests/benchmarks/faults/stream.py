@@ -1,4 +1,4 @@
-"""Reads workers' results in parallel to the service, to find batches that arrive twice and results to send again."""
+"""Reads workers' results in parallel with the service, to count batches that arrive twice and collect results to send again."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Stream:
         self._thread.join(15)
 
     def forge(self, store: redis.Redis, fields: Fields) -> None:
-        """Appends a forged result, which is not counted."""
+        """Appends a forged result to the stream; the forged result is not counted as a repeated batch."""
         self._forged.append(fields)
         store.xadd(RESULTS, fields)  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""The results of a campaign as table rows."""
+"""The results of a fault campaign as table rows."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ BEGIN, END = "<!-- faults: made by `farm.py bench faults` -->", "<!-- end of fau
 
 @dataclass
 class Fault:
-    """One fault and its outcome.
+    """One injected fault and its outcome.
 
-    recovered_s: None if no sample arrived after it. digest_is_right: None if its job did not end. asked: the job had failed with
-    an error message, and was resumed as the message asks.
+    recovered_s: seconds until new samples arrived; None if none arrived. digest_is_right: None if its job did not end. asked: the
+    job had failed with an error message, and was resumed as the message asks.
     """
 
     kind: str

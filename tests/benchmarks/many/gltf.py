@@ -61,7 +61,7 @@ def missing_textures(n: int) -> bytes:
 
 
 def shining_textures(n: int) -> bytes:
-    """Returns a file of n materials with the same emissive texture."""
+    """Returns a glTF file of n materials with the same emissive texture."""
     g = _base()
     at = g.root["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
     pixels = np.random.default_rng(1).integers(0, 255, (256, 256, 3), np.uint8)
@@ -144,7 +144,7 @@ def joints(n: int) -> bytes:
 
 
 def skinned_nodes(n: int) -> bytes:
-    """Returns a file of n nodes with one skin of n joints."""
+    """Returns a glTF file of n nodes with one skin of n joints."""
     g = _base()
     attributes = g.root["meshes"][0]["primitives"][0]["attributes"]
     attributes["JOINTS_0"] = g.array(np.zeros((3, 4), np.uint16))

@@ -34,7 +34,7 @@ def obj_missing_textures(n: int) -> Files:
 
 
 def obj_switches(n: int) -> Files:
-    """Returns a file of n faces that alternate between two materials."""
+    """Returns an OBJ file of n faces that alternate between two materials."""
     return {"a.obj": (_TRIANGLE + "".join(f"g g{i}\nusemtl m{i % 2}\nf 1 2 3\n" for i in range(n))).encode()}
 
 
@@ -44,7 +44,7 @@ def obj_corners(n: int) -> Files:
 
 
 def obj_one_point(n: int) -> Files:
-    """Returns a file of n faces that share one vertex."""
+    """Returns an OBJ file of n faces that share one vertex."""
     return {"a.obj": ("v 0 0 0\n" + "".join(f"v 1 {i} {i * i % 97}\n" for i in range(n + 1))
             + "".join(f"f 1 {i} {i + 1}\n" for i in range(2, n + 2))).encode()}  # fmt: skip
 
@@ -99,7 +99,7 @@ def fbx_materials(n: int) -> Files:
 
 
 def fbx_levels(n: int) -> Files:
-    """Returns a file with a level-of-detail group of n children."""
+    """Returns an FBX file with a level-of-detail group of n children."""
     things = fbx_text.node(99, "lod", "LodGroup") + '\tNodeAttribute: 98, "NodeAttribute::", "LodGroup" {\n\t}\n'
     things += "".join(fbx_text.node(100 + i, f"n{i}") for i in range(n))
     links = [(99, 0), (98, 99), *(each for i in range(n) for each in ((10, 100 + i), (100 + i, 99)))]
@@ -149,7 +149,7 @@ def pbrt_textures(n: int) -> Files:
 
 
 def pbrt_scaled_textures(n: int) -> Files:
-    """Returns a file of n scale textures, each of which refers to the previous one."""
+    """Returns a pbrt file of n scale textures, each of which refers to the previous one."""
     inside = 'Texture "t0" "spectrum" "constant" "rgb value" [1 1 1]\n'
     inside += "".join(f'Texture "t{i + 1}" "spectrum" "scale" "texture tex" "t{i}" "float scale" 0.999\n' for i in range(n))
     return {"a.pbrt": world(f'{inside}Material "diffuse" "texture reflectance" "t{n}" {SQUARE}').encode()}

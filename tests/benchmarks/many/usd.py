@@ -18,7 +18,7 @@ _PICTURE = 'def Shader "T" {{ uniform token info:id = "UsdUVTexture"\nasset inpu
 
 
 def _stage(inside: str, head: str = "") -> Files:
-    """Returns the files of a layer with these statements."""
+    """Returns the files of a USD layer with these statements. head: statements of the layer's header."""
     return {"a.usda": f"#usda 1.0\n({head})\n{inside}".replace(" }", "\n}").encode()}
 
 
@@ -63,7 +63,7 @@ def instances(n: int) -> Files:
 
 
 def prototypes(n: int) -> Files:
-    """Returns a PointInstancer with n prototypes and n points."""
+    """Returns a USD file of a PointInstancer with n prototypes and n points."""
     places = ", ".join(f"({i}, 0, 0)" for i in range(n))
     targets = ", ".join(f"</p/m{i}>" for i in range(n))
     return _stage(

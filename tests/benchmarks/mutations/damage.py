@@ -71,7 +71,7 @@ WAYS: dict[str, Callable[[bytes, random.Random], bytes]] = {
 
 
 def damaged(data: bytes, dice: random.Random) -> tuple[bytes, str]:
-    """Returns the bytes damaged once or twice, and a description of the damage."""
+    """Returns the data damaged once or twice, and a description of the damage. dice: random number generator."""
     ways = dice.sample(sorted(WAYS), dice.choice([1, 1, 1, 2]))
     for way in ways:
         data = WAYS[way](data, dice) if data else data

@@ -97,7 +97,7 @@ def textures() -> list[Seed]:
 
 
 def packed_gltf() -> list[Seed]:
-    """Returns glTF files whose compressed content is in separate files, so that damage affects the codec."""
+    """Returns glTF files whose compressed content is in separate files, so that damage affects compressed data, not JSON."""
     made = packed()
     found = [_apart(made)]
     points = np.random.default_rng(5).random((30, 3)).astype(np.float32)

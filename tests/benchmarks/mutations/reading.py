@@ -25,7 +25,7 @@ _NUMBER = 8
 
 @dataclass(frozen=True)
 class Came:
-    """The outcome of the number-th file; None if the child process was lost."""
+    """The outcome of reading the file of this number. answer: None if the child process was lost."""
 
     number: int
     seconds: float
@@ -34,7 +34,7 @@ class Came:
 
 @dataclass
 class _Child:
-    """A child process that reads files: it receives numbers, and answers each with a line."""
+    """A child process that reads files: it receives numbers of files, and answers each with a line."""
 
     slot: int
     child: int
@@ -53,9 +53,10 @@ class _Child:
 
 
 def read_all(numbers: Iterable[int], read: Callable[[int, int], dict[str, Any]], bounds: Bounds, jobs: int) -> Iterator[Came]:
-    """Yields read(number, slot) of each number, in `jobs` parallel children; 0 <= slot < jobs, for exclusive resources.
+    """Yields the outcome of read(number, slot) for each number, computed by `jobs` parallel child processes.
 
-    A child that is lost or exceeds its limits loses only the current file.
+    slot: index of the child process, below `jobs`, for resources that only one process may use. If a child is lost or exceeds its
+    limits, only its current file counts as lost.
     """
     waiting = iter(numbers)
     children: dict[int, _Child] = {}

@@ -17,10 +17,10 @@ _SHARES = {".blend": 0.2}
 
 
 class Seed(NamedTuple):
-    """The main file's name, and all files.
+    """A valid scene to be damaged: the name of its main file, and the contents of all its files.
 
-    victims: files that are damaged most often, in place of the main file. is_package: the files are packed into the main file
-    after one of them was damaged.
+    victims: names of the files that are damaged most often; default: the main file. is_package: the files are packed into the
+    main file after one of them was damaged.
     """
 
     main: str
@@ -30,12 +30,12 @@ class Seed(NamedTuple):
 
 
 def kind_of(number: int, seed: int, seeds: dict[str, list[Seed]]) -> str:
-    """Returns the format of the number-th file of a campaign."""
+    """Returns the format of the file of this number in a campaign with random seed `seed`."""
     return _kind(random.Random(f"{seed}:{number}"), seeds)
 
 
 def draw(number: int, seed: int, seeds: dict[str, list[Seed]]) -> tuple[str, str, dict[str, bytes], str]:
-    """Returns (format, main file, all files, description of the damage) of the number-th file of a campaign."""
+    """Returns (format, main file, all files, description of the damage) of the file of this number in a campaign."""
     dice = random.Random(f"{seed}:{number}")
     kind = _kind(dice, seeds)
     chosen = dice.choice(seeds[kind])

@@ -1,4 +1,4 @@
-"""The peer's side of `asking.Peer`: a program that answers requests line by line. Uses the standard library only.
+"""The peer's side of the line protocol of `asking.Peer`: answers requests. Uses the standard library only.
 
 The peer's own output goes to stderr, so that stdout holds answers only.
 """
@@ -15,7 +15,10 @@ __all__ = ["answer"]
 
 
 def answer(commands: dict[str, Callable[..., dict[str, Any]]]) -> None:
-    """Answers until stdin ends. A request is {"do": command, ...arguments}; the answer is the command's result."""
+    """Answers requests from stdin until it ends.
+
+    A request is {"do": command, ...arguments}; the answer is the command's result.
+    """
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     for line in sys.stdin:

@@ -1,4 +1,4 @@
-"""A peer renderer in a separate Python, controlled line by line."""
+"""A peer renderer that runs in another Python environment and answers requests line by line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Peer"]
 
 
 class Peer:
-    """A program of this folder run by another Python; a context manager."""
+    """A program of this folder, run by another Python; a context manager."""
 
     def __init__(self, python: Path, program: str) -> None:
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed with the block

@@ -1,7 +1,7 @@
-"""Row `cold`: waiting times with an empty kernel cache, alone and for a worker that joins a farm with kernels. No peer.
+"""Row `cold` of the comparison: waiting times with an empty kernel cache, on a new farm and on a worker that joins. No peer.
 
 The first time is measured from the start of a farm to the first tile of a job, the second from the start of `rayfarm worker
---join` with an empty cache, which fetches the kernels, until the farm reports the worker as ready.
+--join` with an empty cache, which fetches the kernels from the farm, until the farm reports the worker as ready.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _FIRST, _JOINS = "empty cache to the first tile", "a worker joins a farm that ha
 
 
 def cold_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields two lines; the first has few rounds, since compiling takes long."""
+    """Yields the two lines of waiting times; the first is measured in few rounds, since compiling takes long."""
     cache = folder / "cache"
     if sizes.wants(_FIRST):
         first = []

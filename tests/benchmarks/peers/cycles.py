@@ -49,7 +49,7 @@ def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterat
             return read_image(path.read_bytes(), path.name)[..., :3]
 
         def they(seed: int) -> Taken:
-            """Returns Cycles' time for spp samples, as the difference between 1 + spp samples and one."""
+            """Returns Cycles' time for `spp` samples: the time for 1 + spp samples minus that for one."""
             took = cycles.ask("render", samples=1 + spp, seed=seed)
             return Taken(took["wall"] - one["wall"], took["cpu"] - one["cpu"])
 

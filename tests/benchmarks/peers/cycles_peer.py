@@ -12,7 +12,7 @@ from tests.peers.cycles_render import prepare
 
 
 def load(glb: str, size: int, max_depth: int, sky: list[float]) -> dict[str, Any]:
-    """Loads a file with its camera."""
+    """Loads a GLB file and selects its camera. size: picture size in pixels. sky: radiance of the uniform sky."""
     prepare(glb, size, max_depth, sky)
     bpy.context.scene.render.use_persistent_data = (
         True  # the built scene is cached, so that pictures take only their samples' time

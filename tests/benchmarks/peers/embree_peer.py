@@ -16,7 +16,7 @@ _kept: dict[str, Any] = {}
 
 
 def build(mesh: str) -> dict[str, Any]:
-    """Builds over the mesh of an .npz file with all cores; measures rtcCommitScene only."""
+    """Builds Embree's tree over the mesh of an .npz file on all cores; returns the time of rtcCommitScene only."""
     if _kept.get("mesh") != mesh:
         with np.load(mesh) as file:
             _kept.update(mesh=mesh, position=file["position"], triangle=file["triangle"])
@@ -29,7 +29,7 @@ def build(mesh: str) -> dict[str, Any]:
 
 
 def trace(rays: str, query: str, reach: float) -> dict[str, Any]:
-    """Traces the rays of an .npz file through the latest tree, up to `reach` times their direction."""
+    """Traces the rays of an .npz file through the latest tree. reach: maximum distance, in lengths of the ray's direction."""
     if _kept.get("rays") != rays:
         with np.load(rays) as file:
             _kept.update(rays=rays, origin=file["origin"], direction=file["direction"])
@@ -45,7 +45,7 @@ def trace(rays: str, query: str, reach: float) -> dict[str, Any]:
 
 
 def about() -> dict[str, Any]:
-    """Returns Embree's version, which equals embreex's."""
+    """Returns Embree's version, which is also the version of embreex."""
     return {"version": version("embreex")}
 
 

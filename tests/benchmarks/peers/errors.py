@@ -44,7 +44,7 @@ def _lines(name: str, case: Case, references: References, folder: Path) -> Itera
 
 
 def _times_faster(case: Case, sizes: Sizes, folder: Path) -> float:
-    """Returns Mitsuba's wall time over ours, for a picture of row `samples`' size, so that Mitsuba's start-up matters little."""
+    """Returns Mitsuba's wall time divided by ours for a picture of the size of row `samples`, where start-up matters little."""
     ours, theirs = Rayfarm(case, sizes.picture), Mitsuba(case, sizes.picture, "multijitter", folder)
     spp = sizes.error_spp
     ours.picture(1, 0)

@@ -43,7 +43,7 @@ def textured_objects(path: Path, triangles: int, texture: int) -> Path:
 
 
 def large_file(path: Path, triangles: int) -> Path:
-    """Writes a GLB of one mesh with normals and UVs."""
+    """Writes a GLB of one mesh of that many triangles, with normals and UVs."""
     glb = Glb()
     gray = glb.add("materials", {"pbrMetallicRoughness": {"baseColorFactor": [0.7, 0.7, 0.7, 1], "metallicFactor": 0}})
     glb.add_node(mesh=_add(glb, displaced_sphere(triangles), gray))

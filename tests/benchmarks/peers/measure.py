@@ -19,7 +19,7 @@ _FLOOR = 0.01  # share of the reference's mean square that is added, for black p
 
 @dataclass(frozen=True)
 class Taken:
-    """Wall seconds and processor seconds of all threads; the latter are NaN if unknown."""
+    """A measured time: wall seconds, and processor seconds of all threads, which are NaN if unknown."""
 
     wall: float
     cpu: float = math.nan
@@ -27,9 +27,10 @@ class Taken:
 
 @dataclass
 class Line:
-    """A line of the table. value: compared with the target. spread: minimum and maximum over the rounds.
+    """A line of the comparison's table.
 
-    ours, peers: the measurements by round, in `unit`. notes: further figures by name.
+    value: compared with the target. spread: minimum and maximum over the rounds. ours, peers: the measurements by round, in
+    `unit`. notes: further figures by name.
     """
 
     row: str
@@ -43,7 +44,7 @@ class Line:
 
 
 def taken(work: Callable[[], Any]) -> Taken:
-    """Returns the time that this process takes for a function."""
+    """Returns the wall and processor time that this process takes for a call of `work`."""
     wall, cpu = time.perf_counter(), time.process_time()
     work()
     return Taken(time.perf_counter() - wall, time.process_time() - cpu)
@@ -76,7 +77,7 @@ class Race:
 def race(
     ours: Callable[[int], Taken], theirs: Callable[[int], Taken], rounds: int, clock: Literal["wall", "cpu"] = "wall"
 ) -> Race:
-    """Runs both sides in alternating order; each function gets the round's number."""
+    """Measures our and the peer's function in alternating rounds; each function receives the number of the round."""
     results = Race([], [], clock)
     for number in range(rounds):
         sides = [(ours, results.ours), (theirs, results.theirs)]
@@ -93,7 +94,10 @@ def ratio_line(
 
 
 def error_line(row: str, name: str, ours: Sequence[float], peers: Sequence[float], **notes: Any) -> Line:
-    """Returns a line with the peer's mean error divided by ours; rounds are not paired, since their seeds are unrelated."""
+    """Returns a line with the peer's mean error divided by ours.
+
+    Errors are not paired by round, since their seeds are unrelated.
+    """
     return ratio_line(row, name, [statistics.fmean(peers) / error for error in ours], "relMSE", ours, peers, **notes)
 
 

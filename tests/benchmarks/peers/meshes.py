@@ -42,9 +42,9 @@ def checks(size: int, seed: int = 0) -> Image:
 
 
 def _grid(name: str, points: np.ndarray, material: int, poles: bool = False) -> Mesh:
-    """Returns a mesh over a grid of points (rows + 1, columns + 1, 3), facing along rows x columns.
+    """Returns a mesh over a grid of points (rows + 1, columns + 1, 3), whose front is the side of rows x columns.
 
-    poles: the first and last rows are single points.
+    poles: whether the first and the last row are single points.
     """
     rows, columns = points.shape[0] - 1, points.shape[1] - 1
     corner = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()

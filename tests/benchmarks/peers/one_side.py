@@ -1,4 +1,4 @@
-"""One side of a comparison of two commits: renders a scene of row `samples` on demand, in a separate process.
+"""Renders a scene of row `samples` on request, in the working tree of one of two commits that are compared.
 
 Run it in the root of the working tree to be measured. It reads a scene's name and a size from the command line, then renders once
 for each line of standard input, and writes the processor seconds of each.

@@ -1,4 +1,7 @@
-"""Row `samples`: samples per second compared with Mitsuba's with its fastest sampler, independent; ours is Sobol'."""
+"""Row `samples` of the comparison: our samples per second against Mitsuba's.
+
+Mitsuba uses its fastest sampler, independent; we use Sobol'.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,10 @@ def sample_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
 
 
 def _line(name: str, case: Case, sizes: Sizes, folder: Path) -> Line:
-    """Returns a scene's line, measured after a warm-up. Both sides do equal work: one sample of each kind per vertex."""
+    """Returns the measured line of one scene, after a warm-up.
+
+    Both sides do equal work: one light sample and one BSDF sample per path vertex.
+    """
     ours, theirs = Rayfarm(case, sizes.picture, splitting=1), Mitsuba(case, sizes.picture, "independent", folder)
     spp = sizes.spp
     ours.picture(1, 0)

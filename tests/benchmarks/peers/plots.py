@@ -43,7 +43,7 @@ def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
 
 
 def plot_curves(row: str, lines: Sequence[Line], path: Path) -> None:
-    """Plots processor seconds over each count, with the allowed growth."""
+    """Plots processor seconds over each varied count (triangles, lights, ...), with the allowed growth."""
     figure, axes = pyplot.subplots(1, len(lines), figsize=(3.4 * len(lines), 3.4), layout="constrained", squeeze=False)
     for plot, line in zip(axes[0], lines, strict=True):
         notes = line.notes or {}

@@ -21,7 +21,7 @@ def trace_closest(bvh, stack, origin, direction, reach, distance, primitive):
 
 @entry
 def trace_any(bvh, stack, origin, direction, reach, met):
-    """Writes 0 for each ray that hits anything, and -1 for the others."""
+    """Writes 0 to `met` for each ray that hits anything, and -1 for the others."""
     for i in range(len(origin)):
         o = (origin[i, 0], origin[i, 1], origin[i, 2])
         d = (direction[i, 0], direction[i, 1], direction[i, 2])

@@ -21,7 +21,7 @@ from renderer.scene.load import read
 
 
 def _used() -> tuple[float, float, int]:
-    """Returns user and system seconds of this process and its children, and the largest peak memory among them in KiB."""
+    """Returns user and system seconds of this process and its children, and the maximum over them of peak memory in KiB."""
     both = [resource.getrusage(whose) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(r.ru_utime for r in both), sum(r.ru_stime for r in both), max(r.ru_maxrss for r in both)
 

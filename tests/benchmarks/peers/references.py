@@ -27,7 +27,10 @@ class References:
     folder: Path | None
 
     def of(self, case: str, side: str, picture: Callable[[int, int], np.ndarray]) -> np.ndarray:
-        """Returns the converged picture of a case, (h, w, 3). side: the renderer and its version."""
+        """Returns the converged picture (h, w, 3) of a case, from the cache or rendered by `picture`.
+
+        side: renderer and version.
+        """
         if self.folder is None:
             return converged(picture, self.sizes.reference_spp)
         path = self.folder / f"{case.replace(' ', '-').replace(',', '')}-{side.split()[0]}-{self._name(case, side)}.npy"
@@ -39,6 +42,6 @@ class References:
         return np.asarray(np.load(path))
 
     def _name(self, case: str, side: str) -> str:
-        """Returns the cache key, a hash of everything that the picture depends on."""
+        """Returns the picture's cache key, a hash of everything that the picture depends on."""
         sources = [(Path(__file__).parent / name).read_text() for name in _MADE_BY]
         return hashlib.sha256("\0".join([case, side, repr(self.sizes), *sources]).encode()).hexdigest()[:16]

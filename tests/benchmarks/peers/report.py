@@ -16,7 +16,7 @@ __all__ = ["Report", "Verdict"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """A value and its target."""
+    """The value of a line compared with its target."""
 
     row: str
     name: str
@@ -25,7 +25,7 @@ class Verdict:
 
     @property
     def met(self) -> bool:
-        """Returns True if the figure meets its target."""
+        """Whether the value meets its target."""
         return self.goal.met(self.value)
 
     def __str__(self) -> str:
@@ -36,8 +36,8 @@ class Verdict:
 class Report:
     """All measurements of a run.
 
-    machine: where it was measured. missing: rows that could not be measured, with the reasons. only: names of the requested
-    lines, if not all; then there are no means.
+    machine: description of the machine. missing: reasons why rows could not be measured, by row. only: names of the requested
+    lines; if not all were requested, no means are printed.
     """
 
     machine: dict[str, Any]

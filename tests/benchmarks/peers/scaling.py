@@ -25,7 +25,7 @@ _MOST_ROUNDS = 3
 
 
 def scaling_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields five lines, each with its curve in the notes."""
+    """Yields five lines (triangles, lights, pixels, samples, depth), each with its curve of cost in the notes."""
     box = cornell_box(sizes)
     spp, many = sizes.scaling_spp, min(sizes.rounds, _MOST_ROUNDS)
 

@@ -26,10 +26,10 @@ _GOLD = {"eta": (0.143, 0.375, 1.442), "k": (3.983, 2.386, 1.603)}
 
 @dataclass
 class Case:
-    """A scene and its view.
+    """A scene and its view, rendered by both renderers.
 
-    twin: the description to convert for Mitsuba instead, if it has no equal material. theirs: modifies Mitsuba's scene dictionary
-    where its parameters differ.
+    twin: the description to convert for Mitsuba instead, if Mitsuba has no equal material. theirs: function that modifies
+    Mitsuba's scene dictionary where its parameters differ.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Case:
 
 
 def cornell_box(sizes: Sizes) -> Case:
-    """Returns the Cornell box; Mitsuba renders the one that it includes."""
+    """Returns the Cornell box; Mitsuba renders the Cornell box that is part of Mitsuba."""
 
     def shipped(mi: Any, made: dict[str, Any]) -> None:
         scene = mi.cornell_box()
@@ -68,7 +68,7 @@ def large_mesh_diffuse(sizes: Sizes) -> Case:
 
 
 def large_mesh_plastic(sizes: Sizes) -> Case:
-    """Returns a plastic mesh; since the plastic models differ, each renderer is compared with its own converged picture."""
+    """Returns a plastic mesh. The plastic models differ, so each renderer is compared with its own converged picture."""
     color = (0.7, 0.3, 0.2)
     case = displaced(sizes.large_mesh, Material(kind="metallic_roughness", base_color=color, roughness=ROUGHNESS))
 

@@ -35,10 +35,10 @@ def at_most(bound: float) -> Goal:
 
 @dataclass(frozen=True)
 class Target:
-    """The targets of a row's lines.
+    """The targets of the lines of one row.
 
-    mean: for the geometric mean of the lines without a separate target. each: for each of these lines. lines: separate targets by
-    line name.
+    mean: target of the geometric mean of the lines without a separate target. each: target of each of these lines. lines:
+    separate targets by line name.
     """
 
     title: str
@@ -48,7 +48,7 @@ class Target:
     lines: dict[str, Goal] = field(default_factory=dict)
 
     def goal_of(self, line: str) -> Goal | None:
-        """Returns the separate target of a line; None if it has none."""
+        """Returns the separate target of a line; None if the line has none."""
         return self.lines.get(line, self.each)
 
 

@@ -1,4 +1,4 @@
-"""Row `threads`: speedup from one thread to two. No peer."""
+"""Row `threads` of the comparison: speedup from one thread to two. No peer."""
 
 from __future__ import annotations
 

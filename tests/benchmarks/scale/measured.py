@@ -45,7 +45,7 @@ MANY = 1 << 20  # more samples than any run renders
 
 @dataclass(frozen=True)
 class Load:
-    """The load of a service."""
+    """The simulated load of a service: slots, tiles, viewers and requests."""
 
     slots: int
     tile: int = 128
@@ -64,7 +64,7 @@ class Load:
 
 @dataclass
 class Taken:
-    """The measurements; rates are per second of wall time."""
+    """The measurements of one table row; rates are per second of wall time."""
 
     seconds: float = 0.0
     merged: int = 0
@@ -94,7 +94,7 @@ class Taken:
 
 
 class Served:
-    """A separate Redis and service in a folder."""
+    """A Redis server and a service, started in a folder for one measurement."""
 
     def __init__(self, folder: Path, **environment: str) -> None:
         self.folder = folder
@@ -146,7 +146,7 @@ class Served:
         return False
 
     def scene(self) -> str:
-        """Uploads a scene and returns its id; slots prepare it when they exist."""
+        """Uploads a scene and returns its id; slots prepare the scene when they start."""
         return str(self.http.post("/api/scenes", files={"files": ("scene.obj", OBJ)}).raise_for_status().json()["id"])
 
     def job(self, scene: str, load: Load, spp: int = MANY) -> str:
@@ -155,7 +155,7 @@ class Served:
         return str(self.http.post("/api/jobs", json=request).raise_for_status().json()["id"])
 
     def counts(self) -> dict[str, int]:
-        """Returns the service's counts of batches."""
+        """Returns the service's counters of batches by name."""
         text = self.http.get("/metrics").raise_for_status().text
         found = re.findall(r"^rayfarm_(?:batches_)?(\w+?)(?:_total)? ([\d.e+]+)$", text, re.M)
         return {name: int(float(value)) for name, value in found}
@@ -214,7 +214,7 @@ def reducer_of(served: Served, load: Load) -> Iterator[None]:
 
 
 def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
-    """Measures one row: slots render an endless job for a while, and its film is compared with the sent sums."""
+    """Measures one table row: slots render an endless job for a while, and the job's film is compared with the sent sums."""
     kept = folder / "sums.npy"
     np.save(kept, sums[:, : load.tile, : load.tile])
     taken = Taken()
@@ -289,7 +289,7 @@ def _watching(served: Served, job: str, load: Load) -> subprocess.Popen[str] | N
 
 @contextlib.contextmanager
 def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Iterator[None]:
-    """Runs clients that request pictures of the job in a separate process, whose processor time does not count."""
+    """Runs clients that request pictures of the job, in a separate process so that their processor time does not count."""
     if not many:
         yield
         return
@@ -311,9 +311,9 @@ def _between(spent: list[list[float]], column: int, begin: float, end: float) ->
 
 
 def _settled(served: Served, slots: list[subprocess.Popen[str]], taken: Taken, measured: tuple[float, float]) -> dict[str, int]:
-    """Waits until all sent batches are merged, and returns the slots' counts.
+    """Waits until the service has merged all sent batches, and returns the slots' counts.
 
-    measured: interval in which the slots' time counts.
+    measured: interval (begin, end) within which the slots' time counts.
     """
     deadline = time.monotonic() + SETTLES_S
     while time.monotonic() < deadline and (_in_hand(served) or served.store.xlen(RESULTS)):
@@ -333,7 +333,7 @@ def _settled(served: Served, slots: list[subprocess.Popen[str]], taken: Taken, m
 
 
 def _in_hand(served: Served) -> int:
-    """Returns the number of batches and messages that workers hold, by their reports of the last second or two."""
+    """Returns the number of batches and messages that workers hold, by their reports of the last two seconds."""
     keys = [*served.store.scan_iter(WORKER_KEYS), *served.store.scan_iter(site_key("*"))]
     found = 0
     for value in served.store.mget(keys) if keys else ():  # type: ignore[union-attr]

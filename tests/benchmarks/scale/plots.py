@@ -22,7 +22,7 @@ _TILES = "pixels along a tile's side"
 
 
 def plot(rows: Sequence[tuple[Load, Taken]], path: Path) -> None:
-    """Draws three plots over the varied quantity: share of the slots in use, the service's processor time, its time per batch.
+    """Draws three plots over the varied quantity: used share of the slots, the service's processor time, and its time per batch.
 
     If both tile and frame sizes vary, there is a curve for each frame size.
     """

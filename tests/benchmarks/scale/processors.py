@@ -1,6 +1,6 @@
-"""Finds the bottleneck: how much processor time each process used, and how long it waited for a processor (Linux, /proc).
+"""Finds the bottleneck: the processor time of each process, and how long it waited for a processor (Linux, /proc).
 
-A thread that used a processor all the time was the bottleneck; if it waited for one, the machine was.
+A thread that used a processor all the time was the bottleneck. If a thread waited for a processor, the machine was.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Processors:
         self._before = {name: _times(pid) for name, pid in processes.items()}
 
     def shares(self) -> dict[str, Share]:
-        """Returns the share of each process since then, without threads that have ended."""
+        """Returns the share of each process since the creation of this object, without threads that have ended."""
         seconds = time.monotonic() - self._begun
         found = {}
         for name, pid in self._processes.items():

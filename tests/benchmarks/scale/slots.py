@@ -61,7 +61,7 @@ def of_one_sample(sums: Sums) -> Sums:
 
 @dataclass
 class _Joint:
-    """Batches of one tile rendered by the slots of one machine, and their sums so far."""
+    """The batches of one tile that the slots of one machine render and add up, and their sums so far."""
 
     message: str
     hold_s: float
@@ -73,7 +73,7 @@ class _Joint:
 
 @dataclass
 class _Machine:
-    """A worker: its free slots, and the batches waiting for them."""
+    """A simulated worker: its free slots, and the batches waiting for them."""
 
     name: str
     free: list[int]
@@ -94,7 +94,7 @@ class _Batches:
 
 
 class Slots(PeerWorker):
-    """Many slots in one thread, all equally fast."""
+    """Many simulated slots in one thread, all equally fast."""
 
     def __init__(
         self,
@@ -192,7 +192,7 @@ class Slots(PeerWorker):
             all_at_once.execute()
 
     def _serve_site(self) -> None:
-        """Consumes the queues that the service requests."""
+        """Reads the workers' terms from Redis, and consumes the queues that the service requests in these."""
         if self.site:
             names = [machine.name for machine in self._machines]
             said: Any = self.redis.mget([terms_key(name) for name in names])
@@ -299,7 +299,7 @@ class Slots(PeerWorker):
             machine.joints.pop(joint.message, None)
 
     def _send_sums(self, machine: _Machine, run: list[tuple[RenderBatch, float]], of: Run | None = None) -> None:
-        """Sends the sums of a machine. of: the run of the site's reducer."""
+        """Sends the sums of a machine's batches as one result. of: the run of the joint message, if the batches have one."""
         work, seconds = run[0]
         event = {"type": "batch", **self._words(work), "worker": machine.name, "seconds": seconds, "bad": [], "bad_count": 0}
         if len(run) > 1:
@@ -337,7 +337,7 @@ class Slots(PeerWorker):
 
 
 def _with_pieces(message: bytes, pieces: tuple[Piece, ...]) -> bytes:
-    """Returns the message of a joint batch, reduced to these pieces."""
+    """Returns the message of a joint batch that contains only these pieces."""
     whole = json.loads(message)
     positional, arguments, more = json.loads(base64.b64decode(whole["body"]))
     arguments["joint"]["pieces"] = [list(piece) for piece in pieces]

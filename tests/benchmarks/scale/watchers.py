@@ -1,4 +1,4 @@
-"""Many viewers of one job that acknowledge every packet; measures the intervals between their rounds."""
+"""Many viewers of one job that acknowledge every packet; measures the intervals between the packets' rounds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ SEQUENCE = struct.Struct("<4xI")
 
 
 async def watch(url: str, warm_s: float, seconds: float, rounds: list[float], received: list[int]) -> None:
-    """Watches as one viewer, without the initial snapshot."""
+    """Watches the job as one viewer, without the initial snapshot.
+
+    rounds: receives the intervals between rounds of packets, in seconds. received: receives the packets' sizes in bytes.
+    """
     begun = time.monotonic()
     last_packet = last_round = None
     async with connect(url, max_size=None, compression=None) as socket:
@@ -41,7 +44,7 @@ async def watch(url: str, warm_s: float, seconds: float, rounds: list[float], re
 
 
 async def watch_all(url: str, many: int, warm_s: float, seconds: float) -> tuple[list[float], list[int]]:
-    """Runs all viewers; returns their intervals and received packets."""
+    """Runs `many` viewers; returns the intervals between rounds of packets, and the size in bytes of each packet."""
     rounds: list[float] = []
     received: list[int] = []
     await asyncio.gather(*(watch(url, warm_s, seconds, rounds, received) for _ in range(many)))
