@@ -104,7 +104,7 @@ def frame_text(frame: float) -> str:
 
 
 def frames_text(frames: Iterable[float]) -> str:
-    """Returns frame numbers as short text: runs of consecutive integers as ranges; if that is long, also runs with equal steps."""
+    """Returns frame numbers as short text: consecutive integers as ranges; if that is long, also runs with equal steps."""
     numbers = sorted(frames)
     runs: list[list[float]] = []
     for frame in numbers:

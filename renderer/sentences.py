@@ -59,7 +59,7 @@ class Sentence(str):
     params: dict[str, Any]
 
     def __new__(cls, code: str, template: str, /, **params: object) -> Self:
-        """Fills in a template's parameters."""
+        """Creates the sentence from a template, with its `{name}` fields replaced by the parameters."""
         values = {name: _value(value) for name, value in params.items()}
         return cls._create(_filled(template, values), code, values)
 
@@ -71,7 +71,7 @@ class Sentence(str):
 
     @classmethod
     def from_text(cls, sentence: str) -> Self:
-        """Returns a text as an instance of this class; a plain text gets an empty code."""
+        """Returns a text as a Sentence; a plain text gets an empty code."""
         if isinstance(sentence, Sentence):
             return cls._create(str.__str__(sentence), sentence.code, sentence.params)
         return cls._create(sentence, "", {})
@@ -83,17 +83,17 @@ class Sentence(str):
         return _restored, (type(self), str.__str__(self), self.code, self.params)
 
     def __getitem__(self, key: SupportsIndex | slice, /) -> str:
-        """Returns a part of the text; if that is all of it, the sentence itself."""
+        """Returns a part of the text, as plain text; if it is the whole text, the sentence with its code."""
         text = super().__getitem__(key)
         return self if text == self else text
 
     def removesuffix(self, suffix: str, /) -> str:
-        """Removes a suffix. Removing only the full stop preserves the code."""
+        """Returns the text without a suffix. The result keeps the code only if the suffix is the full stop."""
         text = super().removesuffix(suffix)
         return self._create(text, self.code, self.params) if suffix == "." else text
 
     def rstrip(self, chars: str | None = None, /) -> str:
-        """Removes trailing characters. Removing only the full stop preserves the code."""
+        """Returns the text without trailing characters. The result keeps the code only for the full stop, and for white space."""
         text = super().rstrip(chars)
         return self._create(text, self.code, self.params) if chars in (".", None) else text
 
@@ -117,7 +117,7 @@ class Sentence(str):
 
     @classmethod
     def from_coded(cls, text: str, coded: Any) -> str:
-        """Returns the sentence with this text and its `coded` form; the plain text if `coded` is malformed."""
+        """Returns the sentence with this text and the code and parameters in `coded`; the plain text if `coded` is malformed."""
         try:
             return cls._create(text, *_parsed(coded, 0)) if len(str(coded)) <= 4 * _LONGEST else text
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
@@ -138,47 +138,47 @@ def in_lower_case(text: str) -> str:
 
 
 def with_full_stop(sentence: object) -> str:
-    """Returns a sentence with a full stop added, for sentences that were written without one, such as faults of files."""
+    """Returns a sentence with a full stop appended, for sentences written without one, such as error messages about files."""
     return Sentence("sentence-closed", "{sentence}.", sentence=sentence)
 
 
 def joined_faults(first: str, second: str) -> str:
-    """Joins two faults to one text."""
+    """Joins two error messages, written without a full stop, to one text."""
     return Sentence("faults-joined", "{first}; {second}", first=first, second=second)
 
 
 def reason_of(sentence: str) -> str:
-    """Returns the part of a sentence of the form "fault; consequence" that describes the fault."""
+    """Returns the first part of an error message of the form "fault; consequence"."""
     if isinstance(sentence, Sentence) and "error" in sentence.params:
         return str(sentence.params["error"])
     return sentence.partition(";")[0]
 
 
 def count_of(n: int, what: str) -> str:
-    """Returns a number with what is counted: "3 meshes". what: a plural noun."""
+    """Returns a count with its noun, such as "3 meshes", for use as a parameter. what: a plural noun."""
     return Sentence("amount-of", "{n} {things}", n=n, things=what)
 
 
 def with_count(sentence: str, n: int) -> str:
-    """Returns a sentence with the number of its occurrences, if that is more than one."""
+    """Returns a sentence with the number n of its occurrences appended; unchanged for n = 1."""
     return sentence if n == 1 else Sentence("sentence-repeated", "{sentence} ({count} times)", sentence=sentence, count=n)
 
 
 def first_items(texts: Iterable[object], max_items: int | None = None) -> list[Any]:
-    """Returns a list for a parameter: at most the first `max_items` items, then an ellipsis."""
+    """Returns a list for use as a parameter: at most the first `max_items` items, then an ellipsis."""
     items = list(texts)
     return items if max_items is None or len(items) <= max_items else [*items[:max_items], "..."]
 
 
 def to_json(value: Any) -> Any:
-    """Converts a parameter to JSON; a sentence becomes `{code, params, text}`."""
+    """Converts a parameter of a sentence to JSON; a Sentence becomes `{code, params, text}`."""
     if isinstance(value, Sentence):
         return {**value.coded, "text": str.__str__(value)} if value.code else str.__str__(value)
     return [to_json(each) for each in value] if isinstance(value, list) else value
 
 
 def from_json(value: Any) -> Any:
-    """Converts a parameter back from the JSON of `to_json`. Malformed values are returned unchanged."""
+    """Restores a parameter of a sentence from the JSON of `to_json`. Malformed values are returned unchanged."""
     try:
         return _read(value, 0)
     except (ValueError, KeyError, TypeError, AttributeError):
@@ -186,12 +186,12 @@ def from_json(value: Any) -> Any:
 
 
 def to_text(sentence: str) -> str:
-    """Converts a text for storage as plain text: a sentence with a code becomes JSON, any other text is unchanged."""
+    """Converts a sentence to plain text for storage: to JSON if it has a code, otherwise unchanged."""
     return json.dumps(to_json(sentence), ensure_ascii=False) if isinstance(sentence, Sentence) and sentence.code else sentence
 
 
 def from_text(text: str) -> str:
-    """Converts a text back from `to_text`; any other text, as stored by older releases, is unchanged."""
+    """Restores a sentence from the text of `to_text`; any other text, as stored by older releases, is returned unchanged."""
     if not text.startswith(_BEGINS):
         return text
     try:
@@ -202,7 +202,10 @@ def from_text(text: str) -> str:
 
 
 def codes_of(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns field -> code of each sentence in a record: `{code, params}`; for a list of texts, a list of those or None."""
+    """Returns field name -> `{code, params}` for each field of a record that contains a sentence with a code.
+
+    For a field that is a list of texts, the value is a list with `{code, params}` or None for each text.
+    """
     found: dict[str, Any] = {}
     for name, value in record.items():
         if _has_code(value):
@@ -213,14 +216,17 @@ def codes_of(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def encoded(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns a record for JSON: with a field `codes` if it contains sentences; also in nested records."""
+    """Returns a record as JSON, with a field `codes` if it contains sentences with codes; nested records likewise."""
     made = {name: encoded(value) if isinstance(value, dict) else value for name, value in record.items()}
     codes = codes_of(record)
     return {**made, "codes": codes} if codes else made
 
 
 def decoded(record: Mapping[str, Any], depth: int = 0) -> dict[str, Any]:
-    """Converts a record back from `encoded`. Texts with malformed codes become plain texts."""
+    """Restores a record from the JSON of `encoded`. Texts with malformed codes become plain texts.
+
+    depth: nesting level of the record.
+    """
     made = {
         name: decoded(value, depth + 1) if isinstance(value, dict) and depth < _DEEPEST else value
         for name, value in record.items()
@@ -276,9 +282,9 @@ def _filled(template: str, values: Mapping[str, Any]) -> str:
 
 
 def _parsed(coded: Any, depth: int) -> tuple[str, dict[str, Any]]:
-    """Returns code and parameters of a `coded` sentence.
+    """Returns (code, parameters) of the JSON form `coded` of a sentence. depth: nesting level.
 
-    Raises ValueError, KeyError, TypeError or AttributeError if malformed.
+    Raises ValueError, KeyError, TypeError or AttributeError if it is malformed.
     """
     code, params = coded["code"], coded["params"]
     if depth > _DEEPEST or not _CODE.fullmatch(code) or len(code) > 100 or len(params) > _MOST_PARAMS:
