@@ -20,7 +20,10 @@ LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 class FarmError(Exception):
-    """A failed request; its text is a sentence for the user. status: the HTTP status, or None if there was no response."""
+    """Raised if a request to the farm failed; its text is a sentence for the user.
+
+    status: the HTTP status, or None if there was no response.
+    """
 
     def __init__(self, sentence: str, status: int | None = None) -> None:
         super().__init__(sentence)
@@ -54,7 +57,7 @@ class Client:
         self.sent = 0  # bytes of all uploads so far
 
     def headers(self) -> dict[str, str]:
-        """The authentication headers of a request."""
+        """The authentication headers to send with each request."""
         return {"Authorization": f"Bearer {self.token}"} if self.token else {}
 
     def request(
@@ -65,7 +68,8 @@ class Client:
         headers: dict[str, str] | None = None,
         patience_s: float = PATIENCE_S,
     ) -> tuple[int, Any, bytes]:
-        """Sends a request and returns (status, headers, body). data: bytes, or an iterator of bytes. patience_s: the timeout.
+        """Sends a request; returns (status, headers, body). data: bytes, or an iterator of bytes. patience_s: the timeout in
+        seconds.
 
         Raises FarmError if there is no response or for error statuses; 304 is returned.
         """
@@ -128,7 +132,7 @@ class Client:
         return json.loads(body)
 
     def check(self) -> str:
-        """Tests the connection; returns a sentence that describes the farm. Raises FarmError if the test fails."""
+        """Tests the connection; returns a sentence for the user about the farm's workers. Raises FarmError if the test fails."""
         info = self.json("GET", "/api/info")
         if not isinstance(info, dict) or "formats" not in info:
             raise FarmError(f"What answers at {self.url} is no Rayfarm. Is the address right?")

@@ -21,7 +21,10 @@ TYPES = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
 
 
 def read(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
-    """Returns channel name -> (h, w) float32, rows from the top. Raises ValueError if the file is of another kind."""
+    """Returns the image of an EXR file: channel name -> (h, w) float32, rows from the top.
+
+    Raises ValueError if the file is of an unsupported kind.
+    """
     try:
         return _read(data)
     except (struct.error, zlib.error, IndexError, KeyError) as error:
@@ -95,7 +98,7 @@ def _copy_rows(
 
 
 def write(rgb: npt.NDArray[np.float32]) -> bytes:
-    """Returns a picture as an EXR file in float32 without compression. rgb: (h, w, 3) linear, rows from the top."""
+    """Returns an image as an EXR file in float32 without compression. rgb: (h, w, 3) linear, rows from the top."""
     height, width, _ = rgb.shape
     box = struct.pack("<4i", 0, 0, width - 1, height - 1)
     channels = b"".join(name + b"\0" + struct.pack("<iiii", 2, 0, 1, 1) for name in (b"B", b"G", b"R")) + b"\0"

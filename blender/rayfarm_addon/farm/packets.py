@@ -1,4 +1,4 @@
-"""Converts pictures from the farm (protocol/) to Blender's form: (h, w, 4) float32 linear, rows from the bottom."""
+"""Converts images from the farm (protocol/) to Blender's form: (h, w, 4) float32 linear, rows from the bottom."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def rgba(rgb: F32) -> F32:
 
 
 class ProgressiveView:
-    """The picture of a view, updated by the packets of a viewport's channel. `rgb` is (h, w, 3), rows from the top."""
+    """The image of a view, updated by the packets of a viewport's channel. `rgb` is (h, w, 3), rows from the top."""
 
     def __init__(self) -> None:
         self.id = -1
@@ -29,10 +29,10 @@ class ProgressiveView:
         self.whole = (0, 0)
 
     def add_packet(self, packet: bytes) -> None:
-        """Updates the picture by a packet. Raises ValueError if the packet is malformed.
+        """Updates the image by a packet. Raises ValueError if the packet is malformed.
 
-        If it belongs to another view or has another size, it begins a new picture; until all its tiles have arrived, the old
-        picture is shown in the others, scaled.
+        A packet of another view, or of another size, begins a new image. Tiles of the new image that have not arrived yet show
+        the old image, scaled.
         """
         head, tiles = decode_view(packet)
         if head.id != self.id or self.rgb.shape[:2] != (head.h, head.w):

@@ -1,4 +1,4 @@
-"""The request for one picture, and the events during its rendering. Independent of Blender."""
+"""The request for one image, and the events emitted while it is rendered. Independent of Blender."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Failed", "FinishedPicture", "Light", "RenderRequest", "StatusMessage
 
 @dataclass(frozen=True)
 class Light:
-    """The environment light: a constant radiance, a picture (name and content), or that of the scene file (`is_own`)."""
+    """The environment light: a constant radiance, an image (name and content), or that of the scene file (`is_own`)."""
 
     color: list[float] | None = None
     image: tuple[str, bytes | Path] | None = None
@@ -27,7 +27,7 @@ class Light:
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """The request for a picture.
+    """The request for one image.
 
     files: the scene's files by name; main: the name of the scene file. request: the fields of POST /api/jobs except scene and
     light. planes: the AOVs.
@@ -44,7 +44,7 @@ class RenderRequest:
 
 @dataclass(frozen=True)
 class StatusMessage:
-    """Event: a status message. progress: 0 to 1; None if unknown."""
+    """Event: a status message for the user. progress: 0 to 1; None if unknown."""
 
     text: str
     progress: float | None = None
@@ -52,7 +52,7 @@ class StatusMessage:
 
 @dataclass(frozen=True)
 class TileUpdate:
-    """Event: a tile with more samples. x, y: from the picture's upper left corner. words: (h, w) RGB9E5."""
+    """Event: a tile with more samples. x, y: pixels from the image's upper left corner. words: (h, w) RGB9E5."""
 
     x: int
     y: int
@@ -61,7 +61,7 @@ class TileUpdate:
 
 @dataclass(frozen=True)
 class FinishedPicture:
-    """Event: the finished picture. Channels by their EXR names, each (h, w) float32, rows from the top."""
+    """Event: the finished image. Channels by their EXR names, each (h, w) float32, rows from the top."""
 
     channels: dict[str, npt.NDArray[np.float32]]
     job: str
@@ -71,6 +71,6 @@ class FinishedPicture:
 
 @dataclass(frozen=True)
 class Failed:
-    """Event: there will be no picture. Contains the reason as a sentence, or None if the job was cancelled."""
+    """Event: the rendering ended without an image. Contains the reason as a sentence, or None if the job was cancelled."""
 
     sentence: str | None

@@ -1,4 +1,4 @@
-"""Renders one picture on a farm in a thread: uploads, submits the job, receives tiles, fetches the result. Emits events."""
+"""Renders one image on a farm in a thread: uploads, submits the job, receives tiles, fetches the result. Emits events."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ Event = StatusMessage | TileUpdate | FinishedPicture | Failed
 
 
 class _OverError(FarmError):
-    """Raised when the job has ended without success, so that retrying is useless."""
+    """Raised if the job has ended without success, so that retrying is useless."""
 
 
 def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None]) -> dict[str, Any] | None:
-    """Returns the `environment` field of a request; None to use the scene file's own.
+    """Returns the `environment` field of a job's request; None to use the scene file's environment.
 
-    A picture is uploaded if the farm lacks it. Raises FarmError, or Cancelled if `progress` does.
+    An image is uploaded if the farm lacks it. Raises FarmError, or Cancelled if `progress` does.
     """
     if light.image is not None:
         id = uploads.environment(*light.image, progress)
@@ -50,7 +50,7 @@ def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None
 
 
 class Rendering:
-    """The rendering of one picture, started on creation. `events` is a queue; the last event is FinishedPicture or Failed."""
+    """The rendering of one image, started on creation. `events` is a queue; the last event is FinishedPicture or Failed."""
 
     def __init__(self, client: Client, uploads: Uploads, request: RenderRequest) -> None:
         self.events: queue.SimpleQueue[Event] = queue.SimpleQueue()
@@ -65,7 +65,7 @@ class Rendering:
         self._cancelled.set()
 
     def join(self, patience_s: float) -> None:
-        """Waits for the final event, at most `patience_s` seconds."""
+        """Waits until the last event was emitted, at most `patience_s` seconds."""
         self._thread.join(patience_s)
 
     def _run(self) -> None:
@@ -113,7 +113,7 @@ class Rendering:
                 self._client.json("PATCH", f"/api/jobs/{self._job}", {"state": "cancelled"})
 
     def _watch_job(self, number: float) -> None:
-        """Emits the job's progress until it ends.
+        """Emits the progress of job `number` until it ends.
 
         Requests to an unreachable farm are repeated for a while, then FarmError is raised.
         """
@@ -142,7 +142,7 @@ class Rendering:
             raise Cancelled
 
     def _listen(self, number: float) -> bool:
-        """Receives tiles and states from the live channel until the job has ended; then returns True.
+        """Receives the tiles and states of job `number` from its live channel; returns True once the job has ended.
 
         Raises Closed or FarmError if the channel fails, Cancelled if the user cancels.
         """

@@ -19,7 +19,7 @@ UNUSED_SHARE = 0.5  # fraction of unused bytes from which on a scene is uploaded
 
 
 class Uploads:
-    """The uploads to one farm. Each scene is uploaded as changes to the previous one: unchanged files are not sent again."""
+    """The uploads to one farm. Each scene is uploaded as changes to the previous scene: unchanged files are not sent again."""
 
     def __init__(self, client: Client, digest: Callable[[bytes | Path], str], project: str = "") -> None:
         self.client = client
@@ -68,7 +68,7 @@ class Uploads:
         return self.scene
 
     def environment(self, name: str, content: bytes | Path, progress: Callable[[int, int], None]) -> str:
-        """Returns the ID of an environment picture, which is uploaded if it is new.
+        """Returns the ID of an environment image, which is uploaded if it is new.
 
         Raises FarmError, or Cancelled if `progress` does.
         """
@@ -81,7 +81,7 @@ class Uploads:
             return self._images[digest]
 
     def delete_viewed(self, scene: str) -> None:
-        """Deletes a scene from the farm unless a job has rendered it. Raises FarmError if the request fails."""
+        """Deletes a scene from the farm unless a job has used it. Raises FarmError if the request fails."""
         if scene in self.rendered:
             return
         if scene == self.scene:
@@ -89,7 +89,7 @@ class Uploads:
         self.client.json("DELETE", f"/api/scenes/{scene}")
 
     def clear(self) -> None:
-        """Forgets all uploads, because the farm no longer has them: the next scene is uploaded in full."""
+        """Clears the record of uploads, because the farm has deleted them: the next scene is uploaded in full."""
         self.scene, self._there, self._images = None, {}, {}
 
     def upload_and_prepare(
@@ -101,10 +101,10 @@ class Uploads:
         is_over: Callable[[], bool],
         say: Callable[[str], None],
     ) -> dict[str, Any]:
-        """Uploads a scene and waits until it is prepared. Uploads it again if it was deleted in the meantime.
+        """Uploads a scene and waits until the farm has prepared it; uploads it again if it was deleted in the meantime.
 
-        Returns the scene as in GET /api/scenes/{id}. say: shows a status line. Raises FarmError if a request or the preparation
-        fails, Cancelled if the user cancels.
+        Returns the scene as in GET /api/scenes/{id}. is_over: returns True once the user has cancelled. say: shows a status line.
+        Raises FarmError if a request or the preparation fails, Cancelled if the user cancels.
         """
         try:
             return self.wait_until_prepared(self.send(files, main, title, progress), is_over, say)
@@ -115,9 +115,10 @@ class Uploads:
         return self.wait_until_prepared(self.send(files, main, title, progress), is_over, say)
 
     def wait_until_prepared(self, scene: str, is_over: Callable[[], bool], say: Callable[[str], None]) -> dict[str, Any]:
-        """Waits until the scene is prepared; returns it as in GET /api/scenes/{id}. is_over: whether the caller has cancelled.
+        """Waits until the farm has prepared the scene; returns it as in GET /api/scenes/{id}.
 
-        Raises FarmError if the farm cannot read the scene; Cancelled.
+        is_over: returns True once the user has cancelled. say: shows a status line. Raises FarmError if the farm cannot read the
+        scene, Cancelled if the user cancels.
         """
         while True:
             found: dict[str, Any] = self.client.json("GET", f"/api/scenes/{scene}")

@@ -1,4 +1,4 @@
-"""A live view of a scene: a thread that sends scenes and cameras to the farm and stores the newest picture."""
+"""A live view of a scene: a thread that sends scenes and cameras to the farm and stores the newest image."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ AGAIN_S = 2.0
 
 @dataclass(frozen=True)
 class ViewPicture:
-    """A picture of a view. rgb: (h, w, 3) linear, rows from the top. id: number of the view. whole: size of the complete view.
+    """An image of a view. rgb: (h, w, 3) linear, rows from the top. id: number of the view. whole: size of the complete view.
 
-    samples: per pixel. done: True if no better picture follows.
+    samples: per pixel. done: True if no better image follows.
     """
 
     rgb: npt.NDArray[np.float32]
@@ -40,7 +40,7 @@ class ViewPicture:
 
 
 class LiveView:
-    """The live view of one viewport. No method blocks, except `join`; the newest scene and view are used."""
+    """The live view of one viewport. Only `join` blocks. If several scenes or views are set, the newest is used."""
 
     def __init__(self, client: Client, uploads: Uploads, title: str) -> None:
         self._client, self._uploads, self._title = client, uploads, title
@@ -64,7 +64,7 @@ class LiveView:
         self._wake.set()
 
     def set_view(self, view: dict[str, Any]) -> int:
-        """Sets the view, a request without scene and light. Returns its number, which its pictures have as their id."""
+        """Sets the view: a request without scene and light. Returns its number, the `id` of its images."""
         with self._lock:
             self._number += 1
             self._view = {**view, "id": self._number}
@@ -72,7 +72,7 @@ class LiveView:
 
     @property
     def picture_and_status(self) -> tuple[ViewPicture | None, str]:
-        """Returns the newest picture and a status line."""
+        """Returns the newest image and a status line for the user."""
         with self._lock:
             return self._shown, self._text
 
@@ -83,7 +83,7 @@ class LiveView:
 
     @property
     def is_up_to_date(self) -> bool:
-        """True if the newest picture shows the newest scene."""
+        """True if the newest image shows the newest scene."""
         return self._looks_at is not None and self._looks_at is self._scene
 
     def close(self) -> None:
@@ -124,7 +124,7 @@ class LiveView:
             self._report(f"Sending the scene: {sent / 1e6:.0f} of {size / 1e6:.0f} MB")
 
     def _show_scene(self) -> None:
-        """Shows one scene until it is replaced by another.
+        """Shows one scene until another scene is set.
 
         Raises FarmError or Closed if the farm or the connection fails, Cancelled if the view ends.
         """

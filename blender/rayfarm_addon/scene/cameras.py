@@ -18,7 +18,7 @@ PANORAMA = "PANO"
 
 
 def lens_of(scene: Scene | None, camera: Any) -> Lens:
-    """Returns the Lens of a camera object."""
+    """Returns the Lens (depth of field and clipping) of a camera object."""
     data = camera.data
     near = float(data.clip_start)
     if not data.dof.use_dof or data.type == PANORAMA:
@@ -53,7 +53,7 @@ def shot_of_camera(
     size: tuple[int, int],
     border: tuple[int, int, int, int] | None = None,
 ) -> Shot:
-    """Returns the Shot that shows the camera's picture. Raises ValueError if its lens is not supported."""
+    """Returns the Shot (view and needed part) that shows the camera's image. Raises ValueError if its lens is not supported."""
     if camera.data.type == PANORAMA:
         kind = getattr(camera.data, "panorama_type", None) or getattr(getattr(camera.data, "cycles", None), "panorama_type", "")
         if kind != "EQUIRECTANGULAR":
@@ -72,7 +72,7 @@ def with_keys(
     size: tuple[int, int],
     border: tuple[int, int, int, int] | None = None,
 ) -> bool:
-    """Adds the camera, with keys while the shutter is open, to the exported scene; returns True if it moves.
+    """Adds the camera, with keys while the shutter is open, to the exported scene; returns True if the camera moves.
 
     samples: for each key the time in seconds, transform, projection and lens. size, border: as for `shot_of`. Raises
     ValueError if the lens is not supported.

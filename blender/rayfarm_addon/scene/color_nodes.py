@@ -1,4 +1,4 @@
-"""Blender's colour and number operations (intern/cycles/kernel/svm), applied to whole arrays."""
+"""Blender's colour and number operations, as in intern/cycles/kernel/svm, applied to whole arrays."""
 
 from __future__ import annotations
 

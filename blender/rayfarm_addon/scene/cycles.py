@@ -25,7 +25,10 @@ MOST_NAMES = 5
 
 
 class _CheckedSetting(NamedTuple):
-    """A setting that needs a warning if `differs` of its value is True. sentence: returns the warning for a value."""
+    """A Cycles setting that needs a warning if `differs` returns True for its value.
+
+    sentence: returns the warning for a value.
+    """
 
     owner: str
     name: str
@@ -184,17 +187,17 @@ PASSES = ("combined", "z", "position", "normal", "object_index", "material_index
 
 
 def takes_time(scene: Any, layer: Any) -> bool:
-    """Returns True if the shutter is open for longer than an instant, so that there is motion blur."""
+    """Returns True if the shutter is open for longer than an instant, so that the image has motion blur."""
     return bool(scene.render.use_motion_blur and getattr(layer, "use_motion_blur", True))
 
 
 def _is_curved(shutter: Any) -> bool:
-    """Returns True if the shutter transmits less light while it opens or closes."""
+    """Returns True if a shutter curve transmits less light while the shutter opens or closes."""
     return any(point.location[1] < 1 - NEAR for curve in shutter.curves[:1] for point in curve.points)
 
 
 def depths_of(scene: Any) -> dict[str, int]:
-    """Returns the request settings that limit bounces by kind, and transparent surfaces, as Cycles does.
+    """Returns the request's settings that limit bounces by kind, and transparent surfaces, as Cycles does.
 
     After n bounces Cycles still computes the direct light at the next surface, so a limit of n bounces is a depth of n + 1.
     Limits that are not below the limit of all bounces are omitted, except for transmissions, since smooth ones are not part of
@@ -212,7 +215,7 @@ def depths_of(scene: Any) -> dict[str, int]:
 
 
 def warn_of_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filter: bool) -> None:
-    """Warns about a scene's unsupported settings.
+    """Warns about a scene's Cycles settings that Rayfarm does not support.
 
     is_clamped, has_filter: whether the user has set Rayfarm's own clamping of indirect light and pixel filter.
     """
@@ -264,7 +267,7 @@ def warn_of_volumes(scene: Any, warn: Warn) -> None:
 
 
 class Flags:
-    """Collects the unsupported flags of objects during the export, since the objects may no longer exist when it ends."""
+    """Collects the unsupported flags of objects during the export, since the objects may no longer exist when the export ends."""
 
     def __init__(self, scene: Any, layer: Any) -> None:
         self._asked = OF_MOVING if takes_time(scene, layer) else ()
@@ -273,7 +276,10 @@ class Flags:
         self._names: dict[str, dict[str, None]] = {}
 
     def inspect(self, thing: Any) -> None:
-        """Records the flags of an object, which may be passed repeatedly. It need not be from the dependency graph."""
+        """Records the unsupported flags of an object.
+
+        Objects may be passed repeatedly, and need not be from the dependency graph.
+        """
         own = getattr(thing, "cycles", None) if self._asked else None
         for name, value, words in self._asked if own is not None else ():
             if getattr(own, name, not value) == value:
@@ -288,7 +294,7 @@ class Flags:
 
 
 def warn_of_material(material: Any, warn: Warn) -> None:
-    """Warns about a material's unsupported flags."""
+    """Warns about a material's flags that Rayfarm does not support."""
     if not getattr(material, "use_transparent_shadow", True) and _is_transparent(material):
         warn(
             Sentence("cycles-transparent-shadows", "light passes its transparent parts, unlike in Blender (Transparent Shadows)")

@@ -1,4 +1,4 @@
-"""Warns about surfaces that differ from Cycles, for the add-on's materials and for those of .blend files."""
+"""Warns about surfaces that are rendered differently from Cycles, for the add-on's materials and for those of .blend files."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Warn = Callable[[str], None]
 
 
 def warn_of_surface(surface: Any, warn: Warn) -> None:
-    """Warns about differences from Cycles of a principled surface, or of a shader expressed as one."""
+    """Warns if a principled surface, or a shader expressed as one, is rendered differently from Cycles."""
 
     def number(name: str, default: float) -> float:
         found = constant_value(surface.input(name))
@@ -72,7 +72,7 @@ def warn_of_surface(surface: Any, warn: Warn) -> None:
 
 
 def warn_of_shader(source: Source, warn: Warn) -> None:
-    """Warns about differences from Cycles of a shader that is replaced by a principled surface."""
+    """Warns if a shader that is replaced by a principled surface is rendered differently from Cycles."""
     facets = OTHER_FACETS.get(getattr(source.node, "distribution", ""))
     rough = constant_value(source.input("Roughness"))
     if source.node.type == "BSDF_SHEEN":
@@ -87,7 +87,7 @@ def warn_of_shader(source: Source, warn: Warn) -> None:
 
 
 def warn_of_pictures(tree: Any, warn: Warn) -> None:
-    """Warns about differences from Cycles of the images in a material's nodes."""
+    """Warns if images in a material's nodes are used differently from Cycles."""
     for node in tree.nodes:
         image = node.image if node.type == "TEX_IMAGE" else None
         if image is None or not any(entry.is_linked for entry in node.outputs):

@@ -13,9 +13,9 @@ __all__ = ["Heights", "displaced"]
 
 
 class Heights:
-    """A Displacement node with the interface of a Bump node.
+    """A Displacement node, with the interface of a Bump node.
 
-    scale: the object's scale, by which heights are multiplied, unless the node's space is the world's.
+    scale: the object's scale, by which heights are multiplied unless the node's space is the world's.
     """
 
     def __init__(self, source: Source, scale: float) -> None:
@@ -33,9 +33,9 @@ class Heights:
 
 
 def displaced(material: Any, tree: Any, scale: float, warn: Callable[[str], None]) -> Heights | None:
-    """Returns the displacement of a bpy.types.Material as a bump source.
+    """Returns the displacement of a bpy.types.Material as a source for bump mapping.
 
-    Returns None if it has none, and None with a warning if it is not supported. scale: the object's.
+    Returns None if the material has none, and None with a warning if it is not supported. scale: of the object.
     """
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None or not output.inputs["Displacement"].is_linked:

@@ -1,4 +1,4 @@
-"""The files of a scene for upload, and their digests."""
+"""Collects the files of an exported scene for upload, and computes their digests."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _hashes: dict[tuple[str, int, int], str] = {}  # (path, size, time) of a file ->
 
 
 def scene_files(scene: Scene) -> Files:
-    """Returns the scene's files by name. Raises ValueError if there is nothing to render."""
+    """Returns file name -> content of the exported scene's files. Raises ValueError if there is nothing to render."""
     shapes: list[dict[str, Any]] = []
     files: Files = {}
     if scene.nodes:

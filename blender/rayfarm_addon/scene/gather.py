@@ -1,7 +1,7 @@
 """Exports Blender's dependency graph to a Scene: evaluated meshes, each once, and their instances.
 
-The export is a generator that yields between meshes: a viewport can run it in Blender's main thread for a few milliseconds at a
-time.
+The export is a generator that yields between meshes, so that a viewport can run it in Blender's main thread for a few
+milliseconds at a time.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ ExportedMeshes = dict[str, tuple[Mesh, Corners] | None]
 
 
 class _Density:
-    """A function uv_set -> length of a mesh's surface per UV unit, across and up, in world units.
+    """A callable that returns the length of a mesh's surface per unit of a UV set, across and up, in world units.
 
-    It returns None if the set does not exist.
+    It returns None if the UV set does not exist.
     """
 
     def __init__(self, mesh: Mesh, place: F64) -> None:
@@ -80,7 +80,7 @@ class _SceneExport:
         self.surfaces = Surfaces(scene, self.primary)
 
     def instance(self, found: Any) -> bool:
-        """Exports an instance of the dependency graph; returns True if a mesh was converted, which takes time."""
+        """Exports an instance of the dependency graph; returns True if this converted a mesh, which takes time."""
         thing = found.object
         if not found.show_self:
             return False
@@ -118,7 +118,7 @@ class _SceneExport:
         return made
 
     def _rays(self, found: Any, thing: Any) -> dict[str, bool]:
-        """Returns kind of ray -> whether such rays hit the object, by its own flags and those of its instancer."""
+        """Returns kind of ray -> whether such rays hit the object, by the flags of the object and of its instancer."""
         owners = [thing] if not found.is_instance or found.parent is None else [thing, found.parent]
         seen = {kind: all(getattr(each, f"visible_{kind}", True) for each in owners) for kind in RAYS}
         layer = self._layer
@@ -136,7 +136,7 @@ class _SceneExport:
         return seen
 
     def _default_material(self) -> str:
-        """Returns the key of the grey material for objects without one."""
+        """Returns the key of the grey material for objects without a material."""
         key = "\0none"
         if key not in self.scene.materials:
             from .model import Material
@@ -183,7 +183,7 @@ class _SceneExport:
             self.primary.update(layer.name for layer in source.uv_layers if layer.active_render)
 
     def _color_of(self, thing: Any, density: _Density) -> str | None:
-        """Returns the name of the colour attribute used by the first of the object's materials that uses one; else None."""
+        """Returns the name of the colour attribute that the object's materials use (the first such material); None if none does."""
         for slot in thing.material_slots:
             material = self._override or slot.material
             if material is not None:
@@ -204,7 +204,7 @@ def export_scene(
     changed: Callable[[Any, Any], bool] = lambda thing, data: True,
     bake: Bake | None = None,
 ) -> Iterator[_SceneExport]:
-    """Exports the scene step by step: yields the unfinished export, and finally the complete one.
+    """Exports the scene step by step: yields the unfinished export after each step, and finally the complete one.
 
     exported: meshes of earlier exports by key; unchanged ones are reused. changed: returns whether an object's mesh has changed,
     given the object and its data. bake: as for `read_world`.
@@ -229,7 +229,7 @@ def export_scene(
 
 
 def extends_beyond_clip_end(scene: Scene, eye: F64, forward: F64, end: float) -> bool:
-    """Returns True if a visible object extends beyond the camera's clip end, which is not exported.
+    """Returns True if a visible object extends beyond the camera's clip end, which the export ignores.
 
     eye, forward: of the camera, in Blender's axes. end: distance of the clip end.
     """
@@ -247,7 +247,8 @@ def extends_beyond_clip_end(scene: Scene, eye: F64, forward: F64, end: float) ->
 def over_the_shutter(found: _SceneExport, keys: Sequence[tuple[float, Callable[[], Any]]]) -> None:
     """Adds transforms and vertices at the shutter's keys to all exported objects.
 
-    keys: for each key the time in seconds and a function that sets Blender to that time and returns its dependency graph.
+    found: the export. keys: for each key the time in seconds and a function that sets Blender to that time and returns its
+    dependency graph.
     """
     scene = found.scene
     scene.times = tuple(time for time, _ in keys)

@@ -1,6 +1,6 @@
 """Exports meshes, materials and transforms as a glTF file with separate array files, so that changes need small uploads only.
 
-A mesh above LARGE has a file of its own; smaller ones are distributed over a few shared files by their names.
+A mesh above LARGE has a separate file; smaller ones are distributed over a few shared files by their names.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ def object_names(scene: Scene) -> list[Node]:
 
 
 def _groups(scene: Scene) -> list[list[Node]]:
-    """Returns groups of nodes to be exported as one glTF node with instances.
+    """Returns groups of nodes, each exported as one glTF node with instances.
 
-    Static instances that are equal except for their transform form a group if they are many; every other node is a group of its
-    own.
+    Static instances that are equal except for their transform form a group if they are many; every other node is a separate
+    group.
     """
     alike: dict[Any, list[Node]] = defaultdict(list)
     for node in scene.nodes:

@@ -1,4 +1,4 @@
-"""Converts the farm's object and material numbers to Blender's pass indices."""
+"""Converts the object and material numbers in the farm's AOVs to Blender's pass indices."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ THROUGH = "KHR_materials_transmission"
 
 @dataclass(frozen=True)
 class Ids:
-    """Tables of pass indices by the farm's object and material numbers; 0 for unknown ones.
+    """Tables of Blender's pass indices by the farm's object and material numbers; 0 for unknown ones.
 
     only: by object number, the material index of objects that have a single material.
     """

@@ -28,7 +28,7 @@ PLAIN = (0.0, 0.0), 0.0, (1.0, 1.0)  # offset, rotation and scale of an untransf
 
 
 class Bump(NamedTuple):
-    """Parameters of a Bump node. strength: 0 to 1; distance: the displacement for a height of 1."""
+    """The parameters of a Bump node. strength: 0 to 1; distance: the displacement for a height of 1."""
 
     strength: float
     distance: float
@@ -51,9 +51,9 @@ class Painted:
 
 @dataclass
 class _Plane:
-    """An evaluated socket. values: constant (3,) or (1,), or texels (h, w, 3) or (h, w, 1).
+    """The value of an evaluated socket. values: constant (3,) or (1,), or texels (h, w, 3) or (h, w, 1).
 
-    use: their mapping; None for constants.
+    use: the texels' mapping; None for constants.
     """
 
     values: F32
@@ -65,9 +65,9 @@ class _UnknownError(Exception):
 
 
 class Painter:
-    """Evaluates the nodes of one material.
+    """Evaluates the nodes of one material to images.
 
-    use_of: returns the mapping of an image or pattern node; None if it is not mapped by UVs.
+    use_of: returns the mapping of an image or pattern node; None if the node is not mapped by UVs.
     """
 
     def __init__(self, name: str, use_of: Callable[[Source], TextureUse | None]) -> None:
@@ -92,7 +92,8 @@ class Painter:
         return Painted(f"{self._name} {what}", texels), found.use
 
     def bumps(self, socket: Any, bump: Bump, length: Callable[[Any], tuple[float, float] | None]) -> tuple[Painted, Any] | None:
-        """Returns the normal map for a socket that gives heights, and its mapping; None if it is not an image or not supported.
+        """Returns the normal map for a socket that provides heights, and its mapping; None if the socket is no image or not
+        supported.
 
         length: returns the surface's length across and up an image for its mapping, in the unit of the heights; None if unknown.
         """
@@ -161,7 +162,7 @@ class Painter:
         return found
 
     def _combine_planes(self, make: Callable[..., Any], *planes: _Plane) -> _Plane:
-        """Returns `make` of the planes' values, each resampled to the largest size.
+        """Returns make(values of the planes), with each plane resampled to the largest size.
 
         Raises _UnknownError if their mappings differ.
         """

@@ -22,7 +22,7 @@ Pixels = F32
 
 
 def register(scene: Scene, image: Any, as_color: bool) -> str | None:
-    """Adds an image to the scene and returns its file name; None, with a warning, if it has no pixels.
+    """Adds an image to the exported scene and returns its file name; None, with a warning, if the image has no pixels.
 
     image: a bpy.types.Image or a Painted. as_color: True: the values are colours, stored in sRGB; False: data, stored unchanged.
     """
@@ -45,9 +45,9 @@ def register(scene: Scene, image: Any, as_color: bool) -> str | None:
 
 
 def add_pixels(scene: Scene, name: str, found: Pixels, encoding: str = "") -> str:
-    """Adds a picture (h, w, 4), rows from the top, as an 8-bit PNG; returns its file name.
+    """Adds an image (h, w, 4), rows from the top, to the exported scene as an 8-bit PNG; returns its file name.
 
-    encoding: conversion before that, as in `encoded`.
+    encoding: conversion of the pixels before they are stored, as in `encoded`.
     """
     if encoding:
         found = found.copy()
@@ -74,7 +74,10 @@ def from_srgb(encoded: F32) -> F32:
 
 
 def encoding_of(image: Any, as_color: bool) -> str:
-    """Returns the conversion of an image's pixels for `encoded`: "to", "from" or ""."""
+    """Returns the conversion that an image's pixels need, for `encoded`: "to", "from" or "".
+
+    as_color: True if the pixels are to be stored as sRGB colours.
+    """
     if image.is_float:  # pixels are linear
         return "to" if as_color else ""
     if _is_srgb(image) == as_color:
@@ -98,7 +101,7 @@ def _content(image: Any) -> bytes | Path | None:
 def pixels(image: Any) -> Pixels | None:
     """Returns an image's pixels, (h, w, 4) float32, in the encoding that Blender stores, rows from the top.
 
-    Returns None if it has none.
+    Returns None if the image has none.
     """
     if image.source == "PAINTED":
         return image.texels

@@ -69,7 +69,7 @@ def is_linked_to_lights(thing: Any) -> bool:
 
 
 def is_stretched(scale: Any) -> bool:
-    """Returns True if a scale is not the same along X, Y and Z."""
+    """Returns True if a scale differs between the axes X, Y and Z."""
     x, y, z = (abs(float(each)) for each in scale)
     return max(abs(x - z), abs(y - z)) > NEAR * max(x, y, z)
 
@@ -81,14 +81,14 @@ def bounce_limit(light: Any) -> int | None:
 
 
 def is_of_a_square_metre(light: Any) -> bool:
-    """Returns True if the lamp's power is given per square metre of its area ("Normalize" is off)."""
+    """Returns True if a lamp's power is given per square metre of its area ("Normalize" is off)."""
     return not getattr(light, "normalize", True)
 
 
 def sun_area(light: Any) -> float:
     """Returns the factor from a sun's strength to its irradiance.
 
-    1 if normalised, else pi sin^2(a) with its half angle a.
+    The factor is 1 if the sun is normalised, else pi sin^2(a) for its half angle a.
     """
     half = min(float(light.angle), math.pi) / 2
     return math.pi * math.sin(half) ** 2 if is_of_a_square_metre(light) and half > LEAST else 1.0
@@ -165,7 +165,7 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
 
 
 def _emissive_material(thing: Any, radiance: list[float]) -> dict[str, Any]:
-    """Returns the emissive material of a lamp with a surface."""
+    """Returns the emissive material, as glTF JSON, of a lamp that is exported as a surface."""
     said = {"color": 0, "emission": radiance, "lamp": True}
     return said if getattr(thing, "visible_camera", True) else {**said, "unseen": True}
 

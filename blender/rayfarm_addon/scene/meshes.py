@@ -21,7 +21,7 @@ TRIANGLE = 12  # bytes
 
 
 class Corners(NamedTuple):
-    """Records how a mesh was split into vertices, so that its shape at another time is split in the same way."""
+    """How a mesh's face corners were split into vertices, so that its shape at another time can be split in the same way."""
 
     counts: tuple[int, int, int]  # vertices, corners, triangles
     vertex: I32  # of each new vertex, the old one
@@ -30,10 +30,10 @@ class Corners(NamedTuple):
 
 
 def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = False) -> tuple[Mesh, Corners] | None:
-    """Converts a bpy.types.Mesh; returns None if it has no faces.
+    """Converts a bpy.types.Mesh to (Mesh, how its corners were split); returns None if it has no faces.
 
-    color: the attribute that multiplies the base colour. all_uvs: exports all UV sets in the mesh's order, instead of two with
-    the active one first.
+    color: name of the colour attribute that multiplies the base colour. all_uvs: True to export all UV sets in the mesh's order,
+    instead of two with the active one first.
     """
     source.calc_loop_triangles()
     count = len(source.loop_triangles)
@@ -56,7 +56,7 @@ def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = Fal
 
 
 def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
-    """Converts a bpy.types.Curves to tubes; returns None if it has no points, or too many."""
+    """Converts a bpy.types.Curves to tubes: (Mesh, how its corners were split). None if it has no points, or too many."""
     count = len(source.points)
     if not 0 < count <= MOST_POINTS:
         return None
@@ -88,9 +88,9 @@ def stretched(mesh: Mesh, uv_set: int) -> tuple[float, float] | None:
 
 
 def spans(corners: npt.NDArray[np.float64], uv: npt.NDArray[np.float64]) -> tuple[float, float] | None:
-    """Returns the mean length of triangles per UV unit, across and up, weighted by area; None if undefined.
+    """Returns the mean length of triangles per UV unit, across and up the image, weighted by area; None if undefined.
 
-    corners: corners (T, 3, 3). uv: (T, 3, 2).
+    corners: (T, 3, 3), positions of the triangles' corners. uv: (T, 3, 2).
     """
     p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
@@ -145,7 +145,7 @@ def _vertex_of(source: Any) -> I32:
 
 
 def _domain(source: Any) -> str:
-    """Returns the domain of the normals: FACE if all faces are flat, POINT if all are smooth, else CORNER."""
+    """Returns the domain of a mesh's normals: FACE if all faces are flat, POINT if all are smooth, else CORNER."""
     if not hasattr(source, "normals_domain"):  # before Blender 4.1
         source.calc_normals_split()
         return "CORNER"
@@ -184,7 +184,7 @@ def _uv(layer: Any, count: int) -> F32:
 
 
 def _colors(source: Any, name: str, count: int) -> tuple[F32 | None, bool]:
-    """Returns the colour attribute, (N, 4) linear or None, and whether it is per corner."""
+    """Returns (values of the colour attribute, (N, 4) linear, or None; whether it has a value per face corner)."""
     known = source.color_attributes
     if name:
         found = known.get(name)
@@ -223,14 +223,14 @@ def _split_vertices(vertex_of: I32, vertices: int, attributes: list[F32]) -> tup
 
 
 def _columns(values: F32) -> list[npt.NDArray[Any]]:
-    """Returns the bits of the rows as columns of integers, to compare rows; two numbers per integer if the width is even."""
+    """Returns the bits of an array's rows as columns of integers, to compare rows; two numbers per integer for even widths."""
     if values.shape[1] % 2:
         return [np.ascontiguousarray(column) for column in values.view(np.uint32).T]
     return [np.ascontiguousarray(column) for column in np.ascontiguousarray(values).view(np.uint64).T]
 
 
 def _triangles_by_material(source: Any, corners: npt.NDArray[np.uint32], count: int) -> list[tuple[int, npt.NDArray[np.uint32]]]:
-    """Returns (material slot, corners of its triangles) for each slot that has triangles."""
+    """Returns (material slot, its triangles' corner indices) for each slot that has triangles."""
     if len(source.materials) < 2:
         return [(0, corners)]
     slots = _read_attribute(source.loop_triangles, "material_index", count, np.int32)

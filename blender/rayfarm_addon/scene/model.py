@@ -28,7 +28,7 @@ def to_y_up(vector: Any) -> list[float]:
 class Mesh:
     """A triangle mesh, with one part for each material slot.
 
-    shapes: positions and normals at the shutter's keys; empty if it does not deform.
+    shapes: positions and normals at the shutter's keys; empty if the mesh does not deform.
     """
 
     key: str
@@ -68,7 +68,7 @@ class Image:
 
 @dataclass(frozen=True)
 class TextureUse:
-    """The use of an image on a surface, with the properties that glTF has for it."""
+    """The use of an image on a surface: the image with its mapping and the other properties of a glTF texture reference."""
 
     image: str
     uv_set: int = 0
@@ -91,10 +91,10 @@ class Material:
 
 @dataclass
 class World:
-    """The environment light.
+    """The environment light exported from Blender's world.
 
-    It is sent with the request, not in the scene, so that changing it needs no new scene. rotation: degrees about the farm's up
-    axis.
+    It is sent with the request, not in the scene, so that a change of it needs no new scene. rotation: degrees about the farm's
+    up axis.
     """
 
     color: list[float] | None = None
@@ -107,7 +107,7 @@ class World:
 
 @dataclass
 class Scene:
-    """The exported scene of one frame, without the view. times: of the shutter's keys, in seconds of the exported file."""
+    """The exported scene of one frame, without the view. times: the shutter's keys, in seconds of the exported file."""
 
     meshes: dict[str, Mesh] = field(default_factory=dict)
     nodes: list[Node] = field(default_factory=list)
@@ -122,7 +122,7 @@ class Scene:
     warnings: list[str] = field(default_factory=list)
 
     def add_warning(self, what: str) -> None:
-        """Adds the warning `what` followed by a full stop."""
+        """Adds a warning; `what` is its sentence without the full stop."""
         self.warn(f"{what}.")
 
     def warn(self, sentence: str) -> None:

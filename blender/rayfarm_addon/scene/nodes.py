@@ -1,4 +1,4 @@
-"""Finds the source of a node socket's value, through reroutes, groups and muted nodes."""
+"""Finds the node from which a socket gets its value, through reroutes, groups and muted nodes."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ DEEPEST = 64
 
 
 class SocketInGroups(NamedTuple):
-    """A socket, and the groups that enclose it."""
+    """A node socket, and the node groups that enclose it."""
 
     socket: Any
     groups: tuple[Any, ...] = ()
 
     def input(self, node: Any, *names: str) -> SocketInGroups | None:
-        """Returns the input of a node in the same groups with the first of these names that it has; None if it has none."""
+        """Returns the first input with one of these names of a node in the same groups; None if the node has none of them."""
         for name in names:
             found = node.inputs.get(name)
             if found is not None:
@@ -38,14 +38,14 @@ class SocketInGroups(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A node, the output of it that is used, and the groups that enclose it."""
+    """A shader node, its output that is used, and the node groups that enclose it."""
 
     node: Any
     output: Any
     groups: tuple[Any, ...]
 
     def input(self, *names: str) -> SocketInGroups | None:
-        """Returns the node's input with the first of these names that it has; None if it has none."""
+        """Returns the node's first input with one of these names; None if the node has none of them."""
         return SocketInGroups(self.output, self.groups).input(self.node, *names)
 
     def input_at(self, number: int) -> SocketInGroups:
@@ -54,13 +54,13 @@ class Source(NamedTuple):
 
 
 class ConstantValue(NamedTuple):
-    """A constant in place of a socket: a number or a list of three."""
+    """A constant used in place of a socket: a number or a list of three."""
 
     value: Any
 
 
 class Blend(NamedTuple):
-    """A mix of two sockets in place of a socket. share: weight of the second."""
+    """A mix of two sockets, used in place of a socket. share: weight of the second."""
 
     share: Any
     first: Any
@@ -68,20 +68,20 @@ class Blend(NamedTuple):
 
 
 class Product(NamedTuple):
-    """The product of the values of two sockets, in place of a socket."""
+    """The product of the values of two sockets, used in place of a socket."""
 
     first: Any
     second: Any
 
 
 class SquareRoot(NamedTuple):
-    """The square root of a socket's colour, in place of a socket."""
+    """The square root of a socket's colour, used in place of a socket."""
 
     of: Any
 
 
 def source_of(socket: Any) -> tuple[Source | None, SocketInGroups | None]:
-    """Returns (the source connected to an input, None), or (None, the socket whose own value is used)."""
+    """Returns (the Source connected to an input, None), or if none is connected (None, the socket whose own value is used)."""
     if isinstance(socket, ConstantValue | Blend | Product | SquareRoot):
         return None, None
     for _ in range(DEEPEST):
@@ -116,7 +116,7 @@ def source_of(socket: Any) -> tuple[Source | None, SocketInGroups | None]:
 
 
 def output_of(tree: Any) -> Source | None:
-    """Returns the source of the surface output of a material's or a world's node tree."""
+    """Returns the Source connected to the surface output of a material's or a world's node tree."""
     for engine in ("CYCLES", "ALL", "EEVEE"):
         output = tree.get_output_node(engine)
         if output is not None:

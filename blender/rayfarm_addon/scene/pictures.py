@@ -1,4 +1,4 @@
-"""The images of one material: exported unchanged, or repacked where glTF needs several in one."""
+"""Exports the images of one material: unchanged, or repacked where glTF needs several of them in one image."""
 
 from __future__ import annotations
 
@@ -16,24 +16,27 @@ __all__ = ["Pictures"]
 
 
 class Pictures:
-    """Exports the images of one material. as_color, in all methods: whether the values are colours; else they are data."""
+    """Exports the images of one material.
+
+    as_color, in all methods: True if the image contains colours; False if it contains data.
+    """
 
     def __init__(self, scene: Scene, name: str) -> None:
         self._scene, self._name = scene, name
 
     def name(self, value: Value, as_color: bool) -> str | None:
-        """Returns the name of the image file of a value, or None."""
+        """Exports a value's image and returns its file name; None if it has no pixels."""
         return images.register(self._scene, value.image, as_color)
 
     def image_use(self, value: Value, as_color: bool) -> Any:
-        """Returns the texture use of a value's image with all its channels; None if it has no pixels."""
+        """Returns the TextureUse of a value's image with all its channels; None if it has no pixels."""
         if value.inverted:
             return self.packed([(value, 0), (value, 1), (value, 2)], value, as_color)
         name = self.name(value, as_color)
         return None if name is None or value.use is None else replace(value.use, image=name)
 
     def packed(self, channels: list[tuple[Value | None, int]], mapped_value: Value, as_color: bool) -> TextureUse | None:
-        """Returns the texture use of a new image that has one channel from each value; None if there are no pixels.
+        """Returns the TextureUse of a new image that combines one channel of each value; None if there are no pixels.
 
         channels: (value, channel). mapped_value: the value whose mapping is used.
         """

@@ -14,7 +14,7 @@ SHEAR = 1e-5
 def decompose(matrices: F64) -> tuple[F64, F64, F64, npt.NDArray[np.bool_]]:
     """Decomposes matrices (N, 4, 4) into translations (N, 3), rotations (N, 4) as x, y, z, w, and scales (N, 3).
 
-    Also returns which of them have no shear. A mirroring matrix has a negative first scale.
+    The fourth result is whether each matrix has no shear. A mirroring matrix has a negative first scale.
     """
     linear = matrices[:, :3, :3]
     scales = np.linalg.norm(linear, axis=1)
@@ -28,7 +28,7 @@ def decompose(matrices: F64) -> tuple[F64, F64, F64, npt.NDArray[np.bool_]]:
 def _quaternions(r: F64) -> F64:
     """Returns rotation matrices as quaternions x, y, z, w, computed from the greatest component (Shepperd 1978).
 
-    This avoids dividing by the root of a small number.
+    Starting from the greatest component avoids dividing by the root of a small number.
     """
     d = np.stack([r[:, 0, 0], r[:, 1, 1], r[:, 2, 2]], axis=1)
     trace = d.sum(axis=1)
@@ -48,7 +48,7 @@ def _quaternions(r: F64) -> F64:
 
 
 def followed(rotations: F64) -> F64:
-    """Returns quaternions with signs for which interpolation between successive ones takes the shorter arc."""
+    """Returns the quaternions with signs for which interpolation between successive ones takes the shorter arc."""
     found = rotations.copy()
     for i in range(1, len(found)):
         if found[i] @ found[i - 1] < 0:

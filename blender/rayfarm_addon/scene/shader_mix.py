@@ -51,9 +51,9 @@ OF_GLOSS = ("Roughness", "IOR", "Specular IOR Level", "Specular Tint", "Anisotro
 
 
 class PrincipledLook:
-    """A shader expressed by inputs of a Principled BSDF.
+    """A shader expressed by the inputs of a Principled BSDF ("look").
 
-    inputs: by input name. beneath: returns inputs that are not in `inputs`. is_matt: whether it only reflects diffusely.
+    inputs: by input name. beneath: returns inputs that are not in `inputs`. is_matt: whether the look only reflects diffusely.
     """
 
     is_clear = False  # whether the surface is completely transparent
@@ -62,7 +62,7 @@ class PrincipledLook:
         self._inputs, self._beneath, self.is_matt = inputs, beneath, is_matt
 
     def input(self, *names: str) -> Any:
-        """Returns the input with the first of these names that the look has; None if it has none."""
+        """Returns the look's first input with one of these names; None if it has none of them."""
         for name in names:
             if name in self._inputs:
                 return self._inputs[name]
@@ -81,7 +81,7 @@ class _Clear(PrincipledLook):
 
 
 def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dict[str, float]]:
-    """Returns glTF's roughness, and its anisotropy parameters.
+    """Returns (glTF's roughness, glTF's anisotropy parameters) for an anisotropic highlight of Cycles.
 
     Cycles stretches the lobe in both directions relative to the roughness, glTF along the tangent only. strength: at most 1 for
     the Principled BSDF; values up to 1 / 0.9 come from other shaders. turns: the rotation, in full turns.
@@ -93,7 +93,7 @@ def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dic
 
 
 def under_coat(surface: PrincipledLook) -> list[float] | None:
-    """Returns the approximate factor of a tinted coat for the colours beneath it; None if it is colourless."""
+    """Returns the approximate factor, rgb, by which a tinted coat multiplies the colours beneath it; None if it is colourless."""
     weight, tint = constant_value(surface.input("Coat Weight")), constant_value(surface.input("Coat Tint"))
     if not isinstance(weight, float) or not isinstance(tint, list) or weight <= 0 or min(tint) > CLEAR:
         return None
@@ -115,7 +115,7 @@ def _principled_anisotropy(anisotropy: Any, rotation: Any) -> dict[str, Any]:
 
 
 def input_for_camera_rays(socket: SocketInGroups) -> int | None:
-    """Returns which input of a Mix Shader, 0 or 1, camera rays use, if its factor depends on the kind of ray; else None.
+    """Returns which shader input of a Mix Shader, 0 or 1, camera rays see, if its factor depends on the kind of ray; else None.
 
     socket: the socket of the factor.
     """
@@ -128,7 +128,7 @@ def input_for_camera_rays(socket: SocketInGroups) -> int | None:
 def principled_look(source: Source | None, warn: Callable[[str], None]) -> PrincipledLook | None:
     """Returns a shader expressed as a PrincipledLook; None if it is unknown or not a surface shader.
 
-    warn: called for each difference from Blender.
+    warn: called with a sentence for each difference from Blender.
     """
     found = _look_of(source, warn)
     if found is not None:
@@ -186,7 +186,7 @@ def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | Non
 
 
 def _skin_input(method: str) -> dict[str, Any]:
-    """Returns the input that tells whether the subsurface radius is interpreted as for skin."""
+    """Returns the look's input that states whether the subsurface radius is interpreted as for skin. method: Blender's method."""
     return {"Subsurface Skin": ConstantValue(float(method == "RANDOM_WALK_SKIN"))}
 
 
@@ -201,7 +201,7 @@ def _transmitted_color(socket: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _pane(color: Any) -> PrincipledLook:
-    """Returns the look of a coloured pane without refraction."""
+    """Returns the PrincipledLook of a coloured pane without refraction."""
     said = {
         "Base Color": color,
         "Transmission Weight": ConstantValue(1.0),
@@ -252,9 +252,9 @@ def _mix_shaders(source: Source, warn: Callable[[str], None]) -> PrincipledLook 
 
 
 def _as_coated_diffuse(share: Any, first: PrincipledLook, second: PrincipledLook) -> PrincipledLook | None:
-    """Expresses a mix of a diffuse shader and a metal as the diffuse shader under a coat; None if it is no such mix.
+    """Returns a mix of a diffuse shader and a metal as the diffuse shader under a coat; None if the mix is of another kind.
 
-    share: the constant weight of the second. The coat's reflectance at normal incidence equals the metal's weight.
+    share: the constant weight of `second`. The coat's reflectance at normal incidence equals the metal's weight.
     """
     matt, metal, part = (first, second, share) if first.is_matt else (second, first, None if share is None else 1 - share)
     is_metal = constant_value(metal.input("Metallic")) == 1.0 and not metal.is_matt
@@ -272,7 +272,7 @@ def _as_coated_diffuse(share: Any, first: PrincipledLook, second: PrincipledLook
 def _with_reflection(
     fresnel: Source, beneath: PrincipledLook, gloss: PrincipledLook, warn: Callable[[str], None]
 ) -> PrincipledLook:
-    """Expresses a mix of two looks by Fresnel's law as a reflection with the roughness of `gloss` on the look `beneath`.
+    """Returns a mix of two looks by Fresnel's law as the look `beneath` with a reflection of the roughness of `gloss`.
 
     fresnel: the node that computes the factor.
     """
@@ -290,7 +290,7 @@ def _with_reflection(
 
 
 def _added(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
-    """Returns the look of an Add Shader. Emission is added; of several surfaces, one is used."""
+    """Returns the look of an Add Shader. Emission is added; of several surfaces, only one is used."""
     parts = [look for look in (_look_of(source_of(source.input_at(i))[0], warn) for i in (0, 1)) if look is not None]
     shining = [each for each in parts if _is_black(each) and constant_value(each.input("Emission Strength")) != 0.0]
     others = [each for each in parts if each not in shining]
@@ -320,7 +320,7 @@ def _is_black(surface: PrincipledLook) -> bool:
 
 
 class _Mix(PrincipledLook):
-    """The mix of two looks. share: weight of the second."""
+    """A mix of two looks. share: weight of the second."""
 
     def __init__(
         self, share: SocketInGroups | ConstantValue, first: PrincipledLook, second: PrincipledLook, warn: Callable[[str], None]

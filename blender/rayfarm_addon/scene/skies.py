@@ -1,4 +1,4 @@
-"""Renders a world with Cycles as a panorama; the sun disk of its sky is measured as a separate light.
+"""Renders a world with Cycles as a panorama, and measures the sun disk of its sky as a separate light.
 
 A sun of half a degree covers only two texels of the panorama. So the panorama is rendered without the disk, and the disk with a
 long lens. Run as a script in a separate Blender process, this bakes the world of a .blend file:
@@ -24,10 +24,10 @@ LEAST = 1e-9
 
 
 def photographed(bpy: Any, world: Any, folder: Path, width: int) -> dict[str, Any] | None:
-    """Renders a panorama with Blender's +Y in the middle to the file PICTURE in the folder.
+    """Renders a world as a panorama, with Blender's +Y in the middle, to the file PICTURE in the folder.
 
-    Returns the omitted sun disk, or None. The sun: direction towards it and irradiance, in Blender's axes, and its angular size
-    in radians.
+    Returns the sun disk that the panorama omits, or None if there is none. The sun: direction towards it and irradiance, in
+    Blender's axes, and its angular size in radians.
     """
     for output in [node for node in world.node_tree.nodes if node.type == "OUTPUT_WORLD"]:
         for link in list(output.inputs["Volume"].links):  # a medium would hide the world
@@ -55,7 +55,11 @@ def _sky_with_a_sun(world: Any) -> Any:
 
 
 def _measured(bpy: Any, studio: _Studio, sky: Any, folder: Path) -> dict[str, Any] | None:
-    """Returns the sun disk, measured as the difference of two renderings, with and without it; None if it is too weak."""
+    """Returns the direction, irradiance and angle of the sky's sun disk; None if it is too weak.
+
+    The irradiance is the difference of two renderings, with and without the disk. studio: the scene that renders the world. sky:
+    the world's sky node.
+    """
     import numpy as np
     from mathutils import Vector
 
@@ -81,7 +85,7 @@ def _measured(bpy: Any, studio: _Studio, sky: Any, folder: Path) -> dict[str, An
 
 
 class _Studio:
-    """A Blender scene that contains only the world."""
+    """The Blender scene in which a world is rendered: it contains only the world and a camera."""
 
     def __init__(self, bpy: Any, world: Any) -> None:
         self._bpy = bpy

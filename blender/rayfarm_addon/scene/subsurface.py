@@ -59,9 +59,9 @@ def albedo_of(color: float, ior: float) -> float:
 
 
 def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
-    """Returns the glTF extension of a material with a volume; None if it has none.
+    """Returns the glTF extension with the medium inside a material with a volume shader; None if it has no volume.
 
-    lets_in: whether the surface transmits light. Without that the volume is not exported, unless there is no surface.
+    lets_in: whether the surface transmits light. If it does not, the volume is not exported, unless the material has no surface.
     """
     source = volume_of(tree)
     if source is None:
@@ -104,7 +104,7 @@ def _number(surface: Any, name: str, default: float) -> float:
 
 
 def _own_value(surface: Any, name: str, default: float) -> float:
-    """Returns the value set on an input itself, even if another node is connected to it."""
+    """Returns the value set on an input socket, even if another node is connected to it."""
     value = getattr(getattr(surface.input(name), "socket", None), "default_value", None)
     return float(value) if isinstance(value, int | float) else default
 

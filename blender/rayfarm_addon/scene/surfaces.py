@@ -33,14 +33,14 @@ def _unknown(_: int) -> None:
 
 
 class Surfaces:
-    """Exports the materials of one scene. primary: names of the UV maps that are the first ones of their meshes."""
+    """Exports the materials of one scene. primary: names of the UV maps that come first in their meshes."""
 
     def __init__(self, scene: Scene, primary: set[str]) -> None:
         self._scene, self._primary = scene, primary
         self.colors: dict[str, str] = {}  # material -> the colour attribute that it uses
 
     def add(self, material: Any, density: Density = _unknown) -> str:
-        """Exports a bpy.types.Material, if not done before; returns its key.
+        """Exports a bpy.types.Material unless it is exported already; returns its key.
 
         density: returns the surface's length per UV unit on the first mesh that uses the material, as for `Values.bumps`.
         """
@@ -349,8 +349,8 @@ class _Reader:
     def _mix(self, source: Source) -> None:
         """Exports a Mix Shader.
 
-        A mix with a Transparent BSDF becomes alpha, one whose factor depends on the kind of ray becomes the shader of camera
-        rays, and any other a single principled look.
+        A mix with a Transparent BSDF becomes alpha, a mix whose factor depends on the kind of ray becomes the shader of camera
+        rays, and any other mix a single principled look.
         """
         if (which := input_for_camera_rays(source.input_at(0))) is not None:
             self._warn(Sentence("cycles-light-path-mix", "of shaders mixed by Light Path, all rays see the one for the camera"))
@@ -406,7 +406,7 @@ class _Reader:
             self._principled(look)
 
     def _slot(self, value: Value, extension: str, name: str, channel: int | None, as_color: bool = False) -> None:
-        """Adds a value's image as `name` to a glTF extension, in the channel that glTF reads."""
+        """Adds a value's image to a glTF extension as the texture `name`, in the channel that glTF reads."""
         if value.image is None:
             return
         if channel is None or (value.channel == channel and not value.inverted):

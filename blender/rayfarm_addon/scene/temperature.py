@@ -34,7 +34,7 @@ KELVINS = [kelvin for kelvin, _ in TABLE]
 
 
 def blackbody(kelvin: float) -> list[float]:
-    """Returns the colour of a black body from the table, interpolated linearly in the inverse temperature."""
+    """Returns the colour of a black body at a temperature, interpolated linearly in the table over the inverse temperature."""
     if kelvin <= KELVINS[0] or kelvin >= KELVINS[-1]:
         return list(TABLE[0 if kelvin <= KELVINS[0] else -1][1])
     at = bisect.bisect(KELVINS, kelvin)

@@ -1,4 +1,4 @@
-"""Reads the value of a material's socket: a constant, an image, or their product."""
+"""Reads the value of a material's node socket: a constant, an image, or their product."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ GREY = -1  # in place of a channel: the luminance, to which Blender converts a c
 
 @dataclass
 class Value:
-    """The value of a socket: a constant factor times an image, if any.
+    """The value of a node socket: a constant factor, times an image if there is one.
 
-    factor: a number or a list of three. image: a bpy.types.Image; use: its mapping, without the file's name; channel: the one
-    used. vertex: the colour attribute that multiplies the value; "" for the active one, None for none.
+    factor: a number or a list of three. image: a bpy.types.Image; use: its mapping, without the file's name; channel: of the
+    image. vertex: the colour attribute that multiplies the value; "" for the active one, None for none.
     """
 
     factor: Any
@@ -37,12 +37,12 @@ class Value:
 
 
 def number(value: Any) -> float:
-    """Returns a factor as a number: of a colour, the mean."""
+    """Returns the factor of a Value as a number: for a colour, the mean of its channels."""
     return sum(value) / len(value) if isinstance(value, list) else float(value)
 
 
 def as_list(value: Any) -> list[float]:
-    """Returns a factor as a colour: for a number, a grey."""
+    """Returns the factor of a Value as a colour: for a number, a grey."""
     return value if isinstance(value, list) else [float(value)] * 3
 
 
@@ -54,16 +54,16 @@ def one_minus(value: Value) -> Value:
 
 
 class Values:
-    """Reads the sockets of one material. primary: names of the UV maps that are the first ones of their meshes."""
+    """Reads the sockets of one material. primary: names of the UV maps that come first in their meshes."""
 
     def __init__(self, scene: Scene, name: str, primary: set[str]) -> None:
         self._scene, self._name, self._primary = scene, name, primary
         self._painter = Painter(name, self._uv_mapping)
 
     def read(self, socket: Any, default: Any, what: str) -> Value:
-        """Returns the value of a socket; if its source is not supported, the number set on it, with a warning.
+        """Returns the value of a socket; if its source is not supported, the number set on the socket, with a warning.
 
-        what: names it there.
+        default: the value without a socket. what: the socket's name in the warning.
         """
         if socket is None:
             return Value(default)
@@ -210,7 +210,10 @@ class _TexturePlacement:
         self.offset, self.rotation, self.scale = (0.0, 0.0), 0.0, (1.0, 1.0)
 
     def map(self, source: Source) -> bool:
-        """Applies a Mapping node; returns False if it is not a rotation, scale and translation in the UV plane."""
+        """Applies a Mapping node to this mapping.
+
+        Returns False if the node is not a rotation, scale and translation in the UV plane.
+        """
         if source.node.vector_type != "POINT" or self.offset != (0.0, 0.0) or self.rotation or self.scale != (1.0, 1.0):
             return False
         location, turn, scale = (constant_value(source.input(name)) for name in ("Location", "Rotation", "Scale"))

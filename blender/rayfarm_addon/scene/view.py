@@ -1,4 +1,4 @@
-"""Converts a projection matrix to the view of a request.
+"""Converts a projection matrix to the view of a job's request.
 
 Projections that are not centred (a shifted lens, a border, a viewport through a camera) are requested with a lens shift.
 """
@@ -33,7 +33,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class Shot:
-    """A view to request, and the part of its picture that is needed: x, y of the upper left corner, w, h."""
+    """A view to request, and the part of its image that is needed: x, y of the upper left corner, w, h."""
 
     view: dict[str, Any]
     width: int
@@ -45,16 +45,16 @@ class Shot:
 
     @property
     def is_whole(self) -> bool:
-        """True if the whole picture is needed."""
+        """True if the whole image is needed."""
         return (self.x, self.y, self.w, self.h) == (0, 0, self.width, self.height)
 
     def crop(self, picture: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Returns the needed part of the requested picture (height, width, ...), rows from the top."""
+        """Returns the needed part of the requested image (height, width, ...), rows from the top."""
         return picture[self.y : self.y + self.h, self.x : self.x + self.w]
 
 
 def view_of(place: F64, projection: F64, share: float, lens: Lens) -> dict[str, Any]:
-    """Returns a view for the API.
+    """Returns the `view` field of a job's request.
 
     place: transform from the camera to Blender's world. share: ratio of the requested height to that of the projection.
     """
@@ -77,7 +77,7 @@ def view_of(place: F64, projection: F64, share: float, lens: Lens) -> dict[str, 
 def shot_of(
     place: F64, projection: F64, size: tuple[int, int], lens: Lens = Lens(), border: tuple[int, int, int, int] | None = None
 ) -> Shot:
-    """Returns the Shot for a projection.
+    """Returns the Shot (view and needed part) for a projection matrix.
 
     place: transform from the camera to the world. size: width and height in pixels. border: the needed pixels x0, y0, x1, y1 from
     the lower left corner; None: all. Raises ValueError if the lens is shifted too far.

@@ -35,7 +35,7 @@ class Medium:
 
 
 def volume_of(tree: Any) -> Source | None:
-    """Returns the source of the volume output of a material's or a world's node tree."""
+    """Returns the Source connected to the volume output of a material's or a world's node tree."""
     for engine in ("CYCLES", "ALL", "EEVEE"):
         output = tree.get_output_node(engine)
         if output is not None:

@@ -41,7 +41,7 @@ QUARTER = -90.0  # degrees from the middle of the farm's panorama to that of Ble
 def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
     """Returns the light of a bpy.types.World; black for None.
 
-    bake: renders an unsupported world to an image, see ui/baking.py; None: such a world is approximated instead.
+    bake: renders an unsupported world to an image, see ui/baking.py; if bake is None, such a world is approximated.
     """
     if world is None:
         return World([0.0] * 3)
@@ -83,7 +83,7 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
 def _is_known(scene: Scene, top: Source) -> bool:
     """Returns True if the world is supported without baking: a colour, or an image with the farm's mapping.
 
-    Worlds that depend on the kind of ray are included; another function warns about them.
+    Worlds that depend on the kind of ray count as supported; another function warns about them.
     """
     if top.node.type == "MIX_SHADER" and input_for_camera_rays(top.input_at(0)) is not None:
         return True
@@ -133,7 +133,7 @@ def _background(scene: Scene, source: Source | None) -> Source | None:
 
 
 def _painted(scene: Scene, socket: SocketInGroups | None, strength: float) -> World | None:
-    """Returns the light of panoramas that nodes change, evaluated texel by texel; None if it has other images."""
+    """Returns the light of panoramas that nodes modify, evaluated texel by texel; None if the nodes use other images."""
 
     def turn_of(source: Source) -> Any:
         node = source.node

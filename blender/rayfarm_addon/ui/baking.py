@@ -61,7 +61,7 @@ def _blender() -> list[str]:
 
 
 def _digest(tree: Any) -> str:
-    """Returns a digest of a node tree that changes if the nodes, their values or their links do."""
+    """Returns a digest of a node tree that changes whenever the nodes, their values or their links do."""
     said: list[Any] = []
     for node in tree.nodes:
         said.append((node.bl_idname, node.name, node.mute))

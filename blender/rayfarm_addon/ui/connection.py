@@ -1,4 +1,4 @@
-"""The farm that this Blender uses: one client and one upload cache, shared by renderings and viewports."""
+"""The connection to the farm: one client and one upload cache, shared by all renderings and viewports of this Blender."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def connect(url: str, token: str, project: str = "") -> Connection:
 
 
 def close() -> None:
-    """Deletes scenes without jobs from the farms, with a short timeout; called when Blender or the add-on ends."""
+    """Deletes scenes without jobs from the farms, with a short timeout. Called when Blender exits or the add-on is disabled."""
     with _lock:
         known = list(_known.values())
         _known.clear()
@@ -49,10 +49,10 @@ def close() -> None:
 
 
 def store_warnings(sentences: list[str]) -> None:
-    """Stores the warnings about the scene, for the panel."""
+    """Stores the export's warnings about the scene, for display in the panel."""
     _notes[:] = sentences
 
 
 def notes() -> list[str]:
-    """Returns the warnings stored last."""
+    """Returns the warnings stored by the last `store_warnings`."""
     return list(_notes)

@@ -1,4 +1,4 @@
-"""Draws a farm's picture in a region of Blender's window with the gpu module, through the scene's colour management."""
+"""Draws an image from the farm in a region of Blender's window with the gpu module, using the scene's colour management."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Corners = tuple[float, float, float, float]
 
 
 class Canvas:
-    """Draws the last picture, whose texture it caches. Used in the main thread, while Blender draws."""
+    """Draws the last image that was set, and caches its texture. Used in the main thread, while Blender draws."""
 
     def __init__(self) -> None:
         self._shown: ViewPicture | None = None
@@ -23,16 +23,16 @@ class Canvas:
         self._texture: Any = None
 
     def set_picture(self, picture: ViewPicture, cut: Corners) -> None:
-        """Sets the picture.
+        """Sets the image to draw.
 
-        cut: the part of it that fills the region: left, low, right, high as fractions from the lower left corner.
+        cut: the part of the image that fills the region: left, low, right, high as fractions from the lower left corner.
         """
         if picture is not self._shown:
             self._shown, self._texture = picture, None
         self._cut = cut
 
     def draw(self, engine: Any, scene: Any, region: Any) -> None:
-        """Draws the picture over the whole region."""
+        """Draws the image over the whole region."""
         if self._shown is None:
             return
         # Not imported at the top: without a window, Blender has no working gpu module.

@@ -1,4 +1,4 @@
-"""The render engine: F12 and Ctrl-F12 submit jobs to the farm, whose tiles are shown in Blender's own image."""
+"""The render engine: F12 and Ctrl-F12 submit jobs to the farm and show their tiles in Blender's image editor."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
             self.register_pass(scene, renderlayer, each.name, len(each.ids), each.ids, each.kind)
 
     def render(self, depsgraph: Any) -> None:
-        """Renders a picture; called by Blender in a thread that may block."""
+        """Renders an image; called by Blender in a thread that may block."""
         try:
             self._render(depsgraph)
         except (FarmError, ValueError) as error:
@@ -100,7 +100,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
                 return
 
     def _copy_tile(self, tile: TileUpdate, picture: Picture, layer: str) -> None:
-        """Copies the needed part of a tile to Blender's image."""
+        """Copies the needed part of a tile to the pixels of a render layer. picture: the request with the needed part."""
         shot = picture.shot
         h, w = tile.words.shape
         x0, x1 = max(tile.x, shot.x), min(tile.x + w, shot.x + shot.w)
@@ -135,7 +135,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
         self._viewport_of(context, depsgraph).update(depsgraph)
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
-        """Draws the newest picture and continues the export; called by Blender."""
+        """Draws the newest image and continues the export; called by Blender."""
         self._viewport_of(context, depsgraph).draw(context, depsgraph)
 
     def _viewport_of(self, context: Any, depsgraph: Any) -> Viewport:

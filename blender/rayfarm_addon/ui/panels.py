@@ -27,12 +27,12 @@ class RAYFARM_OT_test_connection(bpy.types.Operator):
     _timer: Any = None
 
     def execute(self, context: Any) -> set[str]:
-        """Tests the connection and waits for the response; for scripts."""
+        """Tests the connection and waits for the response; called from scripts."""
         self._check_connection(*farm_of(context))
         return self._report_answer()
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """Tests the connection in a thread, so that Blender's window stays responsive."""
+        """Tests the connection in a thread, so that Blender's window stays responsive; called when the button is clicked."""
         self._thread = threading.Thread(target=self._check_connection, args=farm_of(context), daemon=True)
         self._thread.start()
         self._timer = context.window_manager.event_timer_add(LOOK_S, window=context.window)

@@ -19,7 +19,7 @@ FAR = 1e10  # Cycles' depth where no object is hit
 
 
 class Pass(NamedTuple):
-    """A render pass.
+    """A render pass of Blender, and the farm's AOV from which it is computed.
 
     name, ids, kind: as registered in Blender. plane: the farm's AOV; channels: of the AOV in the EXR file. option: the property
     of the view layer that enables the pass.
@@ -63,7 +63,10 @@ def planes_of(passes: list[Pass]) -> tuple[str, ...]:
 
 
 def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32:
-    """Returns the values of a pass in Blender's form, (h * w, channels), rows from the bottom."""
+    """Returns the values of a render pass in Blender's form, (h * w, channels), rows from the bottom.
+
+    channels: the farm's image by EXR channel names. shot: the view and the needed part. ids: tables of pass indices.
+    """
     if each.plane == "depth":
         found = _depth(channels, shot)
     else:
@@ -82,7 +85,7 @@ def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32
 
 
 def _depth(channels: Mapping[str, F32], shot: Shot) -> F32:
-    """Returns the depth along the camera's axis, as in Cycles, from the farm's distance along the ray."""
+    """Returns the depth along the camera's axis, as in Cycles, computed from the farm's distance along the ray."""
     depth = channels["Depth.Z"]
     share = np.ones_like(depth)
     if "projection" not in shot.view:

@@ -1,4 +1,4 @@
-"""Registers the engine and its panels, and enables Blender's own panels for this engine."""
+"""Registers the engine and its panels, and enables Blender's own panels for the engine."""
 
 from __future__ import annotations
 

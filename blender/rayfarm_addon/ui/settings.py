@@ -1,6 +1,6 @@
-"""The user's settings: the farm's in the add-on's preferences, the pictures' in the scene.
+"""The user's settings: those of the farm in the add-on's preferences, those of images in the scene.
 
-The token is never stored in a .blend file, since those are shared.
+The token is never stored in a .blend file, since such files are shared.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ LOCAL = "http://127.0.0.1:8000"
 
 
 def package() -> str:
-    """Returns the add-on's package name in Blender, which for an extension begins with the repository's name."""
+    """Returns the add-on's package name in Blender; for an extension it begins with the extension repository's name."""
     return __package__.rpartition(".")[0]
 
 
@@ -39,7 +39,7 @@ class RayfarmPreferences(bpy.types.AddonPreferences):
 
 
 class RayfarmSceneSettings(bpy.types.PropertyGroup):
-    """Rayfarm's settings for the pictures of one scene."""
+    """Rayfarm's settings for rendering a scene, stored in the scene."""
 
     samples: IntProperty(name="Samples", description="Samples per pixel", default=128, min=1, max=1 << 20)
     use_noise: BoolProperty(name="Noise Level", description="Stop sampling tiles whose noise is below this level", default=False)

@@ -1,4 +1,4 @@
-"""The viewport in "rendered" mode: exports changes for a few milliseconds at a time, and draws the farm's newest picture."""
+"""The viewport in "rendered" mode: exports changes for a few milliseconds at a time, and draws the farm's newest image."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SETTLED_S = 0.15  # pause after the last change before an export, so that not ev
 
 
 class PendingChanges:
-    """Collects the changes of Blender's data since the last export."""
+    """Collects the changes in Blender's data since the last export."""
 
     def __init__(self) -> None:
         self.all = True
@@ -47,7 +47,7 @@ class PendingChanges:
         return matters
 
     def needs_export(self, thing: Any, data: Any) -> bool:
-        """Returns True if an object's mesh must be exported again."""
+        """Returns True if an object's mesh has changed since the last export. thing: the object; data: its mesh."""
         if self.all or thing.is_from_instancer:
             return self.all or bool(self.names)
         told = {("Object", thing.name_full)}
@@ -56,7 +56,7 @@ class PendingChanges:
         return not told.isdisjoint(self.names)
 
     def clear_changes(self) -> None:
-        """Forgets the changes, after they were exported."""
+        """Clears the recorded changes, after they were exported."""
         self.all = False
         self.names.clear()
 
@@ -66,7 +66,7 @@ def _is_any_updated(update: Any) -> bool:
 
 
 class Viewport:
-    """The state of one viewport; exists as long as its engine."""
+    """The state of one viewport in "rendered" mode; exists as long as its engine."""
 
     def __init__(self, engine: Any, url: str, token: str, project: str, title: str) -> None:
         self._engine = engine
@@ -111,7 +111,7 @@ class Viewport:
         return LOOK_S
 
     def update(self, depsgraph: Any) -> None:
-        """Schedules an export for when no further changes arrive for a while."""
+        """Schedules an export, which begins once no further changes arrive for a while."""
         if self._changes.record_updates(depsgraph):
             self._reading, self._waits = None, True
             self._begin_at = 0.0 if not self._known else time.monotonic() + SETTLED_S
@@ -169,7 +169,7 @@ class Viewport:
             self._shots[number] = shot
 
     def draw(self, context: Any, depsgraph: Any) -> None:
-        """Draws the newest picture and a status line."""
+        """Draws the newest image and a status line in the viewport."""
         self.read(depsgraph)
         self.send_view(context, depsgraph)
         text = self._error
@@ -182,7 +182,7 @@ class Viewport:
         self._canvas.draw(self._engine, depsgraph.scene, context.region)
 
     def visible_part(self, picture: ViewPicture) -> tuple[float, float, float, float]:
-        """Returns the part of a picture that the viewport shows: left, low, right, high as fractions from the lower left."""
+        """Returns the part of an image that the viewport shows: left, low, right, high as fractions from the lower left."""
         shot = self._shots.get(picture.id)
         if shot is None:
             return 0.0, 0.0, 1.0, 1.0
