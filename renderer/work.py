@@ -1,4 +1,4 @@
-"""How much to render and in which order: the part of a request besides the settings."""
+"""The amount of rendering (samples, time and noise limits) and its order: the part of a request besides the settings."""
 
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ class _SceneExport:
             self.primary.update(layer.name for layer in source.uv_layers if layer.active_render)
 
     def _color_of(self, thing: Any, density: _Density) -> str | None:
-        """Returns the name of the colour attribute that the object's materials use (the first such material); None if none does."""
+        """Returns the name of the colour attribute that the object's materials use (the first one found); None if none does."""
         for slot in thing.material_slots:
             material = self._override or slot.material
             if material is not None:

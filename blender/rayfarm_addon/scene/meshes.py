@@ -21,7 +21,7 @@ TRIANGLE = 12  # bytes
 
 
 class Corners(NamedTuple):
-    """How a mesh's face corners were split into vertices, so that its shape at another time can be split in the same way."""
+    """The split of a mesh's face corners into vertices, recorded so that its shape at another time is split in the same way."""
 
     counts: tuple[int, int, int]  # vertices, corners, triangles
     vertex: I32  # of each new vertex, the old one

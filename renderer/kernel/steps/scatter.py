@@ -23,7 +23,7 @@ _ONE = np.float32(1.0)
 
 
 class Bounce(NamedTuple):
-    """How a path scattered at a vertex (reflected or transmitted, with which pdf), for `cross_surface`."""
+    """The kind of scattering at a path's vertex (reflected or transmitted, and with which pdf), for `cross_surface`."""
 
     has_left: Any  # whether the ray has left its facet, as `leaves` returns (surface/ray_origins.py)
     reflected: Any

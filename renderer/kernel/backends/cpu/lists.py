@@ -64,25 +64,25 @@ _ONE = np.uintp(1)
 
 @device
 def clear(lists, which):
-    """Empties the list number `which`."""
+    """Empties list `which`."""
     lists[np.uintp(which) * _SIZE] = np.uint32(0)
 
 
 @device
 def length(lists, which):
-    """Returns the length of the list number `which`."""
+    """Returns the length of list `which`."""
     return np.int64(lists[np.uintp(which) * _SIZE])
 
 
 @device
 def row(lists, which, k):
-    """Returns the k-th row number on the list number `which`."""
+    """Returns the k-th row number on list `which`."""
     return np.uintp(lists[np.uintp(which) * _SIZE + _ONE + np.uintp(k)])
 
 
 @device
 def append(lists, which, number):
-    """Appends a row number to the list number `which`."""
+    """Appends a row number to list `which`."""
     base = np.uintp(which) * _SIZE
     count = np.uintp(lists[base]) + _ONE
     lists[base + count] = np.uint32(number)
@@ -91,13 +91,13 @@ def append(lists, which, number):
 
 @device
 def put(lists, which, count, number):
-    """Writes a row number at index `count` of the list number `which`, without changing its length."""
+    """Writes a row number at index `count` of list `which`, without changing its length."""
     lists[np.uintp(which) * _SIZE + _ONE + count] = np.uint32(number)
 
 
 @device
 def truncate(lists, which, count):
-    """Sets the length of the list number `which` to `count`."""
+    """Sets the length of list `which` to `count`."""
     lists[np.uintp(which) * _SIZE] = np.uint32(count)
 
 

@@ -119,7 +119,7 @@ def sample_free_flights(scene, pool, lists, options):
 
 @device
 def _remove_drifting(pool, lists, which):
-    """Removes the paths that scatter in a medium before their hit from the list number `which`."""
+    """Removes the paths that scatter in a medium before their hit from list `which`."""
     stays = np.uintp(0)
     for k in range(length(lists, which)):
         path = row(lists, which, k)

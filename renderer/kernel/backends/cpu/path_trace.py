@@ -46,7 +46,7 @@ _FIRST = np.uintp(0)
 
 @device
 def _is_on(lists, which):
-    """Returns True if the path in the pool's first row is on the list number `which`."""
+    """Returns True if the path in the pool's first row is on list `which`."""
     found = False
     for k in range(length(lists, which)):
         found |= row(lists, which, k) == _FIRST

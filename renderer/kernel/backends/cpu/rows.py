@@ -149,7 +149,7 @@ class Axes(NamedTuple):
 
 
 class Mapped(NamedTuple):
-    """The normal of the shading frame after normal mapping, and the normal of LastVertex; only in scenes with textures."""
+    """The shading frame's normal after normal mapping, and the normal to store in LastVertex; only in scenes with textures."""
 
     normal: Vector
     facing: Vector
