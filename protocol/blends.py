@@ -43,5 +43,5 @@ def converted_files(info: dict[str, Any] | None) -> tuple[str, list[BlobRef]] | 
     if not blend:
         return None
     if not isinstance(blend, dict) or not isinstance(blend.get("main"), str) or not isinstance(blend.get("files"), list):
-        raise ValueError("what Blender wrote of the scene cannot be made out")
+        raise ValueError("Blender's output cannot be parsed")
     return blend["main"], [BlobRef.from_json(ref) for ref in blend["files"]]

@@ -48,7 +48,7 @@ class CardBatches:
     def from_json(cls, data: Any) -> CardBatches:
         """Parses the JSON data from `to_json`. Raises ValueError, TypeError, KeyError or SettingsError if it is malformed."""
         if not isinstance(data, Mapping):
-            raise ValueError("batches for a card are an object")
+            raise ValueError("batches for a card must be an object")
         found = []
         for frame in data["frames"]:
             first = RenderBatch.from_json(frame["first"])

@@ -80,7 +80,7 @@ def _fields(cls: type, data: Any) -> dict[str, Any]:
     Raises ValueError if a required field is missing.
     """
     if not isinstance(data, Mapping):
-        raise ValueError(f"{cls.__name__} is an object, and not {type(data).__name__}")
+        raise ValueError(f"{cls.__name__} must be an object, not {type(data).__name__}")
     known = {f.name: f for f in fields(cls)}
     for name, f in known.items():
         if name not in data and f.default is MISSING and f.default_factory is MISSING:
@@ -135,7 +135,7 @@ class BlobRef:
         """Parses the reference from the JSON of `dataclasses.asdict`. Raises ValueError."""
         ref = cls(**_fields(cls, data))
         if not (isinstance(ref.path, str) and isinstance(ref.sha256, str) and isinstance(ref.size, int)):
-            raise ValueError(f"{data!r} refers to no blob")
+            raise ValueError(f"{data!r} does not refer to a blob")
         return replace(ref, parts=tuple((str(sha256), int(size)) for sha256, size in ref.parts))
 
 
@@ -396,7 +396,7 @@ class WorkerReport:
         try:
             report = cls(**_fields(cls, json.loads(data)))
         except (TypeError, RecursionError) as error:
-            raise ValueError(f"no report of a worker: {error}") from None
+            raise ValueError(f"invalid worker report: {error}") from None
         texts = (report.name, report.host, report.cpu, report.kind, report.state)
         numbers = (report.pid, report.slots, report.started, report.samples_per_s)
         if not (
@@ -406,7 +406,7 @@ class WorkerReport:
             and all(isinstance(doing, dict) for doing in report.current)
             and report.state in ("starting", "ready", "paused")
         ):
-            raise ValueError("no report of a worker: its fields are of other types")
+            raise ValueError("invalid worker report: its fields are of other types")
         return report
 
 

@@ -76,7 +76,7 @@ class JointBatch:
     def from_json(cls, data: Any) -> JointBatch:
         """Parses the JSON data from `to_json`. Raises ValueError, TypeError, KeyError or SettingsError if it is malformed."""
         if not isinstance(data, Mapping):
-            raise ValueError("a joint batch is an object")
+            raise ValueError("a joint batch must be an object")
         pieces = tuple(Piece(str(batch), int(first), int(count)) for batch, first, count in data["pieces"])
         if not pieces:
             raise ValueError("a joint batch has pieces")

@@ -18,4 +18,4 @@ def result_of(data: bytes) -> Result:
     try:
         return Result(*json_head.decode(data))
     except ValueError as error:
-        raise ValueError(f"no result: {error}") from None
+        raise ValueError(f"invalid result: {error}") from None

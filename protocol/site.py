@@ -94,10 +94,10 @@ class SiteReport:
         try:
             found = json.loads(data)
             if not isinstance(found, Mapping):
-                raise ValueError("no report of a site")
+                raise ValueError("invalid site report")
             report = cls(**{f.name: found[f.name] for f in fields(cls) if f.name in found})
         except (TypeError, RecursionError) as error:
-            raise ValueError(f"no report of a site: {error}") from None
+            raise ValueError(f"invalid site report: {error}") from None
         texts: list[Any] = [report.name, report.host, report.address]
         numbers: list[Any] = [report.pid, report.port, report.results, report.sent, report.bytes_in, report.bytes_out]
         if not (
@@ -109,5 +109,5 @@ class SiteReport:
             and all(isinstance(batch, str) for batch in report.in_hand)
             and 0 < report.port < 1 << 16
         ):
-            raise ValueError("no report of a site: its fields are of other types")
+            raise ValueError("invalid site report: its fields are of other types")
         return report

@@ -149,7 +149,7 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
         count = START.unpack(data).planes
         heads = PLANE.unpack_all(data, START.size, count)
     except ValueError:
-        raise ValueError("damaged sums: they end too soon") from None
+        raise ValueError("damaged sums: truncated") from None
     if count != CHANNELS and not (stored and 0 < count < CHANNELS):
         raise ValueError(f"sums of {count} planes where a film has {CHANNELS}")
     view = memoryview(data)
@@ -158,16 +158,16 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
         body = view[at:at]
         if code in WIDTHS:
             if value < 0 or at + value > len(data):
-                raise ValueError("damaged sums: they end too soon")
+                raise ValueError("damaged sums: truncated")
             body = view[at : at + value]
             at += value
         elif code == COPY and not (0 <= value < number and heads[value].code in WIDTHS):
-            raise ValueError(f"damaged sums: plane {number} is said to be like {value}")
+            raise ValueError(f"damaged sums: plane {number} refers to {value}")
         elif code not in (ALIKE, COPY):
             raise ValueError(f"damaged sums: plane {number} is a {code}")
         yield number, (code, value, body)
     if at != len(data):
-        raise ValueError("damaged sums: they do not end")
+        raise ValueError("damaged sums: trailing bytes")
 
 
 def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:

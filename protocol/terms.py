@@ -48,7 +48,7 @@ class Terms:
             known = {f.name: found[f.name] for f in fields(cls) if found.get(f.name) is not None}
             terms = cls(**known | {"queues": tuple(map(str, known.get("queues", ())))})
         except (TypeError, AttributeError, RecursionError) as error:
-            raise ValueError(f"no terms: {error}") from None
+            raise ValueError(f"invalid terms: {error}") from None
         return terms.checked()
 
     def to_bytes(self) -> bytes:
@@ -115,7 +115,7 @@ class Offer:
                 known[name] = tuple(map(str, known.get(name, ())))
             offer = cls(**known)
         except (TypeError, KeyError, AttributeError, RecursionError) as error:
-            raise ValueError(f"no offer: {error}") from None
+            raise ValueError(f"invalid offer: {error}") from None
         whole: list[Any] = [offer.memory, offer.slots_most, offer.nice, offer.memory_limit]
         lists: list[Any] = [*offer.tags, *offer.idle_by, *offer.queues]
         texts: list[Any] = [offer.keeps, offer.hours, offer.why or "", offer.trouble or "", *lists]
@@ -130,7 +130,7 @@ class Offer:
             and all(isinstance(text, str) and len(text) <= LONGEST_TEXT for text in texts)
             and len(lists) <= MOST_TEXTS
         ):
-            raise ValueError("no offer: its fields are of other types")
+            raise ValueError("invalid offer: its fields are of other types")
         return offer
 
 

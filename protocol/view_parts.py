@@ -149,8 +149,8 @@ class ViewAnswer:
             head, sums = json_head.decode(data)
             answer = cls(**head, sums=sums)
         except (ValueError, TypeError) as error:
-            raise ValueError(f"no answer about a view: {error}") from None
+            raise ValueError(f"invalid view answer: {error}") from None
         texts = (answer.type, answer.watch, answer.message, answer.worker)
         if not (all(isinstance(text, str) for text in texts) and isinstance(answer.view, int) and isinstance(answer.more, dict)):
-            raise ValueError("no answer about a view: its fields are of other types")
+            raise ValueError("invalid view answer: its fields are of other types")
         return answer

@@ -36,9 +36,9 @@ class Vitals:
             found = json.loads(data)
             used, total = found["memory_used"], found["memory_total"]
         except (KeyError, TypeError, RecursionError) as error:
-            raise ValueError(f"no vitals: {error}") from None
+            raise ValueError(f"invalid vitals: {error}") from None
         if not (type(used) is int and type(total) is int and 0 <= used <= _MOST and 0 < total <= _MOST):
-            raise ValueError("no vitals: memory is a number of bytes")
+            raise ValueError("invalid vitals: memory is a number of bytes")
         return cls(used, total)
 
 

@@ -76,7 +76,7 @@ def read_client(text: str, kinds: tuple[type[C], ...]) -> C | None:
     """
     said = json.loads(text)
     if not isinstance(said, Mapping):
-        raise TypeError("a message is a JSON object")
+        raise TypeError("a message must be a JSON object")
     return next((kind.of(said) for kind in kinds if kind.KEY in said), None)
 
 

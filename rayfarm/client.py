@@ -403,7 +403,7 @@ class Client:
         for chunk in response.iter_bytes():
             body += chunk
             if len(body) > limit:
-                raise NotAFarm(not_a_farm(self.url, "what it sends does not end"))
+                raise NotAFarm(not_a_farm(self.url, "its answer exceeds the size limit"))
             if limit == MAX_ANSWER and time.monotonic() > deadline:
                 raise ClientError(f"{self.url} takes longer than {ANSWER_S:.0f} s for a short answer. Try again.")
         return bytes(body)

@@ -41,7 +41,7 @@ def token_to_send(subject: str, token: str, token_file: Path | None) -> str:
         try:
             token = token_file.expanduser().read_text().strip()
         except UnicodeDecodeError:
-            raise CommandError(f"{token_file} is no file with a token: it is no text.") from None
+            raise CommandError(f"{token_file} is no file with a token: it is not text.") from None
     token = token or value_of("RAYFARM_TOKEN")
     if not token:
         raise CommandError(

@@ -219,7 +219,7 @@ _XYZ = ("X", "Y", "Z")
 _ALL = {
     "albedo": _Aov(
         "Albedo",
-        "What the first surface reflects of white light",
+        "Reflectance of the first surface",
         ("Denoising Albedo.R", "Denoising Albedo.G", "Denoising Albedo.B"),
         ("R", "G", "B"),
         _encoded,
@@ -227,7 +227,7 @@ _ALL = {
     ),
     "normal": _Aov(
         "Normal",
-        "Which way the first surface faces, in the world",
+        "Shading normal of the first surface in world space",
         ("Normal.X", "Normal.Y", "Normal.Z"),
         _XYZ,
         _signed,

@@ -67,7 +67,7 @@ def trusted(home: Path, name: str = "") -> Path:
                 _warn(f"{fault}; {base / name} is used instead")
                 return base / name
     beside = _own_temporary()
-    _warn(f"{fault}; what is kept there is compiled or fetched anew, in {beside}")
+    _warn(f"{fault}; its content is compiled or fetched again, into {beside}")
     return beside / name
 
 
@@ -96,10 +96,10 @@ def read_private(path: Path) -> bytes | None:
     Raises OSError if the file cannot be read.
     """
     if reason := reason_to_distrust(path.parent.stat()):
-        _warn(f"the folder {path.parent} {reason}; what is in it is compiled anew")
+        _warn(f"the folder {path.parent} {reason}; its content is compiled again")
         return None
     with path.open("rb") as file:
         if reason := reason_to_distrust(os.fstat(file.fileno())):
-            _warn(f"the file {path} {reason}; it is compiled anew")
+            _warn(f"the file {path} {reason}; it is compiled again")
             return None
         return file.read()

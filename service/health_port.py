@@ -37,7 +37,7 @@ class HealthPort:
             self._server = _Server((host, port), handler)
         except OSError as error:
             raise StartupError(
-                f"Nobody can listen at {host}:{port} ({error}). Set RAYFARM_HEALTH_PORT to a port that is free."
+                f"Cannot listen at {host}:{port} ({error}). Set RAYFARM_HEALTH_PORT to a port that is free."
             ) from None
         self.port = self._server.server_port
 
@@ -81,7 +81,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         if self.path != "/healthz":
-            return self._send_json(HTTPStatus.NOT_FOUND, {"detail": "There is /healthz here, and nothing else."})
+            return self._send_json(HTTPStatus.NOT_FOUND, {"detail": "Only /healthz is served here."})
         why = self.health.failure_reason()
         if why is not None:
             return self._send_json(HTTPStatus.SERVICE_UNAVAILABLE, {"detail": why})

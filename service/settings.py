@@ -137,7 +137,7 @@ class Settings(BaseSettings):
             first = error.errors()[0]
             name, why = str(first["loc"][0]), first["msg"].removeprefix("Value error, ")
         except SettingsError as error:
-            name, why = str(error).partition('"')[2].partition('"')[0], 'it is no JSON; a list is written as ["a", "b"]'
+            name, why = str(error).partition('"')[2].partition('"')[0], 'it is not JSON; a list is written as ["a", "b"]'
         raise StartupError(f"RAYFARM_{name.upper()} is invalid: {why[:1].lower()}{why[1:]}. Change or unset it.")
 
     @field_validator("data")
@@ -162,7 +162,7 @@ class Settings(BaseSettings):
     @classmethod
     def _bucket(cls, value: str) -> str:
         if value and not re.fullmatch(r"s3://[^/]+(/.*)?", value):
-            raise ValueError(f"{value!r} is no address of blobs; give s3://bucket/prefix, or nothing for the data folder")
+            raise ValueError(f"{value!r} is not a blob address; give s3://bucket/prefix, or nothing, for the data folder")
         return value
 
     @field_validator("trusted_proxies")
@@ -176,7 +176,7 @@ class Settings(BaseSettings):
                     f"{error}; give the addresses or networks of your proxies, like 127.0.0.1 172.16.0.0/12"
                 ) from None
             if network.prefixlen == 0:
-                raise ValueError(f"{each} is every address, and anybody could claim another; give those of your proxies")
+                raise ValueError(f"{each} includes every address, so clients could forge theirs; give your proxies' addresses")
         return value
 
     @field_validator("webhooks")
@@ -184,7 +184,7 @@ class Settings(BaseSettings):
     def _addresses(cls, value: list[str]) -> list[str]:
         for url in value:
             if not re.fullmatch(r"https?://[^/?#\s]+[^\s]*", url):
-                raise ValueError(f"{url!r} is no address of a webhook; give http:// or https://")
+                raise ValueError(f"{url!r} is not a webhook address; it must begin with http:// or https://")
         return value
 
     @field_validator("webhook_secret")

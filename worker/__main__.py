@@ -221,11 +221,11 @@ def _check_settings(options: argparse.Namespace) -> Blender | None:
     except (ValueError, OverflowError) as error:
         raise RefusedError(str(error)) from None
     if options.site and not SITE_NAME.fullmatch(options.site):
-        raise RefusedError(f"--site: {options.site!r} is no name of a site; take small letters, digits and . _ -")
+        raise RefusedError(f"--site: {options.site!r} is not a site name; use lower-case letters, digits and . _ -")
     if wrong := [tag for tag in options.tag if not TAG.fullmatch(tag)]:
-        raise RefusedError(f"--tag: {wrong[0]!r} is no tag; take small letters, digits and . _ : -")
+        raise RefusedError(f"--tag: {wrong[0]!r} is not a tag; use lower-case letters, digits and . _ : -")
     if blends.TAG in options.tag and options.blender is None:
-        raise RefusedError(f"--tag {blends.TAG}: says that a worker opens .blend files; give --blender")
+        raise RefusedError(f"--tag {blends.TAG}: this tag marks workers that open .blend files; give --blender")
     try:
         memory_budget()
     except ValueError:
@@ -257,7 +257,7 @@ def _inspect_blender(named: str) -> Blender:
         raise RefusedError(f"--blender: {error}") from None
     if found is None:
         raise RefusedError(
-            "--blender: there is no Blender here. Install it so that `blender` is on the PATH, or name it: --blender PROGRAM; "
+            "--blender: no Blender found. Install it so that `blender` is on the PATH, or give its path: --blender PROGRAM; "
             "`rayfarm worker --blender` can fetch one"
         )
     os.environ[program.NAMED] = found.program  # inherited by the slots

@@ -23,7 +23,7 @@ def unhealthy_reason(path: str, ready: bool = False) -> str:
     except PermissionError:
         return f"the process {pid} is another user's"
     except (OSError, ValueError) as error:
-        return f"{path} does not say how the worker is: {error}"
+        return f"{path} does not contain the worker's state: {error}"
     if state == "working" and age > MAX_AGE_S:
         return f"the worker's event loop was last seen {age:.0f} s ago"
     if ready and state != "working":

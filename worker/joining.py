@@ -135,16 +135,16 @@ def check_redis(url: str) -> None:
             store.set("rayfarm:joining", b"", ex=HEARTBEAT_TTL_S)
     except redis.AuthenticationError as error:
         raise LinkError(
-            f"the Redis at {where} wants another password ({error}). "
+            f"the Redis at {where} requires another password ({error}). "
             "A farm tells it to its workers; where --redis or RAYFARM_REDIS_URL names the Redis, the password is part of that."
         ) from error
     except redis.ResponseError as error:
-        raise LinkError(f"the Redis at {where} takes no reports of workers ({error}). Look into its log.") from error
+        raise LinkError(f"the Redis at {where} rejects reports of workers ({error}). Look into its log.") from error
     except redis.InvalidResponse as error:
-        raise LinkError(f"what answers at {where} is no Redis. The farm's service says which it uses.") from error
+        raise LinkError(f"the server at {where} is not a Redis server. The farm's service shows which it uses.") from error
     except (redis.RedisError, OSError) as error:
         raise LinkError(
-            f"no Redis answers at {where} ({error}). It must be reachable from this machine: "
+            f"no Redis server answers at {where} ({error}). It must be reachable from this machine: "
             "start the farm with `rayfarm up --host 0.0.0.0`, and open the port in its firewall."
         ) from error
 

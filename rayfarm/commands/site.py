@@ -52,7 +52,7 @@ def site(
     use_log_format(log_format)
     join = farm_address(join)
     if not SITE_NAME.fullmatch(name):
-        raise CommandError(f"{name!r} is no name of a site; take small letters, digits and . _ -")
+        raise CommandError(f"{name!r} is not a site name; use lower-case letters, digits and . _ -")
     token = token_to_send("A site", "", token_file)
     command = [
         sys.executable,

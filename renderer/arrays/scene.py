@@ -276,12 +276,12 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     ):
         _check_range(name, arrays[name], lower, upper)
     if (arrays["light_primitive"][arrays["sun"]] < primitives).any():
-        raise SceneError("a sun is no light without a body")
+        raise SceneError("a sun must be a light without a body")
     _check_range("triangle", arrays["triangle"][:, :3], 0, lengths["V"])
     _check_range("a triangle's part", arrays["triangle"][:, 3], 0, lengths["P"])
     _check_range("a part's material", arrays["part"][:, PART_MATERIAL], 0, lengths["M"])
     if not len(arrays["triangle_light"]) and arrays["part"][:, PART_SHINES].any():
-        raise SceneError("a part shines, and none of its triangles is a light")
+        raise SceneError("a part emits light, but none of its triangles is a light")
     if lengths["T"] and not len(arrays["uv"]) and (arrays["material_flags"] & TEXTURED).any():
         raise SceneError("a material has a texture, and no vertex has coordinates in it")
     texture = arrays["texture"].astype(np.int64)
@@ -291,26 +291,26 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         and (texture[:, 0] + texture[:, 1] * texture[:, 2] * np.where(texture[:, ENCODING] >= LINEAR_16, 2, 1)).max()
         <= lengths["Q"]
     ):
-        raise SceneError("a texture reaches beyond the texels")
+        raise SceneError("a texture exceeds the texel array")
     maps = arrays["emission_map"].astype(np.int64)
     if len(maps) and not (
         maps.min() >= 0 and maps[:, 1:3].min() > 0 and (maps[:, 0] + maps[:, 1] * maps[:, 2]).max() <= lengths["e"]
     ):
-        raise SceneError("a light's map reaches beyond its texels")
+        raise SceneError("a light's map exceeds its texels")
     for name in ("emission_frame", "key_emission_frame"):
         _check_range(f"{name}'s map", arrays[name][:, 3].astype(np.int64), -1, lengths["E"])
     above = texture[:, ABOVE]
     if not ((above == -1) | ((above > np.arange(len(above))) & (above < len(above)))).all():
-        raise SceneError("a texture's layer is not further on in the list of textures")
+        raise SceneError("a texture's layer must come later in the list of textures")
     child = arrays["light_node"][:, CHILD].view("<i4")
     further = (child > np.arange(len(child))[:, None]) & (child < len(child))
     if not np.where(child < 0, ~child < lengths["L"], further).all():
-        raise SceneError("the light tree points outside its nodes or lights, or back")
+        raise SceneError("the light tree points outside its nodes or lights, or backwards")
     _check_motion(arrays, lengths)
     if min(lengths[letter] for letter in _NEVER_EMPTY) < 1:
         raise SceneError("the BVH or the environment is empty")
     if not 1 <= lengths["m"] < MOST_MEDIA:
-        raise SceneError("there is no medium around the scene, or more than a path can tell apart")
+        raise SceneError("the number of media is 0 or exceeds the limit of a path")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]
     beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["C"])
@@ -318,28 +318,28 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         raise SceneError("the BVH points outside its nodes")
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:
-        raise SceneError("the BVH names a primitive that is not there")
+        raise SceneError("the BVH refers to a missing primitive")
 
 
 def _check_motion(arrays: dict[str, Array], lengths: dict[str, int]) -> None:
     """Raises SceneError if moving geometry has too few keys."""
     first, count = arrays["bvh.instance_motion"].astype(np.int64).T
     if not ((count == 0) | ((count >= 2) & (first >= 0) & (first + count <= lengths["R"]))).all():
-        raise SceneError("an instance has fewer keys than it says")
+        raise SceneError("an instance has fewer keys than declared")
     start, keys = (int(number) for number in arrays["bvh.keyed_packets"])
     leaf = ~arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     number = leaf[(leaf >= 0) & (leaf & INSTANCE == 0)] >> 2
     if start < lengths["C"] and not (keys >= 2 and int(number.max(initial=0)) + keys <= lengths["C"]):
-        raise SceneError("a packet has fewer keys than it says")
+        raise SceneError("a packet has fewer keys than declared")
     moving = lengths["D"] + lengths["Z"]
     if moving and (start < 0 or keys < 2 or lengths["D"] % keys or lengths["Z"] % keys):
-        raise SceneError("vertices or spheres have fewer keys than they say")
+        raise SceneError("vertices or spheres have fewer keys than declared")
     if lengths["D"] > keys * lengths["V"] or lengths["Z"] > keys * lengths["S"]:
-        raise SceneError("there are more keys of vertices or spheres than of these")
+        raise SceneError("there are more keys than vertices or spheres")
     if lengths["J"] and (lengths["K"] == 0 or lengths["J"] % lengths["K"] or lengths["J"] < 2 * lengths["K"]):
-        raise SceneError("a light has fewer keys than it says")
+        raise SceneError("a light has fewer keys than declared")
     if lengths["F"] and (lengths["X"] == 0 or lengths["F"] % lengths["X"] or lengths["F"] < 2 * lengths["X"]):
-        raise SceneError("a texture has fewer keys than it says")
+        raise SceneError("a texture has fewer keys than declared")
 
 
 def _check_range(name: str, array: Array, lower: int, upper: int) -> None:

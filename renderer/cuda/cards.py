@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 CHOICES = "none, all, only, or numbers such as 0,1"
-NOT_YET_TRIED = "not yet tried on a card in this version"
+NOT_YET_TRIED = "not yet tested on a GPU in this version"
 _NUMBERS = re.compile(r"\d+(,\d+)*", re.ASCII)
 _DRIVER_FILES = ("/proc/driver/nvidia", "/dev/nvidiactl", "/dev/dxg")  # the last: Windows' subsystem for Linux
 _PCI = "/sys/bus/pci/devices"

@@ -117,7 +117,7 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
         raise StartupError(f"RAYFARM_OIDC_ROLES gives the role {unknown[0]!r}; there are view, submit and admin.")
     url = urlsplit(settings.oidc_discovery)
     if url.scheme != "https" and url.hostname not in ("127.0.0.1", "localhost", "::1"):
-        raise StartupError("RAYFARM_OIDC_DISCOVERY begins with https://: what a provider says must not be another's words.")
+        raise StartupError("RAYFARM_OIDC_DISCOVERY must begin with https://, so that nobody can forge the provider's answers.")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the library warns of future renamings
@@ -167,9 +167,9 @@ class Oidc:
         """
         pending = self._decrypted(sealed)
         if pending is None or not is_same(state, pending.state):
-            raise Refused("late", "the answer belongs to no login that this browser began here")
+            raise Refused("late", "the answer does not belong to a login started by this browser")
         if pending.expires < time.time():
-            raise Refused("late", f"the login was begun more than {LOGIN_TIMEOUT_S // 60} minutes ago")
+            raise Refused("late", f"the login was started more than {LOGIN_TIMEOUT_S // 60} minutes ago")
         if error or not code:
             raise Refused("cancelled", f"the provider says {error[:200] or 'nothing'}")
         claims, token = self._claims(code, pending)
@@ -232,7 +232,7 @@ class Oidc:
             if about.get("userinfo_endpoint") and not {self._name_claim, self._role_claim} <= found.keys():
                 found |= self._userinfo_claims(about["userinfo_endpoint"], str(token.get("access_token") or ""), found["sub"])
         except (AuthlibBaseError, JoseError, httpx.HTTPError, ValueError, KeyError, TypeError) as error:
-            raise Refused("provider", f"the provider's answer is not believed ({type(error).__name__}: {error})") from None
+            raise Refused("provider", f"the provider's answer is invalid ({type(error).__name__}: {error})") from None
         return found, shown
 
     def _userinfo_claims(self, url: str, token: str, subject: str) -> dict[str, Any]:
@@ -274,12 +274,12 @@ class Oidc:
                 .json()
             )
             if not isinstance(about, dict) or any(not isinstance(about.get(name), str) for name in REQUIRED_METADATA):
-                raise ValueError("it is no description of an OpenID provider")
+                raise ValueError("it is not an OpenID provider's discovery document")
             keys = KeySet.import_key_set(
                 httpx.get(about["jwks_uri"], timeout=TIMEOUT_S, verify=_ssl_context()).raise_for_status().json()
             )
         except (httpx.HTTPError, httpx.InvalidURL, ValueError, KeyError, TypeError) as error:
-            raise Refused("provider", f"{self._discovery} does not say what it should ({error})") from None
+            raise Refused("provider", f"{self._discovery} lacks required fields ({error})") from None
         self._known = time.monotonic(), about, keys
         return about, keys
 

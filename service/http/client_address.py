@@ -124,4 +124,4 @@ def _verified_origin(word: str, secret: str) -> tuple[str, str] | None:
 
 
 def _signature(header: str, secret: str) -> str:
-    return hmac.new(secret.encode(), f"passed on: {header}".encode(), hashlib.sha256).hexdigest()
+    return hmac.new(secret.encode(), f"forwarded: {header}".encode(), hashlib.sha256).hexdigest()

@@ -183,7 +183,7 @@ async def _body(receive: Receive) -> AsyncIterator[bytes]:
     while True:
         message = await receive()
         if message["type"] == "http.disconnect":
-            raise httpx.ReadError("who asked has left")
+            raise httpx.ReadError("the client has disconnected")
         yield message.get("body", b"")
         if not message.get("more_body", False):
             return

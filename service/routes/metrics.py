@@ -32,7 +32,7 @@ class _Collector:
             late = session.scalar(select(func.count()).where(Job.state.in_(ACTIVE_STATES), Job.late.is_not(None))) or 0
             samples, bad = session.execute(select(func.sum(Frame.samples), func.sum(Frame.bad_samples))).one()
         yield _gauge("rayfarm_jobs", "Jobs by state", "state", {row[0]: row[1] for row in jobs})
-        yield GaugeMetricFamily("rayfarm_jobs_late", "Unfinished jobs that are expected after their deadline", late)
+        yield GaugeMetricFamily("rayfarm_jobs_late", "Unfinished jobs expected to miss their deadline", late)
         yield _gauge("rayfarm_scenes", "Scenes by status", "status", {row[0]: row[1] for row in scenes})
         reports = list(view.roster.reports.values())
         yield _gauge("rayfarm_worker_slots", "Slots by worker", "worker", {r.name: r.slots for r in reports})
@@ -42,49 +42,49 @@ class _Collector:
         yield _gauge("rayfarm_worker_failures", "Batches that failed by worker, since the service started", "worker", failures)
         busy = len(view.roster.current())
         idle = sum(r.slots for r in reports) - busy
-        yield _gauge("rayfarm_slots", "Slots by what they do", "state", {"busy": busy, "idle": idle})
-        text = "Slots that would each have half a minute of work or more"
+        yield _gauge("rayfarm_slots", "Slots by activity", "state", {"busy": busy, "idle": idle})
+        text = "Slots for which there is at least half a minute of work each"
         yield GaugeMetricFamily("rayfarm_slots_wanted", text, _slots_wanted(view, dict(jobs), dict(scenes)))
         speed = sum(job.samples_per_s for job in view.jobs.values())
-        yield GaugeMetricFamily("rayfarm_samples_per_second", "Samples a second that come into films", speed)
-        yield GaugeMetricFamily("rayfarm_watchers", "Connections that are told what changes", self._farm.broadcast.listeners)
+        yield GaugeMetricFamily("rayfarm_samples_per_second", "Samples per second added to films", speed)
+        yield GaugeMetricFamily("rayfarm_watchers", "Connections subscribed to changes", self._farm.broadcast.listeners)
         free = shutil.disk_usage(self._farm.settings.data).free
-        yield GaugeMetricFamily("rayfarm_data_free_bytes", "Free space where the data folder lies", free)
-        yield GaugeMetricFamily("rayfarm_batches_out", "Batches handed out and not back", view.batches_out)
-        yield GaugeMetricFamily("rayfarm_results_unread", "Results in the stream that nobody has read yet", view.results_unread)
-        text = "Processor time of the engine that a batch takes, lately"
+        yield GaugeMetricFamily("rayfarm_data_free_bytes", "Free space in the data folder's file system", free)
+        yield GaugeMetricFamily("rayfarm_batches_out", "Batches dispatched and not yet returned", view.batches_out)
+        yield GaugeMetricFamily("rayfarm_results_unread", "Unread results in the stream", view.results_unread)
+        text = "Recent processor time of the scheduler per batch"
         yield GaugeMetricFamily("rayfarm_batch_cost_seconds", text, view.batch_cost_s)
         yield GaugeMetricFamily(
-            "rayfarm_pictures_asked", "Pictures asked for and not made yet", self._farm.pictures.pending_count
+            "rayfarm_pictures_asked", "Requested pictures that are not encoded yet", self._farm.pictures.pending_count
         )
         yield GaugeMetricFamily("rayfarm_film_samples", "Samples in the films", float(samples or 0))
-        yield GaugeMetricFamily("rayfarm_film_bad_samples", "Samples left out as NaN or infinite", float(bad or 0))
+        yield GaugeMetricFamily("rayfarm_film_bad_samples", "Samples excluded as NaN or infinite", float(bad or 0))
         for name, text in (
             ("merged", "Batches added to a film"),
-            ("dropped", "Batches that came twice or too late"),
+            ("dropped", "Duplicate or late batches"),
             ("failed", "Batches that failed"),
-            ("lost", "Batches handed out again"),
-            ("doubled", "Batches of stragglers that a second worker tried too"),
-            ("verified", "Batches that were rendered twice or more, and compared"),
-            ("differed", "Batches that workers rendered differently"),
+            ("lost", "Batches dispatched again"),
+            ("doubled", "Batches of slow workers also given to a second worker"),
+            ("verified", "Batches rendered at least twice and compared"),
+            ("differed", "Batches with differing results"),
         ):
             yield CounterMetricFamily(f"rayfarm_batches_{name}", text, view.counts.get(name, 0))
-        text = "Workers that were set aside as they rendered something else than others"
+        text = "Workers excluded because their results differed from those of others"
         yield CounterMetricFamily("rayfarm_workers_distrusted", text, view.counts.get("distrusted", 0))
-        text = "Results of workers, each of a batch or of some whose sums they added up"
+        text = "Results of workers, each of one batch or of several merged batches"
         yield CounterMetricFamily("rayfarm_results", text, view.counts.get("results", 0))
-        text = "Messages of workers that could not be handled"
+        text = "Messages of workers that could not be processed"
         yield CounterMetricFamily("rayfarm_messages_put_aside", text, view.counts.get("put_aside", 0))
         owner = rows.current_owner(self._farm.sessions)
-        yield GaugeMetricFamily("rayfarm_owner", "1 where this service works as the farm, 0 where it stands by", 1.0)
-        text = "How often a service took the farm over from another that had died or hung"
+        yield GaugeMetricFamily("rayfarm_owner", "1 if this service is active, 0 if it is a standby", 1.0)
+        text = "Number of takeovers from a service that had ended or hung"
         yield CounterMetricFamily("rayfarm_takeovers", text, owner.takeovers if owner is not None else 0)
         asked_at = owner.asked_at if owner is not None else None
         is_there = asked_at is not None and time.time() - asked_at < STANDBY_RECENT_S
-        yield GaugeMetricFamily("rayfarm_standby", "1 while another service stands by", float(is_there))
-        text = "Bytes of their sums, as they came"
+        yield GaugeMetricFamily("rayfarm_standby", "1 while a standby service is present", float(is_there))
+        text = "Bytes of results as received"
         yield CounterMetricFamily("rayfarm_result_bytes", text, view.counts.get("result_bytes", 0))
-        yield GaugeMetricFamily("rayfarm_engine_up", "1 while the engine works", 0.0 if view.fault else 1.0)
+        yield GaugeMetricFamily("rayfarm_engine_up", "1 while the scheduler is running", 0.0 if view.fault else 1.0)
 
 
 def _slots_wanted(view: Snapshot, jobs: dict[str, int], scenes: dict[str, int]) -> int:

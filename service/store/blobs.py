@@ -162,7 +162,7 @@ class BlobFolder:
 
     def _path(self, sha256: str) -> Path:
         if not is_sha256(sha256):
-            raise ValueError(f"{sha256!r} is no SHA-256 in lower-case hexadecimal")
+            raise ValueError(f"{sha256!r} is not a SHA-256 hash in lower-case hexadecimal")
         return self._folder / sha256[:2] / sha256
 
 

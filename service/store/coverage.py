@@ -44,7 +44,7 @@ class Coverage:
         Raises ValueError if the range is empty, negative, or overlaps a covered one.
         """
         if count < 1 or first < 0:
-            raise ValueError(f"no range of samples: {count} from {first}")
+            raise ValueError(f"invalid range of samples: {count} from {first}")
         if self.overlaps(first, count):
             raise ValueError(f"samples {first} to {first + count - 1} are covered already")
         start, end = first, first + count

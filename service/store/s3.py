@@ -158,5 +158,5 @@ def _credentials() -> dict[str, Any]:
 
 def _key(sha256: str) -> str:
     if not is_sha256(sha256):
-        raise ValueError(f"{sha256!r} is no SHA-256 in lower-case hexadecimal")
+        raise ValueError(f"{sha256!r} is not a SHA-256 hash in lower-case hexadecimal")
     return f"{sha256[:2]}/{sha256}"

@@ -69,11 +69,11 @@ def test_a_redis_that_is_away_is_waited_for_until_ctrl_c() -> None:
         assert process.stderr is not None
         said = ""
         deadline = time.monotonic() + 60
-        while "no Redis answers at redis://127.0.0.1:9/0" not in said and time.monotonic() < deadline:
+        while "no Redis server answers at redis://127.0.0.1:9/0" not in said and time.monotonic() < deadline:
             said += process.stderr.readline()
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
-        assert "no Redis answers at redis://127.0.0.1:9/0" in said
+        assert "no Redis server answers at redis://127.0.0.1:9/0" in said
         assert process.returncode == 0
         assert "Traceback" not in said + err
 

@@ -21,8 +21,8 @@ from tests.grids import grid
     ("name", "value", "why"),
     [
         ("RAYFARM_PORT", "x", "RAYFARM_PORT is invalid: input should be a valid integer"),
-        ("RAYFARM_BLOBS", "x", "RAYFARM_BLOBS is invalid: 'x' is no address of blobs"),
-        ("RAYFARM_WEBHOOKS", "x", "RAYFARM_WEBHOOKS is invalid: it is no JSON"),
+        ("RAYFARM_BLOBS", "x", "RAYFARM_BLOBS is invalid: 'x' is not a blob address"),
+        ("RAYFARM_WEBHOOKS", "x", "RAYFARM_WEBHOOKS is invalid: it is not JSON"),
     ],
 )
 def test_what_makes_no_sense_is_named(

@@ -119,8 +119,8 @@ def test_a_redis_that_cannot_be_used_is_waited_for_with_a_hint(tmp_path: Path) -
     try:
         wrong = server.url.replace(server.password, "wrong")
         for url, hint in (
-            (wrong, "wants another password"),
-            (f"redis://127.0.0.1:{server.port}/0", "wants another password"),
+            (wrong, "requires another password"),
+            (f"redis://127.0.0.1:{server.port}/0", "requires another password"),
             ("redis://127.0.0.1:9/0", "must be reachable"),
         ):
             with pytest.raises(LinkError, match=hint) as error:
@@ -143,9 +143,9 @@ def test_a_redis_that_cannot_be_used_is_waited_for_with_a_hint(tmp_path: Path) -
 
 
 def test_an_http_server_is_no_redis() -> None:
-    with foreign_server(HTML) as port, pytest.raises(LinkError, match="no Redis"):
+    with foreign_server(HTML) as port, pytest.raises(LinkError, match="is not a Redis server"):
         check_redis(f"redis://127.0.0.1:{port}/0")
-    with foreign_server(b"") as port, pytest.raises(LinkError, match="no Redis"):
+    with foreign_server(b"") as port, pytest.raises(LinkError, match="is not a Redis server"):
         check_redis(f"redis://127.0.0.1:{port}/0")
 
 
@@ -158,9 +158,9 @@ def test_settings_that_only_the_first_work_would_find_wrong_are_refused_at_the_s
     for name, value, sentence in (
         ("redis", "nonsense", "RAYFARM_REDIS_URL"),
         ("hours", "at noon", "noon"),
-        ("tag", ["two words"], "--tag: 'two words' is no tag"),
+        ("tag", ["two words"], "--tag: 'two words' is not a tag"),
         ("memory", -1.0, "memory"),
-        ("site", "Two Words", "--site: 'Two Words' is no name"),
+        ("site", "Two Words", "--site: 'Two Words' is not a site name"),
         ("tag", ["blender"], "give --blender"),
     ):
         with pytest.raises(RefusedError, match=sentence):

@@ -105,7 +105,7 @@ class BlobCache:
 
     def _target(self, sha256: str) -> Path:
         if len(sha256) != 64 or not all(c in "0123456789abcdef" for c in sha256):
-            raise ValueError(f"{sha256!r} is no SHA-256 in lower-case hexadecimal")
+            raise ValueError(f"{sha256!r} is not a SHA-256 hash in lower-case hexadecimal")
         return self.folder / sha256[:2] / sha256
 
     def _fetch(self, sha256: str, target: Path) -> None:

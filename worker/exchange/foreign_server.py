@@ -48,8 +48,8 @@ def describe_answer(body: bytes, content_type: str = "") -> str:
         data: Any = json.loads(body)
     except (ValueError, RecursionError):
         named = content_type.partition(";")[0].strip()
-        return f"what it sends is no JSON ({named or 'of no named type'})"
+        return f"its answer is not JSON ({named or 'of no named type'})"
     if isinstance(data, dict):
-        return "its JSON lacks what a farm says"
+        return "its JSON lacks a farm's fields"
     name = {list: "a list", str: "a text", bool: "true or false", type(None): "null"}.get(type(data), "a number")
     return f"it sends {name} where a farm sends something else"

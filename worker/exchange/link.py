@@ -110,7 +110,7 @@ class Link:
         told = data["redis_url"]
         try:
             if not isinstance(told, str):
-                raise ValueError("it is no text")
+                raise ValueError("it is not text")
             redis_url = _reachable_redis_url(told, self.service)
             check_redis_url(redis_url)
         except ValueError as error:
@@ -232,7 +232,7 @@ class Link:
         for chunk in response.iter_bytes():
             body += chunk
             if len(body) > MAX_ANSWER:
-                raise NotAFarmError(not_a_farm(self.service, "what it sends does not end"))
+                raise NotAFarmError(not_a_farm(self.service, "its answer exceeds the size limit"))
             if time.monotonic() > deadline:
                 raise LinkError(
                     Sentence(
@@ -267,7 +267,7 @@ class Link:
         status, request = response.status_code, response.request
         is_service = response.headers.get("Content-Type", "").startswith(PROBLEM)
         if status == 403 and is_service and request.url.path.startswith("/api/farm/kernels/"):
-            raise RefusedError(self._detail(response) or f"{self.service} takes no kernels of this worker")
+            raise RefusedError(self._detail(response) or f"{self.service} does not accept kernels from this worker")
         if status in (401, 403):
             raise TokenError(
                 f"{self.service} does not know this token. Take the token that `rayfarm up` shows, or ask who runs the farm."

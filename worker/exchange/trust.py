@@ -24,14 +24,14 @@ def verify_option(certificate: str | None = None) -> ssl.SSLContext | bool:
         return True
     text = Path(path).expanduser().read_text()
     if CERTIFICATE_END not in text:
-        raise ValueError(f"{path} has no certificate; {TRUST_VARIABLE} names the farm's, as PEM")
+        raise ValueError(f"{path} contains no certificate; {TRUST_VARIABLE} names the farm's, as PEM")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
     context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN  # accept a certificate that is not a CA
     try:
         context.load_verify_locations(cadata=text[: text.index(CERTIFICATE_END) + len(CERTIFICATE_END)] + "\n")
     except ssl.SSLError as error:
-        raise ValueError(f"{path} has no certificate that can be read ({error.reason})") from None
+        raise ValueError(f"{path} contains no readable certificate ({error.reason})") from None
     return context
 
 

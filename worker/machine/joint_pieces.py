@@ -69,7 +69,7 @@ class Pieces:
     def add_message(self, message: str, about: bytes, pieces: Iterable[int], hold_s: float) -> None:
         """Adds the pieces with these numbers of a message. Raises ValueError if the message's id cannot be a file name."""
         if not _MESSAGE.fullmatch(message):
-            raise ValueError(f"{message!r} is no id of a message")
+            raise ValueError(f"{message!r} is not a message id")
         new = Path(tempfile.mkdtemp(prefix="new-", dir=self.root))
         (new / "about").write_bytes(about)
         for number in pieces:

@@ -150,7 +150,7 @@ def set_current(context: WorkerContext) -> None:
 def current() -> WorkerContext:
     """Returns the worker that this process belongs to."""
     if _current is None:
-        raise RuntimeError("no worker runs in this process; start one with `python -m worker`")
+        raise RuntimeError("no worker is running in this process; start one with `python -m worker`")
     return _current
 
 

@@ -242,7 +242,7 @@ def main() -> int:
 
 def _run_reducer(options: argparse.Namespace, stop: threading.Event) -> int:
     if not SITE_NAME.fullmatch(options.name):
-        raise RefusedError(f"{options.name!r} is no name of a site; take small letters, digits and . _ -")
+        raise RefusedError(f"{options.name!r} is not a site name; use lower-case letters, digits and . _ -")
     farm = _join_farm(Link(options.service, options.token), stop)
     if farm is None:
         return 0
@@ -301,7 +301,7 @@ def _join_farm(link: Link, stop: threading.Event) -> FarmAnswer | None:
             farm = link.join()
             if not farm.reduces:
                 raise RefusedError(
-                    f"{link.service} is of an older release, which takes no sums of a site. Run this release there."
+                    f"{link.service} is an older release, which does not accept sums of a site. Upgrade it to this release."
                 )
             return farm
         except LinkError as error:

@@ -102,7 +102,7 @@ class SiteSums:
                 if any(
                     first < event["first"] + event["count"] and event["first"] < first + n for first, n in group.spans.items()
                 ):
-                    raise ValueError("these samples are here by another batch")
+                    raise ValueError("these samples were already received in another batch")
             else:
                 group = self._begin_group(run, self._left.pop(key, run.count))
             try:
@@ -183,18 +183,18 @@ def _parse_result(result: Result) -> tuple[Run, Result]:
             [str(batch), int(at), int(n), float(seconds), worker] for batch, at, n, seconds in batches_of_event(event)
         ]
         if run is None or event["type"] not in ("batch", "batches") or not 0 < len(parts) <= MOST_PARTS or not worker:
-            raise ValueError("no sums of a run")
+            raise ValueError("not sums of a run")
         if not (isinstance(event["job"], str) and isinstance(event["frame"], int) and isinstance(event["bad"], list)):
-            raise ValueError("no sums of a job")
+            raise ValueError("not sums of a job")
         if not (0 <= run.first <= first < first + count <= run.first + run.count and 0 < tile.w * tile.h <= 1 << 24):
-            raise ValueError("these samples are not of their run")
+            raise ValueError("these samples do not belong to their run")
         end = first
         for _, at, n, *_ in parts:
             if at != end or n < 1:
-                raise ValueError("its batches do not follow each other")
+                raise ValueError("its batches are not contiguous")
             end += n
         if end != first + count:
-            raise ValueError("its batches are not all of its samples")
+            raise ValueError("its batches do not cover all of its samples")
         check_sums(result.sums or b"", tile)
         check_weight(result.sums or b"", tile, count)  # after the addition, the faulty sender could not be identified
         event |= {"type": "batches", "parts": parts, "bad_count": int(event["bad_count"])}

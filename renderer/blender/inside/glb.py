@@ -22,7 +22,7 @@ class Glb:
         magic, _, _ = _HEAD.unpack_from(data)
         length, kind = _CHUNK.unpack_from(data, _HEAD.size)
         if magic != b"glTF" or kind != _JSON:
-            raise ValueError(f"{path.name} is no GLB")
+            raise ValueError(f"{path.name} is not a GLB")
         start = _HEAD.size + _CHUNK.size
         self.document: dict[str, Any] = json.loads(data[start : start + length])
         self._parts: list[Any] = []

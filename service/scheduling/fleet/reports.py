@@ -46,9 +46,9 @@ def report_of(key: bytes, value: bytes) -> WorkerReport:
     if not (0 <= report.samples_per_s <= MAX_SPEED and math.isfinite(report.started) and abs(report.pid) <= MAX_NUMBER):
         raise ValueError(f"{report.samples_per_s} samples a second")
     if len(report.kind) > MAX_KIND_LENGTH or not all(map(is_plain, (report.kind, report.host, report.cpu))):
-        raise ValueError("its host, processor or kind has no name")
+        raise ValueError("its host, processor or kind is missing")
     if not all(is_plain(doing) for doing in report.current):
-        raise ValueError("what its slots do cannot be told")
+        raise ValueError("the activity of its slots is malformed")
     if len(report.cards) > MAX_CARDS or not all(_is_card(card) for card in report.cards):
         raise ValueError("its graphics cards are malformed")
     if len(report.cards_unused) > MAX_CARDS or not all(map(is_plain, report.cards_unused)):

@@ -56,7 +56,7 @@ Id = Annotated[str, Field(max_length=200, pattern=r"^[^\x00]*$")]
 def _sentence(value: Any) -> str:
     """Shortens a sentence to the maximum length, and preserves its code."""
     if not isinstance(value, str) or len(value) > MAX_SENTENCE_LENGTH:
-        raise ValueError(f"no text of at most {MAX_SENTENCE_LENGTH} characters")
+        raise ValueError(f"not a text of at most {MAX_SENTENCE_LENGTH} characters")
     return value.mapped(_without_nul_characters) if isinstance(value, Sentence) else _without_nul_characters(value)
 
 
@@ -143,10 +143,10 @@ class BatchDone(_Batch):
         end = self.first
         for piece in self.pieces:
             if piece.first != end:
-                raise ValueError("its batches do not follow each other")
+                raise ValueError("its batches are not contiguous")
             end += piece.count
         if end != self.first + self.count or not all(piece.batch for piece in self.pieces):
-            raise ValueError("its batches are not all of its samples")
+            raise ValueError("its batches do not cover all of its samples")
         return self
 
 
@@ -306,7 +306,7 @@ class ThumbnailMade(_Prepare):
 
 def _check_cameras(info: SceneInfo | ScenePreview) -> None:
     if not all(math.isfinite(value) for corner in info.bounds for value in corner):
-        raise ValueError("bounds are no numbers")
+        raise ValueError("bounds are not numbers")
     if not info.cameras:
         raise ValueError("no cameras; the last one frames the scene")
     for camera in info.cameras:
@@ -317,14 +317,14 @@ def _check_cameras(info: SceneInfo | ScenePreview) -> None:
 def _check(blob: BlobRef | None) -> None:
     for sha256, size in () if blob is None else ((blob.sha256, blob.size), *blob.parts):
         if not is_sha256(sha256):
-            raise ValueError(f"{sha256[:80]!r} is no hash")
+            raise ValueError(f"{sha256[:80]!r} is not a hash")
         if not 0 <= size <= MAX_BLOB_BYTES:
-            raise ValueError(f"{size} bytes is no size")
+            raise ValueError(f"{size} bytes is not a valid size")
 
 
 def _check_seconds(seconds: float) -> None:
     if not 0.0 <= seconds <= DAY_S:
-        raise ValueError(f"{seconds} s is no time")
+        raise ValueError(f"{seconds} s is not a valid duration")
 
 
 def _without_nul(value: Any) -> Any:

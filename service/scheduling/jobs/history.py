@@ -15,15 +15,15 @@ MOST_EVENTS = 100  # the latest are kept, and the first
 POINT_SPACING = 1.04  # factor of samples between points
 SENTENCES = {
     "begun": "rendering begins on workers of {}",
-    "taken": "begins with what job {} has rendered",
+    "taken": "starts from the samples of job {}",
     "picture": "every tile has a sample",
     "worker": "{} renders it",
     "left": "{} has left",
     "paused": "paused",
     "resumed": "goes on",
-    "lost": "a batch did not come back from {}, and is handed out again",
-    "distrusted": "{} is not believed any more: what it has sent is rendered again",
-    "failed": "a batch failed, and is handed out again: {}",
+    "lost": "a batch of {} was lost, and is dispatched again",
+    "distrusted": "{} is excluded: its results are rendered again",
+    "failed": "a batch failed, and is dispatched again: {}",
 }
 
 

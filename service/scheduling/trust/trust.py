@@ -37,7 +37,7 @@ __all__ = ["Trust"]
 
 MAX_OPEN = 64  # batches verified at once; their results are held in memory
 MAX_EQUAL_RESULTS = 24  # equal results of one worker alone after which a verification is dropped
-REASON_OF_OLD_RELEASES = "Set aside: it rendered something else than other workers"  # of releases without codes
+REASON_OF_OLD_RELEASES = "Excluded: its results differed from those of other workers"  # of releases without codes
 
 log = logging.getLogger(__name__)
 

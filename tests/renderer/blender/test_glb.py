@@ -46,5 +46,5 @@ def test_a_stand_in_becomes_what_it_stands_for(tmp_path: Path) -> None:
 
 def test_what_is_no_glb_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.glb").write_bytes(b"glXF" + bytes(40))
-    with pytest.raises(ValueError, match=r"a\.glb is no GLB"):
+    with pytest.raises(ValueError, match=r"a\.glb is not a GLB"):
         Glb(tmp_path / "a.glb")
