@@ -124,11 +124,12 @@ def answer(tmp_path: Path) -> Any:
 
 
 def test_a_host_programs_numba_stays_as_it_was(answer: Any, tmp_path: Path) -> None:
-    alone, between = answer("alone"), answer("between")
+    between = answer("between")
     assert between["replaced"] == []
     assert between["same"] == [True, True, True]
-    assert between["code"] == [alone["code"][0]] * 2
-    assert Path(between["cache"]) == Path(alone["cache"]) == tmp_path / "__pycache__"
+    before, after = between["code"]  # the process has imported nothing of the renderer when it compiles first
+    assert before == after
+    assert Path(between["cache"]) == tmp_path / "__pycache__"
 
 
 @pytest.mark.long
