@@ -64,7 +64,7 @@ def fenced_scene(scene: CompiledScene, side: str) -> CompiledScene:
 
 
 def _fence(side: str) -> None:
-    """Makes the renderer pass fenced copies of its arrays to kernels."""
+    """Makes the renderer pass fenced copies of its arrays to kernels. side: as in `fenced`."""
     prepared, scratch = render._prepared, render.new_scratch
 
     def given(*arguments: Any) -> Any:
@@ -118,7 +118,7 @@ RENDER: dict[str, Callable[[CompiledScene, RenderSettings], None]] = {
 
 
 def main(side: str, kernel: str, *names: str) -> None:
-    """Renders each named feature; the name "warm-up of VARIANT" runs `warm_up` instead."""
+    """Renders each feature named on the command line; the name "warm-up of VARIANT" runs `warm_up` instead."""
     from tests.renderer.kernel.backends.features import made
 
     faulthandler.enable()

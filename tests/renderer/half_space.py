@@ -27,5 +27,5 @@ def reflectance(albedo: float, cosine: float) -> float:
 
 
 def diffuse_reflectance(albedo: float) -> float:
-    """Returns the reflectance under diffuse illumination."""
+    """Returns the reflectance of the half-space under diffuse illumination."""
     return float(1 - 2 * np.sqrt(1 - albedo) * (_W * _X * _h(albedo)).sum())

@@ -45,7 +45,7 @@ def panes(count: int, material: Material) -> SceneDescription:
 
 
 def layers(count: int, **material: object) -> SceneDescription:
-    """Returns layers in front of a light and a wall, which would hide both if they were opaque."""
+    """Returns layers of alpha 0 in front of a light and a wall, which would hide both if they were opaque."""
     cards = [square((0, 0, -3.0 * k / count), (3, 0, 0), (0, 3, 0), 0) for k in range(count)]
     return SceneDescription(
         meshes=[*cards, square((0, 0, -5), (9, 0, 0), (0, 9, 0), 1)],
@@ -62,13 +62,16 @@ def test_panes_of_clear_glass_in_a_white_furnace_are_white(count: int, material:
 
 
 def test_where_all_transmission_counts_it_uses_up_the_depth() -> None:
-    """With every transmission counted in max_depth, as elsewhere, two glass bounces above the limit leave only reflections."""
+    """If max_depth counts every transmission, two glass bounces above the limit leave only reflections."""
     assert mean(panes(4, GLASS), 64, transmission_depth=0) < 0.2
     assert mean(panes(4, GLASS), 64, transmission_depth=0, max_depth=64) == pytest.approx(1.0, abs=5e-3)
 
 
 def test_so_many_transmissions_as_the_limit_are_let_through_and_no_more() -> None:
-    """The limit of transmissions is exact: a pane of index 1 takes two and reflects nothing; rough ones count in max_depth."""
+    """The limit of transmissions is exact: a pane of index 1 takes two of them and reflects nothing.
+
+    Transmissions through rough panes count in max_depth.
+    """
     clear = panes(4, replace(GLASS, ior=1.0))
     assert mean(clear, 4, transmission_depth=8) == pytest.approx(1.0, abs=1e-3)
     assert mean(clear, 4, transmission_depth=7) == 0.0
@@ -82,7 +85,10 @@ def test_so_many_transmissions_as_the_limit_are_let_through_and_no_more() -> Non
     "integrator", ["path", "direct", *(pytest.param(name, marks=pytest.mark.long) for name in ("whitted", "ao"))]
 )
 def test_layers_have_a_limit_that_the_camera_and_shadow_rays_share(integrator: str) -> None:
-    """A path that passes 5 layers on its way to the wall leaves its shadow rays 5 of 10 on their way to the light."""
+    """The limit of transparent layers is shared by a path and its shadow rays.
+
+    A path that passes 5 layers on its way to the wall leaves its shadow rays 5 of 10 on their way to the light.
+    """
     five = layers(5, alpha_mode="blend")
     asked = {"integrator": integrator, **({"ao_distance": 9.0} if integrator == "ao" else {})}
     lit = 1.0 if integrator == "ao" else LIT

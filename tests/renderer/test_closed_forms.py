@@ -184,7 +184,7 @@ def test_environment_looks_where_the_description_says(rotation):
 
 @pytest.mark.parametrize("depth", [2, 5])
 def test_mirrors_multiply(depth):
-    """An oblique ray between two parallel mirrors hits them alternately, then leaves to the sky."""
+    """An oblique ray between two parallel mirrors hits them alternately, then leaves to the sky, dimmed by each reflection."""
     mirrors = tuple(square((0, y, 0), (s * 2, 0, 0), (0, 0, 2), 0) for y, s in ((1, 1), (-1, -1)))
     lit = scene([Material(kind="mirror", base_color=gray(0.8))], mirrors, environment=3.0)
     # The ray starts in the middle at 60 degrees to the normal: each crossing advances 2 tan 60 = 3.46, the first half of that.

@@ -28,7 +28,7 @@ EXPONENT = 24
 
 
 def film_of(values, height=2, width=3):
-    """Returns the film sums of samples (n, height, width, 3), numbered from 0."""
+    """Returns the film sums of samples with values (n, height, width, 3), numbered from 0."""
     fixed = np.rint(np.asarray(values, np.float64) * 2.0**EXPONENT).astype(np.int64)
     sums = np.zeros((CHANNELS, height, width), np.int64)
     sums[COLOR] = np.moveaxis(fixed.sum(0), -1, 0)

@@ -67,7 +67,10 @@ def test_a_point_light_in_the_middle(lit, integrator, sampler, camera):
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_ambient_occlusion(lit, sampler, camera):
-    """The chord at angle a to the normal has length 2 cos a, so the cosine-weighted share of chords below D is (D / 2)^2."""
+    """Ambient occlusion inside a unit sphere is 1 - (D / 2)^2 for chords longer than D.
+
+    The chord at angle a to the normal has length 2 cos a, so the cosine-weighted share of chords below D is (D / 2)^2.
+    """
     settings = _settings(camera, sampler, "ao", ao_distance=1.2)
     assert_mean(render_frame(lit, settings, 256), 1 - 0.6**2, slack=1e-4, tests=len(CAMERAS) * len(SAMPLERS))
     assert mean_and_error(render_frame(lit, replace(settings, ao_distance=0.0), 4))[0] == 0.0

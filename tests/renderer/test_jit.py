@@ -1,4 +1,4 @@
-"""Tests of kernel compilation by several processes: which compiles, and which wait."""
+"""Tests of kernel compilation by several processes: which process compiles, and which wait."""
 
 import threading
 import time

@@ -40,7 +40,7 @@ def packed(folder: Path, key: str = "token", kernel: str = KERNEL) -> io.BytesIO
 
 
 def signed(archive: bytes) -> io.BytesIO:
-    """Returns a file of the bytes, signed like an artefact."""
+    """Returns an open file with these bytes, signed like a kernel file."""
     import hashlib
     import hmac
 

@@ -1,4 +1,4 @@
-"""Tests of rendered lamps that camera rays pass through, and of objects hidden from the camera."""
+"""Tests of lamps that camera rays pass through, and of objects hidden from the camera, in rendered pictures."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def planes(sums: Sums) -> np.ndarray:
     ],
 )
 def test_the_camera_sees_what_is_behind(kernel: dict[str, object]) -> None:
-    """A hidden lamp does not appear in the first-hit planes: they are identical to those without it."""
+    """The first-hit planes show the surface behind a hidden lamp: they are identical to those without the lamp."""
     with_lamp = picture([WHITE, LAMP], FLOOR, BEFORE, spp=4, **kernel)
     without = picture(
         [WHITE, emitter(4.0)], FLOOR, replace(BEFORE, positions=BEFORE.positions + np.float32(100)), spp=4, **kernel
@@ -64,7 +64,7 @@ def test_it_lights_as_a_body_does(kernel: dict[str, object]) -> None:
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
-    """A mirror shows a hidden lamp: in front of another lamp, and both in front of an emissive surface."""
+    """A mirror shows a hidden lamp together with the light behind it, of another lamp or an emissive surface."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=10.0)
     wall = square((0, 5.0, 0), (3, 0, 0), (0, 0, 3), 3)
     materials = [MIRROR, LAMP, emitter(2.0, lamp=True, unseen=True), emitter(0.5)]
@@ -74,7 +74,7 @@ def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
 
 @pytest.mark.long
 def test_nothing_lies_in_its_shade() -> None:
-    """A hidden lamp casts no shadow: with one in front of another, the floor receives the light of both."""
+    """A hidden lamp casts no shadow: a floor below two lamps, one in front of the other, receives the light of both."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=20.0)
 
     def lit(*radiance: float, kernel: dict[str, object]) -> Sums:
@@ -88,7 +88,7 @@ def test_nothing_lies_in_its_shade() -> None:
 
 
 def test_one_that_is_not_hidden_shows_before_what_is_behind() -> None:
-    """The camera sees the radiance of a visible pass-through lamp and of what is behind; the first hit is the object behind."""
+    """The camera sees the sum of a visible pass-through lamp and what is behind it; the first hit is the object behind."""
     lamp = emitter(4.0, lamp=True)
     found = picture([emitter(1.0), lamp], FLOOR, BEFORE, spp=4, max_depth=1)
     light = mean(found, 24)[..., 0]

@@ -1,4 +1,4 @@
-"""Tests that compiled subroutines are linked from the cache, and only kernels become machine code."""
+"""Tests that compiled subroutines are linked from the cache, and that only whole kernels become machine code."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _between(values):
 
 @entry
 def kernel(values):
-    """Writes three times the sum, plus 1."""
+    """Writes three times the sum of the values, plus 1."""
     return _between(values)
 
 

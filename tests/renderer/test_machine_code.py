@@ -1,4 +1,4 @@
-"""Tests of cached machine code in files: found again, also by other processes, and only where it is valid."""
+"""Tests of machine code cached in files: it is found again, also by other processes, and only used where it is valid."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def test_media_in_media_each_take_their_part() -> None:
 
 
 def test_bodies_that_overlap_are_left_one_by_one() -> None:
-    """In overlapping bodies the medium entered last applies until the ray leaves it, then the other one."""
+    """In two overlapping bodies the medium entered last applies until the ray leaves its body, then the other medium."""
     first, second = interface(sigma_a=gray(0.2)), interface(sigma_a=gray(0.5))
     balls = (Sphere((0, 0, 0.5), 1.0, 0), Sphere((0, 0, -0.5), 1.0, 1))
     assert seen(described([first, second], balls)) == pytest.approx(gray(np.exp(-1 * 0.2 - 2 * 0.5)), rel=3e-4)

@@ -67,7 +67,7 @@ def from_the_middle(size: int, height: float) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.long
 def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
-    """At a distance r from its axis, a rotating bar of half width w covers the share 4 asin(w / r) / (2 pi) of the circle."""
+    """A bar of half width w that turns once covers the share 4 asin(w / r) / (2 pi) of the circle of radius r about its axis."""
     bar = square((0, 0, 0), (1.8, 0, 0), (0, 0.15, 0), UNLIT)
     turning = over(lambda t: described(meshes=[bar], instances=[Instance(0, turned(2 * math.pi * t), moves=True)]))
     assert turning.keys == 9, "five keys would take a quarter of a turn for a step"
@@ -339,7 +339,7 @@ def test_a_replay_follows_the_sample_at_its_time() -> None:
 
 @pytest.mark.long
 def test_a_trailing_shutter_closes_at_the_frame_and_a_leading_one_opens() -> None:
-    """The streak covers the motion before the frame's time for a trailing shutter, and after it for a leading one."""
+    """A trailing shutter's streak covers the motion before the frame's time, a leading one's the motion after it."""
     bar = square((0, 0, 0), (0.1, 0, 0), (0, 2, 0), UNLIT)
     flight = lambda t: described(meshes=[bar], instances=[Instance(0, turned(0, (t, 0, 0)), moves=True)])  # noqa: E731
     for at, low, high in (("centred", -0.5, 0.5), ("trailing", -1.0, 0.0), ("leading", 0.0, 1.0)):

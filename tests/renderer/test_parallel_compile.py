@@ -110,7 +110,7 @@ class Part:
 
 
 class Deadly(Part):
-    """A part that kills the process that compiles it, unless that is the test's own."""
+    """A part that kills the process that compiles it, unless that is the test's own process."""
 
     def compile(self, arguments: Any) -> None:
         if os.getppid() == arguments[0]:

@@ -1,4 +1,4 @@
-"""Tests of kernel preparation: a starting worker waits only for the parts that all scenes need.
+"""Tests of kernel preparation: a starting worker waits only for the parts of a kernel that all scenes need.
 
 The remaining parts are compiled with the second kernel.
 """

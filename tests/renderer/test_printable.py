@@ -49,7 +49,10 @@ except ValueError as error:
 
 
 def test_nothing_is_printed_raw() -> None:
-    """All consoles are PlainConsole, and all arguments of `print` are constants, JSON or printable text."""
+    """All output is made safe to print.
+
+    All consoles are PlainConsole, and all arguments of `print` are constants, JSON or printable text.
+    """
     wrong = []
     # Programs that import only Python's standard library, and print no text from elsewhere.
     alone = {"worker/healthy.py", "service/healthy.py", "renderer/precompile.py"}

@@ -1,4 +1,4 @@
-"""Tests that kernel code for arguments that are None is not compiled."""
+"""Tests that kernel code that uses an argument that is None is not compiled."""
 
 from __future__ import annotations
 

@@ -20,14 +20,14 @@ EYE = (0.3, 2.0, -0.2)
 
 
 def irradiance(*lights, at=(0.0, 0.0, 0.0), blockers=(), spp=4):
-    """Returns the film sums of the floor seen at point `at`; its radiance is E / pi."""
+    """Returns the film sums of a floor seen at point `at` below a punctual light; its radiance is E / pi."""
     lit = scene([WHITE, Material(base_color=gray(0.0))], (FLOOR, *blockers), lights=lights)
     eye = (at[0] + EYE[0], EYE[1], at[2] + EYE[2])
     return render_frame(lit, settings(eye, at, 0.01, size=8, max_depth=2), spp)
 
 
 def assert_irradiance(sums, expected, rtol=1e-4):
-    """Asserts the irradiance of sums without noise."""
+    """Asserts the irradiance of film sums that have no noise."""
     found = mean(sums, 24).mean((0, 1)) * math.pi
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=rtol, atol=1e-6)
 
@@ -90,7 +90,7 @@ def test_directional(degrees):
 @pytest.mark.parametrize("kind", ["point", "spot"])
 @pytest.mark.parametrize("degrees", [0, 55])
 def test_a_radius_leaves_the_irradiance_where_the_sphere_is_above_the_horizon(kind, degrees):
-    """The irradiance of a sphere above the horizon equals a point's: E = pi L (r / d)^2 cos = I cos / d^2."""
+    """The irradiance by a spherical light above the horizon equals a point's: E = pi L (r / d)^2 cos = I cos / d^2."""
     a = math.radians(degrees)
     place = (2 * math.sin(a), 2 * math.cos(a), 0)
     lamp = Light(kind, gray(5.0), place, tuple(-c for c in place), radius=0.8, inner_cone=30)

@@ -1,4 +1,4 @@
-"""Tests of batches and frames: exact for any division, bad samples reported, settings applied."""
+"""Tests of batches and frames: films are exact for any division, bad samples are reported, settings are applied."""
 
 from itertools import pairwise
 
@@ -62,7 +62,7 @@ def varied():
 
 @pytest.fixture(scope="module")
 def whole():
-    """Returns a scene and its frame rendered in one batch."""
+    """Returns a scene, and the film sums of its frame rendered in one batch."""
     made = varied()
     return made, render_batch(made, MANY, Tile(0, 0, 40, 40), 0, SPP).sums
 
@@ -254,7 +254,7 @@ def test_a_dark_scene_is_lit_by_the_settings_environment():
 
 
 def spread_and_estimate(sampler, spp, seeds=48):
-    """Returns the spread over pictures of different seeds, the film's noise estimate, and that estimate's standard error."""
+    """Returns the spread over pictures of different seeds, the film's noise estimate, and the standard error of that estimate."""
     made = varied()
     pictures, estimates = [], []
     for seed in range(seeds):
@@ -294,7 +294,7 @@ def test_the_kernel_halves_the_samples_as_the_film_says():
 
 
 def test_object_and_material_are_numbers_that_add_up_in_any_order(whole):
-    """The object and material planes hold the numbers of sample 0: a batch without that sample adds nothing."""
+    """The object and material planes hold the numbers of sample 0; a batch without sample 0 adds nothing to them."""
     made, expected = whole
     assert {0, 1, 2, 3, 4} <= set(np.unique(expected[MATERIAL])) <= {0, 1, 2, 3, 4, 5}  # only three pixels may show material 5
     assert ((expected[OBJECT] == 0) == (expected[MATERIAL] == 0)).all()

@@ -82,7 +82,7 @@ def test_the_vertices_are_a_chain(made):
 
 
 def test_the_strategys_density_is_told(made):
-    """The recorded pdf of a diffuse bounce is cos / pi, twice that where a path splits, and absent after a mirror."""
+    """The recorded pdf of a diffuse bounce is cos / pi, twice that if the path splits there; after a mirror there is none."""
     asked = settings(*VIEW, size=40, max_depth=6)
     seen = 0
     for x in range(40):
@@ -140,7 +140,7 @@ def test_rendering_writes_no_log(made):
 
 
 def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
-    """The record names the chosen lamp and its contribution, reduced by a pane's transmission; MIS weights are 0 ... 1."""
+    """A path's record names the chosen lamp and its contribution, reduced by a pane's transmission; MIS weights are 0 to 1."""
     asked = settings(*VIEW, size=40, max_depth=6)
     brought, blocked, shares = 0, 0, []
     for x, y in itertools.product(range(0, 40, 2), (22, 34)):

@@ -24,7 +24,7 @@ ALONE: tuple[dict[str, Any], ...] = ({"integrator": "whitted"}, {"integrator": "
 
 
 def _without(program: str) -> list[str]:
-    """Returns the lines that a program prints when it runs with AVX-512 disabled."""
+    """Returns the lines that a program prints if it runs with AVX-512 disabled."""
     environment = {**os.environ, "RAYFARM_AVX512": "false", "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     return done.stdout.splitlines()

@@ -1,4 +1,4 @@
-"""Tests of sentences with codes: unchanged text, codes through exceptions, pickles and JSON, plain text for malformed codes."""
+"""Tests of sentences with message codes: codes survive exceptions, pickles and JSON, malformed codes leave plain text."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_json_has_the_codes_beside_the_texts() -> None:
     ],
 )
 def test_a_malformed_code_leaves_plain_text(codes: Any) -> None:
-    """A malformed code leaves plain text, since a worker of another release, or a hostile one, may send anything."""
+    """A sentence with a malformed code becomes plain text, since workers of other releases or hostile ones may send anything."""
     found = decoded({"error": "A text.", "codes": codes})
     assert found["error"] == "A text." and not isinstance(found["error"], Sentence)
 

@@ -154,7 +154,7 @@ def test_a_colour_may_be_a_list_as_json_has_them():
 
 
 def test_a_setting_that_older_workers_do_not_know_is_told_only_where_it_is_asked_for() -> None:
-    """Settings unknown to older workers are sent only if set, so that jobs and stored fingerprints stay valid."""
+    """Settings unknown to older workers are sent only if they are set, so that jobs and stored fingerprints stay valid."""
     assert "transparency_depth" not in RenderSettings(8, 8, VIEW).to_json()
     asked = RenderSettings(8, 8, VIEW, transparency_depth=5)
     assert asked.to_json()["transparency_depth"] == 5
@@ -176,7 +176,7 @@ def test_settings_of_an_older_release_are_read():
 
 
 def test_numbers_are_of_their_fields_own_type():
-    """Numbers are converted to their field's type, since kernels are compiled for types: 8.0 in a scene file becomes int."""
+    """Numbers are converted to the type of their field, for which kernels are compiled: an integer field given 8.0 becomes 8."""
     made = RenderSettings(np.int64(8), 8.0, View([0, 1, 5], (np.float32(0.5), 1, 0)), max_depth=5.0, clamp_indirect=1)
     assert (type(made.width), type(made.height), type(made.max_depth), type(made.clamp_indirect)) == (int, int, int, float)
     assert made.view.target == (0.5, 1.0, 0.0)

@@ -68,7 +68,7 @@ def test_a_picture_is_thrown_upright(kind):
 
 
 def test_a_picture_all_around_is_seen_upright_from_the_light():
-    """A panorama's centre is in the light's up direction, its right half to the right of that, its top along the axis."""
+    """A panorama's centre is in the light's up direction, its right half to the right of this, its top along the axis."""
     pixels = np.zeros((64, 128, 3), np.float32)
     pixels[:32] = 1.0
     pixels[:, 64:, 0] += 2.0
@@ -88,7 +88,7 @@ def test_a_spot_is_dark_beyond_its_cone_whatever_its_picture_is():
 
 @pytest.mark.parametrize("facing", [False, True])
 def test_a_lamp_of_a_size_has_its_picture_too(facing):
-    """A light with a size projects the same image: from afar it is a point, and a facing disk emits by direction."""
+    """A profile shapes the light of a lamp with a radius like that of a point light, whether it is a sphere or a facing disk."""
     lamp = Light("point", gray(4.0), (0, 3, 0), (0, -1, 0), emission=WEB.emission, up=(0, 0, -1), radius=0.05, facing=facing)
     at = (0.0, 0.0, -math.tan(math.radians(20)) * 3)
     expected = 4.0 * web(20, 90) * math.cos(math.radians(20)) ** 3 / 9
@@ -125,7 +125,7 @@ def test_flux_is_the_integral_over_directions(emission, expected):
 
 
 def test_flux_is_what_is_looked_up():
-    """The flux equals the mean of the map over random directions, within four standard errors."""
+    """The computed flux of a light map equals the mean of its values in random directions, within four standard errors."""
     local = RANDOM.normal(size=(200_000, 3))
     picture = RANDOM.random((7, 5, 3), np.float32)
     for emission in (

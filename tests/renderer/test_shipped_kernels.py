@@ -17,7 +17,7 @@ from renderer.shipped_kernels import FOLDER, copy_finished_kernels, copy_shipped
 
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Returns a folder with shipped kernels `abc`, laid out as by renderer.precompile."""
+    """Returns a folder with shipped kernels of the source digest `abc`, laid out as by renderer.precompile."""
     folder = tmp_path / "shipped" / "abc"
     (folder / "kernel.x").mkdir(parents=True)
     (folder / "kernel.x" / "a.code").write_bytes(b"code")

@@ -1,4 +1,4 @@
-"""Tests of the source digest that identifies a worker's kind and the kernel cache: it covers what is compiled, nothing else."""
+"""Tests of the source digest that identifies a worker's kind and the kernel cache: it covers all compiled code, nothing else."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_how_a_setting_is_shown_leaves_no_trace(tmp_path: Path) -> None:
 
 
 def test_a_sentence_leaves_no_trace(tmp_path: Path) -> None:
-    """The text of an error does not affect the hash; when it is raised does."""
+    """The text of an error message does not affect the digest; the condition under which it is raised does."""
     before = 'def f(x):\n    if x > 1:\n        raise ValueError(Sentence("too-large", "{x} is too large", x=x))\n'
     assert not changed(tmp_path, before, before.replace("is too large", "exceeds 1"))
     assert changed(tmp_path, before, before.replace("x > 1", "x > 2"))

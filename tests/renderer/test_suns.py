@@ -68,7 +68,7 @@ def test_it_lights_what_is_matt_as_before() -> None:
 def lit(
     lamp: Material | None, *lights: Light, height: float = 1.0, spp: int = 256, below: Material = WHITE, **more: object
 ) -> Sums:
-    """Returns the film sums of the floor below a ball lamp of radius 0.8 at `height`, or below `lights` if `lamp` is None."""
+    """Returns the film sums of a floor below a ball lamp of radius 0.8 at `height`; below the lights `below` if there is none."""
     spheres = [Sphere((0.0, height, 0.0), 0.8, 1)] if lamp is not None else []
     materials = [below, *([lamp] if lamp is not None else [])]
     made = scene(materials, (FLOOR,), tuple(spheres), lights=lights)
@@ -97,7 +97,7 @@ def test_a_light_without_a_body_is_as_bright(kind: str) -> None:
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_a_mirror_shows_the_disk_and_not_the_ball(kernel: dict[str, object]) -> None:
-    """A mirror shows a facing disk of radius 0.8 at a distance of 3.0, not a ball: the half angle's tangent is 0.8 / 3.0."""
+    """A mirror shows a facing disk of radius 0.8 at a distance of 3.0, not a ball: the tangent of its half angle is 0.8 / 3.0."""
     made = scene([MIRROR, GLOW], (FLOOR,), (Sphere((0.0, 1.0, 0.0), 0.8, 1),))
     view = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=80.0)
     sums = render_frame(made, RenderSettings(64, 64, view, **{"max_depth": 3, "filter": "box", **kernel}), 16)
@@ -118,7 +118,7 @@ def test_a_mirror_shows_the_disk_and_not_the_ball(kernel: dict[str, object]) -> 
 
 
 def test_what_casts_no_shadow_is_lit_and_seen() -> None:
-    """A shadowless card above the floor lets the light pass, and is itself lit."""
+    """A square above the floor that casts no shadow lets the light pass, and is itself lit."""
     card = square((0, 1.0, 0), (8, 0, 0), (0, 0, -8), 1)
     lamp = Light("point", gray(5.0), (0.0, 3.0, 0.0))
     below, above = (

@@ -187,7 +187,7 @@ if len(sys.argv) > 1:  # another kernel must be compiled after one was loaded
 
 
 def test_loading_a_kernel_needs_none_of_numbas_declarations(tmp_path: Path) -> None:
-    """A starting worker only loads kernels, and Numba's declarations take three quarters of the loading time."""
+    """Loading a compiled kernel does not import Numba's declarations, which take three quarters of a worker's loading time."""
     program = tmp_path / "kernels.py"
     program.write_text(KERNELS)
     environment = {**os.environ, "RAYFARM_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}

@@ -90,7 +90,7 @@ def seen(view: View, points: F64) -> F64:
 
 
 def known(points: list[F64], views: list[View]) -> F64:
-    """Returns the expected motion vectors, given the points and views at three times."""
+    """Returns the expected motion vectors of points, given the points and the camera views at three times."""
     before, now, after = (seen(view, each) for view, each in zip(views, points, strict=True))
     ways = [before - now, now - after]
     for way in ways:
@@ -113,13 +113,13 @@ def described(**things) -> SceneDescription:
 
 
 def body(at: At, material: int = GRAY) -> Callable[[float], SceneDescription]:
-    """Returns a function from a time to a scene with a square placed by the matrix at that time."""
+    """Returns a function that takes a time and returns a scene with a square, placed by the matrix `at(time)`."""
     mesh = square((0, 0, 0), (1.2, 0.1, 0), (0, 1.0, 0), material)
     return lambda t: described(meshes=[mesh], instances=[Instance(0, at(t), moves=True)])
 
 
 def bent(at: At) -> Callable[[float], SceneDescription]:
-    """Returns the same scene as `body`, but with moving vertices in place of the matrix."""
+    """Returns the same function as `body`, except that the square's vertices move instead of its matrix."""
     mesh = square((0, 0, 0), (1.2, 0.1, 0), (0, 1.0, 0), GRAY)
 
     def describe(t: float) -> SceneDescription:

@@ -1,4 +1,4 @@
-"""Tests of copies of .blend files: they refer only to uploaded files, and other files are rejected."""
+"""Tests of the copies that are made of .blend files: they refer only to uploaded files, and other references are rejected."""
 
 from __future__ import annotations
 

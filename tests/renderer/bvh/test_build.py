@@ -79,7 +79,7 @@ coordinate = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-30, 1e-3, 1e3, 1e15,
 @given(st.data())
 @hypothesis_settings(deadline=None)
 def test_any_primitives_make_a_whole_tree(data):
-    """Coincident points, slivers, and degenerate, huge and tiny primitives: each is in the tree once, inside all its boxes."""
+    """Each primitive is in the tree once, inside all its boxes, also if it is coincident, a sliver, degenerate, huge or tiny."""
     points = data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, max_size=30))
     corner = st.integers(0, len(points) - 1)
     triangle = data.draw(st.lists(st.tuples(corner, corner, corner), max_size=60))
@@ -123,7 +123,10 @@ def test_a_tree_cut_into_small_parts_is_whole_and_the_same_by_any_number_of_thre
 
 
 def test_a_heap_far_from_the_rest_is_cut_into_parts_too(monkeypatch):
-    """All primitives but one are in one cell of the first grid, and all but one of those in one cell of the second."""
+    """A dense cluster far from the other primitives is cut into parts too.
+
+    All primitives but one are in one cell of the first grid, and all but one of those in one cell of the second.
+    """
     monkeypatch.setattr("renderer.bvh.top.LEAST_PART", 16)
     rng = np.random.default_rng(6)
     corner = np.concatenate([rng.uniform(0, 1e-4, (3000, 3)), [(1, 1, 1), (1, 1, 2), (2, 1, 1)], [(1e4, 0, 0)] * 3])
@@ -155,7 +158,7 @@ def test_many_equal_primitives_do_not_deepen_the_tree():
 
 
 def test_geometric_series_of_sizes_fits_the_stack():
-    """Each primitive is half the size of the previous one: the worst case of binning by centroids."""
+    """A tree over primitives each half the size of the previous one, the worst case of binning by centroids, fits the stack."""
     scale = 2.0 ** -np.arange(120)
     position = (np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)])[None] * scale[:, None, None] + scale[:, None, None]).reshape(-1, 3)
     assert_whole(position.astype(np.float32), np.arange(360, dtype=np.int32).reshape(-1, 3), NO_SPHERES)

@@ -13,7 +13,7 @@ SOLIDS = 19_000
 
 @pytest.fixture(scope="module")
 def boxes():
-    """Returns (N, 8) boxes of primitives in a flat layout, in boxes.py's format, and the bounds of doubled centroids."""
+    """Returns the boxes of primitives in a flat layout, (N, 8) as in boxes.py, and the bounds of their doubled centroids."""
     rng = np.random.default_rng(2)
     centre = rng.uniform(-1, 1, (COUNT, 3)) * (50, 2, 30)
     half = rng.uniform(0, 0.3, (COUNT, 3))

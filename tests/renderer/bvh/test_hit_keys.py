@@ -77,7 +77,7 @@ def test_the_nearest_hit_is_exact_and_the_first_of_equal_ones():
 
 
 def test_whole_numbers_are_compared_as_such():
-    """Half of these keys are NaN if read as floats, so they must be compared as integers."""
+    """Keys are compared as integers; half of the tested keys are NaN if read as floats."""
     rng = np.random.default_rng(1)
     numbers = rng.integers(-(2**31), 2**31, (1000, LANES)).astype(np.int32)
     number = rng.integers(-(2**31), 2**31, 1000).astype(np.int32)

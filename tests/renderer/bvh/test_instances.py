@@ -108,7 +108,7 @@ def test_an_instance_where_it_was_made_is_its_mesh_to_the_bit():
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_no_ray_leaves_a_closed_instance(scale):
-    """Rays from inside rotated, scaled and mirrored instances towards vertices, edges and random points."""
+    """No ray leaves a rotated, scaled or mirrored closed instance from inside, also towards vertices and edges."""
     rng = np.random.default_rng(4)
     mesh = icosphere(2)
     corners = mesh.positions[mesh.triangles]

@@ -1,4 +1,4 @@
-"""Tests of sums over lanes against NumPy, and of the choice of a lane by them."""
+"""Tests of sums over lanes against NumPy, and of choosing a lane by running sums."""
 
 import numpy as np
 

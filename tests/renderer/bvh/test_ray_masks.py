@@ -47,7 +47,7 @@ def laid(bvh: Bvh) -> AssembledBvh:
 
 
 def world(seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns random triangles and spheres."""
+    """Returns random triangles and spheres as (positions, triangles, spheres)."""
     random = np.random.default_rng(seed)
     middle = random.uniform(-1, 1, (300, 1, 3))
     position = (middle + random.uniform(-0.2, 0.2, (300, 3, 3))).astype(np.float32).reshape(-1, 3)

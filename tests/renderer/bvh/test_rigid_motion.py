@@ -31,7 +31,7 @@ def _filled(kernel, keys, time):
 
 
 def places(keys, time):
-    """Returns interpolated transforms at the given shutter times."""
+    """Returns the transforms interpolated between keys at the given shutter times."""
     return _filled(_places, keys, time)
 
 
@@ -41,7 +41,7 @@ def inverses(keys, time):
 
 
 def about(axis, angle):
-    """Returns a rotation matrix by Rodrigues' formula."""
+    """Returns the matrix of a rotation about an axis, by Rodrigues' formula."""
     x, y, z = np.asarray(axis, float) / np.linalg.norm(axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
@@ -66,7 +66,10 @@ def test_a_matrix_is_a_turn_and_a_stretch(squeeze):
 
 @pytest.mark.long
 def test_what_turns_about_an_axis_beside_it_does_so_between_its_keys():
-    """Interpolates 3/4 of a turn about an axis away from the origin, with mirroring and scaling, between four keys."""
+    """A body that rotates by 3/4 of a turn about an axis away from the origin does so between its four keys.
+
+    The body is also mirrored and scaled.
+    """
     axis, through, shape = (1, 2, -0.5), np.array([3.0, -1.0, 2.0]), np.diag([1.0, -2.0, 0.5])
 
     def at(share):

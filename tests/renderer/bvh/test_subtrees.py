@@ -15,9 +15,10 @@ NOTHING = np.zeros((0, NODE_ROWS, WIDTH), np.float32), np.zeros((0, PACKET_ROWS,
 
 
 def parted(brute=False, loose=True):
-    """Returns `forest` assembled from parts, as one tree, and the map between their primitives' numbers.
+    """Returns the geometry of `forest` as one tree assembled from parts, and the map between the primitives' numbers.
 
-    The first tree's instances are static, the second's move. loose: 12 world triangles and 4 spheres form a part of their own.
+    The first tree's instances are static, the second's move. loose: whether 12 world triangles and 4 spheres form a separate
+    part.
     """
     rng = np.random.default_rng(11)
     position, triangle, sphere, every = forest(rng)

@@ -105,7 +105,7 @@ CLOSED = {"icosphere": icosphere(3), "box": box(0)}
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("name", ["icosphere", "box"])
 def test_no_ray_leaves_a_closed_mesh(name, scale):
-    """Rays from inside hit a closed mesh: random rays, and rays exactly at vertices, edge points and triangle centres."""
+    """Rays from inside hit a closed mesh, also if aimed exactly at vertices, edge points or triangle centres."""
     rng = np.random.default_rng(6)
     position = (CLOSED[name].positions * scale).astype(np.float32)
     triangle = CLOSED[name].triangles
@@ -174,7 +174,7 @@ def test_rays_with_zeros_in_their_direction_equal_no_tree():
     "bad", [(np.nan, 0, 1), (0, 0, np.nan), (np.nan,) * 3, (np.inf, 0, 0), (0, 0, 0), (np.inf, -np.inf, np.nan)]
 )
 def test_a_ray_that_is_none_ends_and_hits_nothing(bad):
-    """Invalid rays (zero or not finite) hit nothing and do not overrun the stack; 9 + 9 primitives leave empty lanes."""
+    """Invalid rays (zero or not finite) hit nothing and do not overrun the stack, in a tree whose nodes have empty lanes."""
     bvh = build(*soup(np.random.default_rng(9), 9, 9))
     assert not trace(bvh, np.zeros(3), np.array([bad])).shadow.any()
     if not np.isfinite(bad).all():

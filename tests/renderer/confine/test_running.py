@@ -1,4 +1,4 @@
-"""Tests of confined readers: what they can access, and how each way to end is reported."""
+"""Tests of confined reader processes: what they can access, and how each way in which they can end is reported."""
 
 from __future__ import annotations
 
@@ -74,7 +74,10 @@ def test_every_way_to_fail_is_a_sentence(tmp_path: Path, job: Any, kind: type[Ex
 
 @pytest.mark.skipif(sys.platform != "linux", reason="address space is counted in /proc")
 def test_a_crash_under_a_low_limit_of_address_space_is_the_machines(tmp_path: Path) -> None:
-    """A crash under a low address-space limit is blamed on the machine, since importers seldom check for failed allocations."""
+    """A crash under a low limit on address space is reported as a fault of the machine, not of the file.
+
+    Importers seldom check for failed allocations.
+    """
 
     def limited(job: str, limit: int) -> str:
         command = [sys.executable, "-m", "tests.renderer.confine.limited", job, str(limit), str(tmp_path)]
@@ -96,7 +99,7 @@ def test_a_reader_that_hangs_is_ended(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("what", [OSError(errno.EMFILE, "Too many open files", "t.png"), RuntimeError("can't start new thread")])
 def test_what_a_machine_lacks_makes_no_file_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: Exception) -> None:
-    """Missing resources are not reported as a damaged file, although parsers raise nearly every exception on damaged files."""
+    """An error caused by missing resources is not reported as a damaged file, for which parsers raise nearly every exception."""
 
     def lacking(*_: Any, **__: Any) -> None:
         raise what
@@ -125,7 +128,10 @@ def test_what_confines_readers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux")
 def test_what_is_available_is_what_a_process_gets() -> None:
-    """Runs in a process of its own, since a process cannot undo its restrictions."""
+    """The restrictions that are found to be available take effect in a process.
+
+    This is a separate process, since a process cannot undo its restrictions.
+    """
     has, _ = rules.available_features()
     program = "from renderer.confine import rules; print(rules.restrict_files([('/', rules.READ)]), rules.filter_calls())"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)

@@ -1,4 +1,4 @@
-"""Runs a card's optimised LLVM module on the CPU, which tests all of code generation except instruction selection."""
+"""Runs the optimised LLVM module for graphics cards on the CPU, which tests all of code generation but instruction selection."""
 
 from __future__ import annotations
 

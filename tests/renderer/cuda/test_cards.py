@@ -1,4 +1,4 @@
-"""Tests of finding and choosing cards, and of rendering through the driver API, with a fake driver."""
+"""Tests of finding and choosing graphics cards, and of rendering through the CUDA driver API, with a fake driver."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ def test_settings_that_cards_lack_are_an_error(card: CardRenderer) -> None:
 
 @pytest.fixture
 def as_device(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lets `rayfarm.render` find the test's driver."""
+    """Makes `rayfarm.render` find the test's fake driver."""
     monkeypatch.setattr(graphics_card, "find_cards", lambda: find_cards(library))
     monkeypatch.setattr(card_rendering, "CardRenderer", lambda card: CardRenderer(card, library))
 
@@ -249,7 +249,7 @@ def test_a_device_without_a_driver_is_an_error_with_the_reason(tmp_path: Path, m
 
 
 def test_a_workers_message_for_a_card_has_the_bits_of_the_cpu(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tiles that are joined for one launch are sent one by one, and are those of the processor."""
+    """Tiles joined for one launch on a graphics card are sent one by one, with the same bits as rendered by the CPU."""
     scene, settings = made("diffuse")
     tiles = tiles_of(settings.width, settings.height, 8)
     sent: list[Result] = []

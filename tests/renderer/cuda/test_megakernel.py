@@ -1,4 +1,4 @@
-"""Tests of the card's kernel, run on the CPU from the LLVM code that becomes PTX: films have the same bits as the CPU's."""
+"""Tests of the graphics card's kernel, run on the CPU from the LLVM code that becomes PTX: films have the CPU kernel's bits."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def job_of(name: str, pieces: int, first: int = 0, count: int = SPP) -> Job:
 
 
 def run(name: str, job: Job) -> None:
-    """Adds a job's samples to its film."""
+    """Runs the kernel of the variant `name`, which adds the job's samples to the job's film."""
     scene, settings = made(name)
     data = np.frombuffer(packed(job, lambda array: array.ctypes.data), np.uint8).copy()
     launcher(variant_for(settings, scene))(data.ctypes.data, settings.width * settings.height * int(job.pieces))

@@ -1,4 +1,4 @@
-"""Tests of the translation from LLVM code to PTX, and of what a card's kernel must not contain."""
+"""Tests of the translation from LLVM code to PTX, and of what a graphics card's kernel must not contain."""
 
 from __future__ import annotations
 

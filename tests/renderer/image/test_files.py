@@ -103,7 +103,7 @@ def test_a_decompression_bomb_is_refused_before_it_is_decoded(monkeypatch):
 def test_what_pillow_takes_for_a_bomb_is_too_large_and_not_damaged():
     """An image above Pillow's decompression-bomb limit is reported as too large, not as damaged.
 
-    A texture of 16384 x 16384 is a valid file, so exporting it again would not help.
+    A texture of 16384 x 16384 is a valid file, so advice to export it again would not help.
     """
     header = b"VP8X" + (10).to_bytes(4, "little") + bytes(4) + (16383).to_bytes(3, "little") * 2
     webp = b"RIFF" + (4 + len(header)).to_bytes(4, "little") + b"WEBP" + header

@@ -15,7 +15,7 @@ COLOR = (240, 160, 80)
 
 
 def written(folder, suffix, pixels, names=None, setup=lambda spec: None, straight=False):
-    """Returns the bytes of an image file written by OpenImageIO."""
+    """Returns the bytes of an image file written by OpenImageIO. straight: whether alpha is not premultiplied."""
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, {"u1": oiio.UINT8, "u2": oiio.UINT16, "f4": oiio.FLOAT}[pixels.dtype.str[1:]])
     if names:

@@ -137,7 +137,10 @@ def test_a_pinhole_is_a_lens_of_no_size():
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_a_shifted_picture_is_a_piece_of_a_larger_one(projection):
-    """96 x 72 pixels cropped at (50, 12) of 256 x 192, whose middle is (128, 96), are shifted 30 to the left and 48 up."""
+    """A shifted view equals a crop of a larger one.
+
+    The 96 x 72 pixels at (50, 12) of 256 x 192, whose middle is (128, 96), are shifted 30 to the left and 48 up.
+    """
     large = View(**TILTED, fov=80, projection=projection, height=4.0, aperture=0.1, focus=3.0)
     fov = math.degrees(2 * math.atan(math.tan(math.radians(40)) * 72 / 192))
     shift = {"shift_x": (98 - 128) / 72, "shift_y": (96 - 48) / 72}
@@ -199,7 +202,7 @@ def over_the_shutter(views, width=64, height=48):
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
 def test_a_camera_that_goes_around_goes_around_between_its_keys(projection):
-    """A camera orbits half a turn given by three keys; linear interpolation would cut through the circle."""
+    """A camera that orbits half a turn moves on the circle between its three keys; linear interpolation would cut through it."""
     start = View(**TILTED, aperture=0.1, projection=projection)
     time, found = over_the_shutter(tuple(orbit(start, turns) for turns in (0.0, 0.25, 0.5)))
     for share, ray in zip(time, found, strict=True):

@@ -1,4 +1,4 @@
-"""Tests of whole rows read by `row` and `columns`, against indexing."""
+"""Tests that `row` and `columns` read the same values of whole memory rows as indexing."""
 
 import numpy as np
 

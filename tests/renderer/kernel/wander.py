@@ -63,7 +63,7 @@ def _touch(scene, stack, o, d, u, met, hits):
 
 
 def touch(scene: CompiledScene, o: np.ndarray, d: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (hits, met), (n,) bool: whether rays hit, and whether cosine-distributed rays from these points hit again."""
+    """Returns two (n,) bool arrays: whether rays hit, and whether cosine-distributed rays from the hit points hit again."""
     u = np.random.default_rng(seed).random((len(d), 2), np.float32)
     hits, met = np.zeros(len(d), bool), np.zeros(len(d), bool)
     o = many(o, len(d))

@@ -35,7 +35,7 @@ class Gltf:
         return len(self.root["accessors"]) - 1
 
     def mesh(self, positions=TRIANGLE, indices=None, mode=4, material=None, **attributes):
-        """Adds a mesh of one primitive on a node of its own, and returns the node."""
+        """Adds a mesh of one primitive on a new node, and returns the node's index."""
         primitive = {"attributes": {"POSITION": self.array(positions)}, "mode": mode}
         primitive["attributes"] |= {key: self.array(values) for key, values in attributes.items()}
         if indices is not None:
@@ -83,7 +83,7 @@ def world(description, instance=0):
 
 
 def cup():
-    """Returns a GLB with one triangle, as bytes."""
+    """Returns a GLB file of one triangle."""
     g = Gltf()
     g.mesh()
     return g.glb()
@@ -154,7 +154,7 @@ POINTER = "KHR_animation_pointer"
 
 
 def clip(g, name, *channels):
-    """Adds an animation to the file; a channel is (node or pointer, path, times, values, interpolation)."""
+    """Adds an animation named `name` to the file. A channel is (node or pointer, path, times, values, interpolation)."""
     samplers, targets = [], []
     for where, path, times, values, way in channels:
         samplers.append({"input": g.array(np.float32(times)), "output": g.array(np.float32(values)), "interpolation": way})

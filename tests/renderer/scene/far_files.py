@@ -1,4 +1,4 @@
-"""One small scene in every format, moved by an offset: a floor, a cube, and a camera and a lamp where the format has them."""
+"""Builds one small scene in every format, moved by an offset: a floor, a cube, and a camera and a lamp if the format has them."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _camera(offset: Any) -> np.ndarray:
 def gltf(offset: Any, under: bool = False, copies: bool = False, skin: bool = False) -> str:
     """Returns the scene as glTF, with the offset in each node.
 
-    under: the offset is in a common parent node instead. copies: with EXT_mesh_gpu_instancing. skin: the cube is skinned.
+    under: puts the offset into a common parent node instead. copies: uses EXT_mesh_gpu_instancing. skin: the cube is skinned.
     """
     buffers: list[Any] = []
     views: list[Any] = []

@@ -66,13 +66,13 @@ def properties(values):
 
 
 def node(number, name, kind="Mesh", **values):
-    """Returns a node with the given properties; underscores in their names stand for FBX's spaces."""
+    """Returns the text of a node with the given properties; underscores in their names stand for FBX's spaces."""
     said = {key.replace("_", " "): value for key, value in values.items()}
     return f'\tModel: {number}, "Model::{name}", "{kind}" {{\n\t\tVersion: 232\n{properties(said)}\t}}\n'
 
 
 def material(number, name, model="phong", **values):
-    """Returns a material with the given properties, by FBX's names."""
+    """Returns the text of a material with the given properties, by FBX's names."""
     return (
         f'\tMaterial: {number}, "Material::{name}", "" {{\n\t\tVersion: 102\n\t\tShadingModel: "{model}"\n'
         f"{properties(values)}\t}}\n"
@@ -131,7 +131,7 @@ def texture(number, file, **values):
 
 
 def fbx(objects, links, *, unit=1.0, z_up=False):
-    """Returns a file with a triangle (geometry 10) on node 20 and further objects; links: (child, parent[, property]).
+    """Returns an FBX file with a triangle (geometry 10) on node 20, and further objects. links: (child, parent[, property]).
 
     unit: the file's unit in centimetres.
     """

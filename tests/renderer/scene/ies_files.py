@@ -1,4 +1,4 @@
-"""IES profiles for tests, and lookups in them."""
+"""Writes IES profiles for tests, and looks values up in them."""
 
 from __future__ import annotations
 

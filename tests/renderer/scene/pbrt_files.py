@@ -16,5 +16,5 @@ SQUARE = (
 
 
 def world(inside, head=HEAD):
-    """Returns a scene file with the given world contents and header."""
+    """Returns a pbrt file with these statements in its world block. head: statements before it."""
     return head + inside + "\n"

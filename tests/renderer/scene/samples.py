@@ -1,4 +1,4 @@
-"""Sample files from another program: a toy exported by trimesh, whose files differ from those of the tests' own builders."""
+"""Sample files written by trimesh, a program that writes differently from the tests' own builders."""
 
 import io
 import zipfile
@@ -93,7 +93,7 @@ def _bytes(data: str | bytes) -> bytes:
 
 
 def _mac_zip(path: Path, mesh: trimesh.Trimesh) -> None:
-    """Writes a zip as macOS packs a folder: with folder entries and an AppleDouble file for each file; it has three models."""
+    """Writes a zip of three models as macOS packs a folder: with folder entries and an AppleDouble file for each file."""
     picture = io.BytesIO()
     checks().save(picture, "PNG")
     small = trimesh.creation.box()

@@ -76,7 +76,7 @@ def collada(up="Y_UP", meter=1.0):
 
 
 def corners(description):
-    """Returns each instance's first corner in world space."""
+    """Returns the first corner of each instance in world space."""
     return sorted(
         tuple((i.transform @ [*description.meshes[i.mesh].positions[0].tolist(), 1])[:3].round(5)) for i in description.instances
     )
@@ -98,7 +98,7 @@ def test_collada_with_all_that_it_has(scene):
 
 
 def test_collada_cameras_have_what_they_say(scene):
-    """Collada cameras have their values, also those that assimp drops: orthographic size, near plane, and Blender's shift."""
+    """Collada cameras have the file's values, also those that assimp drops: orthographic size, near plane, Blender's shift."""
     wide, tall = "<aspect_ratio>1.6</aspect_ratio>", "<aspect_ratio>0.5</aspect_ratio>"
     shift = '<extra><technique profile="blender"><shiftx>0.1</shiftx><shifty>-0.2</shifty></technique></extra>'
     for optics, more, expected in (

@@ -26,7 +26,7 @@ def _turned(z: float) -> np.ndarray:
 
 
 def _seen(quads, eye, at=(0.0, 0.0, 0.0), moves=False, ground=0.0) -> np.ndarray:
-    """Returns the mean colour of a picture of quads, each given as a material and a transform."""
+    """Returns the mean colour of a picture of quads, each given as (material, transform)."""
     description = SceneDescription(environment=Environment((0.0, 0.0, 0.0)))
     for material, place in [*quads, *([(Material(kind="unlit"), _ground(ground))] if ground else [])]:
         mesh = quad("quad")
@@ -168,7 +168,7 @@ def test_behind_decals_in_the_plane_of_a_wall_the_wall_is_seen(at, moves, wall_f
     ordinary=("2 moving", "3 moving", "5 still"),
 )
 def test_layers_in_one_plane_let_their_product_through_to_the_camera_and_to_lights(opacities, moves):
-    """Coplanar layers transmit the product of 1 - opacity, between the floor and a small light and before the camera."""
+    """Coplanar layers transmit the product of 1 - opacity, both to the camera and to a small light above the floor."""
     product = float(np.prod([1 - each for each in opacities]))
     materials = [Material(base_color=(1.0, 1.0, 1.0))]
     materials += [Material(base_color=(0.0, 0.0, 0.0), opacity=each, alpha_mode="blend", double_sided=True) for each in opacities]
@@ -193,7 +193,7 @@ def test_layers_in_one_plane_let_their_product_through_to_the_camera_and_to_ligh
 
 
 def test_scattered_rays_meet_the_wall_behind_a_decal_in_its_plane():
-    """Below an emissive ceiling behind a clear decal, the floor receives the ceiling's light and none of a light behind it."""
+    """Below an emissive ceiling with a clear decal in its plane, a floor gets the ceiling's light, and none from behind it."""
 
     def picture(decals: int) -> float:
         materials = [Material(base_color=(0.5, 0.5, 0.5)), Material(base_color=(0.0, 0.0, 0.0), emission=(1.0, 1.0, 1.0))]

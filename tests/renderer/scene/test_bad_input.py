@@ -151,7 +151,7 @@ def test_a_missing_scene_file(tmp_path):
 
 @pytest.fixture
 def secret(tmp_path):
-    """Returns a file next to the scene's folder, and that folder."""
+    """Returns a file next to the scene's folder, which readers must not open, and the scene's folder."""
     folder = tmp_path / "scene"
     folder.mkdir()
     (tmp_path / "secret.bin").write_bytes(np.eye(3, dtype=np.float32).tobytes())

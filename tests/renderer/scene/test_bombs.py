@@ -1,4 +1,4 @@
-"""Tests of small files that expand enormously: each ends soon, with a scene or an error."""
+"""Tests that small files that expand enormously are read or refused within a few seconds."""
 
 import gzip
 import json
@@ -88,7 +88,7 @@ def test_pbrts_round_shapes_that_are_alike_are_made_once_and_very_many_coarser(s
 
 
 def entities(open="<!DOCTYPE s [", close="]>"):
-    """Returns entity declarations that expand to a billion characters."""
+    """Returns XML entity declarations that expand to a billion characters."""
     text = '<!ENTITY a0 "' + "a" * 1000 + '">'
     return open + text + "".join(f'<!ENTITY a{i + 1} "' + f"&a{i};" * 100 + '">' for i in range(3)) + close
 
@@ -118,7 +118,7 @@ def test_mitsuba(scene, bomb, encoding):
 
 
 def bare(**arrays):
-    """Returns a mesh whose accessors have a count but no data."""
+    """Returns a glTF mesh whose accessors have a count but no data."""
     g = Gltf()
     g.mesh(TRIANGLE, np.array([0, 1, 2], np.uint8))
     for name, count in arrays.items():

@@ -65,7 +65,7 @@ def test_the_files_are_those_of_the_script(made):
 
 
 def test_it_ends_where_it_begins(made):
-    """The last frame continues in the first, so that the animation can loop."""
+    """The frame after the last equals the first, so that the animation can loop."""
     period = made["FRAMES"] / made["FPS"]
     ends = np.array([0.0, period])
     for values in (*made["bones"](ends), *made["camera"](ends), made["top_place"](ends)):

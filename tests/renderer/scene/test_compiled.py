@@ -1,4 +1,4 @@
-"""Tests of compiled scenes on disk: identical bits, memory-mapped, and validated before use."""
+"""Tests of compiled scenes in files: identical bits, memory-mapped, and validated before use."""
 
 import json
 import mmap
@@ -91,7 +91,7 @@ def test_a_file_that_is_too_long_is_refused(path):
 
 
 def rewritten(path, change):
-    """Writes the file again with a changed header, of the same length or another."""
+    """Writes the file again with its header changed by `change`."""
     data = path.read_bytes()
     length = int.from_bytes(data[:8], "little")
     header = json.loads(data[8 : 8 + length])

@@ -26,7 +26,7 @@ def same(ours, theirs):
 
 @pytest.fixture(params=["mapped", "copied"])
 def way(request, monkeypatch):
-    """Runs the test with parts mapped over each other, as with pages of 4 KiB, and with parts copied, as elsewhere."""
+    """Runs the test with parts mapped over each other, as on systems with pages of 4 KiB, and with parts copied, as on others."""
     if request.param == "copied":
         monkeypatch.setattr(parts_file, "_maps_over", None)
 

@@ -1,4 +1,4 @@
-"""Tests of files far from the origin in every format: the same scene and picture as at the origin."""
+"""Tests that files far from the origin, in every format, yield the same scene and picture as at the origin."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _corners(description: SceneDescription) -> np.ndarray:
 
 
 def _middle(description: SceneDescription) -> np.ndarray:
-    """Returns the centre of all meshes, which the offset moves, for any axis convention of the format."""
+    """Returns the centre of all meshes; moving the scene moves it by the offset in our axes, whatever the format's axes."""
     corners = _corners(description)
     return (corners.min(axis=0) + corners.max(axis=0)) / 2
 

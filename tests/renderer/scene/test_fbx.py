@@ -18,7 +18,7 @@ Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's axes
 
 @pytest.fixture(scope="module")
 def kit():
-    """Returns, by frame, Blender's own values of the objects and the scene read from its file."""
+    """Returns for each frame Blender's values of the objects, and the scene that we read from Blender's file."""
     shot = Shot(KIT, "kit.fbx")
     said = json.loads((KIT / "kit.json").read_text())
     return {int(frame): (objects, shot.scene_at(Moment(float(frame)))) for frame, objects in said.items()}

@@ -16,7 +16,7 @@ def test_a_camera_that_sees_in_perspective_comes_first(scene):
 
 
 def test_a_film_that_is_offset_is_a_shifted_lens(scene):
-    """A film offset, in inches on a film of 36 x 24 mm, becomes a lens shift."""
+    """A film offset, given in inches for a film of 36 x 24 mm, becomes a lens shift."""
     film = {"FilmWidth": 36 / 25.4, "FilmHeight": 24 / 25.4, "AspectWidth": 360.0, "AspectHeight": 240.0, "AspectRatioMode": 2}
     lens = {"ApertureMode": 3, "FocalLength": 50.0, "FilmOffsetX": 0.3 * 24 / 25.4, "FilmOffsetY": -0.1 * 24 / 25.4}
     objects = node(51, "view", "Camera") + camera(61, **film, **lens)
@@ -34,7 +34,7 @@ def test_what_stands_before_a_cameras_near_plane_is_cut_away(scene):
 
 @pytest.mark.parametrize("unit", [1.0, 2.54, 100.0])
 def test_an_orthographic_picture_is_in_units_of_the_file(scene, unit):
-    """An orthographic view is thirty units high for a zoom of 1, as Autodesk defines; `unit` is in centimetres."""
+    """An orthographic view is thirty units high for a zoom of 1, as Autodesk defines. unit: the file's unit in centimetres."""
     objects = node(51, "plan", "Camera") + camera(61, CameraProjectionType=1, OrthoZoom=2.0)
     view = scene("a.fbx", fbx(objects, [(61, 51), (51, 0)], unit=unit)).cameras[0].view
     assert view.height == pytest.approx(60 * unit / 100)

@@ -62,9 +62,9 @@ def test_arnolds_standard_surface(scene):
 
 
 def test_what_scatters_beneath_and_within_of_arnold(scene):
-    """Arnold's subsurface and transmission scattering: lengths are in centimetres, the file's unit.
+    """Arnold's subsurface and transmission scattering have lengths in the file's unit, which is centimetres.
 
-    Standard Surface splits what glass attenuates into scattering and absorption.
+    Standard Surface splits the attenuation in glass into scattering and absorption.
     """
     skin = {
         "Maya|baseColor": (0.1, 0.5, 0.3),
@@ -99,7 +99,7 @@ def test_what_scatters_beneath_and_within_of_arnold(scene):
 
 
 def test_depth_dispersion_film_and_a_coats_colour_of_arnold(scene):
-    """Arnold's transmission depth, dispersion by Abbe number, thin film and coat colour; lengths are in centimetres."""
+    """Arnold's transmission depth, dispersion (Abbe number), thin film and coat colour are read; lengths are in centimetres."""
     values = {
         "Maya|base": 1.0,
         "Maya|transmission": 1.0,
@@ -188,7 +188,10 @@ def test_textures_of_a_physical_materials_gloss_and_coat(scene, png):
 
 
 def test_blenders_highlights(scene):
-    """Blender's exporter writes half the specular level, of which 0.5 means the 4 % that plastics reflect."""
+    """Specular reflection of Blender's FBX files is read as Blender does.
+
+    Its exporter writes half the specular level, of which 0.5 means 4 %, as plastics reflect.
+    """
     text = fbx(material(30, "p", DiffuseColor=(0.3, 0.3, 0.3), SpecularFactor=0.175, ReflectionFactor=0.0), [(30, 20)])
     text = text.replace("FBX SDK/FBX Plugins version 2020.3", "Blender (stable FBX IO) - 4.5.15 LTS - 5.13.1")
     (found,) = scene("a.fbx", text).materials

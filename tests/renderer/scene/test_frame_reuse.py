@@ -1,4 +1,4 @@
-"""Tests of the cache between frames: it returns the value for the same key, recomputes for another, drops unused entries."""
+"""Tests of the cache between frames: it returns the value for an equal key, recomputes it for another, drops unused entries."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Tests of glTF: all forms of arrays, hierarchy and materials."""
+"""Tests of glTF files: all forms of arrays, hierarchy and materials."""
 
 import base64
 import io

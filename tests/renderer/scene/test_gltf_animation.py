@@ -11,7 +11,7 @@ from tests.renderer.scene.builders import POINTER, TRIANGLE, Gltf, clip, moving_
 
 
 def at(seconds, clip=None):
-    """Returns the moment `seconds`, a multiple of 1/4 s, which frames of 8 fps hit exactly."""
+    """Returns the moment at `seconds`, a multiple of 1/4 s and so exactly a frame at 8 frames per second."""
     return Moment(8 * seconds, 8.0, clip)
 
 
@@ -168,7 +168,7 @@ def test_a_clip_is_chosen_by_its_name_or_number(scene, asked, place, size):
     ("asked", "places"), [(None, (1, 2)), ("all", (1, 2)), ("0", (1, 2)), ("walk", (1, 0)), ("1", (1, 0)), ("fly", (0, 2))]
 )
 def test_clips_of_which_each_moves_something_else_are_shown_together(scene, asked, places):
-    """Clips that move different nodes are combined, since Blender's exporter writes one clip per object's action."""
+    """Animation clips that move different nodes are combined, since Blender's exporter writes one clip per object's action."""
     g = Gltf()
     g.mesh()
     g.node(mesh=0)

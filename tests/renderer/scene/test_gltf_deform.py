@@ -36,7 +36,7 @@ def test_a_nodes_weights_go_before_the_meshs(scene):
 
 
 def bony(joints, weights, matrices=None):
-    """Builds a triangle skinned to two bones: one translates by (10, 0, 0), one rotates 90 degrees about z and doubles."""
+    """Builds a triangle skinned to two bones: one translates by (10, 0, 0), one rotates by 90 degrees about z and scales by 2."""
     g = Gltf()
     half = np.sqrt(0.5)
     more = {"NORMAL": UP, "JOINTS_0": np.array(joints, np.uint8), "WEIGHTS_0": np.array(weights, np.float32)}

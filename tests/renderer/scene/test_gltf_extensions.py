@@ -1,4 +1,4 @@
-"""Tests of glTF: each field of each KHR_materials extension, and where light refracts."""
+"""Tests of glTF materials: each field of each KHR_materials extension, and which surfaces refract."""
 
 import math
 

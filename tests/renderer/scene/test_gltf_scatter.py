@@ -1,4 +1,4 @@
-"""Tests of glTF scattering inside objects, by two Khronos drafts and as in Blender's files."""
+"""Tests of scattering inside glTF objects, by two Khronos drafts and as Blender exports it."""
 
 import math
 
@@ -58,7 +58,10 @@ def test_where_light_goes_in_diffusely_it_is_subsurface_scattering(look):
 
 
 def test_a_sheet_scatters_to_both_sides(look):
-    """Without a volume, light that is not transmitted clearly is scattered: (1 + g) / 2 of it forwards; energy is conserved."""
+    """A sheet without a volume scatters the light that it does not transmit clearly, (1 + g) / 2 of it forwards.
+
+    Energy is conserved.
+    """
     scatter = {"multiscatterColorFactor": [0.4, 0.8, 1.0], "scatterStrengthFactor": 1, "scatterAnisotropy": 0.5}
     found = look(transmission={"transmissionFactor": 0.8}, scatter=scatter)
     onwards = 0.8 * 0.75
@@ -88,7 +91,10 @@ def test_what_blenders_files_say(look):
 
 
 def test_what_is_in_a_medium_of_blenders_is_not_absorbed_a_second_time(look):
-    """A material with a Blender medium is not attenuated as well: the exporter writes the same nodes' colour as attenuation."""
+    """A material with a medium of Blender's is not attenuated a second time.
+
+    The exporter writes the colour of the same nodes as attenuation too.
+    """
     found = look(
         transmission={"transmissionFactor": 1},
         volume={"thicknessFactor": 1, "attenuationColor": [0.2, 0.7, 0.9], "attenuationDistance": 1.25},

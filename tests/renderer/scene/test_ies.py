@@ -107,9 +107,9 @@ def test_what_is_tilted_is_upright():
 
 @pytest.mark.parametrize(("kind", "is_mirrored"), [("A", False), ("B", False), ("A", True), ("B", True)])
 def test_types_a_and_b_lie_about_their_axis(kind, is_mirrored):
-    """Types A and B: horizontal angles are longitudes in A and latitudes in B.
+    """Horizontal angles are longitudes in type A and latitudes in type B.
 
-    The poles of A are above and below, those of B left and right.
+    The poles of type A are above and below, those of type B left and right.
     """
     angles = np.arange(0 if is_mirrored else -90, 91, 10.0)
 

@@ -1,4 +1,4 @@
-"""Tests of the choice of meshes to instance, and of the compiled scene's data for them."""
+"""Tests of which meshes are instanced, and of the compiled scene's data for instances."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def moved(x, scale=1.0):
 
 
 def many(meshes, copies, materials=None, **more):
-    """Returns a description with every mesh at every place."""
+    """Returns a description with an instance of every mesh at each of `copies` places."""
     return SceneDescription(
         meshes=meshes,
         instances=[Instance(m, moved(5.0 * i), name=f"copy {i}") for i in range(copies) for m in range(len(meshes))],

@@ -21,7 +21,7 @@ ANGLES = np.arange(0, 181, 5.0)
 
 
 def web(theta, phi):
-    """Returns the intensity of a profile that is linear in both angles, in degrees."""
+    """Returns the intensity of a light profile that is linear in both angles (degrees)."""
     return 100 + theta + np.interp(phi % 360, (0, 90, 270, 360), (0, 60, 20, 0))
 
 
@@ -39,7 +39,7 @@ def sent(light, point):
 
 
 def angles_of(w, axis, right):
-    """Returns the angle to the axis and the azimuth, from `right` towards right x axis, in degrees."""
+    """Returns the angle of w to the axis and its azimuth, from `right` towards right x axis, in degrees."""
     w, axis, right = (np.array(v, float) / np.linalg.norm(v) for v in (w, axis, right))
     return math.degrees(math.acos(w @ axis)), math.degrees(math.atan2(w @ np.cross(right, axis), w @ right))
 
@@ -123,7 +123,7 @@ def test_what_a_scene_file_gets_wrong_is_said(scene, light, said):
 
 
 def test_gltf_shapes_lights_by_profiles(scene):
-    """EXT_lights_ies: the profile's zero angle is -Z; horizontal angles run from X to Y."""
+    """Profiles of EXT_lights_ies have their zero angle at -Z, and horizontal angles from X to Y."""
     g = Gltf()
     g.mesh()
     g.root["extensions"] = {"EXT_lights_ies": {"lights": [{"uri": "lamp%20a.ies"}]}}
@@ -149,7 +149,7 @@ def test_gltf_without_the_profile_says_so(scene):
 
 @pytest.mark.parametrize("kind", ["SphereLight", "DiskLight", "RectLight"])
 def test_usd_shapes_lights_by_profiles(tmp_path, kind):
-    """As in hdEmbree, a profile scales radiance by direction: its axis is -Z, C0 is towards -X and C90 towards -Y."""
+    """USD profiles scale radiance by direction as in hdEmbree: their axis is -Z, C0 is towards -X and C90 towards -Y."""
     (tmp_path / "lamp.ies").write_bytes(PROFILE)
     made = usd_files.stage(tmp_path / "a.usda", "Y", 1.0)
     usd_files.cube(made, "/m")
@@ -207,7 +207,7 @@ COLORS = [(0, 1, 0), (1, 0, 0), (1, 1, 1), (0, 0, 1)]  # pbrt's x is to the righ
 
 
 def test_pbrt_projects_pictures(scene):
-    """pbrt projects images upright for a viewer facing z; the intensity does not depend on the angle."""
+    """Images projected by pbrt's lights are upright for a viewer facing z; the intensity does not depend on the angle."""
     lamp = 'LightSource "projection" "string filename" "slide.exr" "float fov" 60 "float scale" 5\n'
     found = scene("s.pbrt", world(lamp + "".join(map(_near, POINTS))), {"slide.exr": PICTURE})
     (light,) = found.lights
@@ -221,7 +221,7 @@ def test_pbrt_projects_pictures(scene):
 
 
 def test_pbrt_shines_by_goniometric_pictures(scene):
-    """pbrt's goniometric images are equal-area squares centred on y, multiplied by the light's spectrum."""
+    """Goniometric images of pbrt's lights are equal-area squares centred on y, multiplied by the light's spectrum."""
     from renderer.scene.readers.pbrt.equal_area import to_square
 
     size = 64
@@ -240,7 +240,10 @@ def test_pbrt_shines_by_goniometric_pictures(scene):
 
 
 def test_mitsuba_projects_pictures(scene):
-    """Mitsuba projects images upright for a viewer facing z with x to the left; a spot's texture is rotated by 180 degrees."""
+    """Images projected by Mitsuba's lights are upright for a viewer facing z, with x to the left.
+
+    A spot light's texture is rotated by 180 degrees.
+    """
     text = """<scene version="3.0.0"><emitter type="{}"><float name="{}" value="{}"/>{}
     <texture type="bitmap" name="{}"><string name="filename" value="slide.exr"/></texture></emitter>
     <shape type="sphere"/></scene>"""

@@ -44,7 +44,7 @@ def test_materials_of_obj_files(scene, png, statements, said):
 
 
 def blue():
-    """Returns a uniform normal map."""
+    """Returns the PNG of a uniform normal map."""
     out = io.BytesIO()
     Image.new("RGB", (4, 4), (128, 128, 255)).save(out, "PNG")
     return out.getvalue()

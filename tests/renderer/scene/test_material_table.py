@@ -30,7 +30,7 @@ def other(parameter):
 
 
 def row(material):
-    """Returns the packed material: its columns and its texture slots."""
+    """Returns the columns and the texture slots of the packed material."""
     images = [Image("i", np.full((1, 1, 4), 9, np.uint8))]
     packed = pack(SceneDescription(materials=[material], textures=[Texture(0)], images=images))
     return packed.material[0], packed.material_texture[0]

@@ -1,4 +1,4 @@
-"""Tests that many small meshes compiled at once equal each compiled alone, to the bit."""
+"""Tests that small meshes compiled together equal each mesh compiled alone, to the bit."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,10 @@ SHAPES = 40
 
 
 def shapes(rng, bare=False):
-    """Returns small meshes, some with second UVs, colours or triangles without area; 1 % of the normals are invalid."""
+    """Returns small meshes, some with second UVs, colours or triangles without area; 1 % of the normals are invalid.
+
+    bare: leaves out the normals.
+    """
     found = []
     for i in range(SHAPES):
         count = int(rng.integers(4, 30))

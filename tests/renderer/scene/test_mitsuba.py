@@ -46,7 +46,10 @@ def test_old_names_defaults_and_the_film(tmp_path: Path) -> None:
 
 
 def test_a_shifted_lens_and_a_spot(tmp_path: Path) -> None:
-    """Principal point offsets are fractions of the film's width and height, to the right and down."""
+    """Principal point offsets of a lens, and a spot light, are read.
+
+    The offsets are fractions of the film's width and height, to the right and down.
+    """
     found = scene_of(
         tmp_path,
         '<sensor type="perspective"><float name="principal_point_offset_x" value="0.1"/>'
@@ -201,7 +204,10 @@ def test_references_forward_and_by_another_name(tmp_path: Path) -> None:
 
 
 def test_spectra_that_are_plugins(tmp_path: Path) -> None:
-    """As in Mitsuba's spectral mode, an equal-energy lamp of 1 is grey of luminance 1; a 6500 K black body is nearly white."""
+    """Spectra given as plugins have the colours of Mitsuba's spectral mode.
+
+    An equal-energy lamp of 1 is grey of luminance 1; a black body of 6500 K is nearly white.
+    """
     lamp = '<shape type="rectangle"><emitter type="area"><spectrum type="{}" name="radiance">{}</spectrum></emitter></shape>'
     flat = '<string name="wavelengths" value="300, 900"/><string name="values" value="2, 2"/>'
     warm = '<float name="temperature" value="6500"/>'
@@ -298,7 +304,7 @@ def test_formulas_have_mitsubas_coordinates(tmp_path: Path) -> None:
 
 
 def test_a_bubble_is_turned_inside_out(tmp_path: Path) -> None:
-    """Glass of lower index than its surroundings becomes an inverted mesh, whose outside is filled."""
+    """Glass whose index is below that of its surroundings becomes an inverted mesh, filled on its outside."""
     glass = '<bsdf type="dielectric"><string name="int_ior" value="air"/><string name="ext_ior" value="water"/></bsdf>'
     found = scene_of(tmp_path, BALL.format(glass) + f'<shape type="cube">{glass}</shape>' + '<shape type="cube"/>')
     assert not found.spheres
@@ -362,7 +368,7 @@ def test_facets_are_distributed_as_the_file_says(tmp_path: Path, plugin: str, ki
 
 
 def test_a_window_of_the_film_is_rendered(tmp_path: Path) -> None:
-    """A crop window of the film shows the same part of the view as in the whole film."""
+    """A crop window of the film shows the same part of the view as the whole film does there."""
     film = '<film type="hdrfilm"><integer name="width" value="200"/><integer name="height" value="100"/>{}</film>'
     window = "".join(
         f'<integer name="crop_{key}" value="{value}"/>'
@@ -396,7 +402,7 @@ def test_a_window_of_the_film_is_rendered(tmp_path: Path) -> None:
 def test_a_sensor_without_a_field_of_view_has_a_lens_of_50_mm(
     tmp_path: Path, lens: str, axis: str, half: float, width: int, height: int, kind: str
 ) -> None:
-    """Without a field of view the lens is 50 mm on film of 36 x 24 mm, by the diagonal: 34.0 degrees on a square."""
+    """Without a field of view the lens has 50 mm on film of 36 x 24 mm, by the diagonal: 34.0 degrees for a square picture."""
     film = f'<film type="hdrfilm"><integer name="width" value="{width}"/><integer name="height" value="{height}"/></film>'
     found = scene_of(tmp_path, f'<sensor type="{kind}">{lens}{film}</sensor>' + BALL.format(""))
     sides = {"x": width, "diagonal": np.hypot(width, height), "smaller": min(width, height), "larger": max(width, height)}
@@ -410,7 +416,7 @@ def test_a_focal_length_that_is_no_length_gets_a_sentence(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("owner", ["vertex", "face"])
 def test_float_colours_of_ply_are_linear_and_not_rounded(tmp_path: Path, owner: str) -> None:
-    """Float colours of PLY, named as by Mitsuba's writer, are read as linear and not rounded."""
+    """Float colours of PLY files, with the names of Mitsuba's writer, are read as linear and not rounded."""
     color = np.array([0.2137, 0.001, 0.7713], np.float32)
     columns = {
         each: "".join(f"property float color_{k}\n" for k in range(3)) if each == owner else "" for each in ("vertex", "face")
@@ -450,7 +456,7 @@ _ATTRIBUTES = {  # attribute in Mitsuba 3.9 -> the PLY columns that contain it, 
 
 
 def with_attribute(folder: Path, columns: tuple[tuple[str, str], ...], asked: str, values: tuple[float, ...]) -> SceneDescription:
-    """Reads a triangle with vertex colours and further PLY columns, whose material uses the attribute `asked`."""
+    """Returns a scene of a triangle with vertex colours and further PLY columns, whose material uses the attribute `asked`."""
     told = {each: [name for owner, name in columns if owner == each] for each in ("vertex", "face")}
     header = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {name}\n" for name in "xyz")
     header += "".join(f"property float {name}\n" for name in ("color_0", "color_1", "color_2", *told["vertex"]))
@@ -535,7 +541,7 @@ def test_curves_are_tubes_as_wide_as_their_file_says(tmp_path: Path) -> None:
 
 
 def test_surroundings_are_turned_about_any_axis(tmp_path: Path) -> None:
-    """An environment of a file with +Z up keeps its bright part above after rotation, and its total light."""
+    """An environment map of a file with +Z up keeps its bright part above after rotation, and its total light."""
     import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 
     sky = np.full((16, 32, 3), 0.1, np.float32)
@@ -563,9 +569,9 @@ UPRIGHT = '<transform name="to_world"><rotate x="1" angle="-90"/></transform>'
 @pytest.mark.long
 @pytest.mark.parametrize("place, up", [(UPRIGHT, (0, 1, 0)), ("", (0, 0, 1))])
 def test_a_sky_and_its_sun_are_as_bright_as_mitsubas(tmp_path: Path, place: str, up: tuple[int, int, int]) -> None:
-    """Irradiance on a horizontal plane from the sky and from a sun at 60 degrees elevation equals Mitsuba 3.9's.
+    """Irradiance on a horizontal plane from the sky, and from a sun at 60 degrees elevation, equals Mitsuba 3.9's.
 
-    The emitter's default up is +Z, and it is black below the horizon.
+    The up vector of the sky emitter is +Z by default. The sky is black below the horizon.
     """
     sun = np.array((0.5, 0, 0)) + 0.75**0.5 * np.array(up)
     where = f'<vector name="sun_direction" x="{sun[0]}" y="{sun[1]}" z="{sun[2]}"/>'

@@ -151,7 +151,10 @@ def test_hair_has_its_colour(tmp_path: Path, said: str, absorbed: np.ndarray) ->
 
 
 def test_a_bump_map_becomes_slopes(tmp_path: Path) -> None:
-    """Slopes of a square 2 wide follow from its heights, which rise by 2 / 255 per texel of 1/64 of its width, times a scale."""
+    """A bump map on a square 2 wide becomes slopes of its heights, which rise by 2 / 255 per texel of 1/64 of its width.
+
+    The slopes are multiplied by the map's scale.
+    """
     row = np.minimum(np.arange(64) * 2, 255).astype(np.uint8)
     Image.fromarray(np.tile(row, (8, 1))).save(tmp_path / "h.png")
     bumps = (

@@ -1,4 +1,4 @@
-"""Tests of MTL: exporters' materials become the nearest physical surface."""
+"""Tests that materials of MTL files, as exporters write them, become the nearest physical surface."""
 
 import io
 
@@ -57,7 +57,7 @@ def test_base_and_gain_move_linear_values(material):
 
 
 def test_a_decal_shows_the_map_on_the_colour(material):
-    """A decal shows map_Kd where it is 1 and Kd where it is 0, as specified; each map is looked up with its own options."""
+    """A decal shows map_Kd where the decal map is 1 and Kd where it is 0, as specified; each map has its own options."""
     files = {"a.png": picture([[[250, 0, 0], [0, 250, 0]]]), "shape.png": picture([[[0, 0, 0], [200, 200, 200]]])}
     statements = "Kd 0.5 0.25 1\nmap_Kd -s 4 4 a.png\ndecal -clamp on -s 2 2 shape.png"
     description, found = material(statements, files)

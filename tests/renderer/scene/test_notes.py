@@ -1,4 +1,4 @@
-"""Tests that a scene's warnings are accurate: none for materials or lights that are replaced."""
+"""Tests that a scene's warnings are accurate: materials and lights that are replaced cause none."""
 
 import json
 
@@ -80,7 +80,7 @@ def test_a_scene_that_is_given_an_environment_is_in_no_studio(scene):
 
 
 def accents():
-    """Returns a model with a weak lamp."""
+    """Returns a GLB file of a mesh whose material emits very little light."""
     g = Gltf()
     g.mesh(material=g.material(emissiveFactor=[1e-4, 0, 0]))
     return g.glb()

@@ -1,4 +1,4 @@
-"""Tests of OFF with its prefixes and face colours."""
+"""Tests of OFF files with all header prefixes and with face colours."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of scenes far from the origin: the same shape and picture as at the origin, in the file's coordinates."""
+"""Tests that scenes far from the origin have the same shape and picture as at the origin, in the file's coordinates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of pairing triangles into parallelogram lights, and of the rows of these lights."""
+"""Tests of pairing emissive triangles into parallelogram lights, and of these lights' rows in the light table."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_what_is_no_parallelogram_stays_two_triangles(corners, alike):
 
 
 def test_each_triangle_is_in_one_pair_at_most():
-    """In a strip each triangle could be paired with either neighbour, but is in at most one pair."""
+    """Each triangle is in at most one pair, also in a strip, where it could be paired with either neighbour."""
     up = np.array([0, 1, 0.0])
     right = np.array([1.0, 0, 0])
     strip = []

@@ -202,7 +202,7 @@ def test_what_is_not_taken_over_is_named_with_its_line(pbrt, inside, sentence):
 
 
 def test_of_what_no_shape_shows_nothing_is_said(pbrt):
-    """Unused materials and textures, which scene files often keep, cause no warning."""
+    """Materials and textures that no shape uses, and that scene files often keep, cause no warning."""
     unused = 'Texture "t" "spectrum" "imagemap" "string filename" "gone.png" MakeNamedMaterial "m" "string type" "diffuse" '
     found = pbrt(unused + '"texture reflectance" "t"' + BALL)
     assert not any("line" in warning for warning in found.warnings)

@@ -26,7 +26,10 @@ def test_a_smooth_coat_that_takes_nothing_has_a_closed_form():
 
 
 def test_a_thick_coat_takes_light_by_its_thickness():
-    """Under a thick coat light is attenuated by exp(-t / cosine) on its way in and out; no light is reflected a second time."""
+    """A thick coat attenuates light by exp(-t / cosine) on its way in and out.
+
+    No light is reflected a second time by the coat.
+    """
     clear, dark = (coat_of(1.0001, 0.0, thickness, 2) for thickness in (0.0, 0.5))
     cosine = np.sqrt((np.arange(4096) + 0.5) / 4096)
     once = np.exp(-0.5 / cosine).mean()

@@ -87,7 +87,10 @@ def test_loops_scheme_on_a_tetrahedron_and_a_plane():
 
 
 def test_normals_of_loops_scheme_are_on_pbrts_side(pbrt):
-    """Normals are on pbrt's side: tangents turn clockwise around a point where triangles run counter-clockwise."""
+    """Normals of Loop subdivision are on pbrt's side.
+
+    Tangents turn clockwise around a point where triangles run counter-clockwise.
+    """
     points = "1 1 1 1 -1 -1 -1 1 -1 -1 -1 1"
     (mesh,) = pbrt(f'Shape "loopsubdiv" "integer indices" [0 1 2 0 3 1 0 2 3 1 3 2] "point3 P" [{points}]').meshes
     assert (mesh.normals * mesh.positions).sum(axis=1).max() < 0
@@ -105,7 +108,7 @@ def test_numbers_of_a_picture_are_its_first_channel(pbrt, png):
 
 
 def test_an_index_may_be_a_texture(pbrt):
-    """An index of refraction may be a texture: a constant one is used, of others the mean, with a warning."""
+    """An index of refraction may be a texture: a constant texture's value is used, of others the mean, with a warning."""
     texture = 'Texture "e" "{}" "{}" {} Material "{}" "texture eta" "e" '
     glass = pbrt(texture.format("float", "constant", '"float value" 1.3', "dielectric") + BALL)
     assert glass.materials[0].ior == pytest.approx(1.3)
@@ -119,7 +122,7 @@ def test_an_index_may_be_a_texture(pbrt):
 
 
 def test_a_light_that_is_not_there_shines(pbrt):
-    """A light with alpha 0, pbrt's invisible light, emits."""
+    """An area light on a shape of alpha 0, which pbrt makes invisible, still emits."""
     light = 'AreaLightSource "diffuse" "rgb L" [4 4 4]'
     made = pbrt(f'{light} Shape "sphere" "float alpha" 0')
     (material,) = made.materials

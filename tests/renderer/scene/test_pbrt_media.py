@@ -129,9 +129,9 @@ def test_subsurface_by_reflectance_looks_so_and_diffuses_as_far(pbrt):
 
 
 def test_subsurface_by_coefficients_has_the_reflectance_of_jensens_formula(pbrt):
-    """Subsurface coefficients yield the reflectance of Jensen et al. 2001, eq.
+    """Subsurface coefficients yield the reflectance of equation 15 of Jensen et al. 2001.
 
-    15; a half-space of albedo 1 reflects all light.
+    A half-space of albedo 1 reflects all light.
     """
     found = pbrt('Material "subsurface" "rgb sigma_a" [0.1 0 1] "rgb sigma_s" [2 3 1] "float g" 0.5 "float eta" 1.5' + BALL)
     (made,) = found.materials
@@ -206,7 +206,7 @@ def test_a_normal_map_wins_over_displacement_and_an_even_height_does_nothing(sce
 
 
 def test_subsurface_of_a_named_substance_scatters_by_its_asymmetry(pbrt):
-    """A named substance's sigma_s is multiplied by 1 - g, like given coefficients."""
+    """The scattering coefficient sigma_s of a named substance is multiplied by 1 - g, like coefficients given in the file."""
     named = pbrt('Material "subsurface" "string name" "Wholemilk" "float g" 0.5' + BALL).materials[0]
     scattered, absorbed = SUBSTANCES["Wholemilk"]
     given = " ".join(f'"rgb {name}" [{" ".join(map(str, v))}]' for name, v in (("sigma_s", scattered), ("sigma_a", absorbed)))

@@ -1,4 +1,4 @@
-"""Tests of pbrt's mirroring cameras, for which our reader need not mirror the left-handed world: the picture is flipped."""
+"""Tests of pbrt cameras that mirror: the picture is flipped, and the left-handed world need not be mirrored by our reader."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""Tests of PLY: vertex attributes besides positions, by the names that programs use."""
+"""Tests of PLY files: vertex attributes besides positions, under the names that programs use."""
 
 import struct
 
@@ -72,7 +72,7 @@ POINTS = np.array([[float(c) for c in row.split()] for row in CORNERS])
 
 
 def in_bytes(vertex, rows, faces="", more=b"", order="<"):
-    """Returns a binary file with the rows of a structured array as its vertices."""
+    """Returns a binary PLY file with the rows of a structured array as its vertices."""
     way = "little" if order == "<" else "big"
     head = f"ply\r\nformat binary_{way}_endian 1.0\r\n{vertex}{faces}end_header\r\n".replace("\r\n", "\n")
     return head.encode() + rows.tobytes() + more

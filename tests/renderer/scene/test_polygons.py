@@ -1,4 +1,4 @@
-"""Tests of triangulating polygons: the areas sum to the polygon's, for any shape."""
+"""Tests that a polygon of any shape is triangulated: the triangles' areas sum to the polygon's."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of changing a compiled scene's light: the result's files equal those of a new compilation, shared ones not rewritten."""
+"""Tests of changing the light of a compiled scene: its files equal those of a new compilation, and shared ones are kept."""
 
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import load

@@ -1,4 +1,4 @@
-"""Tests of concave faces and material boundaries in formats read by other libraries."""
+"""Tests of concave faces and of material boundaries, in formats that other libraries read for us."""
 
 import numpy as np
 import pytest

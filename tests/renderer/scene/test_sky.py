@@ -67,7 +67,10 @@ def lit(sky, rotation=0.0, mesh=FLOOR, material=WHITE):
 
 @pytest.mark.long
 def test_at_noon_the_sun_gives_several_times_what_the_sky_gives():
-    """On clear days the diffuse share of light on a horizontal plane is 1/10 to 1/4, and the total about 3/4 of pi."""
+    """At noon the sun gives several times the sky's light.
+
+    On clear days the diffuse share of light on a horizontal plane is 1/10 to 1/4, and the total about 3/4 of pi.
+    """
     sky = Sky(sun_elevation=60)
     diffuse, direct = luminance(onto_ground(image_of_sky(sky))), luminance(facing(sun_of_sky(sky))) * math.sin(math.radians(60))
     assert 0.05 < diffuse / (diffuse + direct) < 0.3
@@ -76,7 +79,7 @@ def test_at_noon_the_sun_gives_several_times_what_the_sky_gives():
 
 @pytest.mark.long
 def test_the_ground_lights_the_air_above_it_and_light_is_never_made(coarse):
-    """Snow brightens the sky, and the light leaving the air downwards stays below the sun's input."""
+    """Snow brightens the sky, and the light that leaves the air downwards stays below the sun's input."""
     for height in (5, 60):
         dark, snow = (onto_ground(image_of_sky(Sky(height, ground_albedo=gray(a)))) for a in (0.0, 1.0))
         assert (snow > dark).all()

@@ -161,7 +161,7 @@ def test_damaged_packages_are_scenes_or_sentences(tmp_path):
 
 
 def rows(count, odd=""):
-    """Returns a mesh of a strip; `odd` is added to the first of its rows."""
+    """Returns a 3MF mesh of a strip with `count` vertices. odd: text inserted into the first vertex element."""
     points = "\n".join(f'<vertex x="{i % 3}.{i}e-1" y="-{i}" z="{i * i}"/>' for i in range(count))
     faces = "".join(f'<triangle v1="{i}" v2="{i + 1}" v3="{i + 2}" p1="{i % 2}"/>\n' for i in range(count - 2))
     return f"<mesh><vertices>\n{points.replace('<vertex ', '<vertex' + odd, 1)}\n</vertices><triangles>{faces}</triangles></mesh>"
@@ -216,7 +216,7 @@ def test_rows_belong_where_they_stand_whatever_lists_there_are_before(scene, bef
 
 
 def boxes(first, second):
-    """Returns the names of the shown parts of an object of two parts, and the warnings."""
+    """Returns the names of the shown parts of an object with two parts, and the warnings."""
     config = f'<config><object id="3"><part id="1" subtype="{first}"/><part id="2" subtype="{second}"/></object></config>'
     group = '<object id="3"><components><component objectid="1"/><component objectid="2"/></components></object>'
     text = model(solid(1, name="body") + solid(2, name="cut") + group, '<item objectid="3"/>')

@@ -1,4 +1,4 @@
-"""Tests of the up axis of files without one: requested, by the format's convention, or guessed from the model's base."""
+"""Tests of the up axis for files that state none: as requested, by the format's convention, or guessed from the model's base."""
 
 from __future__ import annotations
 

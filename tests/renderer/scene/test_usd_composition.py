@@ -17,7 +17,7 @@ MODEL = '#usda 1.0\n(defaultPrim = "m")\ndef Cube "m" {}\n'
 
 
 def written(folder, **files):
-    """Writes text files, named by their stems with `__` for a folder, and returns the path of main.usda."""
+    """Writes text files and returns the path of main.usda. texts: by file stem, with `__` between folder and file."""
     for stem, text in files.items():
         path = folder / f"{stem.replace('__', '/')}.usda"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -41,9 +41,9 @@ def test_sublayers_references_and_payloads_of_files_in_folders_come_together(tmp
 
 
 def test_sublayers_that_are_the_layer_itself_or_named_twice_are_left_out(tmp_path):
-    """A sublayer that is the layer itself or is listed twice is dropped.
+    """A sublayer that is the layer itself, or is listed twice, is dropped.
 
-    Paths in other folders resolve to files of the same name next to the layer.
+    A path in another folder resolves to a file of the same name next to the layer.
     """
     beside = stage(tmp_path / "b.usda")
     mesh(beside, "/square")

@@ -1,4 +1,4 @@
-"""Tests of USD displacement: heights become slopes along the sides of the mesh."""
+"""Tests of displacement in USD: heights become slopes along the sides of the mesh."""
 
 import numpy as np
 import pytest

@@ -154,7 +154,10 @@ def test_the_sky_is_where_openexr_has_it(tmp_path, kind, up, turn):
 
 
 def test_a_point_that_is_normalised_sends_the_same_whatever_its_radius(lit):
-    """A normalised point light has the same intensity for any radius: its watts are pi times its intensity, 1/4 per direction."""
+    """A normalised point light has the same intensity for any radius.
+
+    Its watts are pi times its intensity, of which each direction gets 1/4.
+    """
     for radius in (0.0, 0.1, 2.0):
         (point,) = lit("SphereLight", radius=radius, intensity=8.0, normalize=True, treatAsPoint=True).lights
         assert point.intensity[0] == pytest.approx(2.0)
@@ -191,7 +194,7 @@ def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in
 
 
 def test_what_carries_a_lamp_of_blenders_makes_it_no_larger(lit, tmp_path):
-    """Parent scales do not enlarge the radius of Blender's lamps, as in Cycles; other stages' radii are in prim space."""
+    """Scales of parents do not enlarge the radius of lamps in Blender's stages, as in Cycles; in other stages they do."""
     place = Gf.Matrix4d().SetScale(3.0)
     assert lit("SphereLight", place=place, radius=0.1, intensity=3.0, normalize=True).spheres[0].radius == pytest.approx(0.3)
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))

@@ -303,7 +303,7 @@ def test_omniverses_material_where_there_is_no_other(shaded, png, tmp_path):
 
 
 def test_arnolds_surface_and_karmas_are_read_where_they_are_alone(shaded):
-    """outputs:arnold:surface (Maya), whose images are named by strings, and outputs:kma:surface (Houdini) are read if alone."""
+    """Surfaces of Arnold (Maya; images are named by strings) and Karma (Houdini) are read if a material has no other surface."""
 
     def arnold(made):
         picture = UsdShade.Shader.Define(made, "/look/picture")
@@ -353,7 +353,10 @@ def test_proxies_are_drawn_where_there_is_nothing_else(purposes, shown, said, tm
 
 
 def test_a_preview_surface_that_blender_wrote_has_its_alpha_and_its_highlights(shaded, tmp_path):
-    """Blender's preview surfaces are read as in Blender: opacity is alpha, which also hides highlights, and `specular` exists."""
+    """Preview surfaces that Blender wrote are read as in Blender: opacity is alpha, which also hides highlights.
+
+    The input `specular`, which only Blender writes, is read too.
+    """
     inputs = {"diffuseColor": (C, (0.5, 0.9, 0.6)), "opacity": (F, 0.42), "specular": (F, 0.35)}
     _, found = shaded(preview(**inputs))
     assert (found.opacity, found.transmission, found.specular) == (1.0, pytest.approx(0.58), 1.0)

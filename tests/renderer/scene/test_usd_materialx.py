@@ -76,7 +76,7 @@ def texels(folder, name, rows):
 
 @pytest.fixture
 def pictures(tmp_path):
-    """Writes two images next to t.png, and returns their values and a function that makes their nodes."""
+    """Writes two images next to t.png; returns their values and a function that makes the nodes that read them."""
     random = np.random.default_rng(4)
     one = texels(tmp_path, "one.png", random.integers(0, 255, (4, 8, 3)).tolist())
     other = texels(tmp_path, "other.png", random.integers(0, 255, (4, 8, 3)).tolist())

@@ -1,4 +1,4 @@
-"""Tests of USD files whose fields have other types than the schemas define, and of skins with their own joints."""
+"""Tests of USD files whose attributes have other types than the schemas define, and of skins with their own joints."""
 
 import numpy as np
 import pytest

@@ -27,7 +27,7 @@ def test_light_beneath_a_surface_scatters_as_far_as_it_is_said_to(looks):  # noq
 
 
 def test_a_sheet_scatters_to_its_other_side(looks):  # noqa: F811
-    """A thin sheet scatters to its other side: all light in Standard Surface, (1 + g) / 2 of it in OpenPBR."""
+    """A thin sheet scatters to its other side: all scattered light in Standard Surface, (1 + g) / 2 of it in OpenPBR."""
     color = (C, (0.5, 0.25, 1.0))
     _, look = looks(thin_walled=(TYPES.Bool, True), subsurface=(F, 0.5), subsurface_color=color, base_color=(C, (0.1,) * 3))
     assert (look.diffuse_transmission, look.diffuse_transmission_color, look.subsurface) == (0.5, (0.5, 0.25, 1), 0)
@@ -45,7 +45,7 @@ def test_a_sheet_scatters_to_its_other_side(looks):  # noqa: F811
 
 @pytest.mark.parametrize(("kind", "weight"), [(STANDARD, "transmission"), (OPEN_PBR, "transmission_weight")])
 def test_glass_is_filled_with_what_scatters(looks, kind, weight):  # noqa: F811
-    """Attenuation over the depth is split into scattering and absorption.
+    """Attenuation in glass over its depth is split into scattering and absorption.
 
     If scattering exceeds attenuation in a channel, absorption is raised equally in all channels.
     """

@@ -49,7 +49,7 @@ MTLX = """<?xml version="1.0"?>
 
 
 def stage(path, up="Y", unit=1.0):
-    """Makes a new stage in a file, in the format of its suffix."""
+    """Returns a new stage in a file, in the format of the file's suffix."""
     made = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(made, up)
     UsdGeom.SetStageMetersPerUnit(made, unit)
@@ -57,7 +57,7 @@ def stage(path, up="Y", unit=1.0):
 
 
 def mesh(on, path, points=SQUARE, counts=(4,), corners=(0, 1, 2, 3), scheme="none"):
-    """Makes a mesh of polygons."""
+    """Adds a mesh of polygons to the stage, and returns it."""
     made = UsdGeom.Mesh.Define(on, path)
     made.CreatePointsAttr([Gf.Vec3f(*map(float, p)) for p in points])
     made.CreateFaceVertexCountsAttr(list(counts))
@@ -67,12 +67,12 @@ def mesh(on, path, points=SQUARE, counts=(4,), corners=(0, 1, 2, 3), scheme="non
 
 
 def cube(on, path, **options):
-    """Makes a cube from -1 to 1."""
+    """Adds a cube from -1 to 1 to the stage, and returns it."""
     return mesh(on, path, CUBE, [4] * 6, QUADS, **options)
 
 
 def material(on, path, kind="UsdPreviewSurface", context="", **inputs):
-    """Makes a material, and returns (material, surface shader). inputs: (type, value) or (type, connected output)."""
+    """Adds a material and returns (material, surface shader). inputs: (type, value) or (type, connected output)."""
     made = UsdShade.Material.Define(on, path)
     shader = UsdShade.Shader.Define(on, f"{path}/surface")
     shader.CreateIdAttr(kind)
@@ -106,7 +106,7 @@ def bind(prim, made):
 
 
 def read(path, moment=None, **options):
-    """Reads the file as a scene at the given moment."""
+    """Returns the scene read from the file at the given moment."""
     path = Path(path)
     shot = Shot(path.parent, path.name, **options)
     return shot.scene_at(moment or Moment())

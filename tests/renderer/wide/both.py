@@ -1,4 +1,4 @@
-"""Evaluates a formula for eight lanes at once and for each lane alone."""
+"""Evaluates a formula for eight lanes at once and for each lane alone, to compare the results."""
 
 from __future__ import annotations
 

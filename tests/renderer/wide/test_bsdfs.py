@@ -33,7 +33,7 @@ def pairs(rng, n=N):
 
 
 def assert_scatters_alike(eight, one, given):
-    """Asserts equal bits, f = pdf = 0 (rows 0 to 3) where a direction is below the horizon, and a positive pdf elsewhere."""
+    """Asserts equal bits, f = pdf = 0 (result columns 0 to 3) for a direction below the horizon, and a positive pdf elsewhere."""
     below = (given[:, 2] <= 0) | (given[:, 5] <= 0)
     np.testing.assert_array_equal(eight[:4, below], 0)
     assert (eight[3, ~below] > 0).all()
@@ -56,7 +56,7 @@ def _boundaries(given, order, eight, one):
 
 
 def test_smooth_boundaries():
-    """Smooth boundaries, including indices below 1 with total reflection, where no cosine of refraction is computed."""
+    """Smooth boundaries scatter alike, also with indices below 1 and total reflection, where no refraction is computed."""
     rng = np.random.default_rng(3)
     given = np.concatenate([directions(rng, above=True), rng.random((N, 4))], 1).astype(np.float32)
     given[:, 3] = rng.uniform(0.4, 2.5, N)
@@ -172,7 +172,7 @@ def _conductors(given, order, eight, one):
 
 
 def test_conductors():
-    """Rough and brushed conductors, in mixed lanes and in lanes of one kind."""
+    """Rough and brushed conductors scatter alike, in lanes of mixed kinds and in lanes of one kind."""
     rng = np.random.default_rng(10)
     roughness = np.maximum(roughnesses(rng), MIN_ALPHA**0.5)
     alpha = np.stack([roughness**2, roughness**2 * rng.uniform(0.05, 1, N)], 1)

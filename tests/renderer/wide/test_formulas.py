@@ -161,7 +161,7 @@ def test_consistent_normals():
 
 
 class Tables(NamedTuple):
-    """The part of a scene that `lifted` reads."""
+    """The arrays of a scene that `lifted` reads."""
 
     triangle: np.ndarray
     position: np.ndarray

@@ -1,4 +1,4 @@
-"""Tests of scalar functions called lane by lane for the selected lanes, and called for a single path like any other function."""
+"""Tests of scalar functions that are called lane by lane for selected lanes, and for a single path like any function."""
 
 import numpy as np
 

@@ -104,7 +104,7 @@ def _comparisons(given, order, eight, one):
 
 
 def test_comparisons_and_choices():
-    """Comparisons and selections; with NaN every comparison except != is False."""
+    """Comparisons and selections equal NumPy's; with NaN every comparison except != is False."""
 
     p = P
 
@@ -203,7 +203,7 @@ def _whole_numbers(given, order, eight, one):
 
 
 def test_whole_numbers():
-    """uint32 arithmetic wraps; right shifts do not extend the sign."""
+    """Integers behave as in NumPy: uint32 arithmetic wraps, and right shifts do not extend the sign."""
     rng = np.random.default_rng(5)
     i, j = rng.integers(0, 2**32, (2, N), np.uint32)
     s = rng.integers(0, 32, N, np.uint32)

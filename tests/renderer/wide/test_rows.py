@@ -67,7 +67,7 @@ def test_rows_of_a_scenes_tables():
 
 
 class _Pair(NamedTuple):
-    """A row of two fields."""
+    """A memory row of two fields."""
 
     a: Vector
     b: Float

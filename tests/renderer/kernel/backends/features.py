@@ -40,7 +40,7 @@ Feature = tuple[Callable[[], CompiledScene], RenderSettings]
 
 
 def _images() -> list[Image]:
-    """Returns images: colours with alpha, roughness and metallic, bumps, emission."""
+    """Returns the images of the scenes: colours with alpha, roughness and metallic, bumps, emission."""
     random = np.random.default_rng(0)
     bumps = np.full((8, 8, 4), 255, np.uint8)
     bumps[..., :2] = random.integers(90, 166, (8, 8, 2))
@@ -114,7 +114,7 @@ def copies(material: Material) -> SceneDescription:
 
 
 def cards(count: int) -> tuple[Mesh, ...]:
-    """Returns parallel cards of material 3, coplanar with nothing else, the first in front of all other objects."""
+    """Returns `count` parallel squares of material 3, coplanar with nothing else, the first in front of all other objects."""
     return tuple(square((0, 1, 1.97 - 0.0101 * i), (2, 0, 0), (0, 1, 0), 3) for i in range(count))
 
 
@@ -228,7 +228,7 @@ def _behind_cards(count: int, **card: Any) -> SceneDescription:
 
 
 def _in_one_plane(count: int, **card: Any) -> SceneDescription:
-    """Returns a scene with `count` cards of several sizes that coincide with the wall and with a face of the box."""
+    """Returns a scene with `count` squares of several sizes that coincide with the wall and with a face of the box."""
     walls = [square((0.1 * i, 2, -3), (4 - i, 0, 0), (0, 1.5 - 0.1 * i, 0), 3) for i in range(count)]
     sides = [square((1.5, 0.45, 0.75), (0.4 - 0.1 * i, 0, 0), (0, 0.3, 0), 3) for i in range(count)]
     return room(Material(), (*walls, *sides), materials=[Material(**card)])

@@ -16,7 +16,7 @@ BOUNCES = 200
 
 
 def smith_lambda(w: F64, alpha: float) -> F64:
-    """Returns Smith's Lambda for directions above and below the horizon."""
+    """Returns Smith's Lambda for directions w above and below the horizon."""
     sine = np.sqrt(np.maximum(1 - w[:, 2] ** 2, 1e-20))
     slope = w[:, 2] / (alpha * sine)
     return np.asarray((np.copysign(np.sqrt(1 + slope**-2.0), slope) - 1) / 2)

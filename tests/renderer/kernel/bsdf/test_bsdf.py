@@ -116,7 +116,7 @@ def test_samples_follow_their_density(subjects, case, degrees):
 @grid("degrees", ANGLES, ordinary=(80,))
 @grid("name", ["metal", "coat", "glass", "conductor"], ordinary=("coat", "conductor"))
 def test_a_sharp_lobe_follows_its_density(name, degrees):
-    """With roughness 0.1 (alpha 0.01) directions are binned around the lobe's centre, in steps of its width."""
+    """Samples of a sharp lobe (roughness 0.1, alpha 0.01) follow their density, in bins of the lobe's width around its centre."""
     sharp = {
         "metal": principled(metallic=1.0, roughness=0.1),
         "coat": principled(base_color=(0.0, 0.0, 0.0), specular=0.0, clearcoat=1.0, clearcoat_roughness=0.1),
@@ -296,7 +296,7 @@ BRUSHED = [
 
 
 def furnaces():
-    """Returns parameters of brushed materials and view directions: extremes always, intermediate values with --long."""
+    """Yields parameters of brushed materials and view directions: extremes always, intermediate values only with --long."""
     for what, *place in itertools.product(BRUSHED, (0.5, 0.8, 1.0), (0.15, 0.35, 0.7), (0, 60, 80, 86), (0, 45, 90)):
         between = any(at in inner for at, inner in zip(place, ((0.5, 0.8), (0.35,), (0, 60, 86), (45,)), strict=True))
         yield pytest.param(what, *place, marks=pytest.mark.long if between else (), id=str((what, *place)))
@@ -304,7 +304,7 @@ def furnaces():
 
 @pytest.mark.parametrize(("what", "anisotropy", "roughness", "degrees", "turn"), list(furnaces()))
 def test_white_and_brushed_in_a_white_furnace(what, anisotropy, roughness, degrees, turn):
-    """White brushed materials are invisible in constant light, seen along the grooves, across them and between.
+    """White brushed materials are invisible in constant light, seen along the grooves, across them and in between.
 
     Along and across the grooves single scattering loses least and most.
     """

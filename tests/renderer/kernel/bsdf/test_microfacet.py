@@ -28,7 +28,7 @@ DEGREES = (0, 45, 60, 80, 85)
 
 @entry
 def _values(alpha, angles, out):
-    """Writes for each direction D of the normal, G1, and the pdf of the visible normal z."""
+    """Writes for each direction the GGX distribution D of the normal, the masking G1, and the pdf of the visible normal z."""
     for i in range(len(angles)):
         w = (np.float32(np.sin(angles[i])), np.float32(0), np.float32(np.cos(angles[i])))
         up = (np.float32(0), np.float32(0), np.float32(1))
@@ -68,7 +68,7 @@ def _beckmann(alpha, angles, out):
 
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0])
 def test_distribution_and_masking_of_beckmann(alpha):
-    """D equals equation 25 of Walter et al. 2007; masking equals the exact formula, not their fit (equation 26)."""
+    """Beckmann's D equals equation 25 of Walter et al. 2007; masking equals the exact formula, not their fit (equation 26)."""
     found = np.empty((len(DEGREES), 2), np.float32)
     _beckmann(np.float32(alpha), np.radians(DEGREES), found)
     for row, degrees in zip(found, DEGREES, strict=True):
@@ -86,7 +86,7 @@ def test_a_white_microfacet_mirror_scatters_once_what_is_known():
 
 @pytest.mark.long
 def test_the_tables_are_what_makes_them():
-    """Checks all nodes of the microfacet table, some of the sheen table, and the last row of both against their generator."""
+    """The stored tables equal their generator: all nodes of the microfacet table, some of the sheen table, both last rows."""
     np.testing.assert_allclose(np.load(table_path("ggx_albedo")), ggx_table(), atol=2e-6)
     table = np.load(table_path("sheen_albedo"))
     for i, j in np.random.default_rng(3).integers(6, SIZE, (60, 2)):
@@ -96,7 +96,7 @@ def test_the_tables_are_what_makes_them():
 
 @pytest.mark.parametrize(("name", "distribution"), [("brushed_albedo", "ggx"), ("beckmann_albedo", "beckmann")])
 def test_the_table_of_brushed_surfaces_is_what_makes_it(name, distribution):
-    """Checks some nodes and all means against the table's generator."""
+    """The stored table of brushed surfaces equals its generator at some nodes and in all means."""
     table = np.load(table_path(name))
     rng = np.random.default_rng(4)
     for index in zip(*(rng.integers(0, nodes, 80) for nodes in BRUSHED_NODES), strict=True):

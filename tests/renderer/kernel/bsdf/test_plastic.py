@@ -61,7 +61,7 @@ def test_a_coat_of_the_index_of_air_takes_only_what_its_facets_mask():
 @pytest.mark.long
 @pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
 def test_the_table_of_coats_is_what_makes_it(distribution):
-    """Checks some nodes of the coat table against its generator."""
+    """The stored table of coats equals its generator at some nodes."""
     table = np.load(table_path(f"{distribution}_coat"))
     bends, roughnesses, cosines = COAT_NODES
     heights = np.maximum((np.arange(cosines) / (cosines - 1)) ** 2, 1e-4)

@@ -50,7 +50,7 @@ def _without_sky():
 
 
 class Sky:
-    """An environment's tables, with the kernel functions that use them."""
+    """An environment's sampling tables, with the kernel functions that use them."""
 
     def __init__(self, pixels, rotation=0.0):
         description = SceneDescription(images=[Image("sky", np.asarray(pixels, np.float32), srgb=False)])
@@ -96,7 +96,7 @@ def solid_angles(height, width):
 
 @grid("rotation", [0.0, 77.0, -160.0], ordinary=(-160.0,))
 def test_samples_fall_on_texels_as_the_density_says(rotation):
-    """Chi-squared tests over the texels, within which the density is constant, and over their quarters."""
+    """Samples follow the texels' densities, by chi-squared tests over texels and over their quarters."""
     sky = Sky(random_sky(), rotation)
     direction, pdf = sky.sample()
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1, atol=1e-6)
@@ -129,7 +129,10 @@ def test_the_density_exceeds_zero_where_the_sky_exceeds_its_mean():
 
 @grid("height", [1, 2, 64, 1024, 4096, 16384], ordinary=(1, 64))
 def test_every_row_of_a_tall_image_has_its_solid_angle(height):
-    """Near the poles of a 16k image cosines differ by 1e-8, so subtracting them in float32 would lose their difference."""
+    """Every row of a tall image has its exact solid angle.
+
+    Near the poles of a 16k image cosines differ by 1e-8, so subtracting them in float32 would lose their difference.
+    """
     pixels = np.zeros((height, 2, 3), np.float32)
     rows = np.unique(np.clip(np.r_[0:4, height // 3, height // 2, height - 4 : height], 0, height - 1))
     for row in rows:
@@ -185,7 +188,7 @@ def test_choose_finds_the_interval_and_skips_what_is_empty():
 
 
 def peaked(count, seed):
-    """Returns a cdf of `count` weights, some 0, others similar, one possibly dominant; its steps are exact in float32 if few."""
+    """Returns a cdf of `count` weights, some 0, others similar, one possibly dominant; its steps are exact if few."""
     rng = np.random.default_rng(seed)
     weights = rng.random(count) ** 3 * (rng.random(count) > 0.2)
     weights[rng.integers(count)] = [0, 1, 1e6][seed % 3]
@@ -211,7 +214,10 @@ def test_the_search_from_a_table_finds_what_the_binary_search_finds(count):
 
 
 def test_the_search_begins_where_the_part_begins():
-    """The search starts at cut points, a power of two per row, one for one to four texels, computed for each row separately."""
+    """The search starts at one of a table's cut points, computed for each image row separately.
+
+    Their number is a power of two per row, with one for one to four texels.
+    """
     cdf = np.stack([peaked(300, seed) for seed in range(4)])
     start = cutpoints(cdf)
     assert start.shape == (4, 128)

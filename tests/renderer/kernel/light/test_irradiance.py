@@ -1,6 +1,6 @@
 """Tests of light sampling against brute force: uniform directions that hit a light by chance.
 
-Covers textures, sides and occluders, and that lights which are never chosen contribute nothing; densities alone do not.
+Unlike tests of densities, they cover textures, sides and occluders, and that lights which are never chosen contribute nothing.
 """
 
 import math

@@ -72,7 +72,7 @@ def density(made, p=P, normal=NO_NORMAL):
 
 
 def sky():
-    """Returns an image of 8 x 16 texels, most of them dark, one a hundred times as bright."""
+    """Returns a sky image of 8 x 16 texels, most of them dark, one a hundred times as bright."""
     pixels = np.random.default_rng(4).gamma(0.5, size=(8, 16, 1)).repeat(3, 2)
     pixels[2, 5] = 20.0
     return pixels.astype(np.float32)
@@ -127,7 +127,7 @@ def test_both_sides_of_mis_know_the_same_density(name, normal):
 
 
 def test_a_light_is_chosen_by_its_power():
-    """Two spheres, one with three times the radiance and half the radius, and a sky of fixed probability are chosen by power."""
+    """Two spheres, one with 3 times the radiance and half the radius, are chosen by power, the sky with a fixed probability."""
     made = scene([emitter(3.0), emitter(1.0)], spheres=(Sphere((5, 0, 0), 0.5, 0), Sphere((-5, 0, 0), 1.0, 1)), environment=0.01)
     direction, _, radiance, _ = sample(with_light_choice(made, "power"))
     chance = float(made.environment_frame[3])

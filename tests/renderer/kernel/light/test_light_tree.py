@@ -76,7 +76,7 @@ def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
     child, end = (made.light_node[:, row].view(np.int32) for row in (CHILD, END))
 
     def lights_below(node, begin):
-        """Returns the number of lights up to and including the node's last one."""
+        """Returns the number of lights up to and including the last one of a node of the light tree."""
         for k in np.flatnonzero(end[node] != NO_END):
             begin = lights_below(child[node, k], begin) if child[node, k] >= 0 else begin + (child[node, k] == ~begin)
             assert end[node, k] == begin
@@ -93,9 +93,9 @@ def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
 
 @pytest.mark.long
 def test_chances_sum_to_one_but_for_dead_ends(made):
-    """Probabilities sum to 1 except at dead ends: a node's bounds may reach a point that neither child's bounds reach.
+    """The probabilities of all lights sum to 1 except at dead ends, where no light is sampled.
 
-    No light is sampled there, which is correct.
+    At a dead end a node's bounds may contribute to a point to which neither child's bounds contribute.
     """
     sums = np.array([chances(made, p, n).astype(float).sum() for p, n in zip(*points_and_normals(), strict=True)])
     assert sums.max() < 1 + 1e-5
@@ -146,7 +146,7 @@ def plain_importance(light, p, n):
 
 
 def test_the_chances_in_one_node_are_in_proportion_to_the_formula():
-    """Eight punctual lights are all in the root node, so their bounds are exact."""
+    """Eight punctual lights in the root node, whose bounds are exact, are chosen in proportion to the importance formula."""
     lamps = (
         *(Light("point", gray(2.0**i), (i - 2.0, 3.0, i % 2), radius=0.4 * i) for i in range(3)),
         *(Light("spot", gray(9.0), (i, 2.0, -1.0), (0.3 * i, -1, 0.2), outer_cone=20 + 40 * i, radius=0.1 * i) for i in range(3)),
@@ -222,7 +222,7 @@ def test_no_light_that_reaches_a_point_is_passed_over(made):
 
 
 def test_a_near_lamp_is_chosen_over_a_far_one():
-    """In a row of equal lamps the one above the point is chosen far more often than 1 in `count`, those behind never."""
+    """In a row of equal lamps the one above the point is chosen far more often than 1 in `count`, those behind it never."""
     lamps = tuple(Light("point", gray(1.0), (float(x), 1.0, 0.0)) for x in range(0, 100, 2))
     made = scene([Material()], (square((0, 0, 0), (1, 0, 0), (0, 0, -1), 0),), lights=lamps)
     chance = chances(made, (40.0, 0.0, 0.0), (0, 1, 0))

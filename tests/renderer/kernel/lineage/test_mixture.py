@@ -1,4 +1,4 @@
-"""Tests of sampling towards targets: directions follow the stated density, from outside, from inside, and edge-on."""
+"""Tests of sampling directions towards targets: they follow the stated density, from outside, from inside, and edge-on."""
 
 import numpy as np
 import pytest

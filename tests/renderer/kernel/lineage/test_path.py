@@ -47,7 +47,10 @@ def test_no_light_leaks_into_a_closed_mesh(mesh, scale):
 
 
 def test_few_paths_leak_where_coordinates_are_coarse():
-    """At 300 from the origin float32 has a step of 1.5e-5, so points that close to an edge may be rounded across it."""
+    """Few paths leak from a closed mesh at 300 from the origin, where float32 has a step of 1.5e-5.
+
+    Points that close to an edge may be rounded across it.
+    """
     closed = box(0, center=(300, 300, 300))
     dark = scene([Material(base_color=gray(0.9))], (closed,), environment=1.0)
     sums = render_frame(dark, settings((300.1, 300.2, 300.3), (300.5, 300.1, 301), 120, size=40, max_depth=8), 64)

@@ -121,7 +121,7 @@ def test_both_heuristics_and_all_choices_of_lights_give_one_mean(lit_room):
 
 
 def test_the_heuristics_weigh_otherwise():
-    """The heuristics' films differ; otherwise the test above would compare a picture with itself."""
+    """The MIS heuristics' films differ; otherwise the previous test would compare a picture with itself."""
     made = room(0.5)
     pictures = [render_frame(made, settings(*VIEW, size=8, heuristic=name), 4)[COLOR] for name in HEURISTICS]
     assert (pictures[0] != pictures[1]).any()
@@ -182,7 +182,10 @@ def under_a_lamp(height, side=0.05):
 
 @pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 def test_the_mistakes_are_made_as_their_names_say(integrator):
-    """Under a small lamp at height h, E = L A / h^2; `attenuation` divides by h^2 again, `light-cutoff` is sqrt(1000)."""
+    """Under a small lamp at height h, E = L A / h^2, and each deliberate mistake changes E as its name says.
+
+    `attenuation` divides by h^2 again, `light-cutoff` is sqrt(1000).
+    """
     for height, mistake, factor in (
         (3.0, "", 1.0),
         (3.0, "attenuation", 1 / 9),

@@ -23,7 +23,7 @@ def whitted(made, view, spp=4, **more):
 
 
 def test_a_square_light_is_looked_at_in_its_middle():
-    """Whitted samples a square light only at its centre: L A / h^2 / pi, where integration yields 0.752275 / pi."""
+    """Whitted ray tracing samples a square light only at its centre: L A / h^2 / pi, where integration yields 0.752275 / pi."""
     made = scene([WHITE, emitter(1.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)))
     np.testing.assert_allclose(mean(whitted(made, BELOW, 16), 24), 1 / math.pi, rtol=1e-3)
 
@@ -86,7 +86,7 @@ def test_glass_splits_by_fresnel():
 
 
 def test_no_light_goes_from_wall_to_wall():
-    """Inside an emitting sphere of albedo a, Whitted has only the first reflection, while path tracing has all."""
+    """Inside an emitting sphere of albedo a, Whitted ray tracing has only the first reflection, path tracing all of them."""
     furnace = scene([emitter(0.5, 0.5, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     assert_mean(whitted(furnace, ((0.3, 0.2, 0.1), (1, 0, 0), 70), 64), 0.75, slack=1e-4)
 
@@ -104,7 +104,10 @@ def test_max_depth_1_shows_what_the_camera_sees_emit():
 @pytest.mark.parametrize("distance", [0.0, 0.5, 1.5])
 @pytest.mark.parametrize("sampler", ["sobol", "independent"])
 def test_occlusion_inside_a_sphere(distance, sampler):
-    """At angle theta the opposite wall is 2 cos(theta) away, so 1 - D^2 / 4 of cosine-weighted directions are free up to D."""
+    """A share of 1 - D^2 / 4 of cosine-weighted directions inside a unit sphere are free up to the distance D.
+
+    At angle theta to the normal the opposite wall is 2 cos(theta) away.
+    """
     ball = scene([Material(base_color=gray(0.3))], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, integrator="ao", ao_distance=distance, sampler=sampler)
     sums = render_frame(ball, asked, 256)

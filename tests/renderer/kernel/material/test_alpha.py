@@ -15,14 +15,17 @@ WHITE = Material(base_color=gray(1.0))
 
 
 def cards(count, material, distance=1.0):
-    """Returns `count` parallel cards between the light and the camera at z = 4, from z = 2 backwards."""
+    """Returns `count` parallel squares between the light and the camera at z = 4, from z = 2 backwards.
+
+    distance: spacing in tenths of a unit.
+    """
     return tuple(square((0, 0, 2 - 0.1 * distance * i), (9, 0, 0), (0, 9, 0), material) for i in range(count))
 
 
 @grid("integrator", ["path", "direct", "whitted"], ordinary=("path",))
 @pytest.mark.parametrize("count", [1, 4])
 def test_cards_before_a_light_let_the_rest_through(integrator, count):
-    """Black cards of opacity a transmit (1 - a)**n of the light behind them, and do not add to a path's depth."""
+    """Black squares of opacity a transmit (1 - a)**n of the light behind them, and do not add to a path's depth."""
     card = Material(base_color=gray(0.0), opacity=0.3, alpha_mode="blend")
     made = scene([emitter(2.0), card], (square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0), *cards(count, 1)))
     sums = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, max_depth=1, integrator=integrator), 256)
@@ -43,7 +46,7 @@ def test_a_shadow_through_cards_is_as_dark_as_their_product(sampling):
 @pytest.mark.parametrize("with_card", [False, True])
 @pytest.mark.parametrize("distance", [10.0, 30.0, 1000.0])
 def test_a_distant_light_does_not_occlude_itself(distance, with_card):
-    """A square light of area 1 facing a wall yields rho L / (pi d^2), with or without a transparent card next to it."""
+    """A square light of area 1 facing a wall yields rho L / (pi d^2), with or without a transparent square next to it."""
     card = Material(base_color=gray(0.5), opacity=0.5, alpha_mode="blend")
     lamp = square((0.3, 4.0, 0.0), (0.5, 0, 0), (0, 0.5, 0), 1)
     wall = square((0.3, 4.0, distance), (0.1 * distance, 0, 0), (0, -0.1 * distance, 0), 0)
@@ -64,7 +67,7 @@ def test_a_mask_is_there_or_not(opacity, there):
 
 
 def test_planes_are_those_of_the_first_thing_that_is_there():
-    """Behind an invisible card, depth is measured from the camera, not from the card."""
+    """First-hit planes skip invisible surfaces: behind an invisible square, depth is that of the next surface."""
     card = Material(base_color=gray(0.0), opacity=0.0, alpha_mode="blend")
     wall = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0)
     bare = scene([emitter(1.0, 0.3)], (wall,))
@@ -87,7 +90,7 @@ def test_other_integrators_see_through_clear_cards(integrator):
 
 @grid("sampling", ["mis", "light", "bsdf", "uniform"], ordinary=("mis",))
 def test_invisible_shells_change_nothing(sampling):
-    """Bounces and shadow rays pass invisible shells, and MIS uses the vertex before the shell."""
+    """Bounces and shadow rays pass invisible shells, and MIS weights use the vertex before the shell."""
     air = Material(base_color=gray(0.9), opacity=0.0, alpha_mode="blend")
     shells = tuple(Sphere((0, 0, 0), 1.2 + 0.1 * i, 2) for i in range(3))
     made = scene(
@@ -104,7 +107,7 @@ def test_invisible_shells_change_nothing(sampling):
 @pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 @pytest.mark.parametrize("distance", [0.1, 0.5])
 def test_an_absorbing_slab_takes_what_beer_says(integrator, distance):
-    """With index 1 nothing is reflected and all light passes once: color ** (path length / distance)."""
+    """A slab of index 1, which reflects nothing, transmits color ** (path length / distance)."""
     glass = Material(
         kind="glass", base_color=gray(1.0), ior=1.0, attenuation_color=(0.5, 0.25, 0.9), attenuation_distance=distance
     )
@@ -126,7 +129,7 @@ def test_unlit_surfaces_show_their_colour_and_scatter_nothing(integrator):
 
 
 def test_white_cards_vanish_in_a_white_world():
-    """Light between two half-transparent white cards is reflected and transmitted repeatedly; none is lost or counted twice."""
+    """Light between two half-transparent white squares is reflected and transmitted repeatedly; none is lost or counted twice."""
     card = Material(base_color=gray(1.0), opacity=0.5, alpha_mode="blend")
     made = scene([card], cards(2, 0, 5.0), environment=1.0)
     sums = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, max_depth=64), 256)

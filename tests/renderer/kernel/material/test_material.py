@@ -46,7 +46,7 @@ def _look(scene, surface, frame, layers, throughput, u, out):
 
 
 def compiled(material, images=(), textures=()):
-    """Returns a compiled scene of one square with this material."""
+    """Returns the compiled scene of one square with this material."""
     mesh = square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0)
     mesh.uvs = mesh.uvs1 = np.zeros((4, 2), np.float32)
     description = SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[material])

@@ -143,7 +143,7 @@ FLOATS = (RANDOM.random((5, 4, 4)) ** 6).astype(np.float32)
     ids=lambda value: value.name if isinstance(value, Image) else None,
 )
 def test_images_of_more_than_eight_bits_keep_their_precision(image, relative, absolute):
-    """16-bit images are exact to half a code, half floats to half a unit in the last place, up to float32 coordinates."""
+    """Images of 16 bits keep half a code's precision, half floats half a unit in the last place, at float32 coordinates."""
     images = [IMAGES[0], image]  # the preceding 8-bit image is still addressed correctly
     textures = [Texture(0), Texture(1, "repeat", "mirror", transform=MOVED)]
     materials = [Material(base_color_texture=1, metallic_roughness_texture=0)]
@@ -192,7 +192,7 @@ def test_a_layer_is_blended_in_linear_light_by_its_alpha_and_strength(blend, str
 
 
 def test_many_layers_each_looked_up_in_its_own_way():
-    """Each layer has its own image, coordinates, transform, wrap mode and encoding; a single one uses the second UVs."""
+    """Each texture layer has its own image, coordinates, transform, wrap mode and encoding; one layer uses the second UVs."""
     layers = TextureLayer(1, "multiply", 0.8), TextureLayer(2), TextureLayer(3, "screen", 0.5), TextureLayer(1, "signed_add")
     textures = [
         Texture(0, layers=layers),
@@ -249,7 +249,7 @@ def test_a_wall_shows_its_stack():
 @grid("kind", ["square", "square with others", "sphere"], ordinary=("square with others",))
 @pytest.mark.parametrize("uv_set", [0, 1])
 def test_a_lamp_with_a_stack_lights_as_brute_force_says(kind, sampling, uv_set):
-    """A lamp lit only by a layer with a hole gives a floor the irradiance that a sum over the emitter's points gives.
+    """A lamp lit only by a layer with a hole lights a floor as a sum over the emitter's points says.
 
     An emitter without second coordinates uses its first, whether or not other meshes have second ones.
     """
@@ -292,7 +292,7 @@ def _irradiance(kind, textures, images, point):
 
 
 def test_a_lamps_power_is_the_mean_of_its_whole_stack():
-    """The power is the mean over the whole layered texture, also if another texture's texels precede it in memory."""
+    """The power of a lamp is the mean over its whole layered texture, also if another texture's texels precede it in memory."""
     textures = [Texture(1), Texture(0, layers=(TextureLayer(0, "add", 0.5),))]
     materials = [Material(emission=(1, 1, 1), emission_texture=t) for t in (0, 1)]
     emitted = pack(SceneDescription(materials=materials, textures=textures, images=IMAGES)).emitted
@@ -308,7 +308,7 @@ CHECKER = np.array([[[255, 0, 0, 255], [0, 255, 0, 51]], [[0, 0, 255, 255], [255
 
 @pytest.mark.parametrize(("wrap", "columns"), [("repeat", (0, 1, 0, 1)), ("mirror", (0, 1, 1, 0)), ("clamp", (0, 1, 1, 1))])
 def test_the_nearest_of_four_texels_is_seen_as_it_is(wrap, columns):
-    """The nearest texel is constant up to its border, also beyond the image's right edge where it repeats."""
+    """The nearest texel is constant up to its border, also beyond the image's right edge, where the texture repeats."""
     textures = [Texture(0, wrap, "clamp", filter="nearest"), Texture(0, wrap, "clamp")]
     scene = compiled(textures, [Material(base_color_texture=i) for i in range(2)], [Image("checker", CHECKER)])
     inside = np.linspace(0, 0.5, 12, endpoint=False, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Tests of free flights: the expected throughput follows Beer's law, and throughput never grows."""
+"""Tests of free flights in media: the expected throughput follows Beer's law, and throughput never grows."""
 
 from __future__ import annotations
 

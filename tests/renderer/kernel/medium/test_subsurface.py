@@ -23,7 +23,7 @@ def albedo(color: np.ndarray, g: float = 0.0) -> np.ndarray:
 
 
 def test_a_half_space_of_it_has_that_colour() -> None:
-    """A half-space with the derived albedo has the surface's colour within 0.5 % of white, van de Hulst's stated accuracy.
+    """A half-space with the derived albedo has the surface's colour within 0.005, van de Hulst's stated accuracy.
 
     The reflectance is computed by Chandrasekhar's H.
     """

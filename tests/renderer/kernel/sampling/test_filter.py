@@ -56,7 +56,7 @@ def test_offsets_rise_with_u_and_are_symmetric(name):
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_small_light_is_spread_over_its_neighbours_by_the_filters_integral(name):
-    """An emitter of 1/40 pixel at a pixel's centre gives each neighbour the filter's value at its distance."""
+    """An emitter of 1/40 pixel at a pixel's centre gives each neighbouring pixel the filter's value at its distance."""
     _, _, shape = SHAPES[name]
     size, spp = 5, 4096
     pixel = 2 * np.tan(np.radians(10) / 2) / size * 10  # a pixel's size at distance 10

@@ -131,7 +131,10 @@ def points():
 @pytest.mark.parametrize("first", [0, 512, 640])
 @pytest.mark.parametrize("log_n", range(8))
 def test_every_aligned_run_of_samples_is_stratified(points, first, log_n):
-    """2**k points have one in each of 2**k slices of each dimension, and in each of 2**k boxes of the first two dimensions."""
+    """Aligned runs of 2**k samples are stratified: one in each of 2**k slices of each dimension.
+
+    Also one in each of 2**k boxes of the first two dimensions.
+    """
     n = 1 << log_n
     run = points[:, first : first + n]
     for k in range(4):
@@ -186,7 +189,10 @@ def test_blocks_of_a_pixel_are_not_correlated():
 
 @pytest.mark.parametrize(("first", "then"), [(2, 4), (6, 8)])
 def test_where_a_path_goes_from_two_vertices_fills_four_dimensions(first, then):
-    """Most divisions of the four dimensions into as many equal boxes as samples have one sample in each box."""
+    """The four dimensions of two path vertices' directions are stratified together.
+
+    Most divisions of them into as many equal boxes as samples have one sample in each box.
+    """
     for log_n in (4, 5, 6):
         n = 1 << log_n
         pixel, sample = np.arange(8 * n) // n, np.arange(8 * n) % n
@@ -276,7 +282,7 @@ def test_opposite_numbers_are_uniform_and_others(kind):
 
 
 def test_opposite_numbers_fill_the_gaps_between_a_pixels_own():
-    """Points and their opposites together fill most divisions into as many rectangles, with power-of-two sides, as points."""
+    """A pixel's points and their opposites together are stratified, in most divisions into as many rectangles as points."""
     found = []
     for power in range(9):
         own = numbers(x=5, y=9, sample=np.arange(2**power), block=2, kind=SOBOL)[:, :3]

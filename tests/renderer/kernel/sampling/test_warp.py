@@ -1,4 +1,4 @@
-"""Tests of each square_to_x against its square_to_x_pdf, by chi-squared."""
+"""Tests that samples of each square_to_x follow the density square_to_x_pdf, by chi-squared."""
 
 import numpy as np
 import pytest

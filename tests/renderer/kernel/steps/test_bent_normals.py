@@ -77,7 +77,7 @@ MESHES = (coarse_ball, bevelled_cube, smoothed_box)
 
 
 def lit(material: Material, of: object):
-    """Returns a scene of the object in a white environment, and settings that show all of it."""
+    """Returns a scene of the object `of` with this material in a white environment, and settings that show all of it."""
     if of is bumpy_square:
         described = bumpy_square()
         described.materials = [replace(material, normal_texture=0)]
@@ -89,7 +89,10 @@ def lit(material: Material, of: object):
 @pytest.mark.parametrize("of", [*MESHES, bumpy_square])
 @pytest.mark.parametrize("name", METALS)
 def test_white_with_bent_normals_is_invisible_in_a_white_world(name, of):
-    """On a convex object each reflected ray reaches the environment, so two path segments suffice."""
+    """White objects with bent normals are invisible in a white environment.
+
+    On a convex object each reflected ray reaches the environment, so two path segments suffice.
+    """
     made, asked = lit(METALS[name], of)
     sums = render_frame(made, replace(asked, max_depth=2), 64)
     # Linear interpolation in the albedo tables makes plastic 0.2 % too bright or too dark.

@@ -35,7 +35,7 @@ VIEW = ((0, 2, 6), (0, 0.8, 0), 30)
 
 
 def _both(compiled, asked: RenderSettings, spp: int) -> list[tuple[float, float]]:
-    """Returns (mean, standard error) for one branch and for two."""
+    """Returns (mean, standard error) of the picture with one branch per path, and with two."""
     asked = replace(asked, sampler="independent")
     return [mean_and_error(render_frame(compiled, replace(asked, splitting=n, seed=n), spp)) for n in (1, 2)]
 
@@ -70,7 +70,7 @@ def _sunny():
 
 
 def test_a_convex_thing_in_an_even_sky_is_as_bright_as_it_reflects() -> None:
-    """Each sample of a convex diffuse ball of albedo 0.6 under a sky of radiance 1 is 0.6, up to rounding."""
+    """Each sample of a convex diffuse ball of albedo 0.6 under a sky of radiance 1 has the value 0.6, up to rounding."""
     ball = scene([Material(base_color=gray(0.6))], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
     asked = RenderSettings(4, 4, View((0, 0, 4), (0, 0, 0), fov=10.0), max_depth=8)
     for count in (1, 2):
@@ -131,7 +131,7 @@ def test_strategies_that_are_compared_do_not_split(sampling: str) -> None:
 
 @pytest.mark.long
 def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_it() -> None:
-    """Brushed smooth metal has a lobe that is wide only along the scratches, so light sampling must contribute under MIS."""
+    """Brushed smooth metal, whose lobe is wide only along the scratches, has the same mean with MIS as with BSDF sampling."""
     metal = Material(kind="conductor", eta=(0.2, 0.4, 1.4), k=(4.0, 2.4, 1.6), roughness=0.0, anisotropy=0.8)
     sky = Environment(sky=Sky(sun_elevation=30.0, sun=False))
     compiled = scene([metal], spheres=(Sphere((0, 0.8, 0), 0.8, 0),), environment=sky)

@@ -72,7 +72,7 @@ def turned(rng, scale=1.0, mirror=False, at=(0, 0, 0)):
 
 @pytest.fixture(params=["copied", "kept once"])
 def sharing(request, monkeypatch):
-    """Returns whether instances are copied to world space or kept as instances; the test runs for both."""
+    """Runs the test with instances kept and with instances copied to world space; returns which of them."""
     keep_as(request.param, monkeypatch)
     return request.param
 
@@ -231,7 +231,7 @@ def test_a_sphere_does_not_shadow_itself_and_keeps_what_is_within(radius):
 
 
 def test_a_lifted_point_is_on_the_sphere_that_normals_speak_of():
-    """Facets of a coarse ball with smooth normals lie up to 5 % inside the sphere; lifted ray origins are on the sphere."""
+    """Ray origins offset from a coarse ball with smooth normals are on the sphere, whose facets lie up to 5 % inside it."""
     ball = painted(1)
     made = compile_scene(description_of(ball, [np.eye(4)], [Material()]))
     found = look(made, (0, 0, 3), directions(np.random.default_rng(6), 40_000))

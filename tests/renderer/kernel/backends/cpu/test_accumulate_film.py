@@ -32,7 +32,7 @@ def _keep(pool, lists, done, film, scale, batch, bad, sums):
 
 
 def kept(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.NDArray[np.int64], list[tuple[int, ...]], int]:
-    """Returns (film planes, listed bad samples, number of bad samples) for path rows (N, ROW)."""
+    """Returns (film planes, listed bad samples, number of bad samples) after adding the path rows (N, ROW) to a film."""
     pool = np.zeros((ROWS, int(ROW)), np.float32)
     pool[: len(rows)] = rows
     sums = np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64)
@@ -46,7 +46,7 @@ def kept(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.NDArray
 
 
 def paths(count: int, samples: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
-    """Returns path rows with random contents, each at a random pixel."""
+    """Returns `count` rows of the path pool with random contents, each at a random pixel."""
     random = np.random.default_rng(5)
     rows = random.normal(0, 10, (count, int(ROW))).astype(np.float32)
     facts = rows.view(np.int32)
@@ -105,7 +105,7 @@ def test_of_more_bad_samples_than_are_listed_all_are_counted() -> None:
 
 
 def test_branches_are_one_sample_once_all_of_them_are_done() -> None:
-    """A split path is one sample, in any order of its branches' ends; its row is freed only after the last branch."""
+    """A split path is added as one sample, whichever branch ends first; its row of the pool is freed after the last branch."""
     rows = paths(4, np.arange(4))
     rows[:, BRANCHES] = (1, 2, 2, 2)
     pool = np.zeros((ROWS, int(ROW)), np.float32)

@@ -1,4 +1,4 @@
-"""Tests that the bits do not depend on how paths are grouped in the pool, for any division into tiles and batches."""
+"""Tests that a film's bits do not depend on how paths are grouped in the pool, for any division into tiles and batches."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WHOLE, PART = Tile(0, 0, SIZE, SIZE), Tile(9, 14, 9, 7)
 
 @cache
 def at_once(name: str, tile: Tile) -> Sums:
-    """Returns the tile rendered as one batch."""
+    """Returns the film sums of the tile rendered as one batch."""
     return render_batch(*made(name), tile, FIRST, COUNT).sums
 
 

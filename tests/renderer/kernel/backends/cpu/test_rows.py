@@ -1,4 +1,4 @@
-"""Tests of the pool's memory: columns of eight rows, and lists of rows."""
+"""Tests of the path pool's memory: columns of eight rows, and lists of rows."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_fields_of_any_rows_are_read_and_written() -> None:
 
 
 def test_a_layout_gives_each_field_columns_of_its_own() -> None:
-    """Each field has columns of its own; tuples that one load reads begin at multiples of eight columns."""
+    """Each field of the pool has separate columns; tuples read by one load begin at multiples of eight columns."""
     taken: dict[int, type] = {}
     for declared, first in LAYOUT.first.items():
         assert first % 8 == 0

@@ -79,7 +79,7 @@ NAMES = ["instances", "a mesh", "triangles and spheres", "one packet", "nothing"
 
 
 class _Room:
-    """Scratch memory reused from batch to batch."""
+    """Scratch memory of the traversal, reused from batch to batch."""
 
     def __init__(self) -> None:
         self.alone, self.stack = new_stack(), new_stacks()
