@@ -1,4 +1,4 @@
-"""Fixture: a service for client commands."""
+"""Fixture: a service for tests of the client's commands."""
 
 from __future__ import annotations
 

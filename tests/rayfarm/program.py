@@ -21,7 +21,7 @@ LISTENS_TO = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def started(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Runs the program in a new process."""
+    """Runs the program in a new process, and returns its exit code and output."""
     command = [sys.executable, "-m", "rayfarm", *map(str, arguments)]
     return subprocess.run(
         command, cwd=ROOT, env={**os.environ, "COLUMNS": "160", **environment}, capture_output=True, text=True, timeout=120
@@ -29,7 +29,7 @@ def started(*arguments: str | Path, **environment: str) -> subprocess.CompletedP
 
 
 def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Runs the program in this process, which has already loaded numba and the kernels."""
+    """Runs the program in this process, which has already loaded numba and the kernels; returns its exit code and output."""
     stdout, stderr, code = io.StringIO(), io.StringIO(), 0
     before, listened = dict(os.environ), {number: signal.getsignal(number) for number in LISTENS_TO}
     mask = os.umask(0o077)

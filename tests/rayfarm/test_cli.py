@@ -50,7 +50,10 @@ def test_help_teaches_by_example(command: str) -> None:
 
 
 def test_help_reads_well() -> None:
-    """In help texts paragraphs fill the line, examples are indented, flags have no value, and no placeholder is a Python type."""
+    """Help texts are well formatted.
+
+    Paragraphs fill the line, examples are indented, flags have no value, and no placeholder is a Python type.
+    """
     watch = rayfarm("watch", "--help").stdout
     assert "In a pipe it prints lines until the job ends." in " ".join(watch.split())
     assert not any(line.split() == ["ends."] for line in watch.splitlines())

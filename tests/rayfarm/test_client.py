@@ -1,4 +1,4 @@
-"""Tests of the Python client and its commands with unexpected servers: a service of another release, and other servers."""
+"""Tests of the Python client and its commands with a service of another release, and with servers that are no Rayfarm."""
 
 from __future__ import annotations
 
@@ -220,7 +220,7 @@ def test_the_results_types_are_there_by_name() -> None:
 
 
 def farm_that(state: str, picture: bytes = b"", uploads: list[bytes] | None = None) -> Callable[[bytes], bytes]:
-    """Returns the responses of a service of release 0.1.0 whose job is in this state."""
+    """Returns the responses, by request, of a service of release 0.1.0 whose job is in this state."""
 
     def answer(request: bytes) -> bytes:
         if b"/api/scenes" in request:

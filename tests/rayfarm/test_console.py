@@ -1,4 +1,4 @@
-"""Tests of the command line's output of names and messages from other sources."""
+"""Tests that the command line prints names and messages from untrusted sources safely."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the worker that `rayfarm up` starts before its own imports: it waits for its options, and ends with its parent."""
+"""Tests of the worker that `rayfarm up` starts before its own imports: it waits for its options, and ends with `rayfarm up`."""
 
 from __future__ import annotations
 

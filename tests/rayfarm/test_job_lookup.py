@@ -18,7 +18,7 @@ class Listed:
 
 
 class FarmWith:
-    """A farm that finds jobs by their full id, or by a search, which also matches names."""
+    """A substitute farm that finds jobs by their full id, or by a search that also matches names."""
 
     def __init__(self, *ids: str) -> None:
         self.ids = ids

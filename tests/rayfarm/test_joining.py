@@ -1,4 +1,4 @@
-"""Tests of the message with which `rayfarm worker` and `rayfarm site` end."""
+"""Tests of the error messages with which `rayfarm worker` and `rayfarm site` end."""
 
 from __future__ import annotations
 

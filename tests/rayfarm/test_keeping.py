@@ -1,4 +1,4 @@
-"""Tests of the commands backup, restore and gc."""
+"""Tests of the commands `rayfarm backup`, `restore` and `gc`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that known differences from Mitsuba's and pbrt's pictures are reported for affected scenes only."""
+"""Tests that known differences from Mitsuba's and pbrt's pictures are reported only for scenes that have them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def differences(folder: Path, bsdf: str) -> list[str]:
 
 
 def test_rough_metal_is_brighter_by_what_a_second_facet_gives(tmp_path: Path) -> None:
-    """Rough metal is brighter by 13.7 % of white at alpha 0.25, by the quadrature of docs/correctness.md."""
+    """Scenes with rough metal are reported as brighter than Mitsuba's, by 13.7 % of white at alpha 0.25 (docs/correctness.md)."""
     (found,) = differences(tmp_path, METAL.format(0.25))
     assert found.startswith("Rough metal")
     assert found.endswith("up to 14 % brighter here")

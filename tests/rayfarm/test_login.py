@@ -1,4 +1,4 @@
-"""Tests of the credentials of commands on the farm's own machine."""
+"""Tests of which credentials a command uses on the farm's own machine."""
 
 from __future__ import annotations
 

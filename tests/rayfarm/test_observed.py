@@ -1,4 +1,4 @@
-"""Tests of observing a whole farm from outside: its logs as JSON, and its traces at a collector, from upload to tile."""
+"""Tests of a whole farm's logs as JSON, and of its traces at an OpenTelemetry collector, from upload to tile."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CALLER = "00-" + "ab" * 16 + "-" + "cd" * 8 + "-01"
 
 @pytest.fixture(scope="module")
 def observed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, Receiver, str, str]]:
-    """Yields (farm, collector, job, scene) of a farm that rendered under observation and was then stopped."""
+    """Yields (farm, collector, job, scene) of a farm that rendered with JSON logs and tracing, and was then stopped."""
     settings = {"RAYFARM_LOG_FORMAT": "json", "RAYFARM_LOG_LEVEL": "debug"}
     with Receiver() as receiver:
         settings |= {"OTEL_EXPORTER_OTLP_ENDPOINT": receiver.url, "OTEL_BSP_SCHEDULE_DELAY": "200"}

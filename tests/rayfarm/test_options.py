@@ -1,4 +1,4 @@
-"""Tests of options that both commands parse by the same code; errors show a valid example."""
+"""Tests of options that `render` and `submit` parse by the same code; their errors show a valid example."""
 
 from pathlib import Path
 

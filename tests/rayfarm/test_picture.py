@@ -1,4 +1,4 @@
-"""Tests of the options of `render` and `submit`: all settings of the renderer, equal for both."""
+"""Tests of the options of `render` and `submit`: both have all settings of the renderer."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ CAMERAS = [
 
 
 def parsed(arguments: list[str]) -> Picture:
-    """Returns the picture requested by these arguments."""
+    """Returns the picture requested by these command-line arguments."""
     found: list[Picture] = []
     app = typer.Typer()
 

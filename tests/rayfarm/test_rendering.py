@@ -1,4 +1,4 @@
-"""Tests of when a locally rendered frame with a target noise ends."""
+"""Tests of when a locally rendered frame with a target noise is finished."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from renderer.settings import RenderSettings, View
 
 @pytest.mark.parametrize(("side", "spp", "ends"), [(1, 1024, 512), (2, 1024, 128), (8, 1024, 16), (2, 5, 5)])
 def test_noise_ends_no_frame_before_each_pixel_has_enough_samples(monkeypatch, side, spp, ends) -> None:
-    """No frame ends before each pixel has enough samples, however low its noise estimate: few samples may agree by chance."""
+    """No frame ends before each pixel has enough samples, however low its noise estimate, since few samples agree by chance."""
     settings = RenderSettings(side, side, View((0, 0, 1), (0, 0, 0)))
     monkeypatch.setattr(render, "_prepared", lambda scene, settings: scene)
 

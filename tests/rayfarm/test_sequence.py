@@ -1,4 +1,4 @@
-"""Tests of `rayfarm render --frames`: frames equal stills, existing files are kept, and failed frames do not stop others."""
+"""Tests of `rayfarm render --frames`: frames equal single pictures, existing files are kept, failed frames stop no others."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SMALL = ["--size=24x16", "--spp=2", "--env=1,1,1"]
 
 
 def turning(camera_alone: bool = False) -> Gltf:
-    """Builds a large triangle, or a camera, that moves to the right within a second, above a static floor."""
+    """Builds a file in which a large triangle, or only the camera, moves to the right within a second, above a static floor."""
     g = Gltf()
     g.mesh(np.float32([(-5, -1, -5), (5, -1, -5), (0, -1, 5)]))
     g.mesh(TRIANGLE)
@@ -188,7 +188,7 @@ def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: 
 @pytest.mark.long
 @pytest.mark.parametrize("camera_alone", [False, True])
 def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, camera_alone: bool) -> None:
-    """Motion vectors are layers, and the picture is unchanged; objects move by 2 units per second, at a distance of 5."""
+    """Motion vectors are layers of the file and leave its picture unchanged; objects move by 2 units per second at distance 5."""
     path = tmp_path / "shot.glb"
     path.write_bytes(turning(camera_alone).glb())
     asked = ["--frames", "0-1", "--aov=depth,motion", *SMALL]

@@ -1,4 +1,4 @@
-"""Tests that a data folder is used by one farm at a time, and that its secrets are private."""
+"""Tests that only one farm at a time uses a data folder, and that the folder's secrets are private."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Tests of --strict and --root on the command line."""
+"""Tests of the options --strict and --root of the command line."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Tests that a farm's parts are restarted and stopped in order, and leave no processes behind."""
+"""Tests that a supervisor restarts a farm's parts, stops them in order, and leaves no processes behind."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
 
 
 def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
-    """A part that had served is restarted at once, whatever ended it; one that never served waits longer each time."""
+    """A part that had served is restarted at once, whatever ended it; one that never served waits longer before each restart."""
     serves = [True]
     part = Part("server", SLEEPER, tmp_path / "log", steady_s=90.0, serves=lambda: serves[0])
     supervisor.start(part)

@@ -1,4 +1,4 @@
-"""Tests that denoised frames wait for their neighbours, and no longer."""
+"""Tests that a denoised frame waits until its neighbours are rendered, and no longer."""
 
 from __future__ import annotations
 

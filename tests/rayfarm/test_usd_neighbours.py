@@ -1,4 +1,4 @@
-"""Tests of finding the files that a USD scene refers to; names in binary layers are compressed."""
+"""Tests of finding the files that a USD scene refers to, also in binary layers, where names are compressed."""
 
 from pxr import UsdGeom
 

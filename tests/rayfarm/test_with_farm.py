@@ -46,7 +46,7 @@ def run(*arguments: str | Path) -> tuple[int, str, str]:
 
 
 def here(*arguments: str | Path) -> tuple[int, str, str]:
-    """Runs a command in this process, which has already loaded numba and the kernels; returns code, output and errors."""
+    """Runs a command in this process, which has already loaded numba and the kernels; returns (exit code, output, errors)."""
     done = rayfarm(*arguments, COLUMNS="160", RAYFARM_TOKEN="")
     return done.returncode, done.stdout, done.stderr
 
@@ -163,7 +163,7 @@ def test_a_shot_is_fetched_frame_by_frame_and_is_what_render_gives(farm: Farm, t
 
 
 def both() -> Gltf:
-    """Builds a triangle that moves to the right within a second, and a camera that rises."""
+    """Builds a file with a triangle that moves to the right within a second, and a camera that rises."""
     g = turning()
     samplers, channels = g.root["animations"][0]["samplers"], g.root["animations"][0]["channels"]
     samplers.append({"input": samplers[0]["input"], "output": g.array(np.float32([(0, 0, 5), (0, 2, 5)]))})

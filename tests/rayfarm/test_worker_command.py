@@ -1,4 +1,4 @@
-"""Tests of `rayfarm worker` without a farm: it ends with an error message, or waits and reports what it waits for."""
+"""Tests of `rayfarm worker` without a farm: it ends with an error message, or waits and prints what it waits for."""
 
 from __future__ import annotations
 
@@ -166,7 +166,10 @@ def test_cards_beside_cores_are_a_worker_of_their_own(
 def test_processes_of_a_command_end_together_with_the_sentence_of_the_one_that_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """The first process waits; the second ends with an exit code after which a restart does not help."""
+    """If one process of a command fails, the others end too, and the command prints the failed process's error message.
+
+    The first process waits; the second ends with an exit code after which a restart does not help.
+    """
     monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path))
     program = """
 import json, sys, time

@@ -1,4 +1,4 @@
-"""A worker in a separate process with a fake service, controlled by a test."""
+"""A real worker in a separate process with a fake service, controlled by a test."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class Bench:
         self.service.manifests[scene] = Manifest(scene, main, refs)
 
     def prepare(self, scene: str) -> Result:
-        """Requests preparation of a scene; returns the result once its thumbnail is stored too."""
+        """Requests preparation of a scene; returns the result once the scene's thumbnail is stored too."""
         kind = self.report().kind  # type: ignore[union-attr]
         self.celery.send_task(PREPARE, kwargs={"scene": scene}, queue=prepare_queue(kind))
         outcome = self.next("prepared", "prepare-failed")
@@ -131,7 +131,7 @@ class Bench:
         return outcome
 
     def prepare_frames(self, work: PrepareFrames) -> list[FrameInfo]:
-        """Returns the result of each frame's preparation, in order."""
+        """Requests preparation of frames; returns the result of each frame, in order."""
         kind = self.report().kind  # type: ignore[union-attr]
         self.celery.send_task(PREPARE_FRAMES, kwargs={"frames": asdict(work)}, queue=prepare_queue(kind))
         return [FrameInfo.from_json(self.next("frame-prepared").event["info"]) for _ in work.frames]
@@ -141,7 +141,7 @@ class Bench:
         self.celery.send_task(RENDER_BATCH, kwargs={"batch": batch.to_json()}, queue=render_queue(kind), task_id=message)
 
     def next(self, *types: str, seconds: float = 60.0) -> Result:
-        """Returns the next result of one of these types, within these seconds."""
+        """Returns the worker's next result of one of the given types. Fails if none arrives within `seconds`."""
         found: list[Result] = []
 
         def arrived() -> bool:
@@ -160,7 +160,7 @@ class Bench:
 
 @contextmanager
 def a_worker(redis_url: str, folder: Path, slots: int, options: Sequence[str] = ()) -> Iterator[Bench]:
-    """Context of a ready worker, which is stopped at the end unless it has ended before."""
+    """Starts a worker and yields it once it is ready; stops it at the end unless it has ended before."""
     handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "films": {}, "sent": [], "redis_url": redis_url})
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -196,7 +196,7 @@ def a_worker(redis_url: str, folder: Path, slots: int, options: Sequence[str] = 
 
 
 def slots_of(parent: int) -> list[psutil.Process]:
-    """Returns a worker's slots, without the process that uploads kernels."""
+    """Returns the processes of a worker's slots, without the process that uploads kernels."""
     found = []
     for child in psutil.Process(parent).children():
         with suppress(psutil.NoSuchProcess):
@@ -214,7 +214,7 @@ def used(slot: psutil.Process) -> float:
 
 
 def busiest(parent: int) -> psutil.Process:
-    """Returns the slot that is rendering; a starting slot also uses processor time, but has no work."""
+    """Returns the process of the slot that is rendering, not one that uses processor time because it starts."""
     before = {slot: used(slot) for slot in slots_of(parent)}
     wait_until(lambda: any(used(slot) - then > 0.4 for slot, then in before.items()), 30, "a slot uses its core")
     return max(before, key=lambda slot: used(slot) - before[slot])

@@ -1,7 +1,7 @@
-"""Prints the results for damaged USD files, one JSON line per suffix: `python -m tests.worker.damaged_stages FOLDER TRIES`.
+"""Prints the results of reading damaged USD files, a JSON line per suffix: `python -m tests.worker.damaged_stages FOLDER TRIES`.
 
-Runs as a single-threaded process like a worker's slot: tests that write stages have USD threads, which do not survive a fork and
-would be waited for.
+Runs as a single-threaded process like a worker's slot. Tests that write stages have threads of the USD library, which do not
+survive a fork; the forked process would wait for them for ever.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def write(folder: Path) -> None:
 
 
 def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
-    """Returns the file with odd values for some numbers and names, or with changed bytes."""
+    """Returns a USD file's data with odd values in place of some numbers and names, or with changed bytes."""
     if suffix == "usda":
         text = data.decode()
         for _ in range(rng.randint(1, 3)):
@@ -65,7 +65,7 @@ def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
 
 
 def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
-    """Returns the error message of reading a file; "" if it was read."""
+    """Returns the error message of reading a file in a bounded child process; "" if it was read."""
     try:
         run_bounded(work, lambda message: None, 2 << 30, 60.0, (SceneError,), subject)
     except WorkError as error:
@@ -74,7 +74,7 @@ def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
 
 
 def said(folder: Path, suffix: str, tries: int) -> list[str]:
-    """Damages a file `tries` times, and returns the error messages."""
+    """Reads the file of this suffix with `tries` different damages, and returns the error messages."""
     rng = random.Random(7)
     whole = (folder / f"a.{suffix}").read_bytes()
     tried = folder / suffix

@@ -1,4 +1,4 @@
-"""Tests of joining a farm: in the background, with retries, under a unique name."""
+"""Tests of a worker that joins a farm: in the background, with retries, under a unique name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def report(name: str, pid: int, host: str = "here") -> WorkerReport:
 
 
 class Service(Link):
-    """A service with prepared responses, used one after the other."""
+    """A substitute service with prepared responses, used one after the other."""
 
     def __init__(self, *answers: FarmAnswer | Exception) -> None:
         super().__init__("http://service.invalid", "token")

@@ -1,4 +1,4 @@
-"""Tests that Redis lists connected workers, even those that do not report."""
+"""Tests that Redis lists workers as connected, even those that send no reports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of damaged USD files in the confined child: a scene or an error message, and the worker survives."""
+"""Tests that damaged USD files, read in a confined child, yield a scene or an error message, and that the worker survives."""
 
 from __future__ import annotations
 

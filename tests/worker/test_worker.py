@@ -344,7 +344,7 @@ def kill_the_slot_with(bench: Bench, count: int) -> None:
 
 
 def kill_whoever_has(bench: Bench, name: str) -> None:
-    """Kills the busy slot until the worker has answered a batch.
+    """Kills the busy slot of the worker again and again until the worker has answered a batch.
 
     Three kills may not suffice: a slot that has just started also counts as busy.
     """

@@ -1,4 +1,4 @@
-"""Tests that each fault of a data folder is reported, and intact parts are not."""
+"""Tests of `rayfarm doctor` on data folders: each fault is reported, and intact parts are not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of reports about Redis, workers, and a machine without a farm."""
+"""Tests of what `rayfarm doctor` reports about Redis, workers, and a machine without a farm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that a farm yields the same picture as this process, in progress and at the end; a notebook's widget shows both."""
+"""Tests that a farm returns the same picture as this process, in progress and finished; a notebook's widget shows both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of rendering files, dicts and arrays in a program: the command's bits, and errors with a remedy."""
+"""Tests of rendering files, dicts and arrays from Python: the same bits as by the command, and errors with a remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of pictures as half blocks, kitty's graphics and sixels, decoded as by a terminal."""
+"""Tests of pictures drawn as half blocks, kitty's graphics and sixels, decoded as by a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of `rayfarm watch` on a real pseudo terminal, in a pipe, and with tev and a viewer, with a real service."""
+"""Tests of `rayfarm watch` with a real service: on a pseudo terminal, in a pipe, with tev and with another viewer."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ __all__ = ["TevServer"]
 
 
 class TevServer:
-    """The server, as a context manager. images: by name, (h, w, 3)."""
+    """A substitute for tev, as a context manager. images: the received images (h, w, 3) by name."""
 
     def __init__(self, port: int = 0) -> None:
         self._server = socket.create_server(("127.0.0.1", port))

@@ -26,7 +26,10 @@ DA1, DA1_WITH_SIXEL = b"\x1b[?62;22c", b"\x1b[?62;4;22c"
 
 
 class Window:
-    """The window, as a context manager. answers: replies to the queries for capabilities, sent when DA1 is queried."""
+    """A terminal window, as a context manager.
+
+    answers: replies to the program's queries for capabilities, sent when it queries DA1 (primary device attributes).
+    """
 
     def __init__(
         self, *arguments: str, columns: int = 80, rows: int = 30, answers: bytes = TRUE_COLOUR + DA1, **environment: str

@@ -1,4 +1,4 @@
-"""Tests of the blob cache: blobs are fetched once, verified, evicted, or mapped from the service's own folder."""
+"""Tests of the blob cache: blobs are fetched once, verified, and evicted, or mapped from the service's own folder."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def token(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], subprocess.Popen[bytes]]]:
-    """Records the started commands, and replaces each by a process that prints its priority."""
+    """Returns the list of started commands, each of which is replaced by a process that prints its priority."""
     found: list[tuple[list[str], subprocess.Popen[bytes]]] = []
     popen = subprocess.Popen
 

@@ -1,4 +1,4 @@
-"""Tests of sending results to the service: bounded, and continued after a restart of Redis."""
+"""Tests of sending results to the service: the backlog is bounded, and sending continues after a restart of Redis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that a farm with its own certificate is trusted by that certificate, and other servers are not."""
+"""Tests that a worker trusts a farm's own certificate, and no other server's."""
 
 from __future__ import annotations
 

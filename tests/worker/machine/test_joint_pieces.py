@@ -1,4 +1,4 @@
-"""Tests of sharing joint batches between slots, with processes that end at the worst moments."""
+"""Tests of dividing joint batches among slots, whose processes end at the worst moments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of detecting a user at the machine, with a simulated system."""
+"""Tests of detecting whether somebody uses the machine, with a simulated system."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def tell(machine: Path, all_s: float, own_s: float) -> None:
-    """Sets the processor time of all programs, and of the worker with its one child process."""
+    """Sets the processor time (seconds) of all programs, and that of the worker with its one child process."""
     (machine / "proc" / "stat").write_text(f"cpu  {round(all_s * TICK)} 0 0 999 999 0 0 0\ncpu0 1\n")
     for pid, parent, seconds in ((os.getpid(), 1, 1.0), (999_999, os.getpid(), own_s - 1.0), (999_998, 1, 50.0)):
         (machine / "proc" / str(pid)).mkdir(exist_ok=True)

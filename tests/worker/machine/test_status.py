@@ -1,4 +1,4 @@
-"""Tests of the status board that slots write and the parent reads, across a real fork."""
+"""Tests of the shared memory in which slots write their status and the parent reads it, across a real fork."""
 
 import subprocess
 import sys

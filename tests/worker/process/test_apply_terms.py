@@ -1,4 +1,4 @@
-"""Tests of applying the settings ("terms") that a worker receives."""
+"""Tests of applying the settings ("terms") that the service assigns to a worker."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MONDAY_NOON = datetime(2026, 3, 2, 12, 0)
 
 
 class Queues:
-    """A consumer with the operations that a heartbeat uses."""
+    """A substitute for Celery's consumer, with the operations that a heartbeat uses."""
 
     def __init__(self, slots: int) -> None:
         self.taken = ["render", "prepare"]

@@ -1,4 +1,4 @@
-"""Tests of a site's reducer process: it adds up workers' sums, authenticates workers, and may be killed without loss."""
+"""Tests of a site's reducer process: it adds up workers' sums, authenticates workers, and loses nothing if killed."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
 
 
 def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Slow senders are limited in number per address and in time, and do not take others' places."""
+    """Slow senders are limited in number per address and in time, and do not use up other senders' connections."""
     monkeypatch.setattr(reducer_module, "PATIENCE_S", 0.5)
     monkeypatch.setattr(reducer_module, "MOST_OF_ONE", 4)
     server = reducer_module._Server(("127.0.0.1", 0), reducer_module._Handler)
@@ -169,7 +169,7 @@ def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pyt
 
 
 def ended(wire: socket.socket) -> bool:
-    """Returns whether the other end closes the connection."""
+    """Returns whether the other end closes the connection in time."""
     with suppress(ConnectionError):
         return not wire.recv(1)
     return True

@@ -1,4 +1,4 @@
-"""Tests of a reducer's sums of a run: sent once, when complete or after a timeout, and by its successor after its end."""
+"""Tests of a reducer's sums of a run: they are sent once, when complete or after a timeout, also by a succeeding reducer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of a slot's warnings while it renders a batch, and of the duration of its steps."""
+"""Tests of the warnings that a slot logs while it renders a batch, and of the durations of the batch's steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the tail of a log written by several processes."""
+"""Tests of reading the last lines of a log that several processes write."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A real worker process that renders with a card, by a driver whose card is the processor."""
+"""Tests of a real worker process that renders with a graphics card, whose driver is simulated on the CPU."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of results made for clients: every error is answered, and the slot becomes free again."""
+"""Tests of a slot's work for clients (denoised pictures, vectors, ...): every error is answered, and the slot becomes free."""
 
 from __future__ import annotations
 

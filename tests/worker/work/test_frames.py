@@ -36,7 +36,7 @@ FRAMES = [0, 12, 24, 6.5, 48, 60]
 
 
 def moving(camera: bool, thing: bool) -> Gltf:
-    """Builds a camera and a triangle, each static or moving to the right within a second; another clip moves further."""
+    """Builds a camera and a triangle, each static or moving to the right within a second; a second clip moves them further."""
     g = Gltf()
     g.mesh(np.float32([(-5, -1, -5), (5, -1, -5), (0, -1, 5)]))
     g.mesh(TRIANGLE)
@@ -55,7 +55,7 @@ def moving(camera: bool, thing: bool) -> Gltf:
 
 
 class Bench:
-    """A scene's base as stored by the service, and a worker's results for its frames."""
+    """A scene's base as the service stores it, and a worker's results for its frames."""
 
     def __init__(self, folder: Path, scene: Gltf, **asked: Any) -> None:
         self.scene = folder / "scene"
@@ -87,7 +87,7 @@ class Bench:
         return hashlib.sha256((self.out / "whole").read_bytes()).hexdigest()
 
     def rendered(self, frame: float) -> tuple[str | None, list[dict[str, Any]]]:
-        """Returns the same values as computed by `rayfarm render --frame`."""
+        """Returns the same values for a frame as computed by `rayfarm render --frame`."""
         moment = Moment(frame, self.asked.fps, self.asked.clip)
         camera = None if self.asked.camera is None else str(self.asked.camera)
         compiled, summary = OpenScene(self.shot(), camera, shutter=self.asked.shutter).scene_at(moment)

@@ -1,4 +1,4 @@
-"""Tests of preparing a scene, apart from the confined reader (test_reader.py): attribution of failures."""
+"""Tests of preparing a scene, except for the confined reader (test_reader.py): failures are attributed to file or machine."""
 
 from __future__ import annotations
 

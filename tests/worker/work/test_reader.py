@@ -1,4 +1,4 @@
-"""Tests of the slot's side of confined readers: answers are validated, and their end becomes a worker's error."""
+"""Tests of a slot that uses confined readers: answers are validated, and ends of readers become errors of scene or machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of another light on a prepared scene: files are not read again, shared parts stored once, the scene unchanged."""
+"""Tests of relighting a prepared scene: files are not read again, shared parts are stored once, the scene stays unchanged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of compiled scenes in parts, between a worker's cache and the service."""
+"""Tests of exchanging compiled scenes in parts between a worker's cache and the service."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from worker.work.scenes import discard_damaged, open_scene, store_scene
 
 
 class Service(Link):
-    """A link to a service that is a dict; counts sent and fetched blobs."""
+    """A link to a substitute service that is a dict; counts sent and fetched blobs."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")

@@ -1,4 +1,4 @@
-"""A slot with a graphics card: it renders the batches of a message, or returns them for slots of the CPU."""
+"""Tests of a slot with a graphics card: it renders the batches of a message, or returns them to the queue of CPU slots."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def batch(number: int, tile: Tile, **more: Any) -> RenderBatch:
 
 
 def sums_of(tile: Tile, first: int, count: int) -> Any:
-    """Returns sums that tell pixels apart, as if every sample were finite."""
+    """Returns sums that differ by pixel, as if every sample were finite."""
     y, x = np.mgrid[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w]
     sums = np.broadcast_to(1000 * y + x + first, (CHANNELS, tile.h, tile.w)).astype(np.int64)
     sums[SAMPLES] = count
@@ -40,7 +40,7 @@ def sums_of(tile: Tile, first: int, count: int) -> Any:
 
 
 class Renderer:
-    """A card's renderer that records loaded scenes; `Renderer.answer` replaces render_batch."""
+    """A substitute for a graphics card's renderer that records loaded scenes; `Renderer.answer` replaces render_batch."""
 
     answer: Any = None
 
@@ -83,7 +83,7 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def render(worker: Any, *batches: RenderBatch) -> list[tuple[Tile, bool]]:
-    """Renders a message; returns what was shown of it."""
+    """Renders a message of batches on the card; returns (tile, whether a kernel is being compiled) as shown for each block."""
     shown: list[tuple[Tile, bool]] = []
     worker.speed = slot_card.render_on_card(
         worker, CardBatches(batches or (BATCH,)), lambda block, is_compiling: shown.append((block.tile, is_compiling))
