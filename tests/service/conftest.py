@@ -68,7 +68,7 @@ redis.utils.get_lib_version = functools.cache(redis.utils.get_lib_version)
 
 
 class _Compiled(dict[Any, Any]):
-    """A cache of compiled SQL statements, shared by all databases of one kind; SQLAlchemy's own is per dialect object."""
+    """A cache of compiled SQL statements, shared by all databases of one kind; SQLAlchemy's own cache is per dialect object."""
 
     def get(self, key: Any, default: Any = None) -> Any:
         return super().get((key[0].name, *key[1:]), default)
@@ -86,7 +86,10 @@ def _keep_what_is_compiled(connection: Connection) -> None:
 
 
 class Service:
-    """The service in a thread, with a Redis that is empty at first; `restart` starts it again with the same data folder."""
+    """The service in a thread, with a Redis that is empty at first.
+
+    `restart` starts the service again with the same data folder.
+    """
 
     def __init__(self, data: Path, redis_server: running_redis, **settings: Any) -> None:
         _empty(redis_server)
@@ -187,10 +190,10 @@ def new_sqlite(folder: Path) -> str:
 def until(
     true: Callable[[], bool], what: str, timeout: float = 20.0, say: Callable[[], Any] = lambda: "", rarely: float = 0.1
 ) -> None:
-    """Waits until a condition holds; raises after `timeout` seconds.
+    """Waits until the function `true` returns a true value; raises with `what` after `timeout` seconds.
 
-    Conditions mostly use HTTP, so after a while they are checked only every `rarely` seconds: checks took a fifth of the
-    processor time of such tests. say: returns more information for the error.
+    Conditions mostly use HTTP, and checks took a fifth of the processor time of such tests, so after a while they are checked
+    only every `rarely` seconds. say: returns more information for the error.
     """
     deadline = time.monotonic() + timeout
     pause = 0.02
@@ -209,7 +212,7 @@ def redis_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[running_r
 
 
 def _empty(server: running_redis) -> None:
-    """Clears what earlier tests left in Redis, such as a pause of a worker whose name is used again."""
+    """Deletes from Redis what earlier tests left there, such as a pause of a worker whose name is used again."""
     with redis.Redis.from_url(server.url) as client:
         client.flushall()
 

@@ -1,7 +1,7 @@
 """A worker with the real protocol over a real Redis, which computes samples by a formula instead of a path tracer.
 
-It takes Celery's messages from the queues, answers on the stream, and renews its key. A sample's value depends only on pixel,
-sample number and seed, so that tests can compute the expected film of any job.
+It receives Celery's messages from the queues, answers on the result stream, and renews its key in Redis. A sample's value depends
+only on pixel, sample number and seed, so that tests can compute the expected film of any job.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ class PeerWorker:
         self.stop()
 
     def stop(self) -> None:
-        """Stops without a response to work in progress, like a killed worker."""
+        """Stops without answering work in progress, like a killed worker."""
         self._stop.set()
         for thread in self._threads:
             thread.join()
@@ -255,13 +255,13 @@ class PeerWorker:
             self.redis.rpush(explained_key(work.message), json.dumps({"worker": self.name, **answer}))
 
     def _cannot(self, type: str, about: dict[str, Any]) -> bool:
-        """Returns whether the machine is unfit; if so, reports it."""
+        """Returns whether the test declared this machine unfit for such work; if so, sends that as the answer."""
         if self.unfit is not None:
             self.send({"type": type, **about, "error": self.unfit, "unfit": True})
         return self.unfit is not None
 
     def _denoise(self, work: DenoiseFrame) -> None:
-        """Sends a denoised picture: half the colour plus albedo and normal."""
+        """Answers a denoising request: the picture is half the colour plus albedo and normal."""
         about = {"work": work.work, "worker": self.name}
         if self._cannot("denoise-failed", about):
             return
@@ -279,7 +279,7 @@ class PeerWorker:
             self.send({"type": "denoise-failed", **about, "error": str(error)})
 
     def _show(self, work: ShowEnvironment) -> None:
-        """Sends the picture of an environment: its bytes reversed; reports a failure if its path contains "broken"."""
+        """Answers a request for an environment's picture with the file's bytes reversed; fails if its path contains "broken"."""
         about = {"work": work.work, "worker": self.name}
         if self._cannot("environment-failed", about):
             return
@@ -293,7 +293,7 @@ class PeerWorker:
         self.send({"type": "environment-shown", **about, "sha256": sha256})
 
     def _point(self, work: FrameVectors) -> None:
-        """Sends motion vectors with the values column, row, frame (in halves), and minus the column for each pixel."""
+        """Answers a request for motion vectors: each pixel has column, row, frame (in halves), and minus the column."""
         about = {"work": work.work, "worker": self.name}
         if self._cannot("vectors-failed", about):
             return
@@ -368,7 +368,7 @@ class PeerWorker:
         return {**about, "tile": list(work.tile), "worker": self.name}
 
     def _prepare_frames(self, work: PrepareFrames, send: Callable[[dict[str, Any]], None] | None = None) -> None:
-        """Prepares frames: the camera moves one unit to the right per frame.
+        """Prepares frames in which the camera moves one unit to the right per frame.
 
         `on_frame` raises for a frame that cannot be prepared.
         """

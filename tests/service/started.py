@@ -46,7 +46,7 @@ class Started:
         self.http = httpx.Client(base_url=self.url, timeout=20)
 
     def says(self, path: str = "/readyz") -> str:
-        """Returns the response of the readiness probe at `path`: `ready`, or a sentence."""
+        """Returns `ready`, or the sentence with which the readiness probe at `path` responds."""
         try:
             answer = self.http.get(path).json()
         except httpx.HTTPError as error:

@@ -1,4 +1,4 @@
-"""Tests of the add-on's archive: Blender's requirements, and equal bytes from the service and the command."""
+"""Tests of the add-on's archive: it meets Blender's requirements, and service and command make the same bytes."""
 
 from __future__ import annotations
 

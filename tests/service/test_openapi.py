@@ -26,7 +26,7 @@ def test_the_published_api_is_the_listed_one() -> None:
 
 
 def surface() -> Iterator[str]:
-    """Yields lines that describe the application's OpenAPI document."""
+    """Yields the lines of openapi.txt that describe the application's OpenAPI document."""
     document = create_app(Settings()).openapi()
     for path, operations in sorted(document["paths"].items()):
         for method, operation in sorted(operations.items()):

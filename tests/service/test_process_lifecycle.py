@@ -1,4 +1,4 @@
-"""Tests of the lifecycle of a service process, with a fake ownership."""
+"""Tests of starting and stopping the service's process, with a fake ownership of the farm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of `python -m service`: its listening address reaches the settings, which decide whether a login is required."""
+"""Tests of `python -m service`: its listening address decides, through the settings, whether a login is required."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_it_listens_where_its_settings_say(
 
 
 def test_another_machine_is_none_of_loopback_whatever_it_says(tmp_path: Path, redis_server: running_redis) -> None:
-    """A remote client is not treated as loopback, even if the settings do not know the server's address."""
+    """A remote client is not treated as local, even if the settings do not know the address on which the server listens."""
     service = Service(tmp_path / "data", redis_server)
 
     async def status(address: str) -> int:
@@ -88,7 +88,7 @@ def test_another_machine_is_none_of_loopback_whatever_it_says(tmp_path: Path, re
     [("/readyz", 200, False), ("/healthz", 200, False), ("/readyz", 503, True), ("/api/jobs", 200, True)],
 )
 def test_probes_that_succeed_are_not_logged(path: str, status: int, kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Successful probes are not logged: the filter is added before uvicorn configures its loggers, and survives that."""
+    """Successful probes are not logged. The filter is added before uvicorn configures its loggers, and stays in effect."""
     access = logging.getLogger("uvicorn.access")
     monkeypatch.setattr(access, "filters", [])
     monkeypatch.setattr(uvicorn, "main", lambda args, prog_name: None)

@@ -81,7 +81,7 @@ def test_a_job_waits_for_its_own_kind_and_is_never_mixed(service: Service) -> No
 
 @pytest.mark.long
 def test_a_job_of_a_kind_that_is_gone_begins_anew_where_one_wants_it(service: Service) -> None:
-    """A new job on another kind renders the same picture; the old job keeps its samples, and can be continued instead."""
+    """A new job for workers of another kind renders the same picture; the old job keeps its samples, and can be continued."""
     old_kind = OLD["report"]["kind"]
     address = str(service.options["redis_url"]), service.url, "the farm's token"
     with OldWorker(*address, name="old", kind=old_kind) as old:

@@ -1,4 +1,4 @@
-"""Tests of projects without login; tests/service/api/test_projects.py covers them with login."""
+"""Tests of projects on a service without login; tests/service/api/test_projects.py covers projects with login."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of detecting Redis and Valkey releases with the security fixes that a farm relies on."""
+"""Tests of detecting whether Redis or Valkey has a release with the security fixes that a farm relies on."""
 
 from __future__ import annotations
 

@@ -191,7 +191,7 @@ def test_keys_of_the_wrong_type_are_removed(service: Service) -> None:
 
 
 def test_a_worker_that_fills_redis_does_not_stop_the_farm(service: Service) -> None:
-    """A worker that fills Redis with large or many keys is cut off, while other workers' keys stay."""
+    """A worker that fills Redis with large or many keys is disconnected, while other workers' keys stay."""
     with redis.Redis.from_url(service.options["redis_url"]) as store, joined(service, made(service)["secret"]) as worker:
         before = store.config_get("maxmemory")["maxmemory"]
         store.config_set("maxmemory", int(store.info("memory")["used_memory"]) + (32 << 20))

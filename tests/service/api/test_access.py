@@ -29,7 +29,7 @@ NOBODY = {"login": True, "name": None, "role": None, "kind": None, "provider": N
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
-    """Yields a service configured as reachable from all machines."""
+    """Yields a service whose settings say that all machines can reach it, so that it requires a login."""
     service = Service(tmp_path_factory.mktemp("access") / "data", redis_server, host="0.0.0.0", trusted_proxies="127.0.0.1")
     yield service
     service.stop()
@@ -42,7 +42,7 @@ def no_tries_yet(service: Service) -> None:
 
 @pytest.fixture(scope="module")
 def owner(service: Service) -> Iterator[httpx.Client]:
-    """Yields a client with the token from the data folder."""
+    """Yields a client with the owner's token from the data folder."""
     path = service.options["data"] / "owner-token"
     assert path.stat().st_mode & 0o777 == 0o600
     with caller(service, path.read_text().strip()) as client:
@@ -83,7 +83,7 @@ def shape(need: Need) -> str:
 
 
 def ask(client: httpx.Client, method: str, pattern: str) -> int:
-    """Returns the status of a response without waiting for its body."""
+    """Requests a route pattern with example ids; returns the response's status without waiting for its body."""
     if method == "WS":
         url = f"{str(client.base_url).replace('http', 'ws', 1).rstrip('/')}{example_of(pattern)}"
         try:

@@ -1,4 +1,4 @@
-"""Tests of the API in general: problems, idempotency, pictures with ETags, pagination, headers, and authorization."""
+"""Tests of the API in general: error responses, idempotency, pictures with ETags, pagination, headers, and authorization."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
 
 @pytest.mark.long
 def test_a_still_says_its_noise(service: Service, scene: str) -> None:
-    """The noise of a still, by which docs/python.md ends a loop, equals the history's last value, and is stored."""
+    """The noise of a still, by which a loop in docs/python.md ends, equals the history's last value, and is stored."""
     job = service.submit(scene, spp=16)
     service.wait_for(job, "finished")
     noise = service.job(job)["frames"][0]["noise"]

@@ -49,7 +49,7 @@ def failed_login(service: Service, name: str, headers: list[tuple[str, str]]) ->
 
 
 def last_address(service: Service, headers: list[tuple[str, str]]) -> str:
-    """Returns the address that the audit log stores for a request."""
+    """Returns the client address that the audit log stores for a request with these headers."""
     answer = httpx.post(f"{service.url}/api/links", json={}, headers=[("Authorization", f"Bearer {OWNER}"), *headers])
     assert answer.status_code == 201, answer.text
     audit = httpx.get(f"{service.url}/api/audit", headers={"Authorization": f"Bearer {OWNER}"}).json()

@@ -1,4 +1,4 @@
-"""Tests of rows that this release cannot interpret: they are listed with an error, and the list still works."""
+"""Tests of database rows that this release cannot interpret: they are listed with an error, and the list still works."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the checks before any route is called: caller, host name, origin, method."""
+"""Tests of the checks made before any route is called: caller, host name, origin, method."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
 
 @pytest.fixture(scope="module")
 def open_service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
-    """Yields a service configured as reachable from all machines."""
+    """Yields a service whose settings say that all machines can reach it, so that it requires a login."""
     data = tmp_path_factory.mktemp("open") / "data"
     service = Service(data, redis_server, host="0.0.0.0", allowed_hosts=["Farm.example"], published=" 0.0.0.0 Render.example")
     yield service

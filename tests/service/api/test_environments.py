@@ -1,4 +1,4 @@
-"""Tests of environments: presets, and uploaded images that are validated, stored once, shown, used and deleted."""
+"""Tests of environments: presets, and uploaded images, which are validated, stored once, shown, used and deleted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of /api/examples: shipped scenes can be opened like uploads."""
+"""Tests of /api/examples: shipped example scenes can be opened like uploads."""
 
 from __future__ import annotations
 

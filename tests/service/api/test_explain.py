@@ -1,4 +1,4 @@
-"""Tests of GET /api/jobs/{id}/explain: the worker's request, the validated answer, and errors without a capable worker."""
+"""Tests of GET /api/jobs/{id}/explain: the request to a worker, the validated answer, and errors without a capable worker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of forwarding by a standby, with two real servers: one that echoes, and a standby in front of it."""
+"""Tests of a standby that forwards requests to the owner, with two real servers: one that echoes, and a standby before it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def served(app: ASGIApp, lifespan: Literal["on", "off"] = "off") -> Iterator[int
 
 
 async def echo(scope: Scope, receive: Receive, send: Send) -> None:
-    """Responds with the request that it received, and sets a session cookie."""
+    """An ASGI application that responds with the request that it received, and sets a session cookie."""
     headers = {name.decode(): value.decode() for name, value in scope["headers"]}
     body = json.dumps({"path": scope["raw_path"].decode(), "headers": headers}).encode()
     cookie = (b"set-cookie", b"session=of-the-one-before; Path=/; HttpOnly")
@@ -84,7 +84,10 @@ def test_nobody_is_taken_for_whoever_asked_before(standby: int) -> None:
 
 
 def test_what_is_asked_for_does_not_say_of_whom(standby: int) -> None:
-    """A path cannot change the owner's host: `http://owner:8000` plus `*@elsewhere/` would be a URL at elsewhere."""
+    """A request's path cannot change the host that it is forwarded to.
+
+    The owner's address `http://owner:8000` followed by `*@elsewhere/` would be a URL at elsewhere.
+    """
     with served(echo) as elsewhere:
         status, body = asked(standby, f"*@127.0.0.1:{elsewhere}/secret")
     assert status == 400

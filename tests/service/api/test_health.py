@@ -1,4 +1,4 @@
-"""Tests of health checks, which respond while all threads are busy; excess picture requests get 503 with Retry-After."""
+"""Tests of health checks, which respond while all threads are busy, and of 503 with Retry-After for excess picture requests."""
 
 from __future__ import annotations
 

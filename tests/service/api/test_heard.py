@@ -26,7 +26,10 @@ class Flood:
 
 
 def heard_while_others_work(text: str) -> float:
-    """Returns the number of messages accepted from a flood while another task sleeps, relative to the limit."""
+    """Returns the number of messages accepted from a flood while another task sleeps, divided by the limit.
+
+    text: the repeated message.
+    """
 
     async def both() -> float:
         flood = Flood(text)

@@ -192,7 +192,7 @@ def test_events_tell_of_scenes_jobs_and_workers(service: Service, worker: PeerWo
 
 
 def film_of(service: Service, job: str, **headers: str) -> tuple[list[int], np.ndarray, int]:
-    """Returns the whole film from one response: sample counts of its tiles, words (h, w), side of a tile."""
+    """Returns the whole film from one response: sample counts of its tiles, RGB9E5 words (h, w), side of a tile."""
     answer = service.http.get(f"/api/jobs/{job}/frames/0/film", headers=headers).raise_for_status()
     version, kind, frame, width, height, side = struct.unpack_from("<BBHHHI", answer.content)
     assert (version, kind, frame) == (1, 2, 0)

@@ -1,4 +1,4 @@
-"""Tests of Prometheus metrics; the shipped alerts and dashboard query only existing ones."""
+"""Tests of Prometheus metrics: the values, and that the shipped alerts and dashboard query only existing ones."""
 
 from __future__ import annotations
 

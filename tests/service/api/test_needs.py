@@ -1,4 +1,4 @@
-"""Tests that one table has the access requirements of all routes, and that no others are enforced."""
+"""Tests that one table holds the access requirements of all routes, and that these are enforced."""
 
 from __future__ import annotations
 

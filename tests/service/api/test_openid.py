@@ -38,7 +38,7 @@ PEOPLE = {
 
 
 class Provider:
-    """The provider, and the requests that it received."""
+    """A running OpenID provider, and the requests that it received."""
 
     def __init__(self, server: Any) -> None:
         self.url = f"http://127.0.0.1:{server.server_port}"
@@ -89,7 +89,7 @@ def browser(service: Service) -> Iterator[httpx.Client]:
 
 
 def sent_back(client: httpx.Client, sub: str) -> str:
-    """Starts a login and completes it at the provider; returns the redirect address."""
+    """Starts a login and completes it at the provider as subject `sub`; returns the URL of the redirect back to the service."""
     begun = client.get("/api/login/openid")
     assert begun.status_code == 302, begun.text
     answer = httpx.post(begun.headers["location"], data={"sub": sub}, verify=False)

@@ -23,7 +23,7 @@ async def _pieces() -> AsyncIterator[bytes]:
 
 
 async def answer(request: Request) -> Response:
-    """Responds with the kind of content that the path names."""
+    """Returns a response with the kind of content that the request's path names."""
     kinds: dict[str, Response] = {
         "long": JSONResponse(LONG),
         "short": JSONResponse({}),

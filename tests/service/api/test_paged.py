@@ -1,4 +1,4 @@
-"""Tests that lists with ten thousand entries are paginated, and a page costs only as much as its entries."""
+"""Tests that lists with ten thousand entries are paginated, and that a page costs only as much as its entries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of quotas: limits, and the errors with remedies beyond them."""
+"""Tests of quotas: what they limit, and the errors, with remedies, beyond the limits."""
 
 from __future__ import annotations
 

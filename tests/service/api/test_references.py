@@ -102,7 +102,7 @@ def test_a_long_name_keeps_what_says_its_format(service: Service) -> None:
 
 
 def ended(*_: Any) -> dict[str, Any]:
-    """Ends its process and leaves a file behind; used in place of the decoder."""
+    """Leaves a file behind and ends its process; used in place of the decoder of reference pictures."""
     tempfile.mkdtemp()
     os._exit(1)
 

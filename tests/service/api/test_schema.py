@@ -1,6 +1,6 @@
-"""Tests by requests generated from the OpenAPI document, with ids of real scenes, jobs and workers in every state.
+"""Tests with requests generated from the OpenAPI document, with ids of real scenes, jobs and workers in every state.
 
-Every response is declared in the document, with the declared form, and never an internal error.
+Every response is declared in the document, has the declared form, and is never an internal error.
 """
 
 from __future__ import annotations
@@ -104,14 +104,14 @@ def ids(path: str, alive: Alive) -> list[str]:
 
 
 def spare(path: str, alive: Alive) -> str:
-    """Returns the path with a scene or job that may be changed and deleted, so that the others keep their states."""
+    """Returns the path with the id of a scene or job that may be changed and deleted, so that the others keep their states."""
     if "/scenes/" in path:
         return alive.service.upload(OBJ + f"# {time.monotonic_ns()}".encode())
     return alive.service.submit(alive.scenes["ready"], width=32, height=32, priority=-100)
 
 
 def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> dict[int, int]:
-    """Calls an operation many times; returns how often each status occurred."""
+    """Calls an operation with many generated requests; returns the number of responses by status."""
     from schemathesis import GenerationMode
 
     seen: dict[int, int] = {}

@@ -1,4 +1,4 @@
-"""Tests of share links: what they show, to whom, and until when."""
+"""Tests of share links: what they show, to which clients, and until when."""
 
 from __future__ import annotations
 

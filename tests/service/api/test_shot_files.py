@@ -1,4 +1,4 @@
-"""Tests of a shot as one file: a zip that is streamed while frames finish, and movies."""
+"""Tests of downloading a shot as one file: a zip that is streamed while frames finish, or a movie."""
 
 from __future__ import annotations
 

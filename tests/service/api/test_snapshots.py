@@ -1,4 +1,4 @@
-"""Tests that snapshots returned later equal the picture at their time."""
+"""Tests that a snapshot of a job in progress, requested later, equals the picture at the snapshot's time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def kept(service: Service, job: str) -> list[int]:
 
 
 def in_step(service: Service, worker: PeerWorker) -> list[str]:
-    """Delays the worker at each power of two of samples until its snapshot is stored.
+    """Makes the worker wait, at each power of two of samples, until the job's snapshot is stored.
 
     Returns a list, to which tests add the ids of their jobs.
     """

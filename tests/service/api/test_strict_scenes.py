@@ -1,4 +1,4 @@
-"""Tests of strict uploads: a scene with warnings fails and lists them, and differs from the same files without `strict`."""
+"""Tests of uploads with `strict`: a scene with warnings fails and lists them, and is not shared with a non-strict upload."""
 
 from __future__ import annotations
 

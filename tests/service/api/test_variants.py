@@ -26,7 +26,7 @@ def refused(answer: Any, status: int) -> str:
 
 @pytest.mark.long
 def test_a_variant_is_of_the_request_and_makes_no_other_scene(service: Service) -> None:
-    """A variant, by name or number and also with a sky, belongs to the request and creates no further scene in the lists."""
+    """A material variant, by name or number and also with a sky, belongs to a job's request and creates no scene in the lists."""
     scene = service.upload(OBJ + b"# variants\n")
     until(lambda: service.scene(scene)["status"] == "ready", "the scene is prepared")
     assert (service.scene(scene)["variants"], service.scene(scene)["variant"]) == (["beach", "night", "night"], None)

@@ -1,4 +1,4 @@
-"""Tests of live views of a scene: pictures over the WebSocket, from a worker with the real protocol, without leftovers."""
+"""Tests of live views of a scene: a real worker's pictures arrive over the WebSocket, and a closed view leaves nothing behind."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.service.viewer import look
 
 
 def left_behind(service: Service) -> list[str]:
-    """Returns all keys of views in Redis, film files, and jobs."""
+    """Returns what closed views left behind: their keys in Redis, film files, and jobs."""
     redis = service.farm.views._redis
     keys = [key.decode() for key in redis.scan_iter("rayfarm*view*")]
     films = [str(path) for path in (service.options["data"] / "films").iterdir()]

@@ -1,4 +1,4 @@
-"""Tests that hooks receive each end of a job once, with a real server that gives chosen responses, and a real program."""
+"""Tests that hooks receive the end of each job once, with a real server that gives chosen responses, and a real program."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def receiver() -> Iterator[Receiver]:
 
 @pytest.fixture
 def told(service: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) -> Service:
-    """Returns a service that sends to the receiver, with short retry delays."""
+    """Returns a service whose webhooks go to the receiver, with short retry delays."""
     monkeypatch.setattr(outbox, "RETRIES_S", (0.1,) * 7)
     monkeypatch.setattr(outbox, "POLL_EVERY_S", 0.1)
     service.options |= {"webhooks": [receiver.url], "webhook_secret": SECRET, "public_url": "http://farm.example/"}
@@ -252,7 +252,7 @@ def test_a_program_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path, 
 
 
 def arrived(service: Service) -> list[int]:
-    """Returns the number of messages delivered to each webhook."""
+    """Returns the number of messages delivered to each webhook, as the API reports it."""
     return [hook["arrived"] for hook in service.http.get("/api/hooks").json()]
 
 
@@ -277,9 +277,9 @@ def test_a_hook_that_hangs_holds_up_no_other(service: Service, receiver: Receive
 def test_more_ends_than_are_looked_at_at_once_are_told_beside_what_is_late(
     told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If more jobs end than one round reads, all are delivered, although a job that ended before was late.
+    """If more jobs end than one round reads, all ends are delivered, although a job that had ended before was late.
 
-    The late job's time must not hide the rest.
+    The late job's time must not hide the other ends.
     """
     monkeypatch.setattr(outbox, "AT_A_TIME", 2)
     jobs = [told.submit(told.upload()) for _ in range(6)]

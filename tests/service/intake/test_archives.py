@@ -32,7 +32,7 @@ def zipped(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes
 
 
 def unpack(store: BlobFolder, content: bytes, max_files: int = 10, max_bytes: int = 50 << 20) -> dict[str, bytes]:
-    """Returns the extracted files, and discards their blobs."""
+    """Returns the files extracted from a zip, and deletes their blobs."""
     found: dict[str, bytes] = {}
     for name, writer in extract_archive(
         io.BytesIO(content), "pack.zip", store, max_files, max_bytes, 100.0, lambda size: None, []

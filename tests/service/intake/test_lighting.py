@@ -1,4 +1,7 @@
-"""Tests of lighting in the request: no further scene in the lists, one compiled scene per lighting, deleted when unused."""
+"""Tests of lighting given in a job's request: it creates no scene in the lists, but one compiled scene per lighting.
+
+This scene is deleted when no job uses it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of jobs with a strict request: warnings of the scene are errors."""
+"""Tests of jobs whose request is strict: warnings of the scene are errors."""
 
 import pytest
 

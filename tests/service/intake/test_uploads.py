@@ -169,7 +169,7 @@ def test_too_many_files(service: Service) -> None:
 
 
 def test_the_files_of_an_upload_are_not_all_open_at_once(tmp_path: Path, service: Service) -> None:
-    """The files of an upload are not all open at once: textures would use up descriptors that films and the database need."""
+    """The files of an upload are not all open at once, since many textures would use up the process's file descriptors."""
     are_open: list[int] = []
 
     class Folder(BlobFolder):

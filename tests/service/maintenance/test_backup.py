@@ -1,4 +1,4 @@
-"""Tests that a backup taken while a farm runs can be started as a farm, which continues with the same bits."""
+"""Tests that a backup of a running farm can be started as a farm, which continues its jobs with the same bits."""
 
 from __future__ import annotations
 

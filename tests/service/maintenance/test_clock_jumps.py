@@ -1,4 +1,4 @@
-"""Tests that a clock set forward by mistake deletes no data that cannot be restored."""
+"""Tests that no data that cannot be restored is deleted because a clock was set forward by mistake."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of deletion by rules: data is restored to the same bits if possible, and needed or pinned data is kept."""
+"""Tests of retention rules: deleted data that can be rendered again has the same bits then, needed or pinned data is kept."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.service.conftest import OBJ, Service, until
 
 
 def aged(service: Service, **days: float) -> None:
-    """Sets the age of jobs and scenes, by id."""
+    """Sets the age in days of jobs and scenes, given by id."""
     for id, age in days.items():
         then = time.time() - age * DAY_S
         with service.farm.sessions.begin() as session:
@@ -32,7 +32,7 @@ def let_go(service: Service, **rules: float) -> list[tuple[str, str]]:
 
 
 def over(service: Service, location: str = "/api/retention") -> dict[str, Any]:
-    """Waits until a deletion run has ended, and returns it."""
+    """Waits until the deletion run at `location` has ended, and returns it."""
     runs: list[dict[str, Any]] = []
 
     def is_over() -> bool:

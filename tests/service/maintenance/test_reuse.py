@@ -1,4 +1,4 @@
-"""Tests of reusing samples: never too many samples, never different bits, and the jobs' goals stay independent."""
+"""Tests of jobs that reuse another job's samples: never too many samples, never different bits, and independent goals."""
 
 from __future__ import annotations
 

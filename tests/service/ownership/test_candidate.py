@@ -56,7 +56,7 @@ def owned(candidate: Candidate) -> Ownership:
 
 
 def elsewhere(owning: Ownership) -> None:
-    """Makes the owner's row look like that of another machine, whose process cannot be checked."""
+    """Makes the owner's database row look like that of another machine, whose process cannot be checked."""
     with owning._bare.begin() as session:
         session.execute(text("UPDATE owners SET process = NULL, locked = :no"), {"no": False})
 

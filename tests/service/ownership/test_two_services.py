@@ -1,4 +1,4 @@
-"""Tests of two services of one farm: the second stands by and takes over when the first is killed or hangs.
+"""Tests of two services of one farm: the second stands by, and takes over when the first is killed or hangs.
 
 Later writes of the first are refused. The film has each sample once, whenever the takeover happens.
 """

@@ -1,4 +1,4 @@
-"""Tests of scenes that require Blender: which workers get them, the message without Blender, and what is stored."""
+"""Tests of scenes that require Blender: which workers get them, the message if none has Blender, and what is stored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of a locked, read-only or unreachable database: films continue, and pending writes are made later."""
+"""Tests of a locked, read-only or unreachable database: films continue, and pending writes are made once it is back."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_read_only_database(service: Service, worker: PeerWorker) -> None:
 
 
 def away_while(flag: threading.Event, method: Any) -> Any:
-    """Wraps a method of Records that fails while the flag is set, as if the database were unreachable."""
+    """Returns a method of Records that fails while `flag` is set, as if the database were unreachable."""
 
     def instead(*arguments: Any) -> Any:
         if flag.is_set():

@@ -1,4 +1,4 @@
-"""Tests of shares and limits through the real service: the work that workers actually get."""
+"""Tests of shares and limits of users through the real service, by the work that workers actually get."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerW
     had: Counter[str] = Counter()
 
     def of_batches() -> float:
-        """Returns the reported slot-seconds since every job has its first samples."""
+        """Returns the slot-seconds of batches, as reported, since the time at which every job had its first samples."""
         had.clear()
         batches = list(worker.batches)
         begun = max(next((i for i, batch in enumerate(batches) if batch.job == job), 1 << 30) for job in (anna, *bens))
@@ -66,7 +66,7 @@ def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Serv
     with service.worker(slots=8) as worker:
 
         def look(batch: RenderBatch) -> None:
-            """Records the number of waiting messages; without the limit there would be sixteen: two for each of eight slots."""
+            """Records the number of waiting messages. Without the limit there would be sixteen, two for each of eight slots."""
             waiting.append(worker.redis.llen(render_queue(worker.kind)))  # type: ignore[arg-type]
 
         scene = service.ready_scene()

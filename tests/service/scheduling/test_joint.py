@@ -1,4 +1,4 @@
-"""Tests of batches of one tile for the slots of one machine, whose sums are added up.
+"""Tests of joint batches: batches of one tile for the slots of one machine, whose sums are added up there.
 
 Each sample is in the film once, even if sums are lost, duplicated, or arrive separately.
 """
@@ -28,7 +28,7 @@ Run = list[tuple[Any, float]]
 
 
 class Machines(Slots):
-    """Two machines with 32 slots each. `troubled` may replace the sending of sums."""
+    """Two simulated machines with 32 slots each. `troubled` may replace the sending of sums."""
 
     def __init__(self, service: Service, adds: bool = True) -> None:
         super().__init__(service.options["redis_url"], service.url, TOKEN, 64, SUMS, 0.01, adds)

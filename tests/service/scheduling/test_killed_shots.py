@@ -32,7 +32,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 
 class Looked:
-    """The database as read by another program."""
+    """Reads the service's database as another program."""
 
     def __init__(self, data: Path, url: str) -> None:
         self._engine = create_engine(url or sqlite_url(data / "rayfarm.sqlite"))
@@ -52,7 +52,7 @@ class Looked:
         return int(self.one("SELECT count(*) FROM frames WHERE job = :job", job=job))
 
     def targets(self, job: str) -> dict[int, int]:
-        """Returns target (samples per pixel) -> number of frames."""
+        """Returns the number of the job's frames for each target, in samples per pixel."""
         rows = self.all("SELECT target, count(*) FROM frames WHERE job = :job GROUP BY target", job=job)
         return {target // PIXELS: count for target, count in rows}
 

@@ -1,4 +1,4 @@
-"""Tests of shots with very many frames: changes are carried out in parts, with the same result.
+"""Tests of shots with very many frames: changes are carried out in several transactions, with the same result as in one.
 
 A killed service leaves nothing half done.
 """

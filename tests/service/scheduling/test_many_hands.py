@@ -1,6 +1,6 @@
-"""Test of four users of a farm with quotas who create, change and delete shots while workers come, go and change.
+"""Test of four users of a farm with quotas who create, change and delete shots while workers start, stop and change.
 
-The service is restarted during this, and at the end every picture equals its expected samples.
+The service is restarted meanwhile, and at the end every picture equals its expected samples.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Crowd:
         self._made += 1
 
     def ask(self, http: httpx.Client, method: str, path: str, **more: Any) -> httpx.Response | None:
-        """Sends a request; returns None if the service is away."""
+        """Sends a request; returns None if the service does not respond because it restarts."""
         http.base_url = httpx.URL(self.service.url)
         try:
             answer = http.request(method, path, **more)

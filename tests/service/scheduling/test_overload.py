@@ -1,4 +1,4 @@
-"""Tests of more slots than the service can take results from: it hands out fewer and longer batches, and none twice."""
+"""Tests of more slots than the service can merge results of: it hands out fewer and longer batches, and none twice."""
 
 from __future__ import annotations
 

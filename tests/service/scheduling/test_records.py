@@ -84,7 +84,7 @@ def test_many_jobs_that_are_to_be_taken_up_are_read_by_three_queries(tmp_path: P
 
 
 def test_writers_wait_for_each_other(records: Records) -> None:
-    """With concurrent read-modify-write from four threads no update is lost and no thread fails."""
+    """Four threads that read, modify and write the same row lose no update, and none of them fails."""
 
     def add() -> None:
         for _ in range(25):

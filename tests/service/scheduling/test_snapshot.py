@@ -1,4 +1,4 @@
-"""Tests of the engine's snapshot for other threads, and of when they are notified."""
+"""Tests of the engine's state as copied for other threads, and of when these threads are notified."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of machines that cannot prepare scenes or frames: other workers get them, and the scene does not fail."""
+"""Tests of machines that cannot prepare scenes or frames: other workers get the scenes, which do not fail."""
 
 from __future__ import annotations
 

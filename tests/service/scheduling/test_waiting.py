@@ -1,4 +1,4 @@
-"""Tests of jobs with dependencies, through the real service."""
+"""Tests of jobs that wait for other jobs, through the real service."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class PostgresServer:
         connect(self.url("template_of_tests"))[0].dispose()
 
     def url(self, name: str) -> str:
-        """Returns the URL of one of its databases."""
+        """Returns the URL of the server's database with this name."""
         return URL.create("postgresql+psycopg", "farm", database=name, query={"host": str(self._folder)}).render_as_string()
 
     def new(self) -> str:

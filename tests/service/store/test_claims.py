@@ -1,4 +1,4 @@
-"""Tests that a film accepts each sample once, also if joined sums and one of their batches both arrive."""
+"""Tests that a film accepts each sample once, also if both joined sums and one of their batches arrive."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.service.store.test_films import make, part, rows_of
 
 
 def right(film: Film, tile: int, samples: int) -> None:
-    """Asserts the samples of a tile in the film's index, and in the file as read by another Film object."""
+    """Asserts which samples of a tile the film has, by its index and by another Film object that reads the file."""
     again = make(film._path)
     for each in (film, again):
         np.testing.assert_array_equal(each.tile_sums(0, tile), expected_sums(film.tiles[tile], 0, samples, 0))

@@ -1,4 +1,4 @@
-"""Tests that damage to a film's file by the disk is detected, and that intact rows are kept."""
+"""Tests that a film detects damage to its file by the disk, and keeps intact rows of sums."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SPP = 3
 
 
 def filled(folder: Path) -> FilmFolder:
-    """Returns a folder with a film of three one-sample rows per tile; tile 1 is folded."""
+    """Returns a folder with a film that has three rows of one sample per tile; the rows of tile 1 are folded into one."""
     films = FilmFolder(folder, 1 << 20)
     film = films.open("job", SETTINGS, TILE, pin=True)
     for tile in range(len(film.tiles)):
@@ -38,7 +38,7 @@ def filled(folder: Path) -> FilmFolder:
 
 
 def flip(path: Path, tile: int, first: int) -> None:
-    """Flips one bit in the last plane of a row's sums, which stay unpackable."""
+    """Flips one bit in the last plane of the sums of a film's row, which can still be unpacked."""
     database = sqlite3.connect(path)
     (sums,) = database.execute("SELECT sums FROM part WHERE tile = ? AND first = ?", (tile, first)).fetchone()
     turned = bytearray(sums)
@@ -49,7 +49,7 @@ def flip(path: Path, tile: int, first: int) -> None:
 
 
 def holds(film: Film, missing: set[tuple[int, int]]) -> None:
-    """Asserts that a film has the original samples of all tiles except those in `missing`, as (tile, sample)."""
+    """Asserts that a film has the original samples of all tiles, except `missing` ones, given as (tile, sample)."""
     for tile, area in enumerate(film.tiles):
         samples = [s for s in range(MAX_ROWS_UNFOLDED if tile == 1 else SPP) if (tile, s) not in missing]
         assert film.coverage(0, tile).total == len(samples)

@@ -186,7 +186,7 @@ def test_what_was_merged_is_reported_though_folding_fails(film: Film) -> None:
 
 
 def test_a_commit_of_which_nobody_knows_is_looked_up(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If a commit succeeds but reports an error, the same parts, arriving again, are known to be stored."""
+    """If a commit succeeds but reports an error, parts that arrive again are recognised as stored."""
     add = film_file.FilmFile.add
 
     def add_and_fail(self: film_file.FilmFile, *rows: object) -> None:
@@ -202,7 +202,7 @@ def test_a_commit_of_which_nobody_knows_is_looked_up(film: Film, monkeypatch: py
 
 
 def test_rows_that_somebody_else_wrote_are_not_folded_away(film: Film, tmp_path: Path) -> None:
-    """Folding, which writes cached sums, leaves rows alone that another process wrote."""
+    """Folding rows of a film, which writes cached sums, leaves rows alone that another process wrote."""
     sneaked = part(film, 0, 2 + MAX_ROWS_UNFOLDED, 1)
     sql_rows = sqlite3.connect(tmp_path / "job.sqlite")
     sql_rows.execute("INSERT INTO part VALUES (0, 0, ?, 1, 0, ?, NULL, NULL, NULL)", (sneaked.first, sneaked.sums))

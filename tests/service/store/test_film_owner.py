@@ -38,7 +38,7 @@ def test_what_an_earlier_owner_still_merges_is_refused_and_nothing_is_in_twice(t
 
 
 def test_what_the_earlier_owner_merged_before_is_known_to_the_new_one(tmp_path: Path) -> None:
-    """A new owner knows the earlier owner's merges, also if it had read the film before, to show it."""
+    """A new owner of the farm knows the samples that the earlier owner merged, also if it had opened the film before."""
     old, new = film(tmp_path / "job.sqlite", 7), film(tmp_path / "job.sqlite", 8)
     old.merge([part(old, 0, 0, 2)])
     assert new.samples(0) > 0

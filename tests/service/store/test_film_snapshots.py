@@ -1,4 +1,4 @@
-"""Tests of snapshots of films in progress: complete, within the limits, and deleted with their job."""
+"""Tests of stored snapshots of films in progress: complete, within the limits, and deleted with their job."""
 
 from __future__ import annotations
 

@@ -139,7 +139,7 @@ def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, B
 
 
 def test_a_workers_question_for_a_blob_keeps_it(service: Service) -> None:
-    """A worker's query for a blob keeps it: the worker does not send an existing blob again, and reports its reference later."""
+    """A blob about which a worker asks is kept: the worker does not send an existing blob again, and refers to it later."""
     content = b"what stands still"
     url = f"/api/farm/blobs/{hashlib.sha256(content).hexdigest()}"
     headers = {"Authorization": f"Bearer {TOKEN}"}
@@ -168,7 +168,7 @@ def test_the_parts_of_a_compiled_scene_stay_with_it(garbage: tuple[Garbage, Blob
 
 
 def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch) -> None:
-    """A recorded deletion succeeds even if the blob store does not respond, and is carried out later."""
+    """A deletion that is recorded in the database is carried out later if the blob store does not respond now."""
     collector, blobs = garbage
     one, two = put(blobs, b"one"), put(blobs, b"two")
 

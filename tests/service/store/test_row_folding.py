@@ -1,4 +1,4 @@
-"""Tests of selecting a tile's rows for folding, and of the folded row."""
+"""Tests of which rows of a tile's sums are folded into one, and of the resulting row."""
 
 from __future__ import annotations
 

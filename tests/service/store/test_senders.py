@@ -1,4 +1,4 @@
-"""Tests of the senders of a film's samples: recorded through folding, and their samples can be removed."""
+"""Tests of the recorded senders of a film's samples: folding keeps them, and the samples of one sender can be removed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the cache of tile sums: recency, its size limit, and pending additions."""
+"""Tests of the cache of tile sums: least recently used sums are dropped, its size is limited, additions are made on reading."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of migrating a data folder of an older release; one of a newer release is refused with an error message."""
+"""Tests of migrating a data folder of an older release; a folder of a newer release is refused with an error message."""
 
 from __future__ import annotations
 

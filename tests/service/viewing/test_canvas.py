@@ -1,4 +1,4 @@
-"""Tests of the sums of a view: its noise, and the tiles to be shown."""
+"""Tests of the sums of a live view: its noise, and which tiles are due to be shown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the accuracy of a view's reduced-precision pictures."""
+"""Tests of the accuracy of the pictures that a live view sends with reduced precision."""
 
 from __future__ import annotations
 

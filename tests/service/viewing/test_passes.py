@@ -1,4 +1,4 @@
-"""Tests of the pieces in which a view is rendered."""
+"""Tests of the pieces (tiles and sample ranges) in which a live view is rendered."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of pending frame requests of views."""
+"""Tests that requests of live views for frames are forgotten if no worker answers them."""
 
 from __future__ import annotations
 

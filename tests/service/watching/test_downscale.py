@@ -1,4 +1,4 @@
-"""Tests that a reduced copy has the mean of each square of pixels, however the picture is cut into bands."""
+"""Tests that each pixel of a reduced copy is the mean of a square of pixels, for any division of the picture into bands."""
 
 from __future__ import annotations
 

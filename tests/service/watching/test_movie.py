@@ -1,4 +1,4 @@
-"""Tests of movie files as decoded by a player: colours, size, frame rate and colour tags."""
+"""Tests of movie files, decoded as by a player: colours, size, frame rate and colour tags."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
-    """Yields a small film with as many bands, for comparisons value by value."""
+    """Yields a small film with as many bands as the large one, for comparisons value by value."""
     film = rendered(tmp_path_factory.mktemp("film"), WIDTH // 4, HEIGHT // 4, TILE // 4)
     yield film
     film.close()

@@ -1,4 +1,4 @@
-"""Tests that results for many viewers are made once, and kept only while they are valid."""
+"""Tests that a result for many viewers is computed once, and cached only while it is valid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tests of denoised pictures: available at any time, made once, separate from raw ones, with an error without a denoiser."""
+"""Tests of denoised pictures: they are available at any time, made once, and separate from raw pictures.
+
+Without a worker that can denoise, a request gets an error.
+"""
 
 from __future__ import annotations
 

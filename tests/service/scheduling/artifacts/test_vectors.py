@@ -1,4 +1,7 @@
-"""Tests of motion vectors: made once by a worker from the request, separate from the film; an error without a capable worker."""
+"""Tests of motion vectors: a worker makes them once from the job's request, separately from the film.
+
+Without a worker that can make them, a request gets an error.
+"""
 
 from __future__ import annotations
 

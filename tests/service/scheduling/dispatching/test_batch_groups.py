@@ -1,4 +1,4 @@
-"""Tests of several batches in a message: only for workers that support it, without losing samples if a worker is lost."""
+"""Tests of messages with several batches: only for workers that support them, without losing samples if a worker is lost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Batches for graphics cards, by the real scheduler in simulated time: slots of very different speed end together."""
+"""Tests of batches for graphics cards, with the real scheduler in simulated time: slots of very different speed end together."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ CASES: dict[str, tuple[int, int, int, tuple[int, int]]] = {
 
 
 class MemoryFilm:
-    """A film's coverage, without sums."""
+    """A substitute film that records how many samples each tile has, but no sums."""
 
     film_exponent = 24
     has_file = True
@@ -71,7 +71,7 @@ class MemoryFilm:
 
 @dataclass
 class Slot:
-    """A slot: its worker's queue, and when it was busy."""
+    """A simulated slot: its worker's queue, and the times at which it was busy."""
 
     worker: str
     queue: str
@@ -80,13 +80,13 @@ class Slot:
     busy: list[tuple[float, float]] = field(default_factory=list)
 
     def idle(self, begin: float, end: float) -> float:
-        """Returns the fraction of this time in which the slot was idle."""
+        """Returns the fraction of the interval from `begin` to `end` in which the slot was idle."""
         used = sum(max(0.0, min(b, end) - max(a, begin)) for a, b in self.busy)
         return 1.0 - used / (end - begin)
 
 
 class Queues:
-    """The broker's queues, as a dispatcher."""
+    """The simulated broker's queues, as a dispatcher."""
 
     def __init__(self) -> None:
         self.messages: defaultdict[str, deque[list[RenderBatch]]] = defaultdict(deque)
@@ -108,7 +108,7 @@ class Queues:
 
 
 class Farm:
-    """Simulated workers of one frame, and the scheduler."""
+    """Simulated workers that render one frame, and the scheduler."""
 
     def __init__(self, slots: int, cards: int, spp: int = 1024, size: tuple[int, int] = (1920, 1080)) -> None:
         self.reports = {"card": self.report("card", cards, has_card_queue=True)} if cards else {}
@@ -145,7 +145,7 @@ class Farm:
         return job
 
     def run(self, until: float = 1e9) -> float:
-        """Simulates until the job is done, or until a time. Returns the time of the last result."""
+        """Simulates until the job is done, or until the time `until`. Returns the time of the last result."""
         last = self.now
         self._at(self.now, self._step)
         while self._events and not self.job.is_done and self._events[0][0] <= until:
@@ -205,13 +205,13 @@ class Farm:
 
     @property
     def work(self) -> float:
-        """Samples of the frame."""
+        """Number of samples of the frame."""
         return self.job.target_samples
 
 
 @grid("case", CASES, ordinary=list(CASES)[:2])
 def test_cards_and_cpus_end_together_and_none_waits(case: str) -> None:
-    """After a start in which costs are measured, every slot is busy to the end of the frame."""
+    """After an initial time in which costs are measured, every slot is busy until the frame is done."""
     farm = Farm(*CASES[case])
     end = farm.run()
     assert farm.job.is_done

@@ -1,4 +1,4 @@
-"""Tests of lost batches, late batches, and batches on an overloaded machine, which are neither."""
+"""Tests of lost and late batches, and of batches on an overloaded machine, which are neither lost nor late."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World,
 
 
 def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
-    """Rendered batches that wait for others of their run occupy no slot; a machine would be idle while results are on the way."""
+    """Rendered batches that wait for the other batches of their run occupy no slot, so that the machine is not idle meanwhile."""
     first, second = (
         Lease("job", "kind", Range(0, n, 1), PATIENCE_S, 10.0, issued=world.now, queue="q", is_joint=True) for n in range(2)
     )

@@ -1,4 +1,4 @@
-"""Tests of pacing batches by the rate of results, with a simulated clock."""
+"""Tests of limiting the rate of batches by the rate at which results arrive, with a simulated clock."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: FakeClock) ->
 
 
 def test_batches_take_as_long_as_their_results_travel(clock: FakeClock) -> None:
-    """Batches take as long as their results' transfer; otherwise slots on slow connections would spend their time sending."""
+    """Batches take at least as long as the transfer of their results, so that slots on slow connections do not mostly send."""
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     for seconds in (30.0, 30.0, 0.0, 0.0, 0.1, 0.0, 30.0, 0.0, 0.0):
         of.record_transit(seconds)

@@ -1,4 +1,4 @@
-"""Tests of attributing errors to a part, and of what happens to the failed step."""
+"""Tests of attributing errors to Redis, the database or a job, and of when the failed step is tried again."""
 
 from __future__ import annotations
 

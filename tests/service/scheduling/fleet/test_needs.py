@@ -1,4 +1,4 @@
-"""Tests of job requirements: which workers get the jobs, and the message if no worker qualifies."""
+"""Tests of a job's requirements: which workers get the job, and the message if no worker meets the requirements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of workers' reports, which are displayed and summed up: invalid numbers must not affect anything else."""
+"""Tests of workers' reports: invalid numbers in one report affect neither the display nor the totals of other workers."""
 
 from __future__ import annotations
 

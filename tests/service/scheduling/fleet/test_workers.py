@@ -1,4 +1,4 @@
-"""Tests of workers paused by a user, and of suspicion that increases and is cleared."""
+"""Tests of workers that a user pauses, and of the suspicion against a worker, which increases and is cleared."""
 
 from __future__ import annotations
 

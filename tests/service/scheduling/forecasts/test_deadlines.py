@@ -1,4 +1,4 @@
-"""Tests of when a job starts and stops counting as late."""
+"""Tests of when a job begins to count as late for its deadline, and when it stops."""
 
 from __future__ import annotations
 

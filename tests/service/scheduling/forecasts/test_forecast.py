@@ -1,4 +1,4 @@
-"""Tests of forecasts of single and concurrent jobs; the closed form is compared with a simulation of fair sharing."""
+"""Tests of forecasts of when jobs end; for concurrent jobs the closed form is compared with a simulation of fair sharing."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_weights_and_limits_of_shares() -> None:
 
 
 def test_one_that_is_late_is_foretold_as_if_it_were_not() -> None:
-    """A late job's forecast ignores the priority that lateness gives it; otherwise lateness would alternate."""
+    """A late job's forecast ignores the priority that it gets for being late; otherwise the job would alternate in being late."""
     other = Job("other", 1000)
     assert expected(Job(), other) == expected(Job(urgency=5.0), other)
 

@@ -1,4 +1,4 @@
-"""Tests of the reader of the result stream: every entry once, with its position."""
+"""Tests of the reader of the result stream: it returns every entry once, with the entry's position."""
 
 from __future__ import annotations
 

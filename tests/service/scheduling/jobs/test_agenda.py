@@ -1,4 +1,4 @@
-"""Tests of the order of frames, and of the distribution of a sample budget over frames of different noise."""
+"""Tests of the order of a shot's frames, and of the distribution of a sample budget over frames of different noise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from service.scheduling.jobs.agenda import PILOT_SAMPLES, FrameOrder, goals_of_f
 
 
 class Frame:
-    """A frame whose noise falls as 1 / sqrt(samples), and that gets its samples at once."""
+    """A simulated frame whose noise falls as 1 / sqrt(samples), and that gets its samples at once."""
 
     def __init__(self, key: int, grain: float = 1.0, spp: int = 1 << 20) -> None:
         self.key, self.grain, self.spp = key, grain, spp

@@ -1,4 +1,4 @@
-"""Tests of storing a shot's compiled frames, and of which are dropped if space is short."""
+"""Tests of the storage of a shot's compiled frames, and of which frames are dropped if space is short."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of measurements of a scene by one job, reused by the next."""
+"""Tests that measurements of a scene by one job are reused by the scene's next job."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that noise estimates take no more than their fraction of the engine's time."""
+"""Tests that noise estimates take no more than their allowed fraction of the engine's time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the plan, with a simulated farm that loses, duplicates and reorders batches."""
+"""Tests of a frame's plan of batches, with a simulated farm that loses, duplicates and reorders batches."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Bench:
             raise FilmUnavailable("The film is locked.")
 
     def again(self, call: Callable[[], T]) -> T:
-        """Repeats a call while the film is locked, as the scheduler does."""
+        """Repeats a call while it raises that the film is locked, as the scheduler does."""
         while True:
             try:
                 return call()
@@ -214,7 +214,7 @@ def test_noise_of_a_tile_of_few_pixels_is_estimated_later():
 
 
 def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
-    """Returns the mean of a one-tile picture that ends by noise, where 1 sample in 50 is 50 and others 0; expected: 1.0."""
+    """Returns the mean of a one-tile picture whose noise goal ends it; 1 sample in 50 is 50, the others 0. Expected: 1.0."""
     tiles = tiles_of(side, side, 16)
     coverage = Coverage()
     sums = np.zeros((2, side, side))

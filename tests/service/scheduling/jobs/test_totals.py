@@ -1,4 +1,4 @@
-"""Tests that a job's totals equal the sums over its frames after any changes, and that only changed frames are counted again."""
+"""Tests that a job's totals equal the sums over its frames after any changes, and that only changed frames are read again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from service.scheduling.jobs.totals import RunningMaximum, Totals
 
 
 class Frame(SimpleNamespace):
-    """A frame that counts how often its numbers are read."""
+    """A substitute frame that counts how often its numbers are read."""
 
     asked = 0
 

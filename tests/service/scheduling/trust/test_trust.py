@@ -1,4 +1,4 @@
-"""Tests that a worker with wrong results is detected, and its samples are removed from all pictures."""
+"""Tests that a worker with wrong results is detected, and that its samples are removed from all pictures."""
 
 from __future__ import annotations
 
