@@ -1,6 +1,6 @@
 """Converts messages of the operating system and of libraries, which are in English only, to sentences with codes.
 
-The codes make them translatable. An unknown message keeps its text.
+The codes make them translatable. An unknown message is returned unchanged.
 """
 
 from __future__ import annotations

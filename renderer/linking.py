@@ -28,7 +28,7 @@ def mark_never_inlined(library: Any) -> None:
 class _Kernel(JITCodeLibrary):
     """The code library of a function that Python calls. Callees that are not inlined are linked after it was optimised.
 
-    counts: whether the function has arrays of its own, which are reference-counted. is_inlinable: whether LLVM may inline it into
+    counts: whether the function is compiled with reference counts of arrays. is_inlinable: whether LLVM may inline it into
     callers. beneath: name -> code of each callee that is not inlined, after all of that callee's own callees. _unread: the
     bitcode of a cached kernel, needed only if other functions link with it, which is rare; large and slow to parse.
     """
@@ -97,9 +97,9 @@ class _Kernel(JITCodeLibrary):
 
 
 class InlinedLibrary(_Kernel):
-    """The code library of a function that only other kernel functions call: it is linked, and never translated alone.
+    """The code library of a function that only other kernel functions call.
 
-    It has no Numba environment (the reference to its Python objects).
+    It is linked into kernels, and never translated to machine code separately. It has no Numba environment (the reference to its Python objects).
     """
 
     @property

@@ -19,7 +19,7 @@ NOISE_SPP = 16384  # the limit if only a noise level is requested
 
 @dataclass(frozen=True)
 class Work:
-    """How much to render and in which order, which affects no sample's colour.
+    """The amount of rendering and its order, which affect no sample's colour.
 
     The first limit that is reached ends the render.
     """

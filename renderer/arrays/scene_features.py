@@ -1,4 +1,4 @@
-"""The features of a scene that decide its kernel variant: code for absent features is not compiled."""
+"""The features of a scene that determine its kernel variant: code for absent features is not compiled."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["EVERYTHING", "KERNEL_VARIANTS", "SceneFeatures"]
 class SceneFeatures(NamedTuple):
     """The features of a scene: each is True, or None if the scene lacks it.
 
-    None has a type of its own: code under `if scene.has.textures is not None` is pruned from a kernel whose scenes have no
+    Numba types None separately, so code under `if scene.has.textures is not None` is pruned from a kernel whose scenes have no
     textures (renderer/prune_absent_features.py), which saves compile time and registers.
     """
 

@@ -36,9 +36,9 @@ class Decoded(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Limits on an image's number of pixels. most: larger images are refused.
+    """Limits on an image's number of pixels.
 
-    kept: larger images are scaled down to this number.
+    most: larger images are refused. kept: larger images are scaled down to this number.
     """
 
     most: int

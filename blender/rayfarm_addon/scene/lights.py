@@ -1,6 +1,6 @@
 """Exports Blender's lamps as lights and shapes of a scene file.
 
-Blender gives power in watts: a point light of power P has the radiant intensity P / (4 pi), a surface of area A the radiance
+In Blender, power is in watts: a point light of power P has the radiant intensity P / (4 pi), a surface of area A the radiance
 P / (pi A). A sun's strength is its irradiance. As in Cycles, lamps with a size are visible in reflections, and to the camera
 unless hidden from it, and cast no shadows; spots are invisible. A point or spot lamp with "soft falloff" is a disk that faces
 the lit point, else a sphere.

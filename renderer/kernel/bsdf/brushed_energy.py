@@ -34,7 +34,7 @@ _LEAST = np.float32(1e-6)
 def _node(x, last):
     """Returns (index of the table node below x, the fraction of the way to the next), for x in 0 ... 1 and a last node `last`.
 
-    NaN, as in unused lanes, gives a valid node.
+    For NaN, as in unused lanes, the node is valid too.
     """
     x = min(_ONE, max(_ZERO, x)) * last
     i = to_int(min(last - _ONE, x))

@@ -39,7 +39,7 @@ def _between(a, b, t):
 def _node(x):
     """Returns (index of the table node below x, the fraction of the way to the next), for x in 0 ... 1.
 
-    NaN, as in unused lanes, gives a valid node.
+    For NaN, as in unused lanes, the node is valid too.
     """
     x = min(_ONE, max(_ZERO, x)) * _LAST
     i = to_int(min(_MOST, x))

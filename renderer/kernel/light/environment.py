@@ -316,7 +316,7 @@ def _image_pdf(scene, u, v):
 def _texel(place, count):
     """Returns the index of the texel, of `count` over [0, 1], that contains `place`.
 
-    Values out of range and NaN give a valid index.
+    For values out of range and NaN the index is valid too.
     """
     number = u32(to_int(place * np.float32(count)))
     return where(number < np.uint32(count), number, np.uint32(count - 1))

@@ -6,7 +6,7 @@ A step takes and returns plain values and named tuples of them (state.py). A val
 
 spawn_camera_ray     the ray of a sample
 medium_event         where a path scatters in its medium
-pass_through         whether a ray passes the surface that it hits, and what is absorbed on the way
+pass_through         whether a ray passes the surface that it hits, and absorption on the way
 emitted_light        emission that a ray hits, with its MIS weight
 record_first_hit     the values of a first hit that the film stores
 sample_direct_light  a light's contribution through a vertex, and the shadow ray towards it

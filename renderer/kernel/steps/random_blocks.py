@@ -35,7 +35,7 @@ def draw_scattering(stream, number):
 
 @device
 def draw_passing(stream, row):
-    """Returns the number that decides whether a ray passes a surface. row: number of surfaces hit before."""
+    """Returns the random number that determines whether a ray passes a surface. row: number of surfaces hit before."""
     return draw4(stream, u32(u32(u32(to_int(row)) & _PASSING_BLOCKS) + _PASSING))[0]
 
 

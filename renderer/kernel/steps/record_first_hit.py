@@ -22,7 +22,7 @@ _NEXT, _NONE = np.uint32(1), np.uint32(0)
 
 
 class FirstHit(NamedTuple):
-    """The values of a path's first vertex that the film stores. All fields are 0 if the path has none."""
+    """The values of a path's first vertex that the film stores. All fields are 0 if the path has no vertex."""
 
     albedo: Vector
     distance: Float  # from the lens

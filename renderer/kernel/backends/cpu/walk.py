@@ -1,4 +1,4 @@
-"""Traverses many rays together, one step of each at a time: finds closest hits, or tests whether shadow rays are occluded.
+"""Traverses the BVH with many rays together, one step of each at a time, for closest hits or occlusion of shadow rays.
 
 A single ray waits for its node, for the minimum over eight distances, and for mispredicted branches. Here one pass advances all
 rays at a node by one step, and another all rays at a packet. Steps of different rays are independent and almost free of

@@ -1,7 +1,7 @@
 """Translates a kernel's LLVM IR to PTX, the assembly language of NVIDIA's driver, without a graphics card, a driver or a toolkit.
 
 Numba's front end compiles the kernel as for the CPU, and the NVPTX back end of llvmlite's LLVM translates the result. No sums are
-fused with products here (renderer/fused_multiply_add.py decides that in the source), and divisions and roots are correctly
+fused with products here (renderer/fused_multiply_add.py does that before), and divisions and roots are correctly
 rounded, so a thread computes the same bits as a path on the CPU.
 """
 
