@@ -99,7 +99,8 @@ class _Kernel(JITCodeLibrary):
 class InlinedLibrary(_Kernel):
     """The code library of a function that only other kernel functions call.
 
-    It is linked into kernels, and never translated to machine code separately. It has no Numba environment (the reference to its Python objects).
+    It is linked into kernels, and never translated to machine code separately. It has no Numba environment (the reference to its
+    Python objects).
     """
 
     @property

@@ -235,7 +235,7 @@ def table(owner: type[Any]) -> Mapping[str, DeclaredSetting]:
 
 
 def checked(owner: Any) -> None:
-    """Checks all settings of a frozen dataclass, and converts each to its field's type. For calls from __post_init__."""
+    """Checks all settings of a frozen dataclass, and converts each to its field's type; called from its __post_init__."""
     for declared in table(owner.__class__).values():
         object.__setattr__(owner, declared.name, declared.check(getattr(owner, declared.name)))
 

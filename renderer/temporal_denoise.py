@@ -117,9 +117,9 @@ def _step_along_motion(
 
 
 def _interpolated_light(frame: DenoisedFrame, other_frame: DenoisedFrame, places: _PixelPositions) -> tuple[F64, F64]:
-    """Interpolates the other frame's light at the given positions between those of four pixels that show the same surface.
+    """Returns (the other frame's light at the given positions, the weight of the pixels used, 0 ... 1).
 
-    Also returns the total weight of these pixels, 0 ... 1.
+    The light is interpolated between those of the four nearest pixels that show the same surface.
     """
     height, width = places.rows.shape
     light, normal = _light(other_frame), frame.clean.normal

@@ -217,7 +217,7 @@ def _partition_by_kind(box, first, end, kind, triangles, solids):
 
 @device
 def _gather(box, clusters, begin, end, local, spread, tree_box, node):
-    """Copies the boxes of these clusters' primitives to `local`, and sets the primitive numbers in the node's box."""
+    """Copies the boxes of all primitives in clusters begin ... end - 1 to `local`; writes their bounds to the node's box."""
     nothing = splat(_NOTHING)
     whole, centroids = nothing, nothing
     at = np.uintp(0)
