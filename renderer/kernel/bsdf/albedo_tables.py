@@ -149,7 +149,7 @@ def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64, dis
 
 
 def brushed_node(i: int, j: int, k: int, n: int, distribution: str = "ggx") -> tuple[float, float]:
-    """Returns (A, B) for one node of `brushed_table`, with indices i, j and k and n midpoints."""
+    """Returns the albedo terms (A, B) for one node of `brushed_table`, with indices i, j and k and n midpoints."""
     r, q, t, a = (index / (nodes - 1) for index, nodes in zip((i, j, k, n), BRUSHED_NODES, strict=True))
     alpha_x = max(r * r, _SMALLEST)
     alpha_y = alpha_x * max(q * q, 1e-2 * _SMALLEST)
@@ -163,7 +163,10 @@ def brushed_node(i: int, j: int, k: int, n: int, distribution: str = "ggx") -> t
 
 
 def brushed_means(plane: F64, j: int) -> list[float]:
-    """Returns the means of (A, B) over the hemisphere. plane: (cosines, azimuths, 2), at node j of the ratio of alphas."""
+    """Returns the means of the albedo terms (A, B) over the hemisphere.
+
+    plane: (cosines, azimuths, 2), at node j of the ratio of alphas.
+    """
     least = (j / (BRUSHED_NODES[1] - 1)) ** 2  # the lesser alpha over the greater
     turn = (np.arange(256) + 0.5) / 256 * np.pi / 2
     alpha = np.sqrt(np.cos(turn) ** 2 + (least * np.sin(turn)) ** 2)
@@ -173,7 +176,10 @@ def brushed_means(plane: F64, j: int) -> list[float]:
 
 
 def brushed_table(distribution: str = "ggx") -> F64:
-    """Returns the table of (A, B) at BRUSHED_NODES. The third axis has one more row, with the means over the hemisphere."""
+    """Returns the table of the albedo terms (A, B), see `ggx_albedo`, at BRUSHED_NODES.
+
+    The third axis has one more row, with the means over the hemisphere.
+    """
     table = np.array([brushed_node(i, j, k, n, distribution) for i, j, k, n in np.ndindex(BRUSHED_NODES)]).reshape(
         *BRUSHED_NODES, 2
     )
@@ -205,7 +211,7 @@ def glass_albedo(cosine: float, alpha: float, eta: float, steps: int = 128, dist
 
 
 def glass_table(distribution: str = "ggx") -> F64:
-    """Returns the table (GLASS_SIZE, GLASS_SIZE + 1, GLASS_SIZE), by index, roughness and cosine.
+    """Returns the table (GLASS_SIZE, GLASS_SIZE + 1, GLASS_SIZE) of `glass_albedo`, by index of refraction, roughness and cosine.
 
     The last row of the middle axis contains the means over the hemisphere.
     """
@@ -300,9 +306,9 @@ def sheen_table() -> F64:
 
 
 def ggx_table() -> F64:
-    """Returns the table (SIZE + 1, SIZE, 2): [i, j] is (A, B) at roughness i / (SIZE - 1) and cosine (j / (SIZE - 1))**2.
+    """Returns the table (SIZE + 1, SIZE, 2) of `ggx_albedo`.
 
-    The last row of the first axis contains the means over the hemisphere, by roughness.
+    [i, j] is (A, B) at roughness i / (SIZE - 1) and cosine (j / (SIZE - 1))**2. The last row of the first axis contains the means over the hemisphere, by roughness.
     """
     node = np.arange(SIZE) / (SIZE - 1)
     table = np.array([[ggx_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST)) for t in node] for r in node])

@@ -48,7 +48,7 @@ def _share(side, t):
 
 @device
 def _entry(roughness, ratio, cosine, azimuth):
-    """Returns (A, B) at the table node with these four indices (roughness, ratio of alphas, cosine, azimuth)."""
+    """Returns the albedo terms (A, B) at the table node with these four indices (roughness, ratio of alphas, cosine, azimuth)."""
     number = ((roughness * _RATIOS + ratio) * _COSINES + cosine) * _AZIMUTHS + azimuth
     return columns(_TABLE, number, 2, 0, 2)
 

@@ -48,7 +48,7 @@ def _node(x):
 
 @device
 def _pair(number, t):
-    """Returns (A, B) interpolated in the flat table, at fraction t of the way from node `number` to the next."""
+    """Returns the albedo terms (A, B) interpolated in the flat table, at fraction t of the way from node `number` to the next."""
     a, b, next_a, next_b = columns(_TABLE, number, 2, 0, 4)
     return _between(a, next_a, t), _between(b, next_b, t)
 

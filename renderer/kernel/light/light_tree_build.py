@@ -239,8 +239,9 @@ def _sum(intensity, order, begin, end):
 def _to_part(border, strength, parts):
     """Returns the index of the part (group of lights) to split next; -1 if each part is a single light.
 
-    Chooses the strongest part among those with more lights than a node has children, or if no part has, the strongest of all
-    others. Splitting by strength keeps frequently sampled lights near the root; splitting large parts first fills the last nodes.
+    Chooses the strongest part among those with more lights than a node has children, or the strongest of all if no
+    part has more. Splitting by strength places frequently sampled lights near the root; splitting large parts first fills the
+    last nodes.
     """
     for fitting in (LIGHT_WIDTH, 1):
         chosen = -1

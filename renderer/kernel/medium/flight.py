@@ -25,7 +25,7 @@ FLIGHT_BLOCK = 1 << 19  # first random number block of flights; lower blocks are
 
 
 class Flight(NamedTuple):
-    """The end of a free flight."""
+    """The end of a free flight: where it ends, whether the path scatters there, and its throughput."""
 
     scatters: bool  # in the medium; else it reaches a surface
     distance: float

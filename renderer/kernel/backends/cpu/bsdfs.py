@@ -1,6 +1,6 @@
 """BSDF evaluation and sampling for each kind of material, eight paths at a time.
 
-Each function returns seven values: f |cos| and the pdf for the light direction wi (both 0 for specular materials), then the
+Each function returns six values: f |cos| and the pdf for the light direction wi (both 0 for specular materials), then the
 sampled direction, its weight, pdf, and radiance scale eta**2; see `eval_material` and `sample_material` in
 renderer/kernel/material/material.py.
 """

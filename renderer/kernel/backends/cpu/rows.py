@@ -141,7 +141,7 @@ class Appearance(NamedTuple):
 
 
 class Axes(NamedTuple):
-    """The tangents of the vertex's shading frame; only in scenes with textures."""
+    """The tangents of the shading frame at a path's vertex; only in scenes with textures."""
 
     s: Vector
     t: Vector
