@@ -122,7 +122,7 @@ def test_a_busy_service_is_asked_again_after_the_time_that_it_names(page: Page) 
             const status = statuses[asked++];
             return new Response("", { status, headers: status === 503 ? { "Retry-After": "1" } : {} });
         };
-        const begun = performance.now(), answer = m.fetchPatiently("/film", new AbortController().signal);
+        const begun = performance.now(), answer = m.fetchWithRetries("/film", new AbortController().signal);
         await new Promise((done) => setTimeout(done, 200));
         const banner = document.querySelector(".lost-banner.busy");
         const words = banner.hidden ? null : banner.textContent.trim();
@@ -130,7 +130,7 @@ def test_a_busy_service_is_asked_again_after_the_time_that_it_names(page: Page) 
         const ms = performance.now() - begun;
         asked = 0;
         const left = new AbortController();
-        const gone = m.fetchPatiently("/film", left.signal).catch((error) => error.name);
+        const gone = m.fetchWithRetries("/film", left.signal).catch((error) => error.name);
         setTimeout(() => left.abort(), 50);
         const name = await gone;
         window.fetch = before;

@@ -11,7 +11,7 @@ from tests.page.node import Node
 
 
 def test_files_that_are_refused_are_spoken_of_in_the_plural(node: Node) -> None:
-    body = "return m.notTaken(a.map((path) => ({ path })));"
+    body = "return m.notUploadedTitle(a.map((path) => ({ path })));"
     assert node.call("shell/gather-files", body, ["room.obj"]) == "room.obj was not taken"
     assert node.call("shell/gather-files", body, ["a.png", "room.obj", "b.png"]) == "room.obj and 2 more were not taken"
 
@@ -36,9 +36,9 @@ def test_keys_of_one_letter_can_be_turned_off(node: Node) -> None:
         const shortcut = (keys) => ({ keys, does: keys, run: () => done.push(keys) });
         const off = m.addShortcuts(["E", "?", "ArrowUp", "Escape"].map(shortcut));
         for (const act of [true, false, true]) {
-            m.letLettersAct(act);
+            m.setLetterShortcuts(act);
             for (const key of ["e", "?", "ArrowUp", "Escape"]) dispatchEvent(new KeyboardEvent("keydown", { key }));
-            done.push(m.lettersAct());
+            done.push(m.hasLetterShortcuts());
         }
         off();
         return done;"""

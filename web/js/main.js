@@ -3,19 +3,19 @@
 import { fill } from "./base/dom.js";
 import { chooseProject, chosenProject } from "./base/project.js";
 import { followFarm, lost } from "./news/farm.js";
-import { lookAtProjects, offer } from "./news/projects.js";
+import { loadProjects, offer } from "./news/projects.js";
 import { may, mustLogIn, session } from "./news/session.js";
 import { followTallies } from "./news/job-list.js";
 import { acceptDrops } from "./shell/drops.js";
 import { showHelp } from "./shell/help-dialog.js";
 import { isOutdated } from "./shell/missing-view.js";
-import { tellOfEnds } from "./shell/notify.js";
+import { notifyOfEndedJobs } from "./shell/notify.js";
 import { PALETTE_KEYS, listenForPalette, showPalette } from "./shell/palette.js";
 import { here } from "./shell/router.js";
 import { followScroll } from "./shell/scroll-memory.js";
 import { buildShell } from "./shell/shell.js";
 import { addShortcuts } from "./shell/shortcuts.js";
-import { offerNews, showError, undoLast } from "./shell/tray.js";
+import { showActionNotice, showError, undoLast } from "./shell/tray.js";
 import { loginView, takeCode } from "./views/login.js";
 import { NAV, showViews } from "./views/showing.js";
 import { t } from "./base/words.js";
@@ -37,14 +37,14 @@ function start() {
   acceptDrops();
   followFarm();
   followTallies();
-  tellOfEnds();
+  notifyOfEndedJobs();
   // A revoked session closes all connections without a reason, so the session is checked then.
   lost.subscribe(({ size }) => size && void mustLogIn().then((must) => must && location.reload()));
-  tellOfUpdates();
+  showUpdateNotices();
 }
 
 /** Offers a reload if the service has another version of the page after a reconnection. */
-function tellOfUpdates() {
+function showUpdateNotices() {
   let wasLost = false;
   let isTold = false;
   lost.subscribe(async ({ size }) => {
@@ -52,7 +52,7 @@ function tellOfUpdates() {
     wasLost = size > 0;
     if (!isBack || isTold || !(await isOutdated())) return;
     isTold = true;
-    offerNews(t("Rayfarm was updated"), { label: t("Reload the page"), run: () => location.reload() });
+    showActionNotice(t("Rayfarm was updated"), { label: t("Reload the page"), run: () => location.reload() });
   });
 }
 
@@ -71,7 +71,7 @@ if (code !== null || must) {
   /** @type {any} */ (window).rayfarmAgain.stands();
   fill(main, loginView(code).element);
 } else {
-  if (session.value.login) await lookAtProjects();
+  if (session.value.login) await loadProjects();
   else chooseProject(null); // without logins, items belong to all
   start();
 }

@@ -38,13 +38,13 @@ export class LastingSocket {
   }
 
   /** Called after the connection opened, to send initial messages. */
-  opened() {}
+  onOpen() {}
 
   /** @param {any} _message JSON */
-  told(_message) {}
+  onMessage(_message) {}
 
   /** @param {ArrayBuffer} _packet */
-  sent(_packet) {}
+  onPacket(_packet) {}
 
   connect() {
     const url = new URL(this.address(), location.href);
@@ -57,19 +57,19 @@ export class LastingSocket {
     socket.onopen = () => {
       this.backoff.succeeded();
       this.link(true);
-      this.opened();
+      this.onOpen();
     };
     socket.onmessage = ({ data }) => {
       if (this.socket !== socket) return; // closed while the message was on its way
       this.lastHeard = performance.now();
       this.hasHeard = true;
-      if (typeof data === "string") this.told(JSON.parse(data));
-      else this.sent(data);
+      if (typeof data === "string") this.onMessage(JSON.parse(data));
+      else this.onPacket(data);
     };
     socket.onclose = ({ code, reason }) => {
       if (this.socket !== socket) return;
       if (code === 1008 || (code >= 4000 && code < 5000)) {
-        this.ended(code, reason);
+        this.onEnd(code, reason);
         return;
       }
       this.link(false);
@@ -78,13 +78,13 @@ export class LastingSocket {
   }
 
   /** Called when the service closed the connection for good. @param {number} code @param {string} reason */
-  ended(code, reason) {
+  onEnd(code, reason) {
     const known = this.hasHeard ? CLOSED[code] : undefined;
     this.refused(reason ? said(reason, known ? { code: known, params: {} } : null) : this.refusal);
   }
 
   /** @param {object} message dropped if the connection is not open */
-  say(message) {
+  send(message) {
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }
 

@@ -53,13 +53,13 @@ function translated({ code, params }, depth) {
   if (template === undefined || depth > DEEPEST) return null;
   return template.replace(/\{(\w+)\}/g, (/** @type {string} */ place, /** @type {string} */ name, /** @type {number} */ at) => {
     const value = params?.[name];
-    return value === undefined ? place : inPlace(value, template.slice(at + place.length), depth);
+    return value === undefined ? place : insertedText(value, template.slice(at + place.length), depth);
   });
 }
 
 /** @param {Param} value @param {string} following what the template goes on with @param {number} depth @returns {string} */
-function inPlace(value, following, depth) {
-  if (Array.isArray(value)) return value.map((each) => inPlace(each, ",", depth)).join(language === "zh" ? "、" : ", ");
+function insertedText(value, following, depth) {
+  if (Array.isArray(value)) return value.map((each) => insertedText(each, ",", depth)).join(language === "zh" ? "、" : ", ");
   if (value === null || typeof value !== "object") return String(value);
   const text = translated(value, depth + 1) ?? value.text;
   return CLOSING.test(following) ? text.replace(STOP, "") : text;

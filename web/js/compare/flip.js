@@ -31,7 +31,7 @@ export function flip(a, b, width, height) {
   const [first, second] = [a, b].map((picture) => ycxcz(picture, width * height));
   const map = new Float32Array(width * height);
   if (!first || !second) return { map, mean: 0 };
-  const [labA, labB] = [first, second].map((planes) => asSeen(planes, width, height));
+  const [labA, labB] = [first, second].map((planes) => perceivedColours(planes, width, height));
   const [edgesA, pointsA] = features(/** @type {Float32Array} */ (first[0]), width, height);
   const [edgesB, pointsB] = features(/** @type {Float32Array} */ (second[0]), width, height);
   const most = greatest();
@@ -82,7 +82,7 @@ function ycxcz(rgba, pixels) {
  * @param {number} height
  * @returns {Planes}
  */
-function asSeen(planes, width, height) {
+function perceivedColours(planes, width, height) {
   const radius = Math.ceil(3 * Math.sqrt(WIDEST / (2 * Math.PI ** 2)) * PIXELS_PER_DEGREE);
   const filtered = planes.map((plane, c) => {
     const terms = (SENSITIVITY[c] ?? []).map(([a = 1, b = 1]) => {

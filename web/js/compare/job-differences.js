@@ -14,7 +14,7 @@ import { t } from "../base/words.js";
 const NAMED_BY = 2;
 
 /** Sections of settings, most significant first. */
-const TELLING = ["basic", "lab", "advanced"];
+const SECTIONS_BY_SIGNIFICANCE = ["basic", "lab", "advanced"];
 
 /**
  * A compared property: its label, its value in the table, and its part of a side's name.
@@ -39,7 +39,7 @@ function rows() {
   /** @param {string} label @param {(job: Job) => string} value @returns {Row} */
   const plain = (label, value) => ({ label, value, phrase: value });
   const ofJob = settings.filter(({ name, of }) => name !== "width" && name !== "height" && of !== "environment");
-  const byTelling = TELLING.flatMap((group) => ofJob.filter((setting) => setting.group === group));
+  const byTelling = SECTIONS_BY_SIGNIFICANCE.flatMap((group) => ofJob.filter((setting) => setting.group === group));
   return [
     plain(t("Scene"), (job) => sceneOf(job)?.name ?? job.name),
     plain(t("Materials"), (job) => materialsOf(job) || t("as saved")),

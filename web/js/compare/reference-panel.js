@@ -4,7 +4,7 @@ import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { bytes } from "../base/format.js";
 import { addReference, dropReference, loadReferences, references } from "../news/references.js";
-import { takeLights } from "../shell/light-drop.js";
+import { registerLightReceiver } from "../shell/light-drop.js";
 import { moreButton } from "../shell/more-button.js";
 import { announce, showError } from "../shell/tray.js";
 import { t } from "../base/words.js";
@@ -45,7 +45,7 @@ export function referencePanel(state, life) {
       said.hidden = true;
     }
   };
-  life.add(takeLights((file) => void take(file)));
+  life.add(registerLightReceiver((file) => void take(file)));
   const input = h("input", {
     ...{ type: "file", accept: REFERENCE_FILES, hidden: true, "aria-label": t("A reference picture") },
     onchange: () => {

@@ -92,7 +92,7 @@ export class LiveFilm {
     }
     this.isFetched = true;
     this.film.isPartial = false;
-    this.live.sayHave();
+    this.live.sendHave();
   }
 
   /** @param {() => void} listener all of the film may have changed @returns {() => void} ends it */

@@ -50,7 +50,7 @@ export class PictureSide {
     this.unturn = live.onTurn(() => this.turned());
     const outgrow = () => {
       const { channel, stale } = this.state.value;
-      if (channel && !stale && this.isOutgrown()) this.state.update((state) => ({ ...state, stale: true }));
+      if (channel && !stale && this.filmHasMoreSamples()) this.state.update((state) => ({ ...state, stale: true }));
     };
     this.unlisten = live.onTile((tile) => {
       layer.putTile(live.film, tile);
@@ -71,7 +71,7 @@ export class PictureSide {
   }
 
   /** Whether the film has more samples than the shown picture, even if they arrived as a snapshot. */
-  isOutgrown() {
+  filmHasMoreSamples() {
     return this.live.film.total > this.madeOf;
   }
 
@@ -144,7 +144,7 @@ export class PictureSide {
     } catch (error) {
       if (!signal.aborted) this.state.update((state) => ({ ...state, error }));
     } finally {
-      if (!signal.aborted) this.state.update((state) => ({ ...state, waiting: false, stale: this.isOutgrown() }));
+      if (!signal.aborted) this.state.update((state) => ({ ...state, waiting: false, stale: this.filmHasMoreSamples() }));
     }
   }
 

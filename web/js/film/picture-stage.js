@@ -60,7 +60,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
   const element = h(
     "div",
     { class: "stage-box" },
-    made instanceof FilmView ? made.element : insteadOfFilm(made),
+    made instanceof FilmView ? made.element : filmErrorView(made),
     tags,
   );
   divider.element.hidden = true;
@@ -189,7 +189,7 @@ function filmView(width, height, handlers) {
 }
 
 /** @param {CannotShow} refusal */
-function insteadOfFilm({ message }) {
+function filmErrorView({ message }) {
   return h(
     "div",
     { class: "stage" },

@@ -6,7 +6,7 @@ import { bytes } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { addEnvironment, dropEnvironment, environments, loadEnvironments } from "../news/environments.js";
 import { known } from "../news/settings-table.js";
-import { LIGHT_FILES, takeLights } from "../shell/light-drop.js";
+import { LIGHT_FILES, registerLightReceiver } from "../shell/light-drop.js";
 import { moreButton } from "../shell/more-button.js";
 import { Card, announce, showError } from "../shell/tray.js";
 import { field, numberInput, numberOf, setShown } from "./fields.js";
@@ -174,7 +174,7 @@ export function environmentFields(first) {
     pick(kind);
   });
   if (!environments.value) loadEnvironments().catch((error) => setText(hint, error.message));
-  const drops = takeLights((file) => void add(file));
+  const drops = registerLightReceiver((file) => void add(file));
   return {
     element,
     dispose: () => (listen(), drops(), more.dispose()),

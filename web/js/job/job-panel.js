@@ -3,7 +3,7 @@
 import { beginAnew, changeJob } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { putJob } from "../news/farm.js";
-import { mayChange, whyNot } from "../news/projects.js";
+import { mayChange, readOnlyReason } from "../news/projects.js";
 import { clock, compact, count } from "../base/format.js";
 import { command } from "../shell/hints.js";
 import { go, here, linkTo } from "../shell/router.js";
@@ -32,7 +32,7 @@ const STOPPED = ["paused", "cancelled", "failed"];
  */
 export async function change(job, change, failure) {
   if (!mayChange(job.project)) {
-    showError(failure, whyNot(job.project), { brief: true }); // requested by a key
+    showError(failure, readOnlyReason(job.project), { brief: true }); // requested by a key
     return;
   }
   try {
@@ -48,7 +48,7 @@ export async function change(job, change, failure) {
  * @param {Job} job
  * @param {HTMLElement} button
  */
-function offerAnew(job, button) {
+function beginAnewUndoably(job, button) {
   button.setAttribute("disabled", "");
   const done = () => button.removeAttribute("disabled");
   undoable(t("“{name}” begins anew", { name: job.name }), {
@@ -76,7 +76,7 @@ export function progressPanel() {
   const message = h("p", { class: "quiet small", role: "status", hidden: true });
   const anew = h(
     "button",
-    { class: "button small for-submit", type: "button", hidden: true, onclick: () => latest && offerAnew(latest, anew) },
+    { class: "button small for-submit", type: "button", hidden: true, onclick: () => latest && beginAnewUndoably(latest, anew) },
     icon("refresh"),
     t("Begin anew"),
   );

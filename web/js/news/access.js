@@ -109,10 +109,10 @@ const memberOf = (project, user) => `/projects/${encodeURIComponent(project)}/me
  * @param {"view" | "submit"} role
  * @returns {Promise<Project>}
  */
-export const letIn = (project, user, role) => call("PUT", memberOf(project, user), { json: { role } });
+export const addMember = (project, user, role) => call("PUT", memberOf(project, user), { json: { role } });
 
 /** @param {string} project @param {string} user @returns {Promise<Project>} */
-export const putOut = (project, user) => call("DELETE", memberOf(project, user));
+export const removeMember = (project, user) => call("DELETE", memberOf(project, user));
 
 /** @param {number} limit @returns {Promise<Deed[]>} newest first */
 export const getAudit = (limit) => call("GET", `/audit?limit=${limit}`);

@@ -2,7 +2,7 @@
 
 import { decodeMesh } from "./mesh-packet.js";
 import { decodeFilm } from "./tile-packet.js";
-import { fetchPatiently } from "./busy.js";
+import { fetchWithRetries } from "./busy.js";
 import { inProject } from "../base/project.js";
 import { said } from "../base/said.js";
 import { t } from "../base/words.js";
@@ -334,7 +334,7 @@ export const shotUrl = (job, file, query) => `api/jobs/${job}/${file}${queryText
  * @param {AbortSignal} signal
  */
 async function fetchPicture(place, format, query, signal) {
-  const response = await fetchPatiently(imageUrl(place, format, query), { signal });
+  const response = await fetchWithRetries(imageUrl(place, format, query), { signal });
   if (!response.ok) throw errorOf(response.status, await response.text());
   return response;
 }
@@ -388,14 +388,14 @@ export const fetchFilm = ({ job, frame }, signal) => fetchPacket(`api/jobs/${job
  * @returns {Promise<import("./tile-packet.js").FilmPacket>}
  */
 export async function fetchPacket(url, signal) {
-  const response = await fetchPatiently(url, { signal });
+  const response = await fetchWithRetries(url, { signal });
   if (!response.ok) throw errorOf(response.status, await response.text());
   return decodeFilm(await response.arrayBuffer());
 }
 
 /** Fetches a scene's preview mesh. @param {string} scene @returns {Promise<import("./mesh-packet.js").MeshPacket>} */
 export async function fetchMesh(scene) {
-  const response = await fetchPatiently(`api/scenes/${scene}/preview`, {});
+  const response = await fetchWithRetries(`api/scenes/${scene}/preview`, {});
   if (!response.ok) throw errorOf(response.status, await response.text());
   return decodeMesh(await response.arrayBuffer());
 }

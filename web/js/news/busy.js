@@ -15,7 +15,7 @@ export const retries = new Store(/** @type {readonly number[]} */ ([]));
  * @param {{signal?: AbortSignal, method?: string, isWanted?: () => boolean}} [options] isWanted: asked before each repetition
  * @returns {Promise<Response>}
  */
-export async function fetchPatiently(url, { signal, method = "GET", isWanted = () => true } = {}) {
+export async function fetchWithRetries(url, { signal, method = "GET", isWanted = () => true } = {}) {
   for (let tries = 1; ; tries += 1) {
     const response = await fetch(url, { method, signal });
     const seconds = Number(response.headers.get("Retry-After"));

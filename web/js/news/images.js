@@ -1,7 +1,7 @@
 /** Pictures and files of the service. Requests to a busy service are retried, and a refusal becomes the service's message. */
 
 import { ApiError, errorOf } from "./api.js";
-import { fetchPatiently } from "./busy.js";
+import { fetchWithRetries } from "./busy.js";
 import { t } from "../base/words.js";
 
 /** The URL that each element should show. @type {WeakMap<HTMLImageElement, string>} */
@@ -20,7 +20,7 @@ export async function showImage(image, url) {
   const isWanted = () => wanted.get(image) === url;
   if ((await shows(image, url)) || !isWanted()) return;
   try {
-    const response = await fetchWell(url, () => isWanted() && image.isConnected);
+    const response = await fetchOrThrow(url, () => isWanted() && image.isConnected);
     const local = URL.createObjectURL(await response.blob());
     try {
       if (isWanted() && !(await shows(image, local)) && isWanted()) throw new ApiError(response.status, t("The browser cannot show this picture."));
@@ -50,17 +50,17 @@ function shows(image, src) {
 }
 
 /** Fetches a file of the service. Rejects with an ApiError. @param {string} url @returns {Promise<Blob>} */
-export const fetchFile = async (url) => (await fetchWell(url)).blob();
+export const fetchFile = async (url) => (await fetchOrThrow(url)).blob();
 
 /** @param {string} url @returns {Promise<void>} rejects with an ApiError where the service would refuse the file */
 export async function askFor(url) {
-  const { status } = await fetchPatiently(url, { method: "HEAD" }).catch(() => Promise.reject(errorOf(0, "")));
-  if (status >= 400) await fetchWell(url); // a response to HEAD has no message
+  const { status } = await fetchWithRetries(url, { method: "HEAD" }).catch(() => Promise.reject(errorOf(0, "")));
+  if (status >= 400) await fetchOrThrow(url); // a response to HEAD has no message
 }
 
 /** @param {string} url @param {() => boolean} [isWanted] @returns {Promise<Response>} rejects with an ApiError */
-async function fetchWell(url, isWanted) {
-  const response = await fetchPatiently(url, { isWanted }).catch(() => Promise.reject(errorOf(0, "")));
+async function fetchOrThrow(url, isWanted) {
+  const response = await fetchWithRetries(url, { isWanted }).catch(() => Promise.reject(errorOf(0, "")));
   if (!response.ok) throw errorOf(response.status, await response.text());
   return response;
 }
@@ -72,7 +72,7 @@ async function fetchWell(url, isWanted) {
  * @param {string} url
  */
 export async function saveFile(url) {
-  const response = await fetchWell(url);
+  const response = await fetchOrThrow(url);
   const local = URL.createObjectURL(await response.blob());
   const anchor = document.createElement("a");
   anchor.href = local;

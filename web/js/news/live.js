@@ -15,7 +15,7 @@ import { t } from "../base/words.js";
  * @property {(tile: TilePacket) => void} tile
  * @property {(message: Record<string, any>) => void} message
  * @property {(up: boolean) => void} link
- * @property {() => number[] | null} [have] samples a pixel of every tile that is here; null: that is said later, by `sayHave`.
+ * @property {() => number[] | null} [have] samples a pixel of every tile that is here; null: that is said later, by `sendHave`.
  *   Left out: a snapshot is asked for
  * @property {(sentence: string) => void} refused the service closed the connection for good
  */
@@ -44,27 +44,27 @@ export class Live extends LastingSocket {
   }
 
   /** @override */
-  opened() {
+  onOpen() {
     if (this.frame !== this.asked) this.turnTo(this.frame);
-    this.sayHave();
+    this.sendHave();
   }
 
   /** @override @param {Record<string, any>} message */
-  told(message) {
+  onMessage(message) {
     this.handlers.message(message);
   }
 
   /** @override @param {ArrayBuffer} packet */
-  sent(packet) {
+  onPacket(packet) {
     const tile = decodeTile(packet);
     this.handlers.tile(tile);
-    this.say({ ack: tile.seq });
+    this.send({ ack: tile.seq });
   }
 
   /** @override @param {number} code @param {string} reason */
-  ended(code, reason) {
+  onEnd(code, reason) {
     const isClosedToUs = code === NOT_FOUND && this.hasHeard; // a deleted job is reported differently
-    if (isClosedToUs || ![NOT_FOUND, GONE].includes(code)) super.ended(code, reason); // otherwise the farm's events report it too
+    if (isClosedToUs || ![NOT_FOUND, GONE].includes(code)) super.onEnd(code, reason); // otherwise the farm's events report it too
   }
 
   /**
@@ -73,12 +73,12 @@ export class Live extends LastingSocket {
    */
   turnTo(frame) {
     this.frame = frame;
-    this.say({ frame, snapshot: !this.handlers.have });
+    this.send({ frame, snapshot: !this.handlers.have });
   }
 
   /** Sends the samples of the page's tiles, once they are known. */
-  sayHave() {
+  sendHave() {
     const have = this.handlers.have?.();
-    if (have) this.say({ have });
+    if (have) this.send({ have });
   }
 }

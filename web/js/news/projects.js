@@ -10,15 +10,15 @@ import { t } from "../base/words.js";
 export const projects = new Store(/** @type {string[]} */ ([]));
 
 /** Projects that the user may only view. @type {Set<string>} */
-const onlySeen = new Set();
+const readOnlyProjects = new Set();
 
 /** Loads the projects; a selected project that no longer exists is deselected. */
-export async function lookAtProjects() {
+export async function loadProjects() {
   const { name: me } = session.value;
   try {
     const found = /** @type {{name: string, roles?: Record<string, string>}[]} */ (await getAll("/projects"));
-    onlySeen.clear();
-    for (const { name, roles } of found) if (!may("admin") && roles?.[me ?? ""] === "view") onlySeen.add(name);
+    readOnlyProjects.clear();
+    for (const { name, roles } of found) if (!may("admin") && roles?.[me ?? ""] === "view") readOnlyProjects.add(name);
     projects.set(found.map(({ name }) => name));
   } catch {
     return; // the banner shows that the service does not respond
@@ -27,10 +27,10 @@ export async function lookAtProjects() {
 }
 
 /** @param {string | null | undefined} project that something is in, empty: none @returns {boolean} whether one may change and add things there */
-export const mayChange = (project) => may("submit") && !onlySeen.has(project ?? "");
+export const mayChange = (project) => may("submit") && !readOnlyProjects.has(project ?? "");
 
 /** @param {string | null | undefined} project in which one may not @returns {string} a sentence */
-export const whyNot = (project) =>
+export const readOnlyReason = (project) =>
   may("submit")
     ? t("You can look at project {name}, but not change it. Ask whoever runs this farm.", { name: project ?? "" })
     : t("Your role lets you look, but not render. Ask whoever runs this farm.");

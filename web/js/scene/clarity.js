@@ -28,7 +28,7 @@ const percent = (noise) => `${Number((100 * noise).toPrecision(2))} %`;
  *
  * @param {() => void} changed
  */
-export function clearness(changed) {
+export function clarityField(changed) {
   const kept = read();
   const element = h(
     "select",

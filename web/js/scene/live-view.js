@@ -15,7 +15,7 @@ import { bookmarks } from "./bookmarks.js";
 import { PLACE_SUN } from "../forms/environment-fields.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
-import { clarity, clearness } from "./clarity.js";
+import { clarity, clarityField } from "./clarity.js";
 import { MeshCanvas } from "./mesh-canvas.js";
 import { alongSight, lookAt } from "./orbit.js";
 import { hasMesh, meshOf } from "./preview-mesh.js";
@@ -40,7 +40,7 @@ const LEAST_SIDE = 16;
 /** Interval of looks for darkness. */
 const DARKNESS_MS = 500;
 /** Request fields that do not apply to a view. */
-const NOT_OF_A_VIEW = ["fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
+const JOB_ONLY_FIELDS = ["fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
 /** Listed in the help; the view handles them while it has focus. */
 const HAND_KEYS = [
@@ -85,7 +85,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     CURVES.map(({ name, label }) => h("option", { value: name, selected: name === DEFAULT_CURVE }, label)),
   );
   const shown = h("span", { class: "small number quiet" }, "0 EV");
-  const clear = clearness(() => refresh());
+  const clear = clarityField(() => refresh());
   const viewport = new Viewport();
   /** @type {FilmCanvas} */
   let picture;
@@ -195,7 +195,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     /** @type {Record<string, any>} */
     const request = { ...form.request() };
     if (request.frames) request.frame = firstOf(request.frames);
-    for (const name of NOT_OF_A_VIEW) delete request[name];
+    for (const name of JOB_ONLY_FIELDS) delete request[name];
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };
@@ -249,7 +249,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       onPicked = null;
       then(found, at);
     };
-    link.say({ pick: [at.x, at.y] });
+    link.send({ pick: [at.x, at.y] });
   };
   /** @param {PointerEvent} event */
   const focusAt = (event) =>

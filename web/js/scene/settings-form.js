@@ -7,7 +7,7 @@ import { h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
 import { compact, noiseText, roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
-import { mayChange, whyNot } from "../news/projects.js";
+import { mayChange, readOnlyReason } from "../news/projects.js";
 import { openMore } from "../forms/environment-fields.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { queueFold } from "../forms/queue-fold.js";
@@ -93,7 +93,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), t("Render"));
   const isFree = mayChange(scene.project);
   render.disabled = !isFree;
-  const why = !isFree && h("p", { class: "hint", role: "note" }, whyNot(scene.project));
+  const why = !isFree && h("p", { class: "hint", role: "note" }, readOnlyReason(scene.project));
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
     if (render.disabled) return; // the shortcut works even while the service has not answered

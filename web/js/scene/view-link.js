@@ -53,7 +53,7 @@ export class ViewLink extends LastingSocket {
     this.shown = Promise.resolve();
     /** Whether pictures are paused, since they are not visible. */
     this.rests = false;
-    this.seen = () => this.say({ paused: document.hidden || this.rests });
+    this.seen = () => this.send({ paused: document.hidden || this.rests });
     document.addEventListener("visibilitychange", this.seen);
     this.connect();
   }
@@ -64,19 +64,19 @@ export class ViewLink extends LastingSocket {
   }
 
   /** @override */
-  opened() {
+  onOpen() {
     if (document.hidden || this.rests) this.seen();
     this.ask();
   }
 
   /** @override @param {any} said */
-  told(said) {
+  onMessage(said) {
     if (said.type !== "error") this.handlers[said.type]?.(said);
     else if (said.id === null || said.id === this.id) this.handlers.failed(saidOf(said, "detail"));
   }
 
   /** @override @param {ArrayBuffer} packet */
-  sent(packet) {
+  onPacket(packet) {
     const { socket } = this;
     this.shown = Promise.allSettled([decodeView(packet), this.shown]).then(([picture]) => {
       if (this.socket !== socket) return;
@@ -85,7 +85,7 @@ export class ViewLink extends LastingSocket {
         return;
       }
       this.handlers.picture(picture.value);
-      this.say({ ack: picture.value.seq });
+      this.send({ ack: picture.value.seq });
     });
   }
 
@@ -107,7 +107,7 @@ export class ViewLink extends LastingSocket {
     this.pending = 0;
     if (!this.wanted || this.socket?.readyState !== WebSocket.OPEN) return;
     this.id += 1;
-    this.say({ id: this.id, ...this.wanted });
+    this.send({ id: this.id, ...this.wanted });
   }
 
   /** @override */

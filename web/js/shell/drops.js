@@ -5,7 +5,7 @@ import { chosenProject } from "../base/project.js";
 import { filesOfDrop } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { mayChange } from "../news/projects.js";
-import { pick, startFrom } from "./pick-files.js";
+import { pick, gatherAndSend } from "./pick-files.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
@@ -62,6 +62,6 @@ export function acceptDrops() {
     hide();
     if (!isFree) return;
     const gathering = filesOfDrop(event.dataTransfer);
-    void startFrom(() => gathering, upload);
+    void gatherAndSend(() => gathering, upload);
   });
 }

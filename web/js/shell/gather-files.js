@@ -74,7 +74,7 @@ export function titleOf(files) {
 }
 
 /** Returns the error message for files of unsupported types. @param {NamedFile[]} files */
-export function notTaken(files) {
+export function notUploadedTitle(files) {
   const title = titleOf(files);
   return files.length > 1 ? t("{title} were not taken", { title }) : t("{title} was not taken", { title });
 }

@@ -3,7 +3,7 @@
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { table } from "../news/settings-table.js";
-import { letLettersAct, lettersAct, shortcuts } from "./shortcuts.js";
+import { setLetterShortcuts, hasLetterShortcuts, shortcuts } from "./shortcuts.js";
 import { t } from "../base/words.js";
 
 /** Opens the dialog. Escape, its button or a click outside closes it. */
@@ -13,7 +13,7 @@ export function showHelp() {
     { class: "icon-button", type: "button", "aria-label": t("Close"), onclick: () => dialog.close() },
     icon("close"),
   );
-  const letters = h("input", { type: "checkbox", checked: lettersAct(), onchange: () => letLettersAct(letters.checked) });
+  const letters = h("input", { type: "checkbox", checked: hasLetterShortcuts(), onchange: () => setLetterShortcuts(letters.checked) });
   const dialog = h(
     "dialog",
     {
@@ -52,7 +52,7 @@ export function showHelp() {
             ),
           ),
       ),
-      handsOn().map((sentence) => h("p", { class: "quiet" }, sentence)),
+      gestureHelp().map((sentence) => h("p", { class: "quiet" }, sentence)),
       h("label", { class: "check" }, letters, t("Single-letter shortcuts (turn off if you dictate)")),
     ),
   );
@@ -61,7 +61,7 @@ export function showHelp() {
 }
 
 /** Lists mouse and touch gestures of the current view. */
-function handsOn() {
+function gestureHelp() {
   /** @type {[string, string][]} */
   const sentences = [
     [".live-view", t("On the view: drag to turn, Shift and drag to move, wheel or pinch to go nearer, double-click to turn about what lies there.")],

@@ -3,7 +3,7 @@
 /** @typedef {(file: File) => void} Take */
 
 /** @type {Take | null} */
-let taker = null;
+let lightReceiver = null;
 
 /** Images that are always an environment if dropped alone. */
 const LIGHTS = /\.(exr|hdr)$/i;
@@ -13,10 +13,10 @@ const IMAGES = /\.(exr|hdr|png|jpe?g|tiff?|webp)$/i;
 export const LIGHT_FILES = ".exr,.hdr,.png,.jpg,.jpeg,.tif,.tiff,.webp";
 
 /** @param {Take} take @returns {() => void} unregisters it */
-export function takeLights(take) {
-  taker = take;
+export function registerLightReceiver(take) {
+  lightReceiver = take;
   return () => {
-    if (taker === take) taker = null;
+    if (lightReceiver === take) lightReceiver = null;
   };
 }
 
@@ -29,8 +29,8 @@ export const areImages = (files) => files.length > 0 && files.every(({ name }) =
  */
 export function offerLight(files) {
   const [file] = files;
-  if (!taker || !file || files.length !== 1 || !IMAGES.test(file.name)) return false;
-  taker(file);
+  if (!lightReceiver || !file || files.length !== 1 || !IMAGES.test(file.name)) return false;
+  lightReceiver(file);
   return true;
 }
 

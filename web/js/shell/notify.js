@@ -59,7 +59,7 @@ export function notifyButton() {
 }
 
 /** Watches the jobs and notifies about those that end. */
-export function tellOfEnds() {
+export function notifyOfEndedJobs() {
   /** @type {Map<string, string>} */
   const before = new Map();
   /** @type {Job[]} */

@@ -1,7 +1,7 @@
 /** Passes on files from a drop or a file dialog. */
 
 import { h } from "../base/dom.js";
-import { filesOfList, notTaken } from "./gather-files.js";
+import { filesOfList, notUploadedTitle } from "./gather-files.js";
 import { showError } from "./tray.js";
 import { t } from "../base/words.js";
 
@@ -11,7 +11,7 @@ import { t } from "../base/words.js";
  * @param {() => NamedFile[] | Promise<NamedFile[]>} gather
  * @param {(files: NamedFile[]) => Promise<void>} take
  */
-export async function startFrom(gather, take) {
+export async function gatherAndSend(gather, take) {
   let files;
   try {
     files = await gather();
@@ -27,7 +27,7 @@ async function attempt(files, take) {
   try {
     await take(files);
   } catch (error) {
-    showError(notTaken(files), error, { action: { label: t("Try again"), run: () => void attempt(files, take) } });
+    showError(notUploadedTitle(files), error, { action: { label: t("Try again"), run: () => void attempt(files, take) } });
   }
 }
 
@@ -39,7 +39,7 @@ async function attempt(files, take) {
  */
 export function pick({ folder }, take) {
   const input = h("input", { type: "file", multiple: true, webkitdirectory: folder, hidden: true });
-  input.addEventListener("change", () => void startFrom(() => filesOfList(input.files ?? new DataTransfer().files), take));
+  input.addEventListener("change", () => void gatherAndSend(() => filesOfList(input.files ?? new DataTransfer().files), take));
   input.addEventListener("cancel", () => input.remove());
   input.addEventListener("change", () => input.remove());
   document.body.append(input);

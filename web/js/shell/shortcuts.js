@@ -15,7 +15,7 @@ const active = new Set();
 const LETTERS_KEY = "rayfarm.letters";
 
 /** Whether shortcuts of a single letter are enabled. */
-export function lettersAct() {
+export function hasLetterShortcuts() {
   try {
     return localStorage.getItem(LETTERS_KEY) !== "off";
   } catch {
@@ -24,7 +24,7 @@ export function lettersAct() {
 }
 
 /** @param {boolean} act */
-export function letLettersAct(act) {
+export function setLetterShortcuts(act) {
   try {
     if (act) localStorage.removeItem(LETTERS_KEY);
     else localStorage.setItem(LETTERS_KEY, "off");
@@ -75,7 +75,7 @@ function dispatch(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || isTyping(event.target)) return;
   if (document.querySelector("dialog[open]")) return;
   const name = nameOf(event);
-  if (event.key.length === 1 && event.key !== " " && !lettersAct()) return;
+  if (event.key.length === 1 && event.key !== " " && !hasLetterShortcuts()) return;
   // Enter and Space belong to the focused button or link.
   if (
     (name === "Enter" || name === "Space") &&

@@ -116,7 +116,7 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
  * @param {string} sentence
  * @param {{label: string, run: () => void}} action
  */
-export function offerNews(sentence, { label, run }) {
+export function showActionNotice(sentence, { label, run }) {
   const card = new Card(sentence);
   announce(sentence);
   card.onClose(() => card.remove());

@@ -5,14 +5,14 @@ import { MISSING_FILE, UNPACK, hasCode } from "../base/codes.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptScene, scenes } from "../news/farm.js";
 import { bytes, clock } from "../base/format.js";
-import { notTaken, titleOf } from "./gather-files.js";
+import { notUploadedTitle, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { areImages, hasLight, offerLight } from "./light-drop.js";
 import { addEnvironment } from "../news/environments.js";
 import { said } from "../base/said.js";
 import { pick } from "./pick-files.js";
 import { go, here } from "./router.js";
-import { Card, announce, offerNews, showError } from "./tray.js";
+import { Card, announce, showActionNotice, showError } from "./tray.js";
 import { Pace } from "./upload-pace.js";
 import { keepLocal, readLocally } from "../news/local-mesh.js";
 import { upload } from "../news/upload.js";
@@ -45,7 +45,7 @@ export async function start(files) {
     if (!offerLight(sent)) explainImages(sent);
     return;
   }
-  const { formats, foreign, foreign_codes: codes } = await whileShown(titleOf(files), getInfo());
+  const { formats, foreign, foreign_codes: codes } = await withProgressCard(titleOf(files), getInfo());
   const paths = files.map(({ path }) => path.toLowerCase());
   if (!paths.some((path) => formats.some((suffix) => path.endsWith(suffix)))) {
     for (const [suffix, advice] of Object.entries(foreign)) {
@@ -77,7 +77,7 @@ export async function start(files) {
  * @param {Promise<T>} asked
  * @returns {Promise<T>}
  */
-async function whileShown(title, asked) {
+async function withProgressCard(title, asked) {
   /** @type {Card | null} */
   let card = null;
   const soon = setTimeout(() => {
@@ -103,7 +103,7 @@ function show(scene, from) {
   if (!scene) return;
   const open = () => go("scenes", scene.id);
   if (here().path.join() === from) open();
-  else offerNews(t("{name} is uploaded", { name: scene.name }), { label: t("Open"), run: open });
+  else showActionNotice(t("{name} is uploaded", { name: scene.name }), { label: t("Open"), run: open });
 }
 
 /**
@@ -217,7 +217,7 @@ async function sendOnce(files, fields) {
     return scene;
   } catch (error) {
     if (abort.signal.aborted) return null;
-    const heading = notTaken(files);
+    const heading = notUploadedTitle(files);
     // Error responses of the service name the remedy.
     if (error instanceof ApiError && error.status === 0)
       return new Promise((resolve) => showError(heading, error, { action: { label: t("Try again"), run: () => resolve(AGAIN) } }));

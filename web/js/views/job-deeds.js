@@ -17,7 +17,7 @@ import { t, tn } from "../base/words.js";
  */
 
 /** @type {Deed[]} */
-export const DEEDS = [
+export const JOB_ACTIONS = [
   { label: t("Pause"), done: t("paused"), icon: "pause", change: { state: "paused", of: ["queued", "running"] } },
   { label: t("Resume"), done: t("resumed"), icon: "play", change: { state: "running", of: ["paused", "failed", "cancelled"] } },
   { label: t("Cancel"), done: t("cancelled"), icon: "stop", change: { state: "cancelled", of: ["queued", "running", "paused"] } },

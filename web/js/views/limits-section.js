@@ -88,7 +88,7 @@ function limitRow(nameOf, renew) {
   const wanted = () => {
     const said = fields.map(({ name, unit, input }) => {
       const was = latest?.limits[name] ?? null;
-      const isSame = Boolean(input.value) && was !== null && inUnits(was, unit) === input.value;
+      const isSame = Boolean(input.value) && was !== null && amountText(was, unit) === input.value;
       return [name, !input.validity.valid || isSame ? was : input.value ? Math.round(input.valueAsNumber * unit) : null];
     });
     return Object.fromEntries(said);
@@ -109,7 +109,7 @@ function limitRow(nameOf, renew) {
       reset.style.visibility = allowance.is_own ? "" : "hidden";
       for (const { name, unit, said, input, used, label } of fields) {
         const limit = allowance.limits[name];
-        const value = limit === null ? "" : inUnits(limit, unit);
+        const value = limit === null ? "" : amountText(limit, unit);
         if (pending === 0 && input !== document.activeElement && input.value !== value) input.value = value;
         input.setAttribute("aria-label", t("{label}: {name}", { label, name: called }));
         const has = allowance.used[name] ?? 0;
@@ -124,4 +124,4 @@ function limitRow(nameOf, renew) {
 let fresh = 0;
 
 /** Formats an amount for a field. @param {number} amount @param {number} unit */
-const inUnits = (amount, unit) => String(Number((amount / unit).toPrecision(12)));
+const amountText = (amount, unit) => String(Number((amount / unit).toPrecision(12)));

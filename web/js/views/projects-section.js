@@ -1,9 +1,9 @@
 /** For administrators: the projects with their members and roles. */
 
-import { addProject, chooseUsers, getProjects, letIn, putOut, removeProject } from "../news/access.js";
+import { addProject, chooseUsers, getProjects, addMember, removeMember, removeProject } from "../news/access.js";
 import { fill, h } from "../base/dom.js";
 import { t, tn } from "../base/words.js";
-import { lookAtProjects } from "../news/projects.js";
+import { loadProjects } from "../news/projects.js";
 import { announce, showError } from "../shell/tray.js";
 import { choice, field, removing, section, submitted, tried } from "./access-pieces.js";
 
@@ -36,7 +36,7 @@ export function projectsSection() {
           const made = await addProject(name.value.trim().toLowerCase());
           form.reset();
           open.add(made.name);
-          await Promise.all([show(), lookAtProjects()]);
+          await Promise.all([show(), loadProjects()]);
         }),
     },
     field("project-name", t("Name"), name),
@@ -56,7 +56,7 @@ function projectRow(project, users, open, show) {
   const remove = removing(title, () =>
     tried(async () => {
       await removeProject(name);
-      await Promise.all([show(), lookAtProjects()]);
+      await Promise.all([show(), loadProjects()]);
     }),
   );
   remove.disabled = !isEmpty;
@@ -79,7 +79,7 @@ function memberRow(project, user, show) {
   const now = project.roles[user] ?? "submit";
   const role = choice(ROLES, now, { "aria-label": t("Role of {name} in {project}", { name: user, project: project.name }) });
   role.addEventListener("change", () =>
-    void letIn(project.name, user, /** @type {MemberRole} */ (role.value)).then(
+    void addMember(project.name, user, /** @type {MemberRole} */ (role.value)).then(
       () => announce(t("The new role applies now")),
       (error) => {
         role.value = now;
@@ -87,7 +87,7 @@ function memberRow(project, user, show) {
       },
     ),
   );
-  const away = removing(t("Take {name} out of {project}", { name: user, project: project.name }), () => tried(() => putOut(project.name, user).then(show)));
+  const away = removing(t("Take {name} out of {project}", { name: user, project: project.name }), () => tried(() => removeMember(project.name, user).then(show)));
   return h("li", null, h("span", null, user), role, away);
 }
 
@@ -97,7 +97,7 @@ function newMember(project, others, show) {
   const role = choice(ROLES, "submit", { "aria-label": t("Role of who joins {project}", { project: project.name }) });
   return h(
     "form",
-    { onsubmit: (/** @type {Event} */ event) => submitted(event, () => letIn(project.name, user.value, /** @type {MemberRole} */ (role.value)).then(show)) },
+    { onsubmit: (/** @type {Event} */ event) => submitted(event, () => addMember(project.name, user.value, /** @type {MemberRole} */ (role.value)).then(show)) },
     user,
     role,
     h("button", { class: "button small", type: "submit" }, t("Add")),

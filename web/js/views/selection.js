@@ -3,7 +3,7 @@
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
-import { DEEDS, change, remove } from "./job-deeds.js";
+import { JOB_ACTIONS, change, remove } from "./job-deeds.js";
 import { grouped, t, tn } from "../base/words.js";
 
 /** The selected ids of a list. */
@@ -97,7 +97,7 @@ export function selectionBar(selection) {
     "div",
     { class: "selection-bar", role: "toolbar", "aria-label": t("Selected jobs"), hidden: true },
     number,
-    DEEDS.map((deed) =>
+    JOB_ACTIONS.map((deed) =>
       h(
         "button",
         { class: "button small for-submit", type: "button", onclick: () => void change(ids(), deed.change, deed.done) },

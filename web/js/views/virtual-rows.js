@@ -3,7 +3,7 @@
 import { focusRow, h, keyedList } from "../base/dom.js";
 
 /** Additional rows above and below the screen, so that scrolling shows them at once. */
-const BEYOND = 6;
+const ROWS_BEYOND_SCREEN = 6;
 
 /**
  * @typedef {object} VirtualRows
@@ -58,8 +58,8 @@ export function virtualRows(create, life) {
     const { columns, height } = shape();
     list.style.height = `${Math.ceil(ids.length / columns) * height}px`;
     const top = -list.getBoundingClientRect().top;
-    const first = Math.max(0, Math.floor(top / height) - BEYOND) * columns;
-    const last = (Math.ceil((top + innerHeight) / height) + BEYOND) * columns;
+    const first = Math.max(0, Math.floor(top / height) - ROWS_BEYOND_SCREEN) * columns;
+    const last = (Math.ceil((top + innerHeight) / height) + ROWS_BEYOND_SCREEN) * columns;
     const near = ids.slice(first, Math.max(first, last));
     places.clear();
     near.forEach((id, i) => places.set(id, first + i));
