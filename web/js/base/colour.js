@@ -16,7 +16,7 @@ export function linearOf(hex) {
 }
 
 /**
- * @param {[number, number, number]} linear Rec.709; what is above 1 shows as 1
+ * @param {[number, number, number]} linear Rec.709; values above 1 are clipped
  * @returns {string} "#rrggbb"
  */
 export function hexOf(linear) {

@@ -6,7 +6,7 @@ import { said } from "./said.js";
 /** The service sends a message at least every few seconds. A silent connection is dead, for example after a laptop woke up. */
 const SILENCE_MS = 20_000;
 
-/** Codes of what the service says as it closes an open socket, by the close code: a reason has no room for them. */
+/** Message codes of the service's reasons for closing a socket, by WebSocket close code, since the reason text has no code. */
 const CLOSED = /** @type {Record<number, string>} */ ({ 4401: "login-expired", 4404: "project-membership-ended" });
 
 /**

@@ -34,7 +34,7 @@ function kindOf(light) {
  * "Clear sky, sun at 35° height, 120°", "studio.exr, turned by 30°, strength 2".
  *
  * @param {EnvironmentRequest | null | undefined} light
- * @param {Pick<Scene, "environment">} [scene] of jobs of older releases, whose light is their scene's
+ * @param {Pick<Scene, "environment">} [scene] for jobs of older releases, which use their scene's light
  * @returns {string} empty: the scene's own, as it is
  */
 export function lightWords(light, scene) {

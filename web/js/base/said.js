@@ -1,7 +1,7 @@
 /**
  * Translates the service's messages (errors, reasons, warnings) to the language of the page.
  *
- * Beside an English text stand the code and the parameters that it was made of, and web/words/service.*.json has the template of
+ * The service sends an English text with its code and parameters, and web/words/service.*.json has the template of
  * each code in another language. A text without a code, as from an older worker, and a code that no catalogue has are shown in
  * English.
  */
@@ -12,22 +12,22 @@ import { language, sayings } from "./words.js";
 /** @typedef {{code: string, params: Record<string, any>}} Coded of a text that is known otherwise */
 /** @typedef {Coded & {text: string}} Nested a sentence within another */
 
-/** Before these, a sentence in a place is written without its full stop. */
+/** Characters before which an inserted sentence is written without its full stop. */
 const CLOSING = /^[.;:,)。；：，）]/;
 const STOP = /[.。]$/;
 const DEEPEST = 6;
 
 /**
  * @param {string | null | undefined} english a sentence or more of the service
- * @param {Coded | null} [coded] what it was made of
- * @returns {string} empty where it has said nothing
+ * @param {Coded | null} [coded] its code and parameters
+ * @returns {string} the translated sentence; empty without a text
  */
 export function said(english, coded) {
   return (coded && language !== "en" && translated(coded, 0)) || (english ?? "");
 }
 
 /**
- * A text of a record of the service, whose `codes` say what it was made of.
+ * Returns a text of a record of the service, translated by the code and parameters in the record's `codes`.
  *
  * @param {any} record
  * @param {string} field
@@ -37,7 +37,7 @@ export function saidOf(record, field) {
 }
 
 /**
- * A list of texts of such a record.
+ * Returns a list of texts of a record, translated like `saidOf`.
  *
  * @param {any} record
  * @param {string} field
@@ -47,7 +47,7 @@ export function allSaidOf(record, field) {
   return (record?.[field] ?? []).map((/** @type {string} */ text, /** @type {number} */ i) => said(text, record.codes?.[field]?.[i]));
 }
 
-/** @param {Coded} coded @param {number} depth @returns {string | null} null where its code is not known */
+/** @param {Coded} coded @param {number} depth @returns {string | null} null for an unknown code */
 function translated({ code, params }, depth) {
   const template = sayings[code];
   if (template === undefined || depth > DEEPEST) return null;
@@ -57,7 +57,7 @@ function translated({ code, params }, depth) {
   });
 }
 
-/** @param {Param} value @param {string} following what the template goes on with @param {number} depth @returns {string} */
+/** @param {Param} value @param {string} following the rest of the template after the value @param {number} depth @returns {string} */
 function insertedText(value, following, depth) {
   if (Array.isArray(value)) return value.map((each) => insertedText(each, ",", depth)).join(language === "zh" ? "、" : ", ");
   if (value === null || typeof value !== "object") return String(value);

@@ -8,7 +8,7 @@ import { flip } from "./flip.js";
  * @typedef {object} Pair
  * @property {number} width
  * @property {number} height
- * @property {Uint32Array | null} wordsA linear light as RGB9E5; null: what is shown is measured
+ * @property {Uint32Array | null} wordsA linear light as RGB9E5; null: the displayed colours are compared instead
  * @property {Uint32Array | null} wordsB
  * @property {Uint8Array} shownA RGBA as on the screen, sRGB-coded
  * @property {Uint8Array} shownB

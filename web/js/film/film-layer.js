@@ -21,7 +21,7 @@ export class FilmLayer {
     this.room = "";
   }
 
-  /** @returns {{width: number, height: number} | null} of what is shown */
+  /** @returns {{width: number, height: number} | null} of the shown picture, in pixels */
   get size() {
     return this.image ?? this.film;
   }

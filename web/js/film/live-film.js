@@ -26,7 +26,7 @@ export class LiveFilm {
     this.finished = job.state === "finished";
     this.film = new Film(job.width ?? 1, job.height ?? 1);
     this.side = job.tile_size ?? 0;
-    /** Whether the fetch of the film has ended; afterwards the service is told which samples are here. */
+    /** Whether the fetch of the film has ended; afterwards the page sends the service its sample counts. */
     this.isFetched = false;
     this.fetching = new AbortController();
     /** @type {Set<() => void>} */
@@ -111,7 +111,7 @@ export class LiveFilm {
    * Switches to another frame of the shot.
    *
    * @param {number} frame
-   * @param {Film | null} meanwhile what is shown until its tiles are here
+   * @param {Film | null} meanwhile the picture to show until the frame's tiles have arrived
    */
   turnTo(frame, meanwhile) {
     this.frame = frame;

@@ -23,15 +23,15 @@ import { t } from "../base/words.js";
  * @property {() => import("./picture-side.js").PictureSide | null} side the one that is not denoised
  * @property {import("./film.js").Film} film
  * @property {(job: Job) => void} update
- * @property {(listener: (outlines: import("./pixel-overlay.js").Outline[]) => void) => void} onHands told of the tiles in hand
- * @property {() => void} renew fetches what is shown anew where it is older than the film
+ * @property {(listener: (outlines: import("./pixel-overlay.js").Outline[]) => void) => void} onHands calls the listener with the tiles that workers are rendering
+ * @property {() => void} renew fetches the shown pictures again if they are older than the film
  */
 
 /**
  * @param {Job} job of known size
  * @param {DisplayStore} display
  * @param {import("../base/store.js").Disposer} life
- * @param {(state: {left: SideState | null, right: SideState | null}) => void} changed what is fetched, or is not
+ * @param {(state: {left: SideState | null, right: SideState | null}) => void} changed called when a side's state of fetching changes
  * @param {number} [frame] of a shot
  * @returns {LivePicture}
  */

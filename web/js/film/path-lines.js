@@ -6,7 +6,7 @@
 /** @typedef {import("../base/types.js").Spot} Spot */
 /** @typedef {import("../base/types.js").PathVertex} PathVertex */
 /** @typedef {{x: number, y: number}} Point */
-/** @typedef {{from: Point, to: Point, isCut: boolean}} Line isCut: it goes on beyond `to` */
+/** @typedef {{from: Point, to: Point, isCut: boolean}} Line isCut: the line continues beyond `to` */
 
 /** Near clipping distance in scene units, for lines that pass behind the eye. */
 const NEAREST = 1e-4;

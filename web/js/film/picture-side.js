@@ -23,7 +23,7 @@ const SETTLE_MS = 300;
  * @typedef {object} SideState
  * @property {string} channel
  * @property {boolean} waiting for the service to make it
- * @property {boolean} stale the film has more samples than it was made of
+ * @property {boolean} stale the film has more samples than the shown picture
  * @property {[number, number] | null} [span] the values between which a heat map is drawn
  * @property {unknown} error why it could not be fetched
  */

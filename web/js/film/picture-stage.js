@@ -41,7 +41,7 @@ import { t } from "../base/words.js";
 /**
  * @param {{width: number, height: number}} size of the left picture
  * @param {import("../base/store.js").Disposer} life
- * @param {{wiped: (fraction: number) => void, changed: () => void}} handlers changed: a side fetches, has, or lacks its picture
+ * @param {{wiped: (fraction: number) => void, changed: () => void}} handlers changed: a side has begun or finished fetching its picture, or failed
  * @returns {PictureStage}
  */
 export function pictureStage({ width, height }, life, { wiped, changed }) {

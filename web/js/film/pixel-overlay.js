@@ -21,7 +21,7 @@ export class PixelOverlay {
    * @param {HTMLCanvasElement} canvas
    * @param {Viewport} viewport
    * @param {{width: number, height: number}} size of the picture
-   * @param {(cx: number) => Film | null} filmAt whose values are shown at a place across the canvas
+   * @param {(cx: number) => Film | null} filmAt returns the film whose values are shown at canvas position cx
    */
   constructor(canvas, viewport, size, filmAt) {
     this.canvas = canvas;

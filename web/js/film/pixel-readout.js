@@ -67,7 +67,7 @@ export class PixelReadout {
     this.element.setAttribute("aria-label", t("Pixel under the cursor") + (name && `, ${name}`));
   }
 
-  /** @param {{x: number, y: number} | null} at @param {boolean} aloud it was moved by keys, by somebody who may not see it */
+  /** @param {{x: number, y: number} | null} at @param {boolean} aloud whether to announce the values, since the cursor was moved by keys */
   point(at, aloud) {
     this.at = at;
     this.refresh(aloud);
@@ -76,7 +76,7 @@ export class PixelReadout {
   /**
    * Updates after a change of the film, the channel or the cursor.
    *
-   * @param {boolean} [aloud] a screen reader says it: not each move of the mouse, nor each sample that comes
+   * @param {boolean} [aloud] whether a screen reader announces the values: not for mouse moves and new samples
    */
   refresh(aloud = false) {
     this.element.setAttribute("aria-live", aloud ? "polite" : "off");

@@ -18,7 +18,7 @@ export class Poster {
     showImage(image, url).catch(() => image.remove()); // a picture without samples; the stage shows the reason
   }
 
-  /** @param {Viewport} viewport @param {HTMLCanvasElement} canvas that it lies under */
+  /** @param {Viewport} viewport @param {HTMLCanvasElement} canvas in front of the poster */
   place({ x, y, scale, picture }, canvas) {
     const ratio = devicePixelRatio;
     const { style } = this.element;

@@ -14,7 +14,7 @@ import { t } from "../base/words.js";
  * @property {HTMLElement[]} elements
  * @property {HTMLDetailsElement} lens
  * @property {() => Pick<JobRequest, "camera" | "view">} get
- * @property {() => View} view what is chosen, in full
+ * @property {() => View} view the complete selected view
  * @property {(view: View) => void} turn to a view of the user's own
  * @property {(view: View) => void} move the chosen camera, which stays chosen: its scene has moved
  * @property {(distance: number) => void} focus at this distance along the line of sight

@@ -21,7 +21,7 @@ const START_SPP = 128;
  * @param {Record<string, any>} defaults what the scene file asks for
  * @param {() => void} changed
  * @param {Expect} expect
- * @returns {{elements: HTMLElement[], get: () => number, update: () => void}} update: what is expected may have changed
+ * @returns {{elements: HTMLElement[], get: () => number, update: () => void}} update: refreshes the expected time and noise
  */
 export function qualityFields(defaults, changed, expect) {
   const setting = settingOf("work", "spp");

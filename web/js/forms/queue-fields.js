@@ -13,8 +13,8 @@ const TAG = /^[a-z0-9][a-z0-9._:-]{0,62}$/;
 const MEMORY = /^memory_gb=\d{1,6}(\.\d{1,3})?$/;
 
 /**
- * @param {(part: Place) => void} changed by the user: what is new, where it makes sense
- * @returns {{elements: HTMLElement[], get: () => Place, put: (job: Placed) => void}} get: of a request, what was asked for alone
+ * @param {(part: Place) => void} changed called with the changed values, if valid, when the user changes a field
+ * @returns {{elements: HTMLElement[], get: () => Place, put: (job: Placed) => void}} get: the fields of a request that are set
  */
 export function queueFields(changed) {
   const deadline = h("input", { type: "datetime-local" });
@@ -73,7 +73,7 @@ function put(input, value) {
 /** @param {HTMLInputElement} input */
 const listOf = (input) => input.value.split(",").map((need) => need.trim()).filter(Boolean);
 
-/** @param {string[]} needs @returns {string} a sentence; empty where all can be asked for */
+/** @param {string[]} needs @returns {string} an error message about the first invalid requirement; empty if all are valid */
 function problemOf(needs) {
   const wrong = needs.find((need) => !TAG.test(need) && !MEMORY.test(need));
   return wrong === undefined ? "" : t("Needs: “{need}” is not valid. Use tags in lower case, or memory_gb=32.", { need: wrong });

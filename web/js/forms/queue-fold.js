@@ -9,7 +9,7 @@ import { queueFields } from "./queue-fields.js";
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
 
 /**
- * @param {{needs?: string[]} | null} like a job whose needs are those of this one too: it is of the same scene
+ * @param {{needs?: string[]} | null} like an earlier job of the same scene, whose requirements are the initial values
  * @returns {{element: HTMLDetailsElement, get: () => Partial<JobRequest>, dispose: () => void}}
  */
 export function queueFold(like) {

@@ -1,4 +1,4 @@
-/** A mark at a field whose value differs from its default, which resets it. */
+/** A button beside a field whose value differs from its default; it resets the field. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";

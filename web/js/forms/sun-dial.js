@@ -23,7 +23,7 @@ function svg(tag, attributes, ...children) {
 
 /**
  * @param {{elevation: number, azimuth: number}} sun degrees
- * @returns {[number, number]} of the dial, whose middle is 0, 0
+ * @returns {[number, number]} position on the dial; its centre is 0, 0
  */
 function placeOf({ elevation, azimuth }) {
   const away = (RADIUS * (90 - Math.max(0, Math.min(90, elevation)))) / 90;

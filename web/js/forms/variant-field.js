@@ -5,7 +5,7 @@ import { t } from "../base/words.js";
 
 /**
  * @param {import("../base/types.js").Scene} scene
- * @param {string | null} [asked] what it shows first, by name or number, where that is not the scene's own
+ * @param {string | null} [asked] the initial variant, by name or number; null: the scene's own
  * @returns {{elements: HTMLElement[], get: () => {variant?: string}}} without elements where there is nothing to choose
  */
 export function variantField({ variants = [], variant = null }, asked = null) {

@@ -32,7 +32,7 @@ import { t, tn } from "../base/words.js";
 export const EXPOSURE_STEP = 0.5;
 const EXPOSURE_RANGE = 16;
 
-/** @returns {Store<Display>} as the URL says, and written back to it */
+/** @returns {Store<Display>} initialized from the URL, and written back to it */
 export function displayFromUrl() {
   const { params } = here();
   const channel = params.get("aov") ?? "";
@@ -84,7 +84,7 @@ export const lookParams = ({ exposure, curve }) => ({
   tone: curve === DEFAULT_CURVE ? null : curve,
 });
 
-/** @param {string | null} text of the URL @returns {number} 0..1, the middle where it says none */
+/** @param {string | null} text of the URL @returns {number} 0..1; 0.5 if the URL has none */
 export function wipeFrom(text) {
   const fraction = Number(text ?? 0.5);
   return fraction >= 0 && fraction <= 1 ? fraction : 0.5;

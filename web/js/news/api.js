@@ -20,7 +20,7 @@ import { t } from "../base/words.js";
 /**
  * @typedef {object} JobChange of frames as text: 10-20 or 7,9
  * @property {"running" | "paused" | "cancelled"} [state]
- * @property {string[]} [after] the jobs that it goes on waiting for
+ * @property {string[]} [after] the jobs that it still waits for
  * @property {string | null} [deadline] an ISO time
  * @property {number | null} [max_slots]
  * @property {string[]} [needs]
@@ -84,7 +84,7 @@ export async function call(method, path, options) {
  * @param {string} method
  * @param {string} path
  * @param {{json?: unknown, headers?: Record<string, string>, signal?: AbortSignal, keepalive?: boolean}} [options]
- * @returns {Promise<{data: any, total: number}>} total: of a list that is told in pages, how many there are
+ * @returns {Promise<{data: any, total: number}>} total: length of the whole list, for a paginated list
  */
 async function answerOf(method, path, { json, headers = {}, signal, keepalive } = {}) {
   let response;
@@ -195,7 +195,7 @@ export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: ch
  */
 export const beginAnew = (id) => call("POST", `/jobs/${id}/anew`);
 
-/** @param {number} offset @returns {Promise<Page<Environment>>} presets, then what was uploaded, newest first */
+/** @param {number} offset @returns {Promise<Page<Environment>>} presets, then uploaded environments, newest first */
 export const getEnvironments = (offset) => getPage(inProject("/environments"), offset);
 
 /** @param {string} id @returns {Promise<void>} */

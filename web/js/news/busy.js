@@ -12,7 +12,7 @@ export const retries = new Store(/** @type {readonly number[]} */ ([]));
  * As fetch, but repeats the request after the time that a busy service names; returns the last response.
  *
  * @param {string} url
- * @param {{signal?: AbortSignal, method?: string, isWanted?: () => boolean}} [options] isWanted: asked before each repetition
+ * @param {{signal?: AbortSignal, method?: string, isWanted?: () => boolean}} [options] isWanted: checked before each retry
  * @returns {Promise<Response>}
  */
 export async function fetchWithRetries(url, { signal, method = "GET", isWanted = () => true } = {}) {

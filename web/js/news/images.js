@@ -8,7 +8,7 @@ import { t } from "../base/words.js";
 const wanted = new WeakMap();
 
 /**
- * Shows a picture. `<img>` does not report the reason of a failure, so the picture is then fetched: a busy service is asked
+ * Shows a picture. `<img>` does not report the reason of a failure, so the picture is then fetched: a busy service is requested
  * again after the time that it names.
  *
  * @param {HTMLImageElement} image

@@ -15,8 +15,8 @@ import { t } from "../base/words.js";
  * @property {(tile: TilePacket) => void} tile
  * @property {(message: Record<string, any>) => void} message
  * @property {(up: boolean) => void} link
- * @property {() => number[] | null} [have] samples a pixel of every tile that is here; null: that is said later, by `sendHave`.
- *   Left out: a snapshot is asked for
+ * @property {() => number[] | null} [have] samples a pixel of every tile that is here; null: it is sent later, by `sendHave`.
+ *   Omitted: a snapshot is requested
  * @property {(sentence: string) => void} refused the service closed the connection for good
  */
 

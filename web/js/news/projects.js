@@ -26,10 +26,10 @@ export async function loadProjects() {
   if (!projects.value.includes(chosenProject() ?? "")) chooseProject(null);
 }
 
-/** @param {string | null | undefined} project that something is in, empty: none @returns {boolean} whether one may change and add things there */
+/** @param {string | null | undefined} project of the content; empty: none @returns {boolean} whether the user may add and change content there */
 export const mayChange = (project) => may("submit") && !readOnlyProjects.has(project ?? "");
 
-/** @param {string | null | undefined} project in which one may not @returns {string} a sentence */
+/** @param {string | null | undefined} project that the user may not change @returns {string} the reason, as a sentence */
 export const readOnlyReason = (project) =>
   may("submit")
     ? t("You can look at project {name}, but not change it. Ask whoever runs this farm.", { name: project ?? "" })

@@ -6,7 +6,7 @@ import { Store } from "../base/store.js";
 /**
  * @typedef {object} Session
  * @property {boolean} login whether one is needed here
- * @property {string | null} name null: nobody is logged in
+ * @property {string | null} name null: not logged in
  * @property {"view" | "submit" | "admin" | null} role
  * @property {"open" | "session" | "token" | "owner" | null} kind
  * @property {string | null} [provider] what the OpenID provider is called by which one may log in
@@ -24,7 +24,7 @@ const ROLES = ["view", "submit", "admin"];
 /** @param {"view" | "submit" | "admin"} role */
 export const may = (role) => ROLES.indexOf(session.value.role ?? "") >= ROLES.indexOf(role);
 
-/** Loads the session. @returns {Promise<boolean>} whether somebody has to log in first */
+/** Loads the session. @returns {Promise<boolean>} whether a login is required */
 export async function mustLogIn() {
   try {
     session.set(await call("GET", "/session"));

@@ -101,7 +101,7 @@ export function endOf({ spp, noise = null, seconds = null }) {
 const STOPPED = ["cancelled", "failed", "paused"];
 
 /**
- * Describes what a job's picture has: its goal, or the samples that it has where it was stopped before.
+ * Describes the quality of a job's picture: its goal, or its number of samples if it was stopped earlier.
  *
  * @param {import("../base/types.js").Job} job
  */

@@ -7,20 +7,20 @@ import { t } from "../base/words.js";
 /** @typedef {import("../shell/gather-files.js").NamedFile} NamedFile */
 /** @typedef {import("../base/types.js").Scene} Scene */
 
-/** A scene whose file has no light stands in the studio, on a floor. */
+/** Options for uploads: a scene without lights gets the studio light and a floor. */
 const STAND = { floor: "auto" };
 
 /**
  * @param {NamedFile[]} files
  * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal, fields?: Record<string, string>}} options
- *     fields: of the form, beside the files
+ *     fields: further form fields
  * @returns {Promise<Scene>} Rejects with ApiError, or with the signal's reason when it is aborted.
  */
 export const upload = (files, options) => sendFiles(inProject(UPLOAD_URL), "files", files, { ...options, fields: { ...STAND, ...options.fields } });
 
 /**
  * @param {string} url
- * @param {string} field that the service takes files in
+ * @param {string} field name of the form field with the files
  * @param {NamedFile[]} files
  * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal, fields?: Record<string, string>}} options
  * @returns {Promise<any>} what the service answers. Rejects as `upload`.

@@ -10,7 +10,7 @@ const KEY = "rayfarm-view-noise";
 
 /**
  * @param {number} mean samples a pixel
- * @param {number | null} noise relative; null: with so few samples nobody knows
+ * @param {number | null} noise relative; null: unknown with so few samples
  * @param {number | null} slots that render it; null: it is done
  */
 export function clarity(mean, noise, slots) {

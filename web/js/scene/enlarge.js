@@ -7,7 +7,7 @@ import { Film } from "../film/film.js";
  * @param {Film} film
  * @param {number} width
  * @param {number} height
- * @returns {Film} with no samples of its own
+ * @returns {Film} the enlarged picture, without sample counts
  */
 export function enlarged(film, width, height) {
   const { width: w, height: rows, words } = film;

@@ -37,7 +37,7 @@ import { t } from "../base/words.js";
 /** Maximum number of pixels rendered, whatever the screen's size. */
 const MOST_PIXELS = 1 << 20;
 const LEAST_SIDE = 16;
-/** Interval of looks for darkness. */
+/** Interval, in milliseconds, of checks whether the view is too dark. */
 const DARKNESS_MS = 500;
 /** Request fields that do not apply to a view. */
 const JOB_ONLY_FIELDS = ["fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
@@ -52,12 +52,12 @@ const HAND_KEYS = [
 /**
  * @param {import("../base/types.js").Scene} scene
  * @param {import("./settings-form.js").SettingsForm} form
- * @param {string} meanwhile a picture's address, shown until the first one of the view is here; "" for none
- * @param {(view: View) => void} turned by hand
- * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides what is seen in its place
- * @param {(a: Job, b: Job) => [string, string]} names of two pictures, by what tells them apart
+ * @param {string} meanwhile URL of a picture to show until the view's first picture arrives; "" for none
+ * @param {(view: View) => void} turned called when the user moves the camera
+ * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides the pictures shown in place of the live view
+ * @param {(a: Job, b: Job) => [string, string]} names of two pictures, made of their differences
  * @returns {{element: HTMLElement, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}, film: () => import("../film/film.js").Film}}
- *   refresh: the form was changed
+ *   refresh: requests a new view after a change of the form
  */
 export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
@@ -385,7 +385,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 /**
  * Returns the view's size on screen, in pixels, with the picture's aspect ratio.
  *
- * @param {number} width of the picture that is asked for
+ * @param {number} width of the requested picture
  * @param {number} height
  * @param {number} wide the view, in CSS pixels; 0: not known yet
  */

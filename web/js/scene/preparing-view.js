@@ -72,7 +72,7 @@ export function preparingView(scene) {
       follow(first, /** @type {Vec3} */ (low), /** @type {Vec3} */ (high));
       meshOf(id).then(
         (packet) => isOpen && mesh.setMesh(packet),
-        () => {}, // the steps show that it goes on
+        () => {}, // the list of steps shows the progress
       );
     },
     dispose() {

@@ -40,8 +40,8 @@ const LONG_S = 600;
 /**
  * @param {Scene} scene ready
  * @param {(request: JobRequest) => Promise<void>} submit
- * @param {import("../base/types.js").Job | null} [like] a picture whose settings the form shows first
- * @param {boolean} [asShot] a scene that moves is asked for as a shot, unless told otherwise
+ * @param {import("../base/types.js").Job | null} [like] an earlier job whose settings are the form's initial values
+ * @param {boolean} [asShot] whether an animated scene is rendered as a shot by default
  * @returns {SettingsForm}
  */
 export function settingsForm(scene, submit, like = null, asShot = false) {

@@ -35,7 +35,7 @@ export const jobOf = (id) => (jobs.value ?? []).find((job) => job.id === id && j
 
 /**
  * @param {import("../base/store.js").Disposer} life
- * @returns {Store<Sides>} as the URL says, and written back to it
+ * @returns {Store<Sides>} initialized from the URL, and written back to it
  */
 export function sidesFromUrl(life) {
   const store = new Store(fromUrl(here().params));

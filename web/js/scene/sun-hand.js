@@ -9,7 +9,7 @@ import { t } from "../base/words.js";
 /**
  * @param {HTMLElement} surface
  * @param {LightHandle} light
- * @param {(event: MouseEvent, then: (picked: Picked) => void) => void} pick what lies under the pointer
+ * @param {(event: MouseEvent, then: (picked: Picked) => void) => void} pick requests the surface under the pointer
  * @param {(sentence: string) => void} tell
  * @returns {import("./view-tools.js").Tool}
  */

@@ -10,19 +10,19 @@ import { t } from "../base/words.js";
 /**
  * @typedef {object} ViewState
  * @property {number | null} id
- * @property {number} samples of the whole view, in every pixel
+ * @property {number} samples minimum over all pixels of the whole view
  * @property {number} bound
- * @property {number} mean samples of a pixel, on the average
- * @property {number | null} noise relative; null while it is not known
+ * @property {number} mean mean samples per pixel
+ * @property {number | null} noise relative; null while unknown
  * @property {boolean} done
  * @property {number} slots
- * @property {string | null} message why nothing new comes
+ * @property {string | null} message why no new pictures arrive
  * @property {import("../base/types.js").Codes} [codes]
  *
- * @typedef {object} Picked what lies under a pixel; null: nothing does
+ * @typedef {object} Picked the surface under a pixel; depth, position and normal are null if there is none
  * @property {number} x
  * @property {number} y
- * @property {Vec3 | null} direction which way the pixel looks; null: not known just now
+ * @property {Vec3 | null} direction direction of the pixel's camera ray; null: unknown at present
  * @property {number | null} depth from the eye
  * @property {Vec3 | null} position
  * @property {Vec3 | null} normal
@@ -30,7 +30,7 @@ import { t } from "../base/words.js";
  * @typedef {object} ViewHandlers
  * @property {(picture: import("./view-packet.js").ViewPicture) => void} picture
  * @property {(state: ViewState) => void} state
- * @property {(sentence: string) => void} failed the view makes no sense: why, in the language of the page
+ * @property {(sentence: string) => void} failed the view is invalid: called with the reason in the page's language
  * @property {(picked: Picked) => void} picked
  * @property {(up: boolean) => void} link
  * @property {(sentence: string) => void} refused the service closed the connection for good
@@ -89,14 +89,14 @@ export class ViewLink extends LastingSocket {
     });
   }
 
-  /** @param {boolean} on pictures may stay away for a while */
+  /** @param {boolean} on whether to pause the pictures */
   rest(on) {
     if (on === this.rests) return;
     this.rests = on;
     this.seen();
   }
 
-  /** @param {Record<string, any>} view what is to be seen from now on: a job's request */
+  /** @param {Record<string, any>} view the new view, as a job's request */
   show(view) {
     this.wanted = view;
     this.pending ||= requestAnimationFrame(() => this.ask());

@@ -12,7 +12,7 @@ const BRIGHTNESS = Float64Array.from({ length: 1 << 11 }, (_, code) =>
 
 /**
  * @typedef {object} ViewPicture
- * @property {number} id of the view that was asked for
+ * @property {number} id of the requested view
  * @property {number} seq what the acknowledgement names
  * @property {number} width of this picture: the first of a view is a small one
  * @property {number} height

@@ -13,7 +13,7 @@ import { icon } from "../base/icons.js";
  * @property {string} hint what to do with it
  * @property {(event: PointerEvent) => void} press
  * @property {(event: KeyboardEvent) => boolean} [key] whether it was the tool's
- * @property {() => boolean} [takeBack] what is being dragged; false: nothing is
+ * @property {() => boolean} [takeBack] reverts the drag in progress; false: there is none
  */
 
 /**
@@ -23,7 +23,7 @@ import { icon } from "../base/icons.js";
  * @property {(name: string) => void} choose "" for none
  * @property {(event: PointerEvent) => boolean} press whether it was a tool's
  * @property {(event: KeyboardEvent) => boolean} key likewise
- * @property {() => boolean} escape takes back what is dragged, else lays the tool down; false: there is none
+ * @property {() => boolean} escape reverts the drag in progress, or else deselects the tool; false: neither exists
  */
 
 /**

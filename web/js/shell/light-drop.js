@@ -25,7 +25,7 @@ export const areImages = (files) => files.length > 0 && files.every(({ name }) =
 
 /**
  * @param {File[]} files
- * @returns {boolean} whether somebody took the one file as light
+ * @returns {boolean} whether the single file was passed to the registered receiver
  */
 export function offerLight(files) {
   const [file] = files;

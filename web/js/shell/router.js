@@ -78,7 +78,7 @@ export function onParams(listener) {
   return () => removeEventListener("hashchange", check);
 }
 
-/** @param {string} [title] of the view that is open; the front page has none of its own */
+/** @param {string} [title] of the open view; empty for the front page */
 export function setTitle(title) {
   document.title = title ? `${title} – Rayfarm` : "Rayfarm";
 }

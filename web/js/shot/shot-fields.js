@@ -17,9 +17,9 @@ const ROUNDED = 1e-3;
 
 /**
  * @param {Scene} scene
- * @param {Shot | null} like whose settings it shows first
+ * @param {Shot | null} like whose settings are the initial values
  * @param {() => void} changed
- * @param {boolean} [asShot] what moves is a shot until told otherwise
+ * @param {boolean} [asShot] whether an animated scene is rendered as a shot by default
  * @returns {{elements: HTMLElement[], get: () => Record<string, any>, count: () => number}} count: of frames
  */
 export function shotFields(scene, like, changed, asShot = false) {

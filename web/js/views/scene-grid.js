@@ -15,7 +15,7 @@ const FIRST = 24;
 const SEARCHED = 9;
 const TYPING_MS = 200;
 
-/** @returns {{element: HTMLElement, aside: HTMLElement, put: (scenes: Scene[]) => void}} aside: what stands beside its title */
+/** @returns {{element: HTMLElement, aside: HTMLElement, put: (scenes: Scene[]) => void}} aside: shown beside the section's title */
 export function sceneGrid() {
   /** The latest scenes known to the page. @type {Scene[]} */
   let latest = [];

@@ -144,7 +144,7 @@ function askForPreview({ id }, life) {
     isAsking = true;
     await getScene(id).then(
       (next) => next.preview && scenes.value?.some((candidate) => candidate.id === id) && putScene(next),
-      () => {}, // the events say it
+      () => {}, // the events report the change
     );
     isAsking = false;
   });

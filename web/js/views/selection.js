@@ -35,7 +35,7 @@ export class Selection {
   /**
    * @param {string} id
    * @param {boolean} range from where the last one was picked
-   * @param {boolean} adds to what is selected
+   * @param {boolean} adds whether to extend the selection
    */
   pick(id, range, adds) {
     const from = this.anchor === null ? -1 : this.ids.indexOf(this.anchor);
