@@ -25,12 +25,12 @@ EMPTY = http_answer(b"", "text/plain")
 NOT_A_FARM: dict[str, tuple[bytes, str]] = {
     "html": (HTML, "an HTML page"),
     "empty": (EMPTY, "an empty answer"),
-    "binary": (http_answer(bytes(range(256)) * 8, "application/octet-stream"), "no JSON"),
+    "binary": (http_answer(bytes(range(256)) * 8, "application/octet-stream"), "not JSON"),
     "list": (http_answer(b"[]"), "a list"),
     "null": (http_answer(b"null"), "null"),
     "text": (http_answer(b'"hello"'), "a text"),
-    "other JSON": (http_answer(b'{"hello": "world"}'), "lacks what a farm says"),
-    "deep JSON": (http_answer(b"[" * 100_000), "no JSON"),
+    "other JSON": (http_answer(b'{"hello": "world"}'), "lacks a farm's fields"),
+    "deep JSON": (http_answer(b"[" * 100_000), "not JSON"),
     "login": (
         http_answer(b"", "text/html", "302 Found").replace(b"Connection", b"Location: /login\r\nConnection"),
         "/login",

@@ -308,7 +308,8 @@ def sheen_table() -> F64:
 def ggx_table() -> F64:
     """Returns the table (SIZE + 1, SIZE, 2) of `ggx_albedo`.
 
-    [i, j] is (A, B) at roughness i / (SIZE - 1) and cosine (j / (SIZE - 1))**2. The last row of the first axis contains the means over the hemisphere, by roughness.
+    [i, j] is (A, B) at roughness i / (SIZE - 1) and cosine (j / (SIZE - 1))**2. The last row of the first axis contains the
+    means over the hemisphere, by roughness.
     """
     node = np.arange(SIZE) / (SIZE - 1)
     table = np.array([[ggx_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST)) for t in node] for r in node])

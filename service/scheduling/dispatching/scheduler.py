@@ -247,7 +247,7 @@ class Scheduler:
             raise
 
     def _choose_site(self, job: ActiveJob) -> SitePlace | None:
-        """Returns the site that accepts most batches; None if there is none, or if this job's sums must stay separate by worker."""
+        """Returns the site that accepts most batches; None if there is none, or if sums of this job stay separate by worker."""
         if job.needs is not None or job.verify:
             return None
         return max((place for place in self._places if place.room > 0), key=lambda place: place.room, default=None)

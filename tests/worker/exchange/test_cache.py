@@ -106,7 +106,7 @@ def test_what_was_made_here_is_not_fetched_back(tmp_path: Path) -> None:
 
 
 def test_a_name_that_is_no_hash_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="no SHA-256"):
+    with pytest.raises(ValueError, match="not a SHA-256"):
         BlobCache(CountingLink({}), ELSEWHERE, tmp_path).path("../../etc/passwd")
 
 

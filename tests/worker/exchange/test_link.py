@@ -95,7 +95,7 @@ def test_an_answer_that_does_not_end_is_not_listened_to(monkeypatch: pytest.Monk
 
     with foreign_server(endless) as port:
         made = Link(f"http://127.0.0.1:{port}", "token")
-        with pytest.raises(NotAFarmError, match="does not end"):
+        with pytest.raises(NotAFarmError, match="exceeds the size limit"):
             made.join()
         made.client.close()
 

@@ -46,9 +46,9 @@ def test_a_worker_that_has_ended_is_not_healthy(file: Path) -> None:
     health_file.write_state(WorkerState.WORKING, ended.pid)
     assert "has ended" in healthy.unhealthy_reason(str(file))
     file.write_text("nonsense")
-    assert "does not say" in healthy.unhealthy_reason(str(file))
+    assert "does not contain" in healthy.unhealthy_reason(str(file))
     file.unlink()
-    assert "does not say" in healthy.unhealthy_reason(str(file))
+    assert "does not contain" in healthy.unhealthy_reason(str(file))
 
 
 def test_the_check_is_a_program(file: Path) -> None:

@@ -140,7 +140,7 @@ def test_damaged_sums_are_left_out(pieces: Pieces) -> None:
 
 
 def test_an_id_that_is_a_path_is_refused(pieces: Pieces) -> None:
-    with pytest.raises(ValueError, match="no id"):
+    with pytest.raises(ValueError, match="not a message id"):
         pieces.add_message("../m", b"", range(1), 1.0)
 
 
