@@ -4,8 +4,8 @@
 
 LIMITS: JSON with `reads` and `writes`, paths of files and folders; `memory` (bytes) and `seconds` of processor time.
 
-Must run in a Python without threads. On Linux it uses the kernel's Landlock (5.13 and later: files; 6.7: no TCP), and an empty
-network namespace if permitted. On other systems only memory and time are limited.
+Must run in a Python without threads. On Linux it uses Landlock (kernel 5.13 and later: files; 6.7: no TCP),
+and an empty network namespace if permitted. On other systems only memory and time are limited.
 """
 
 from __future__ import annotations

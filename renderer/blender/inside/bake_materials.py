@@ -24,7 +24,10 @@ SAMPLES = 4
 
 
 def bake(bpy: Any, scene: Any, objects: list[Any], notes: list[str]) -> None:
-    """Replaces material inputs of mesh objects that the exporter cannot convert by baked images. notes: receives warnings."""
+    """Replaces the material inputs that the exporter cannot convert by baked images.
+
+    objects: the mesh objects with these materials. notes: receives warnings.
+    """
     if "cycles" not in bpy.context.preferences.addons:
         return
     until = time.monotonic() + PATIENCE

@@ -141,7 +141,7 @@ class _Simplifier:
         return {} if found is None else {self._modules.subsurface.MEDIUM: found}
 
     def _combine_emission(self, principled: Any, surface: Any) -> tuple[str, ...]:
-        """Multiplies images of emission colour and strength into one; returns the names of the material inputs that this sets."""
+        """Multiplies images of emission colour and strength into one; returns the names of the material inputs that were set."""
         nodes = self._modules.nodes
         names = ("Emission Color", "Emission Strength")
         color, strength = (surface.input(name) for name in names)
