@@ -23,7 +23,10 @@ LEAST_CODE = (127 - 24) << 5
 
 
 def coarse(mean: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint8]]:
-    """Encodes radiance (3, h, w) as brightness codes (h, w) and hues (2, ceil(h / 2), ceil(w / 2)): fractions of red, green."""
+    """Encodes radiance (3, h, w).
+
+    Returns brightness codes (h, w) and hues (2, ceil(h / 2), ceil(w / 2)): fractions of red and green.
+    """
     clean = np.fmin(np.fmax(mean, np.float32(0)), np.float32(HIGHEST_BRIGHTNESS))
     bright = clean[0] + clean[1] + clean[2]
     rounded = (bright.view(np.int32) + (1 << DROPPED_BITS - 1)) >> DROPPED_BITS

@@ -19,7 +19,7 @@ class JobState(FromService):
 
 @dataclass(frozen=True)
 class Look(FromClient):
-    """Client message: the new view, {"id": n, ...} with the fields of a job's request (POST /api/jobs). Replaces earlier views.
+    """Client message: a new view, {"id": n, ...} with the fields of a job's request (POST /api/jobs). Replaces the previous view.
 
     Size, camera or view, settings, frame, clip, fps and turntable are used. spp limits the samples per pixel (256 at most); a
     tile that has reached `noise` is complete with fewer.
