@@ -77,7 +77,7 @@ def compare(
         err.print(f"note: {note.message}", markup=False, soft_wrap=True)
     with bar() as progress:
         progress.add_task(f"{peer_name} is rendering", total=None)
-        theirs = _of_pbrt(peer, scene, spp) if peer_name == "pbrt" else _mitsuba_picture(peer, scene, spp)
+        theirs = _pbrt_picture(peer, scene, spp) if peer_name == "pbrt" else _mitsuba_picture(peer, scene, spp)
     if theirs.shape != ours.shape:
         sizes = [f"{each.shape[1]}x{each.shape[0]}" for each in (theirs, ours)]
         raise CommandError(f"{peer_name}'s picture is {sizes[0]}, and ours {sizes[1]}")
@@ -128,7 +128,7 @@ def _pbrt(scene: Path) -> str:
     return found
 
 
-def _of_pbrt(program: str, scene: Path, spp: int) -> Any:
+def _pbrt_picture(program: str, scene: Path, spp: int) -> Any:
     """Renders the scene with pbrt. Returns the picture, (h, w, 3) float64."""
     import numpy as np
 

@@ -84,7 +84,7 @@ def write_config(path: Path, host: str, port: int, password: str) -> None:
     most = memory_limit()
     buffers = max(most // 4, LEAST_BUFFERS)
     lines = [
-        f"bind {_bound(host)}",
+        f"bind {_listen_addresses(host)}",
         f"port {port}",
         f"requirepass {password}",
         "protected-mode yes",
@@ -107,7 +107,7 @@ def write_config(path: Path, host: str, port: int, password: str) -> None:
         file.write(os.fsencode("\n".join(lines) + "\n"))
 
 
-def _bound(host: str) -> str:
+def _listen_addresses(host: str) -> str:
     """Returns the addresses to listen on: 127.0.0.1, which this machine's service and worker use, and the requested one.
 
     A leading "-" makes an address optional: a machine may have no IPv6.

@@ -153,7 +153,7 @@ class Supervisor:
         if now - self._looked_at_logs >= LOGS_EVERY_S:
             self._looked_at_logs = now
             for part in self.parts:
-                _bound(part.log)
+                _truncate_if_oversized(part.log)
         for part in self.parts:
             if part.running:
                 if not part.has_served and part.serves and now - part.looked > LOOK_EVERY_S:
@@ -229,7 +229,7 @@ def _release_spare(part: Part, process: subprocess.Popen[bytes], arguments: list
         process.stdin.close()
 
 
-def _bound(log: Path) -> None:
+def _truncate_if_oversized(log: Path) -> None:
     """Moves the end of an oversized log to `*.old.log`, and truncates the log in place.
 
     Processes that have opened it for appending, including those of an earlier supervisor, continue at its new end. Lines written
@@ -256,7 +256,7 @@ def _log_of(part: Part) -> IO[bytes]:
     """Opens the log that a part appends to; the null device if no log can be opened, as on a full disk."""
     try:
         part.log.parent.mkdir(parents=True, exist_ok=True)
-        _bound(part.log)
+        _truncate_if_oversized(part.log)
         return part.log.open("ab")
     except OSError:
         return Path(os.devnull).open("ab")

@@ -42,7 +42,7 @@ class Outbox:
         self._sessions = sessions
         self.hooks = list(dict.fromkeys([*settings.webhooks, *([settings.job_hook] if settings.job_hook else [])]))
         self._since: dict[str, float] = {}
-        events.subscribe(WorkerQuarantined, self._worker_set_aside, in_background=True)
+        events.subscribe(WorkerQuarantined, self._queue_quarantine_messages, in_background=True)
         self._rests: dict[str, float] = {}  # hooks that did not respond, and when they are tried again (time.monotonic)
         self._stop = threading.Event()
         self._threads = [threading.Thread(target=self._run, args=[hook], name="hooks", daemon=True) for hook in self.hooks]
@@ -67,7 +67,7 @@ class Outbox:
         else:
             post(hook, self._settings.webhook_secret, id, message)
 
-    def _worker_set_aside(self, event: WorkerQuarantined) -> None:
+    def _queue_quarantine_messages(self, event: WorkerQuarantined) -> None:
         """Queues messages about a quarantined worker to all webhooks. The notification program is run for jobs only."""
         if event.details is None:
             return

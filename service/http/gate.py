@@ -268,8 +268,8 @@ class _ReauthorizedConnection:
         self._access, self._shown, self._need, self._thing = access, token, need, thing
         self._receive, self._send = receive, send
         self._needs_login, self._saw_everything = visit.needs_login, visit.sight.everything
-        self._looks = visit.caller is not None and visit.caller.is_known
-        self._looked = time.monotonic()
+        self._reauthorizes = visit.caller is not None and visit.caller.is_known
+        self._last_authorized = time.monotonic()
         self._is_over = False
         self._why = (
             LOG_IN_AGAIN,
@@ -289,7 +289,7 @@ class _ReauthorizedConnection:
         """Returns the next part of an upload. Raises Problem once the caller is no longer authorized."""
         message = await self._receive()
         if message["type"] == "http.request" and not message.get("more_body"):
-            self._looked = -math.inf  # checks again before the upload is stored
+            self._last_authorized = -math.inf  # checks again before the upload is stored
         if message["type"] == "http.request" and not await self._is_still_authorized():
             raise Problem(401, LOG_IN, {"Connection": "close"})
         return message
@@ -314,9 +314,9 @@ class _ReauthorizedConnection:
     async def _is_still_authorized(self) -> bool:
         if self._is_over:
             return False
-        if not self._looks or time.monotonic() - self._looked < REAUTHORIZE_EVERY_S:
+        if not self._reauthorizes or time.monotonic() - self._last_authorized < REAUTHORIZE_EVERY_S:
             return True
-        self._looked = time.monotonic()
+        self._last_authorized = time.monotonic()
         try:
             caller = await _caller_of(self._access, self._shown)
             if not self._need.is_met(caller):

@@ -112,7 +112,7 @@ def _row(
     request: JobIn, keys: list[int], stored_request: dict[str, Any], idempotency_key: str | None, visit: Visit, farm: Farm
 ) -> Job:
     """Returns the row of a new job. keys: sorted frame keys. stored_request: the request as stored."""
-    rendered = _rendered(request, stored_request, farm)
+    rendered = _scene_to_render(request, stored_request, farm)
     return Job(
         id=uuid.uuid4().hex[:20],
         scene=request.scene,
@@ -206,7 +206,7 @@ def _shot(request: JobIn, keys: list[int]) -> Shot:
     return Shot(request.fps, request.clip, request.turntable, order, request.every, frames=frames)
 
 
-def _rendered(request: JobIn, stored_request: dict[str, Any], farm: Farm) -> str:
+def _scene_to_render(request: JobIn, stored_request: dict[str, Any], farm: Farm) -> str:
     """Returns the id of the scene to render.
 
     If the request changes environment, material variant, up axis or floor, this is a derived scene, which is created if needed.

@@ -161,7 +161,7 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         bad_samples=sums.bad_samples,
         width=size.get("width"),
         height=size.get("height"),
-        environment=_light_of(job),
+        environment=_requested_environment(job),
         variant=job.request.get("variant"),
         up=job.request.get("up"),
         floor=job.request.get("floor"),
@@ -174,7 +174,7 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
     )
 
 
-def _light_of(job: Job) -> dict[str, Any] | None:
+def _requested_environment(job: Job) -> dict[str, Any] | None:
     """Returns the environment that a job's request sets; None if it uses the scene's own."""
     found = {name: value for name, value in (job.request.get("environment") or {}).items() if value is not None}
     return {**found, "name": job.light} if "image" in found else found or None

@@ -143,7 +143,7 @@ class SampleReuse:
             able = [
                 each
                 for each in jobs
-                if each.kind and not each.doubted and (not kinds or each.kind in kinds) and _is_part(each, job)
+                if each.kind and not each.doubted and (not kinds or each.kind in kinds) and _is_subset(each, job)
             ]
             samples: dict[str, dict[int, int]] = {each.id: {} for each in able}
             # Only these columns, since the full rows of a long shot take megabytes.
@@ -201,7 +201,7 @@ class SampleReuse:
         return found
 
 
-def _is_part(source: Job, job: Job) -> bool:
+def _is_subset(source: Job, job: Job) -> bool:
     """Returns True if the samples that job `source` has rendered are a subset of those that `job` requires."""
     if source.noise is None and source.seconds is None and (source.spp or 0) > (job.spp or MAX_SPP):
         return False  # decided without reading its film

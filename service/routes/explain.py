@@ -142,7 +142,7 @@ def explain(
         )
     scene, row = _rows(job, frame_key(frame), farm)
     kind = _kind(job, scene, farm)
-    sums, count = _in_film(film, frame_key(frame), x, y)
+    sums, count = _film_sums_at(film, frame_key(frame), x, y)
     work = _question(job, scene, row, kind, x, y, count, sample)
     found = farm.explaining.explain(work, kind)
     try:
@@ -203,7 +203,7 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
     )
 
 
-def _in_film(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
+def _film_sums_at(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
     """Returns the film's sums of a pixel's colour and samples, and the number of contiguous samples from sample 0.
 
     The sums are None if the film has further samples.

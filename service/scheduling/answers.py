@@ -119,8 +119,8 @@ class Answers:
         self._kept: dict[str, list[_PendingAnswer]] = {}  # by job or scene: read but not stored
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
-        self._took_in = 0.0
-        self._looked = 0.0  # time of the latest count of unread results
+        self._last_gathered = 0.0
+        self._last_counted = 0.0  # time of the latest count of unread results
         self._batches = 0  # number of batches in the latest results
         self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; and their results
 
@@ -143,18 +143,18 @@ class Answers:
 
     def count_unread(self) -> None:
         """Updates the number of unread results that the pacing uses, if it is due. Raises redis.RedisError."""
-        is_due = self._results.was_full or time.monotonic() - self._looked >= COUNT_UNREAD_EVERY_S
+        is_due = self._results.was_full or time.monotonic() - self._last_counted >= COUNT_UNREAD_EVERY_S
         if self._results.size and is_due:
-            self._looked = time.monotonic()
+            self._last_counted = time.monotonic()
             unread = self._results.length() - sum(map(len, self._kept.values()))
             self._pace.record_unread(max(unread, 0), self._results.size)
 
     def _gather(self) -> None:
         """Waits before the next read while results arrive at a high rate, so that the results of a tile are stored together."""
-        left_s = self._took_in + self._pace.gather_s - time.monotonic()
+        left_s = self._last_gathered + self._pace.gather_s - time.monotonic()
         if left_s > 0:
             time.sleep(left_s)
-        self._took_in = time.monotonic()
+        self._last_gathered = time.monotonic()
 
     def _handle_entries(self, entries: list[Entry]) -> None:
         known = {answer.entry.id for answers in self._kept.values() for answer in answers}

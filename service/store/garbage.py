@@ -124,7 +124,7 @@ class Garbage:
             with self._sessions.begin() as session:
                 gone = let_go(session) | self._released_blobs()
                 session.flush()
-                for query in _that_may_refer_to(gone) if gone else ():
+                for query in _queries_of_possible_references(gone) if gone else ():
                     for row in session.scalars(query):
                         gone -= row.blobs
             needed = {sha256 for sha256 in gone if self._is_pinned(sha256)}
@@ -175,7 +175,7 @@ class Garbage:
         self._promised = {sha256: untils for sha256, untils in left.items() if untils}
 
 
-def _that_may_refer_to(hashes: set[str]) -> list[Select[Any]]:
+def _queries_of_possible_references(hashes: set[str]) -> list[Select[Any]]:
     """Returns queries for the rows that may refer to one of these blobs.
 
     For at most FEW blobs, the database filters the rows by text search; otherwise all rows that can have references are read.

@@ -59,7 +59,7 @@ class Pieces:
         fcntl.flock(self._lock, fcntl.LOCK_EX)  # its slots have it too: it ends with the last of them
         self._numbers = itertools.count()
         for other in self.root.parent.glob(f"{PREFIX}*"):
-            _remove_if_left(other)
+            _remove_if_abandoned(other)
 
     def close(self) -> None:
         """Deletes the folder."""
@@ -232,7 +232,7 @@ def _read(path: Path) -> Result | None:
         return None
 
 
-def _remove_if_left(folder: Path) -> None:
+def _remove_if_abandoned(folder: Path) -> None:
     """Deletes the folder of a worker process that has ended without deleting it."""
     with contextlib.suppress(OSError), (folder / "lock").open() as lock:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

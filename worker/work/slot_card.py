@@ -78,8 +78,8 @@ def blocks_of(batches: Sequence[RenderBatch], most: int = BLOCK_SAMPLES) -> list
     found: list[Block] = []
     for group in groups.values():
         single = [Block(batch.tile, [batch]) for batch in group]
-        rows = _joined(sorted(single, key=lambda block: (block.tile.y, block.tile.h, block.tile.x)), _beside, most)
-        found += _joined(sorted(rows, key=lambda block: (block.tile.x, block.tile.w, block.tile.y)), _below, most)
+        rows = _joined(sorted(single, key=lambda block: (block.tile.y, block.tile.h, block.tile.x)), _union_with_right, most)
+        found += _joined(sorted(rows, key=lambda block: (block.tile.x, block.tile.w, block.tile.y)), _union_with_lower, most)
     return found
 
 
@@ -95,12 +95,12 @@ def _joined(blocks: list[Block], join: Callable[[Tile, Tile], Tile | None], most
     return found
 
 
-def _beside(a: Tile, b: Tile) -> Tile | None:
+def _union_with_right(a: Tile, b: Tile) -> Tile | None:
     """Returns the rectangle that tile `a` and tile `b` to its right fill; None if they do not fill one."""
     return Tile(a.x, a.y, a.w + b.w, a.h) if (a.y, a.h, a.x + a.w) == (b.y, b.h, b.x) else None
 
 
-def _below(a: Tile, b: Tile) -> Tile | None:
+def _union_with_lower(a: Tile, b: Tile) -> Tile | None:
     return Tile(a.x, a.y, a.w, a.h + b.h) if (a.x, a.w, a.y + a.h) == (b.x, b.w, b.y) else None
 
 

@@ -165,7 +165,7 @@ class Workers:
         self._put_aside = put_aside
         self._redis = connection
         self._on_change = on_change
-        self._looked = -math.inf
+        self._last_polled = -math.inf
         self._strange: set[bytes] = set()  # keys with invalid reports, each logged once
         self._speeds = Speeds()
         self._vanished: dict[str, float] = {}  # workers whose report has expired, and since when
@@ -174,10 +174,10 @@ class Workers:
 
     def refresh(self, now: bool = False) -> None:
         """Polls the workers if the poll interval has passed, or in any case if `now`. Raises redis.RedisError."""
-        age = time.monotonic() - self._looked
+        age = time.monotonic() - self._last_polled
         if not now and age < (FAST_POLL_S if self.roster.is_about_to_change() else POLL_EVERY_S):
             return
-        self._looked = time.monotonic()
+        self._last_polled = time.monotonic()
         keys = sorted(self._redis.scan_iter(WORKER_KEYS, count=1000))
         self._correct_expiries([*keys, *(site_key(name) for name in self.roster.sites)])
         values: Any = self._redis.mget(keys) if keys else []
@@ -191,7 +191,7 @@ class Workers:
         said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
         offers = self._parse_all(Offer.from_bytes, offer_key, names, said)
         self._speeds.add_reports(reports.values())
-        self._vanished |= dict.fromkeys(self.roster.reports.keys() - reports.keys(), self._looked)
+        self._vanished |= dict.fromkeys(self.roster.reports.keys() - reports.keys(), self._last_polled)
         self._vanished = {name: since for name, since in self._vanished.items() if name not in reports}
         before, self.roster = (
             self.roster,

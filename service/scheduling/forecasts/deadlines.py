@@ -53,8 +53,8 @@ class Deadlines:
         self._run = run
         self._tell = tell
         self._since: dict[str, float] = {}  # by job: since when its forecast contradicts its known state
-        self._looked = -math.inf
-        self._rests_until = -math.inf
+        self._last_recorded = -math.inf
+        self._next_update = -math.inf
         self._now = -math.inf
 
     def update(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
@@ -64,13 +64,13 @@ class Deadlines:
         """
         if now < self._now:  # the clock was set back
             self._since.clear()
-            self._looked = self._rests_until = -math.inf
+            self._last_recorded = self._next_update = -math.inf
         self._now = now
-        if now < self._rests_until:
+        if now < self._next_update:
             return
         begins = time.perf_counter()
         self._update_jobs(jobs, forecast, now)
-        self._rests_until = now + PAUSE_FACTOR * (time.perf_counter() - begins) if len(jobs) > 1 else -math.inf
+        self._next_update = now + PAUSE_FACTOR * (time.perf_counter() - begins) if len(jobs) > 1 else -math.inf
 
     def _update_jobs(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
         for job in jobs:
@@ -81,8 +81,8 @@ class Deadlines:
             job.expected, job.unforeseen = found.at, found.why
             if (changed := self._changed_lateness(job, now)) is not None:
                 self._run(job.id, lambda job=job, late=changed: self._log_change(job, late, now))  # type: ignore[misc]
-        if now - self._looked >= RECORDS_EVERY_S:
-            self._looked = now
+        if now - self._last_recorded >= RECORDS_EVERY_S:
+            self._last_recorded = now
             known = {job.id: job for job in jobs}
             self._run("deadlines", lambda: self._record_overdue(known, now))
         for id in self._since.keys() - {job.id for job in jobs}:
