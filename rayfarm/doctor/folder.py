@@ -1,4 +1,4 @@
-"""Checks a data folder: its permissions and space, and the integrity of what is stored in it."""
+"""Checks a data folder: its permissions and free space, and the integrity of its database, uploads and films."""
 
 from __future__ import annotations
 

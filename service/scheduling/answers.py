@@ -327,7 +327,7 @@ class Answers:
         self._log_batch(job, each)
 
     def _reject_sums(self, job: ActiveJob, message: BatchDone, run: Range | None, why: str) -> None:
-        """Handles sums that cannot be decoded or merged as a failed batch of their sender.
+        """Treats sums that cannot be decoded or merged as a failure of their batch on the worker that sent them.
 
         A joint result counts as one failure, and against no worker if several contributed to it.
         """

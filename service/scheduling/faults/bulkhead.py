@@ -87,7 +87,7 @@ class Bulkheads:
     def run(self, id: str, step: Step, action: Callable[[], object], needs_database: bool = False) -> bool:
         """Runs a step of a job or scene; returns whether it succeeded. After an error the step waits, or the job gets a verdict.
 
-        needs_database: not run while the database is unavailable. Raises only redis.RedisError and QueueError.
+        needs_database: the step is not run while the database is unavailable. Raises only redis.RedisError and QueueError.
         """
         if id in self.verdicts or not self._is_due(id, step, needs_database):
             return False
