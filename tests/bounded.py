@@ -77,7 +77,7 @@ def run_bounded(
 
 
 def begin(work: Callable[[Send], dict[str, Any]], bounds: Bounds) -> tuple[int, int]:
-    """Forks a child that runs `work` as in `run_bounded`; returns its pid and the descriptor for its messages.
+    """Forks a child that runs `work` as in `run_bounded`; returns its process id and the descriptor for reading its messages.
 
     The last message has the result as `answer`, or an `error`. Raises MachineError if the fork fails.
     """
@@ -127,7 +127,7 @@ def _child(
     parent: int,
     bounds: Bounds,
 ) -> None:
-    """Runs the child; never returns."""
+    """Runs `work` in the forked child and ends the process; never returns."""
 
     def send(message: dict[str, Any]) -> None:
         data = memoryview(json.dumps(message).encode() + b"\n")

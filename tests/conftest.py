@@ -55,7 +55,7 @@ hypothesis.settings.load_profile("long")
 
 
 def is_ordinary(config: pytest.Config) -> bool:
-    """Returns whether tests marked `long` are excluded."""
+    """Returns whether this is a default run, without the tests marked `long`."""
     return bool(config.option.markexpr == "not long")
 
 
@@ -115,7 +115,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str, obj: object) -> list[pytest.Item] | None:
-    """Creates no items for tests marked `long` in a default run, which is faster than deselecting a quarter of all tests."""
+    """Creates no test items for tests marked `long` in a default run, which is faster than deselecting a quarter of all tests."""
     if not is_ordinary(collector.config) or not collector.funcnamefilter(name):
         return None
     marks = [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
@@ -143,7 +143,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def hand_out(files: Iterable[str]) -> dict[str, tuple[float, str]]:
-    """Returns each test file's sort key in the order of the run; `files` are relative to the root of the clone."""
+    """Returns the sort key of each test file, which determines the order of the run. files: paths below the clone's root."""
     groups: dict[str, list[tuple[int, str]]] = {"farm": [], "waiting": [], "busy": []}
     for file in files:
         name = file.removeprefix("tests/")
@@ -186,7 +186,7 @@ def redis_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture(scope="session")
 def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
-    """Yields a farm with two slots, shared by the tests of a process, which quickly repeats lost batches."""
+    """Yields a farm with two slots, shared by the tests of this process, in which lost batches are repeated quickly."""
     get_ready("plain")  # otherwise the first picture would also wait for its kernel
     farm = start_farm(tmp_path_factory.mktemp("farm") / "data", 2, module="tests.without_spares", RAYFARM_BATCH_DEADLINE="5")
     yield farm

@@ -13,7 +13,7 @@ __all__ = ["EMPTY", "HTML", "NOT_A_FARM", "foreign_server", "http_answer", "json
 
 
 def http_answer(body: bytes, content_type: str = "application/json", status: str = "200 OK", length: int | None = None) -> bytes:
-    """Returns an HTTP response. length: a false Content-Length, if any."""
+    """Returns an HTTP response as bytes. length: a Content-Length that replaces the right one."""
     head = f"HTTP/1.1 {status}\r\nContent-Type: {content_type}\r\nContent-Length: {len(body) if length is None else length}\r\n"
     return head.encode() + b"Connection: close\r\n\r\n" + body
 

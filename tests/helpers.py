@@ -66,12 +66,12 @@ class running_redis:  # noqa: N801 - used like a function
 
 
 def code_of(error: BaseException) -> str:
-    """Returns the code of an error's sentence; empty if it is a plain text."""
+    """Returns the code of an error's sentence; '' if the sentence is plain text."""
     return Sentence.from_text(str(error)).code
 
 
 def wait_until(condition: Callable[[], bool], seconds: float, what: str) -> None:
-    """Waits until a condition is true; after `seconds` fails with its description."""
+    """Waits until a condition is true; fails with `what` after `seconds`."""
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
@@ -117,7 +117,10 @@ def start_farm(data: Path, workers: int, until: bytes = b"Ready", module: str = 
 
 
 def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", **environment: str) -> Farm:
-    """Starts a farm by a given command, with its data in `data`. Films are not reused, so repeated jobs are rendered again."""
+    """Starts a farm by a given command, with its data in `data`; returns when it has printed `until`.
+
+    Jobs do not reuse films, so that repeated jobs are rendered again.
+    """
     environment = {"RAYFARM_REUSE_FILMS": "false", **environment}
     log = data.parent / f"{data.name}-up.log"
     with log.open("ab") as out:

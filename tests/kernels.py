@@ -33,9 +33,9 @@ def get_ready(variant: str, **settings: Any) -> None:
 
 @contextmanager
 def ready_first(is_ordinary: bool) -> Iterator[None]:
-    """Makes every render of this process prepare its kernel first: one process compiles it, the others wait and load it.
+    """Makes every render of this process prepare its kernel first: one process compiles the kernel, the others wait and load it.
 
-    is_ordinary: whether a kernel that `main` does not compile makes the test fail.
+    is_ordinary: whether a test fails that needs a kernel that `main` does not compile.
     """
     from renderer import render
     from renderer.arrays.scene_features import KERNEL_VARIANTS

@@ -1,4 +1,4 @@
-"""Fills a farm database with very many jobs, as after years of use; rows only."""
+"""Fills a farm's database with the rows of very many jobs, as after years of use, without films."""
 
 from __future__ import annotations
 

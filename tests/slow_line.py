@@ -15,7 +15,7 @@ __all__ = ["held_up"]
 
 @contextlib.contextmanager
 def held_up(url: str, late_s: float = 0.0, rate: float | None = None) -> Iterator[str]:
-    """Yields the server's URL by way of a connection with latency `late_s` in both directions.
+    """Yields the URL of a proxy to the server at `url`, with a latency of `late_s` seconds in both directions.
 
     rate: maximum bytes per second to the server, above which the sender is blocked.
     """

@@ -1,4 +1,4 @@
-"""Tests of import rules of the page and of single modules; pyproject.toml has those between packages (`farm.py check`)."""
+"""Tests of import rules within the page and for single modules; pyproject.toml has the rules between packages."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_no_modules_of_the_page_import_each_other() -> None:
 def test_what_the_table_of_additions_names_is_there() -> None:
     """All paths in the table of docs/architecture.md, "To add X, touch Y", exist.
 
-    A file without a folder belongs to the folder of the first in its list.
+    A file name without a folder refers to the folder of the first file in its list.
     """
     table = (ROOT / "docs" / "architecture.md").read_text().split("## To add X, touch Y", 1)[1].split("\n## ", 1)[0]
     for row in [line for line in table.splitlines() if line.startswith("| ")][1:]:

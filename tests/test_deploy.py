@@ -1,4 +1,4 @@
-"""Tests of deployment files for clusters and clouds, against Kubernetes' schemas and the sources."""
+"""Tests of the files for deployment on clusters and clouds, against Kubernetes' schemas and the sources."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ def test_no_secret_is_in_the_repository() -> None:
 
 
 def test_one_file_reaches_every_setting() -> None:
-    """The file .env sets all settings: the service's by `env_file`, others by Compose's substitution."""
+    """The file .env can set every setting: the service's by `env_file`, others by Compose's substitution."""
     fixed = {"RAYFARM_HOST", "RAYFARM_DATA", "RAYFARM_PUBLISHED", "RAYFARM_PUBLISHED_PORT", "RAYFARM_WEB", "RAYFARM_EXAMPLES"}
     settings = {f"RAYFARM_{name.upper()}" for name in Settings.model_fields} - fixed
     text = (ROOT / "docker-compose.yml").read_text()

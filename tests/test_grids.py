@@ -1,4 +1,4 @@
-"""Tests that a grid's corners, or the named cells, are in the default run."""
+"""Tests that a grid's corner cells, or the cells named as ordinary, are in the default run."""
 
 from __future__ import annotations
 

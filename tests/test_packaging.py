@@ -31,7 +31,7 @@ def normal(name: str) -> str:
 
 
 def built(source: Path, to: Path, *targets: str) -> Path:
-    """Returns the folder `to` with the build backend's output for `source`, without downloads."""
+    """Runs the build backend on `source` without downloads, and returns the folder `to` with the built archives."""
     wanted = [f"--target={target}" for target in targets]
     command = [sys.executable, "-m", "hatchling", "build", *wanted, "--directory", str(to)]
     done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)

@@ -23,7 +23,7 @@ WITH_NUMBERS = {"file-not-utf-8", "upload-name-not-utf-8", "upload-field-not-utf
 
 
 class Said(NamedTuple):
-    """A sentence found in the sources."""
+    """A sentence found in the sources, with its code and place."""
 
     code: str
     template: str

@@ -1,4 +1,4 @@
-"""Tests that a setting is declared once; the command, the API, scene files and the page derive from it."""
+"""Tests that a render setting is declared once; the command, the API, scene files and the page derive it from there."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SHAPES = Choices({"star": SettingTexts("Star", "Six points."), "dot": SettingTex
 
 @dataclass(frozen=True)
 class Snowy(RenderSettings):
-    """Settings with two additional fields."""
+    """Render settings with two additional fields."""
 
     glitter: Annotated[
         float,
@@ -110,7 +110,7 @@ def test_scene_files_and_their_guide_have_it() -> None:
 
 
 def test_the_page_is_told_of_it() -> None:
-    """The page receives a new setting; tests/e2e/test_settings_form.py checks its field."""
+    """The page receives an added setting; tests/e2e/test_settings_form.py tests its field in the form."""
     told = {each["name"]: each for each in json.loads(json.dumps(described(ALL)))["settings"]}
     assert told["glitter"]["off"] == {"value": 0, "label": "dull"}
     assert told["glitter"]["integrators"] == ["path"]

@@ -1,4 +1,7 @@
-"""Tests of deploy/images/slim.py, which removes unused files, on a few libraries of this installation."""
+"""Tests of deploy/images/slim.py, which removes unused files of libraries from a container image.
+
+They run it on a few libraries of this installation.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +48,7 @@ def venv(tmp_path: Path) -> Path:
 
 
 def slim(venv: Path) -> Path:
-    """Runs slim.py; returns the folder of packages."""
+    """Runs slim.py on the virtual environment; returns its folder of packages."""
     runpy.run_path(str(ROOT / "deploy" / "images" / "slim.py"))["main"](str(venv))
     return venv / "lib" / "python3.12" / "site-packages"
 

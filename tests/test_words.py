@@ -1,4 +1,4 @@
-"""Tests that the page's texts are in every catalogue of web/words/, and that no catalogue has unused ones."""
+"""Tests that the page's texts are in every catalogue of web/words/, and that no catalogue has unused texts."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ __all__ = ["ends_by"]
 
 
 def ends_by(farm: Farm, signals: Sequence[signal.Signals], seconds: float, slots: int) -> None:
-    """Sends these signals, and checks that all processes of the farm end soon afterwards."""
+    """Sends signals to the farm, and checks that all its processes end within `seconds`."""
     family = farm.family()
     assert len(family) >= (4 + slots if slots else 3), f"up, redis, service, and with slots a worker: {family}"
     begun = time.monotonic()

@@ -1,6 +1,6 @@
-"""A worker with a card beside one with cores, in a real farm: one digest, also if the card's worker is killed or its card fails.
+"""Tests of a worker with a graphics card and one with CPU slots in a real farm: one digest, also if the card or its worker fails.
 
-The card is the processor, by the driver of tests/renderer/cuda.
+The graphics card is simulated on the CPU by the driver of tests/renderer/cuda.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SPP = 320
 
 @pytest.fixture(scope="module")
 def driver(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Variables of the environment in which a process has the test's card."""
+    """Returns environment variables with which a process finds the test's simulated graphics card."""
     folder = tmp_path_factory.mktemp("driver")
     fake_driver(folder)
     return {"LD_LIBRARY_PATH": str(folder), "FAKE_CUDA_KERNEL": str(shared_object("plain", folder))}
@@ -48,7 +48,7 @@ def farm(tmp_path: Path) -> Iterator[Farm]:
 
 
 def join(farm: Farm, ends: ExitStack, driver: dict[str, str], megabytes: int) -> subprocess.Popen[bytes]:
-    """Starts a worker with a card; returns when it is ready."""
+    """Starts a worker with a graphics card of `megabytes` of memory; returns when the worker is ready."""
     command = [sys.executable, "-m", "worker", "--service", farm.url, "--name", "attic-gpu", "--gpu", "only", "--paired"]
     log = ends.enter_context((farm.data.parent / "gpu.log").open("ab"))
     environment = {**os.environ, **driver, "FAKE_CUDA_CARDS": f"RTX Test:8:6:{megabytes}", "RAYFARM_TOKEN": farm.token}
@@ -67,7 +67,7 @@ def asked(farm: Farm, path: str) -> Any:
 
 
 def finish(farm: Farm, job: str, expected: str) -> str:
-    """Waits for the job, and returns its log."""
+    """Waits for the job, checks that its digest is `expected`, and returns its log."""
     with farm.client() as client:
         final = client.wait(job, timeout_s=240)
         assert final.state == "finished", f"{final}\n{farm.logs()}\n{(farm.data.parent / 'gpu.log').read_text()}"

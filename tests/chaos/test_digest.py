@@ -39,7 +39,7 @@ def expected() -> str:
 
 @pytest.fixture(scope="module")
 def soon() -> str:
-    """Returns the digest at a fifth of the samples, for tests without disturbances."""
+    """Returns the digest of the frame at a fifth of the samples, for tests without disturbances."""
     return alone(SPP // 5)
 
 
@@ -116,7 +116,7 @@ FEW = 48  # samples per pixel in tests without disturbances
 
 @pytest.fixture(scope="module")
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Returns the folder of a triangle that moves to the right, so that each frame has its own compiled scene."""
+    """Returns the folder of a scene whose triangle moves to the right, so that each frame has its own compiled scene."""
     path = tmp_path_factory.mktemp("shot") / "shot.glb"
     path.write_bytes(turning().glb())
     return path

@@ -1,4 +1,4 @@
-"""Tests that no process remains, however a farm ends. test_digest.py tests a single Ctrl-C at its end."""
+"""Tests that no process remains, however a farm ends. test_digest.py tests the case of a single Ctrl-C."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def read_exr(url: str, folder: Path) -> np.ndarray:
 
 
 def shown(film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
-    """Returns a film as the page displays it: RGB9E5, exposure and tone curve; (h, w, 3) int."""
+    """Returns a film's pixels as the page displays them, (h, w, 3) int: by RGB9E5, exposure and tone curve."""
     return tonemap.apply(rgbe9995.unpack(rgbe9995.pack(film)), exposure, curve).astype(int)
 
 
@@ -86,7 +86,7 @@ def rendered(farm: Farm, scene: str, **request: Any) -> str:
 
 
 def split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:
-    """Returns the expected picture with both sides at the current wipe position; -1 at the divider."""
+    """Returns the expected picture of a comparison at the current wipe position: both sides, and -1 at the divider."""
     x, y = _one_to_one(page)
     stage, divider = page.locator(".stage").bounding_box(), page.get_by_role("slider", name="Wipe").bounding_box()
     assert stage and divider

@@ -40,7 +40,7 @@ def packet(seq: int, film: np.ndarray, spp: int) -> bytes:
 
 
 class Site:
-    """Serves the page's files, and a live picture that disconnects its first client. Records the clients' messages."""
+    """Serves the page's files, and a live picture whose first client is disconnected. Records the clients' messages."""
 
     def __init__(self) -> None:
         self.watchers = 0

@@ -1,4 +1,4 @@
-"""Tests that a page with a part that fails to load is reloaded, or names the missing part."""
+"""Tests that the page is loaded again if a module fails to load, or names the missing module."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Served:
             await self.pages({**scope, "app": self}, receive, send)
 
     def of_the_page(self) -> list[str]:
-        """Returns the paths requested since the last call, without those of the API."""
+        """Returns the paths requested since the last call, except those of the API."""
         asked, self.asked = [path for path in self.asked if not path.startswith("/api")], []
         return asked
 

@@ -1,4 +1,4 @@
-"""Tests that with a lost film or a busy service, the page shows the reason and retries after the stated time."""
+"""Tests that the page shows the reason if a film is lost or the service busy, and retries after the time that it states."""
 
 from __future__ import annotations
 

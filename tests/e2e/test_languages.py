@@ -35,7 +35,7 @@ def job(farm: Farm) -> str:
 
 @pytest.fixture(params=["de-AT", pytest.param("zh-CN", marks=pytest.mark.long)])
 def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[Page, str]]:
-    """Yields a page in a browser with a language other than English, and its locale."""
+    """Yields a page in a browser with a language other than English, and that language's locale."""
     context = browser.new_context(viewport=PHONE, reduced_motion="reduce", locale=request.param)
     context.set_default_timeout(20_000)
     context.add_init_script(SOON_CLEAR)
@@ -44,7 +44,7 @@ def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[
 
 
 def assert_nothing_is_english(page: Page, locale: str) -> None:
-    """Asserts that no text of a view is a catalogue key that has a translation."""
+    """Asserts that a view shows no English text for which the catalogue has a translation."""
     catalogue: dict[str, str] = json.loads((ROOT / "web" / "words" / f"{locale[:2]}.json").read_text(encoding="utf-8"))
     english = {key for key, text in catalogue.items() if key != text} - set(catalogue.values())
     shown = page.evaluate(
@@ -105,7 +105,7 @@ def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, fore
 
 @pytest.fixture(scope="module")
 def warned(farm: Farm) -> dict[str, Any]:
-    """Returns the record of a scene with a warning that has a count, from a worker's confined reader."""
+    """Returns the JSON of a scene with a warning that has a count, from a worker's confined reader."""
     vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\n"
     scene = httpx.post(f"{farm.url}/api/scenes", files={"files": ("odd.obj", vertices)}).raise_for_status().json()["id"]
     with farm.client() as client:
@@ -115,7 +115,7 @@ def warned(farm: Farm) -> dict[str, Any]:
 
 
 def translated_warning(record: dict[str, Any], language: str) -> str:
-    """Returns the warning in another language, by its code and parameters."""
+    """Returns the warning's text in another language, by the warning's code and parameters."""
     at, coded = next((i, each) for i, each in enumerate(record["codes"]["warnings"]) if each and each["code"] == CODE)
     assert record["warnings"][at].startswith("odd.obj: 1 vertices") and 1 in coded["params"].values()
     words = json.loads((ROOT / "web" / "words" / f"service.{language}.json").read_text(encoding="utf-8"))

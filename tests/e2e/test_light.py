@@ -1,4 +1,4 @@
-"""Tests of environment light on a scene's page: selected, dropped, rendered and displayed, without creating a scene."""
+"""Tests of environment light on a scene's page: selected, dropped, rendered and displayed, without creating another scene."""
 
 from __future__ import annotations
 

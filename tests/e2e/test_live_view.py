@@ -1,4 +1,4 @@
-"""Tests of the live view of a scene: navigation arithmetic, and a farm that follows the navigation."""
+"""Tests of the live view of a scene: camera arithmetic, and a farm that renders the camera that is navigated to."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.helpers import Farm, wait_until
 
 
 def slots_of(farm: Farm) -> list[psutil.Process]:
-    """Returns the rendering processes."""
+    """Returns the processes of the farm's slots."""
 
     def is_worker(process: psutil.Process) -> bool:
         try:
@@ -27,7 +27,7 @@ def slots_of(farm: Farm) -> list[psutil.Process]:
 
 
 def kept(farm: Farm) -> tuple[set[str], set[str], set[str]]:
-    """Returns the farm's (jobs, films, blobs)."""
+    """Returns the names of the farm's stored (jobs, films, blobs)."""
     jobs = {job["id"] for job in httpx.get(f"{farm.url}/api/jobs", params={"limit": 1000}).json()}
     films = {path.name for path in (farm.data / "films").iterdir()}
     return jobs, films, {path.name for path in (farm.data / "blobs").rglob("*") if path.is_file()}
@@ -139,7 +139,7 @@ def test_the_view_flies_survives_a_killed_slot_and_keeps_what_is_found(farm: Far
 
 
 def farm_views(farm: Farm) -> str:
-    """Returns the current work of the slots."""
+    """Returns "views" if a slot of the farm renders a view at present, otherwise an empty string."""
     return "views" if any("view" in doing for w in httpx.get(f"{farm.url}/api/workers").json() for doing in w["current"]) else ""
 
 

@@ -1,4 +1,4 @@
-"""Tests of the page's modules in the browser, against Python, without a farm."""
+"""Tests of the page's JavaScript modules in the browser, against Python, without a farm."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Pag
 
 @pytest.mark.long
 def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
-    """While tiles arrive, areas are measured at once, and a pending request for a pin is not restarted."""
+    """While tiles arrive, areas are measured at once, and a pending request for a pinned pixel is not restarted."""
     body = """
         const { Store, Disposer } = await import("/js/base/store.js");
         const { Film } = await import("/js/film/film.js");

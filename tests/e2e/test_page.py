@@ -1,4 +1,4 @@
-"""Tests of the complete path in a browser: a dropped file becomes a picture whose displayed pixels equal the film's."""
+"""Tests of the whole way from file to picture in a browser: a dropped file's displayed pixels equal the film's."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ENDLESS_SPP = 60_000  # more samples than are rendered before the job is cancell
 
 
 def drop(page: Page, name: str, content: bytes) -> None:
-    """Drops a file on the page, as by mouse."""
+    """Drops a file with this name and content on the page, as by mouse."""
     page.evaluate(
         """([name, base64]) => {
             const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));

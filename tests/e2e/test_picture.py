@@ -1,4 +1,4 @@
-"""Tests of the page of one picture: loading it, and its tools."""
+"""Tests of a finished picture's page: loading the picture, and its tools."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
 
 @pytest.mark.long
 def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
-    """A finished picture shows the list's JPEG until the film arrives, in one response and without further tiles."""
+    """A finished picture shows the job list's JPEG until the film arrives, which takes one response without further tiles."""
     page = watched.page
     tiles: list[bytes] = []
     said: list[str] = []
@@ -85,7 +85,7 @@ def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched:
 
 
 def at(page: Page, x: float, y: float) -> tuple[float, float]:
-    """Returns the page position of a point in the picture."""
+    """Returns the position on the page (CSS pixels) of a point in the picture."""
     stage = page.locator(".stage")
     scale, left, top = (float(v) for v in (stage.get_attribute("data-view") or "").split())
     box = page.locator("canvas.film").bounding_box()

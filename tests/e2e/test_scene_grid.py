@@ -1,4 +1,4 @@
-"""Tests of the front page's scenes: the latest first, all on request, and search results."""
+"""Tests of the scenes on the front page: the latest come first, all are shown on request, and a search filters them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the settings form: it covers all of renderer/settings.py, and requests only values that differ from the scene's."""
+"""Tests of the settings form: it has all of renderer/settings.py, and requests only values that differ from the scene's."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
 
 @pytest.mark.long
 def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
-    """Differences of two jobs include a disabled setting, a choice, a noise level and a camera; phrases name the sides."""
+    """The differences of two jobs include a disabled setting, a choice, a noise level and a camera, and name both sides."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
     a = {"name": "Snow", "width": 8, "height": 8, "spp": 64, "noise": None}
     common = {"clamp_indirect": 0.0, "view": view, "environment": None}
@@ -158,7 +158,10 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
 
 @pytest.mark.long
 def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) -> None:
-    """Jobs of an older release have separate scenes with the same files and name; newer jobs store the difference themselves."""
+    """The differences of two jobs include changes of the scene between the jobs.
+
+    Jobs of an older release have separate scenes with the same files and name; newer jobs store the difference themselves.
+    """
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
     job = {"name": "shoe", "width": 8, "height": 8, "spp": 64, "settings": {"integrator": "path", "view": view}}
     own = {"id": "a", "variants": ["beach", "night", "night"], "variant": None, "environment": None}
@@ -208,7 +211,7 @@ def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
 
 @pytest.mark.long
 def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
-    """A shared name refers to the first camera; the others are requested by number."""
+    """If cameras share a name, the name refers to the first of them; the others are requested by number."""
     front, auto = SCENE["cameras"]  # type: ignore[misc]
     open_form(page, scene={**SCENE, "cameras": [front, {**front, "name": "side"}, front, {**front, "name": "auto"}, auto]})
     camera = page.get_by_label("Camera", exact=True)

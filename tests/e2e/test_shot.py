@@ -36,7 +36,7 @@ def uploaded(farm: Farm, *files: tuple[str, bytes]) -> str:
 
 
 def asked(farm: Farm, scene: str, **request: Any) -> str:
-    """Submits a shot, and returns its job's id."""
+    """Submits a shot of the scene, and returns the job's id."""
     size = {"width": WIDTH, "height": HEIGHT, "environment": {"color": [1, 1, 1]}}
     job: str = httpx.post(f"{farm.url}/api/jobs", json={"scene": scene, **size, **request}).raise_for_status().json()["id"]
     return job

@@ -1,4 +1,4 @@
-"""Tests of four light sampling strategies, Russian roulette, and Whitted against path tracing: equal means, and known noise."""
+"""Tests of light sampling strategies, Russian roulette, and Whitted against path tracing: equal means, and known noise."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def look(**more: object) -> RenderSettings:
 
 
 def means(made: CompiledScene, how: RenderSettings, spp: int, seeds: int = SEEDS) -> np.ndarray:
-    """Returns the frame's mean for each of `seeds` seeds."""
+    """Returns the frame's mean for each of `seeds` seeds. how: changed render settings."""
     return np.array([render_frame(made, replace(how, seed=s), spp)[COLOR].mean() / spp * 2.0**-24 for s in range(seeds)])
 
 
@@ -57,7 +57,7 @@ def variance(made: CompiledScene, how: RenderSettings, spp: int) -> float:
 
 
 def assert_same(samples: dict[str, np.ndarray]) -> None:
-    """Asserts that all means equal the least noisy one within three standard errors, corrected for their number."""
+    """Asserts that all means equal the least noisy one within three standard errors, corrected for the number of means."""
     best = min(samples, key=lambda name: samples[name].std())
     for name, values in samples.items():
         if name == best:

@@ -11,13 +11,13 @@ from tests.page.node import Node
 
 @pytest.fixture(scope="module")
 def node(program: str) -> Iterator[Node]:
-    """Yields the modules in Node.js, as in an English browser."""
+    """Yields the page's modules in a Node.js process whose language is English."""
     with Node(program, "en-GB") as node:
         yield node
 
 
 @pytest.fixture(scope="module")
 def german(program: str) -> Iterator[Node]:
-    """Yields the modules in Node.js, as in a German browser."""
+    """Yields the page's modules in a Node.js process whose language is German."""
     with Node(program, "de-DE") as node:
         yield node

@@ -13,7 +13,7 @@ __all__ = ["Node"]
 
 
 class Node:
-    """A Node.js process that exists for the duration of a `with` block."""
+    """A Node.js process with the page's modules, which exists for the duration of a `with` block."""
 
     def __init__(self, program: str, locale: str) -> None:
         script = Path(__file__).with_name("modules.mjs")

@@ -1,4 +1,4 @@
-"""Tests of the page's computations on a film: words, areas, pins, histogram, and lines of paths."""
+"""Tests of the page's computations on a film: RGB9E5 words, measured areas, pinned pixels, histogram, and lines of paths."""
 
 from __future__ import annotations
 

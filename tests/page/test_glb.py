@@ -44,7 +44,7 @@ def positions(packet: Any) -> np.ndarray:
 
 @pytest.fixture
 def model() -> bytes:
-    """A box and a sphere in nodes that are turned, scaled differently per axis, and nested."""
+    """Returns a GLB of a box and a sphere, in nested nodes that are rotated and scaled differently per axis."""
     scene = trimesh.Scene()
     material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 64, 0, 255])
     box = trimesh.creation.box((1.0, 2.0, 3.0))
@@ -96,7 +96,7 @@ def test_a_damaged_file_is_left_to_the_service(node: Node, model: bytes, length:
 
 
 def test_a_compressed_file_is_left_to_the_service(node: Node, model: bytes) -> None:
-    """With a bufferView of EXT_meshopt_compression the bytes are no coordinates."""
+    """A file with compressed buffer views (EXT_meshopt_compression), whose bytes are no coordinates, is left to the service."""
     plain = b'"buffer":0'
     assert plain in model
     assert read_in_page(node, model.replace(plain, b'"buffer":1')) is None

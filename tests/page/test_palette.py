@@ -1,4 +1,4 @@
-"""Tests of what the command palette finds."""
+"""Tests of which entries the command palette finds for a search text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of progress on the page: the order of job descriptions, the remaining time, and the state of a stopped job."""
+"""Tests of progress on the page: which description of a job is the latest, the remaining time, and a stopped job's state."""
 
 from __future__ import annotations
 

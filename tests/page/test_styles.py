@@ -1,4 +1,4 @@
-"""The page's style sheets take type sizes, weights and radii from one scale."""
+"""Tests that the page's style sheets take type sizes, weights and radii from one scale."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def test_orbiting_from_a_files_camera_keeps_the_horizon_level(node: Node) -> Non
 
 
 def test_what_is_dragged_follows_the_hand(node: Node) -> None:
-    """After panning by half a picture height to the right and down, the old target appears there."""
+    """A dragged point follows the pointer: after panning by half a picture height to the right and down, the target is there."""
     moved = node.call("scene/orbit", "return m.pan(a, 0.5, 0.25);", VIEW)
     forward = vector(moved, "target") - vector(moved, "eye")
     distance = np.linalg.norm(forward)

@@ -49,7 +49,7 @@ MORE = ("WORKER_KEYS", "VERSION_HEADER", "SAMPLES_HEADER")
 
 
 def _blank(message: dict[str, Any]) -> dict[str, Any]:
-    """Returns the message without settings, to which each release adds fields."""
+    """Returns the message with empty settings, since each release adds fields to these."""
     return {name: "SETTINGS" if name == "settings" else value for name, value in message.items()}
 
 

@@ -22,7 +22,7 @@ from worker.work.prepare import CONVERTED_FOLDER
 
 @pytest.fixture
 def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Returns the path of a script that reports itself as Blender, and writes a scene with a picture."""
+    """Returns the path of a script that prints Blender's version, and writes a scene with a picture."""
     path = tmp_path / "bin" / "blender"
     path.parent.mkdir()
     path.write_text(

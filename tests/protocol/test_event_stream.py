@@ -1,4 +1,4 @@
-"""Tests that events of GET /api/events follow the HTML standard's event streams, and that the page handles each of them."""
+"""Tests that GET /api/events follows the HTML standard's event stream format, and that the page handles each event."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ def test_generated_files_are_current() -> None:
 
 
 def test_the_published_layouts_are_those_declared() -> None:
-    """docs/api.md names each field with its type, in order."""
+    """docs/api.md lists each field of the binary layouts with its type, in order."""
     published = re.sub(r"\s+", " ", (ROOT / "docs" / "api.md").read_text())
     for layout in LAYOUTS:
         assert layout.text in published, f"docs/api.md lacks the layout of a {layout.name}: {layout.text}"

@@ -1,4 +1,4 @@
-"""Tests of parsing weekly working hours."""
+"""Tests of parsing the weekly hours in which a worker may render, and of whether it may render at a moment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of encoding sums: every kind of plane is restored bit by bit, and damage is detected."""
+"""Tests of the encoding of film sums: every kind of plane is restored bit by bit, and damage is detected."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TILE = Tile(0, 0, 7, 5)
 
 
 def sums_of(seed: int, bits: list[int]) -> Sums:
-    """Returns planes with values of the given numbers of bits; 0: all equal."""
+    """Returns sums whose planes have values of these numbers of bits; 0: all values are equal."""
     random = np.random.default_rng(seed)
     planes = [
         random.integers(-(1 << b - 1), (1 << b - 1) - 1, (5, 7), endpoint=True) if b else np.full((5, 7), seed) for b in bits

@@ -1,4 +1,4 @@
-"""Tests of tracing spans: none if tracing is off; and valid values of W3C's traceparent."""
+"""Tests of tracing: no spans are made if tracing is off, and values of W3C's traceparent are valid."""
 
 from __future__ import annotations
 
