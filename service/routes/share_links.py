@@ -34,7 +34,7 @@ PAGE = "shared/"
 GONE = Sentence("share-link-invalid", "This link has expired or was withdrawn. Ask for a new one.")
 
 
-class ShareIn(BaseModel):
+class ShareLinkIn(BaseModel):
     """A link to create. days: its lifetime."""
 
     model_config = ConfigDict(extra="forbid")
@@ -42,7 +42,7 @@ class ShareIn(BaseModel):
     days: float = Field(7.0, gt=0, le=MOST_DAYS, allow_inf_nan=False)
 
 
-class ShareOut(BaseModel):
+class ShareLinkOut(BaseModel):
     """A link without its secret. user: who created it."""
 
     id: str
@@ -51,7 +51,7 @@ class ShareOut(BaseModel):
     expires: float | None
 
 
-class NewShare(ShareOut):
+class NewShareLink(ShareLinkOut):
     """A new link. path: its page, relative to the service's root, with the secret; returned only this once."""
 
     path: str
@@ -71,19 +71,19 @@ class SharedJob(BaseModel):
     expires: float | None = Field(description="when the link expires")
 
 
-@router.get("/jobs/{id}/links", response_model=list[ShareOut])
-def list_share_links(id: str, farm: FarmDependency) -> list[ShareOut]:
+@router.get("/jobs/{id}/links", response_model=list[ShareLinkOut])
+def list_share_links(id: str, farm: FarmDependency) -> list[ShareLinkOut]:
     """Lists the valid links to a job, newest first."""
     find_job(id, farm)
     return [_share_out(row) for row in farm.access.keys.shares_of(id)]
 
 
-@router.post("/jobs/{id}/links", status_code=201, response_model=NewShare)
-def make_share_link(id: str, body: ShareIn, visit: VisitDependency, farm: FarmDependency) -> NewShare:
+@router.post("/jobs/{id}/links", status_code=201, response_model=NewShareLink)
+def make_share_link(id: str, body: ShareLinkIn, visit: VisitDependency, farm: FarmDependency) -> NewShareLink:
     """Creates a link that shows this job, and nothing else, without an account. Shows no more than its creator may see."""
     find_job(id, farm)
     secret, row = farm.access.keys.create("share", visit.user or OWNER, Role.VIEW, id, body.days * DAY_S)
-    return NewShare(**_share_out(row).model_dump(), path=f"{PAGE}#{secret}")
+    return NewShareLink(**_share_out(row).model_dump(), path=f"{PAGE}#{secret}")
 
 
 @router.delete("/jobs/{id}/links/{link}", status_code=204)
@@ -146,5 +146,5 @@ def _shared_job(share: Share, farm: Farm) -> SharedJob:
     )
 
 
-def _share_out(row: Key) -> ShareOut:
-    return ShareOut(id=row.id, user=row.user, created=row.created, expires=row.expires)
+def _share_out(row: Key) -> ShareLinkOut:
+    return ShareLinkOut(id=row.id, user=row.user, created=row.created, expires=row.expires)

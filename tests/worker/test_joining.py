@@ -143,9 +143,9 @@ def test_a_redis_that_cannot_be_used_is_waited_for_with_a_hint(tmp_path: Path) -
 
 
 def test_an_http_server_is_no_redis() -> None:
-    with foreign_server(HTML) as port, pytest.raises(LinkError, match="not a Redis server|no Redis server"):
+    with foreign_server(HTML) as port, pytest.raises(LinkError, match=r"not a Redis server|no Redis server"):
         check_redis(f"redis://127.0.0.1:{port}/0")
-    with foreign_server(b"") as port, pytest.raises(LinkError, match="not a Redis server|no Redis server"):
+    with foreign_server(b"") as port, pytest.raises(LinkError, match=r"not a Redis server|no Redis server"):
         check_redis(f"redis://127.0.0.1:{port}/0")
 
 
