@@ -48,7 +48,7 @@ class Air(NamedTuple):
 
 
 def _observer_curves() -> np.ndarray:
-    """Returns the CIE 1931 colour matching functions x, y, z at the 18 wavelengths, (18, 3).
+    """Returns the CIE 1931 colour matching functions x, y and z at the 18 wavelengths, (18, 3).
 
     Source: the fit of Wyman, Sloan & Shirley, JCGT 2(2), 2013.
     """
@@ -79,7 +79,7 @@ _RGB = _to_rgb()
 
 
 def _densities(height: np.ndarray) -> np.ndarray:
-    """Returns the densities of molecules, dust and ozone at heights in metres, relative to their peaks: (..., 3)."""
+    """Returns the densities of molecules, dust and ozone at heights in metres, (..., 3), each relative to its maximum."""
     ozone = np.maximum(1 - np.abs(height - _OZONE_MIDDLE) / _OZONE_HALF, 0)
     return np.stack([np.exp(-height / _RAYLEIGH_HEIGHT), np.exp(-height / _MIE_HEIGHT), ozone], axis=-1)
 
@@ -94,9 +94,10 @@ def _distance_to_top(radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
 
 
 def _column(radius: np.ndarray, cosine: np.ndarray, steps: int = 16) -> np.ndarray:
-    """Returns densities integrated from a point to the top of the atmosphere, (..., 3).
+    """Returns the densities of molecules, dust and ozone integrated from a point to the top of the atmosphere, (..., 3).
 
-    The steps grow along the ray, since air gets thinner.
+    radius: the point's distance to the earth's centre; cosine: of the zenith angle of the direction. The integration steps grow
+    along the ray, since air gets thinner.
     """
     edge = np.linspace(0, 1, steps + 1) ** 2
     length = _distance_to_top(radius, cosine)
@@ -140,9 +141,9 @@ def scattered(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns the light towards an observer on the ground: scattered once by molecules, once by dust, and more than once.
 
-    The first two are not yet multiplied by their phase functions. ground: albedo of the ground. sun: elevation of the sun.
-    elevation (...), above 0, and azimuth (...), relative to the sun's: of the viewing directions. Angles are in radians. Each
-    result is (..., 3), linear Rec.709.
+    Each of the three is (..., 3), linear Rec.709; the first two are not yet multiplied by their phase functions. ground: albedo
+    of the ground. sun: elevation of the sun. elevation (...), above 0, and azimuth (...), relative to the sun's: of the viewing
+    directions. Angles are in radians.
     """
     start = _EARTH + _EYE
     up = np.sin(elevation)
@@ -177,7 +178,7 @@ class _Step(NamedTuple):
 def _integration_steps(
     start: np.ndarray, up: np.ndarray, sun_up: np.ndarray, towards_sun: np.ndarray, length: np.ndarray, steps: int
 ) -> Iterator[_Step]:
-    """Yields the integration steps of a ray; their length grows along it.
+    """Yields the integration steps of a ray from its start; the steps' length grows along the ray.
 
     up, sun_up: cosines of the zenith angles of the ray and of the sun at the ray's start; towards_sun: cosine of the angle
     between ray and sun.
@@ -203,7 +204,7 @@ def _sunlight(air: Air, radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
 
 
 def _scattering(air: Air, density: np.ndarray) -> np.ndarray:
-    """Returns the scattering coefficient per metre, at each wavelength."""
+    """Returns the scattering coefficients of air with these densities, per metre, at each wavelength."""
     return np.asarray(density[..., 0, None] * (air.molecules * _RAYLEIGH) + density[..., 1, None] * (air.dust * _MIE_SCATTERING))
 
 

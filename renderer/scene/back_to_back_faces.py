@@ -26,7 +26,7 @@ _HALF = np.uint64(32)
 def separate_coincident(
     position: F32, triangle: I32, material: I32, attributes: Sequence[F32], begins: Sequence[int] = ()
 ) -> F32:
-    """Returns the vertices (V, 3), with an offset where coincident faces back to back look different.
+    """Returns the vertices (V, 3), offset where two coincident triangles face opposite ways and look different.
 
     triangle: (T, 3). material: (T,). attributes: (V, n) each, vertex attributes that affect the look, such as colours. begins:
     the first triangle of each further coordinate space; triangles in different spaces are never coincident.

@@ -55,10 +55,10 @@ def compile_scene(
 ) -> CompiledScene:
     """Returns the compiled scene; every array is C-contiguous and read-only.
 
-    progress: called with the name of each step and the fraction done, 0..1. brute: without a working BVH, see `build`. threads:
-    number of threads; None: one per core. shot_cache: cache of compiled parts of another frame of the same shot, whose
-    compiled scene must no longer be in use. Neither threads nor shot_cache changes the result. Raises SceneError if the scene is
-    empty or too large.
+    progress: called with the name of each step and the fraction done, 0..1. brute: makes every box of the BVH infinite, so that
+    each ray tests every primitive (for tests). threads: number of threads; None: one per core. shot_cache: cache of compiled
+    parts of another frame of the same shot, whose compiled scene must no longer be in use. Neither threads nor shot_cache changes
+    the result. Raises SceneError if the scene is empty or too large.
     """
     with Team(threads) as team:
         own = ShotCache() if shot_cache is None or brute else shot_cache
@@ -210,7 +210,7 @@ def _part_offsets(stood: PlacedGeometry, laid: AssembledBvh, environment: tuple[
 def _rows_to_check(
     stood: PlacedGeometry, laid: AssembledBvh, scene: CompiledScene, shot_cache: ShotCache
 ) -> dict[str, np.ndarray]:
-    """Returns array name -> rows that still have to be checked, since the others were checked for an earlier frame.
+    """Returns the rows of the compiled arrays that were not checked for an earlier frame, by array name.
 
     Arrays that are not listed have to be checked in full.
     """
@@ -229,10 +229,10 @@ def _rows_to_check(
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
     """Returns a JSON-ready summary of a scene: cameras, counts, bounds, animations, variants, warnings, defaults.
 
-    cameras: the file's own, then always one named "auto" that frames the scene; `views`, for cameras that move while the shutter
-    is open, in the form of RenderSettings. up: the up direction. fps: the file's own, else 24. clips: its animations, with the
-    times of their first and last key in seconds. objects, materials: names by number; the OBJECT and MATERIAL planes of the film
-    hold number + 1.
+    cameras: those of the file, then always one named "auto" that frames the scene; cameras that move while the shutter is open
+    have `views`, in the form of RenderSettings. up: the up direction. fps: the file's frame rate, else 24. clips: the file's
+    animations, with the times of their first and last key in seconds. objects, materials: names by number; the OBJECT and
+    MATERIAL planes of the film hold number + 1.
     """
     floor = description.subject is not None  # one mesh of two flat triangles, six vertices
     points = _visible_points(compiled)
@@ -268,9 +268,9 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
 
 
 def summarise_again(description: SceneDescription, compiled: CompiledScene, before: dict[str, Any]) -> dict[str, Any]:
-    """Returns the summary of another frame of a shot in which only transforms and shapes change.
+    """Returns the summary of a frame of a shot in which only transforms and shapes change, from that of another frame.
 
-    before: the summary of one frame. Here the camera "auto" frames the bounds of the geometry, not its vertices.
+    before: the other frame's summary. Here the camera "auto" frames the bounds of the geometry, not its vertices.
     """
     low, high = _bounds(compiled)
     corners = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)], np.float64)
@@ -298,7 +298,7 @@ def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.n
 
 
 def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
-    """Returns the cameras of the file, with the orbit targets used in `summarise`."""
+    """Returns the cameras defined by the file, with the orbit targets used in `summarise`."""
     return _aimed_cameras(description, _bounds(compiled))
 
 
@@ -324,7 +324,7 @@ def _mask_by_flag(stood: PlacedGeometry, flag: int) -> np.ndarray:
 
 
 def _suns(primitive: I32, kind: I32, bodies: int) -> I32:
-    """Returns the indices of the lights that are suns."""
+    """Returns the light indices of the suns."""
     number = primitive.astype(np.int64) - bodies
     is_sun = np.isin(kind, (SUN, SUN_UNSEEN))
     return (
@@ -333,9 +333,9 @@ def _suns(primitive: I32, kind: I32, bodies: int) -> I32:
 
 
 def _count_emitters_without_area(description: SceneDescription, emitted: np.ndarray) -> int:
-    """Returns the number of emissive triangles without area, which therefore emit nothing.
+    """Returns the number of the description's emissive triangles without area, which emit nothing.
 
-    Counts those of the description, since static ones are no longer in the compiled geometry.
+    They are counted in the description, since the compiled geometry omits static triangles without area.
     """
     count = 0
     for instance in description.instances:

@@ -106,7 +106,10 @@ def _of_parts(path: Path, manifest: bytes, find: Find | None) -> CompiledScene:
 
 
 def _views(mapped: mmap.mmap, size: int) -> dict[str, Any]:
-    """Returns the arrays by name, checked against the layout."""
+    """Returns the arrays in the mapped file, by name, after checking their types and shapes.
+
+    size: of the file in bytes. Raises SceneError if the file's header is damaged or was written by another version.
+    """
     length = int.from_bytes(mapped[:8], "little")
     if not 2 <= length <= min(_MAX_HEADER, size - 8):
         raise SceneError(Sentence("compiled-header-length-wrong", "its header's length is wrong"))

@@ -103,7 +103,7 @@ class Saver:
         return _manifest(arrays, parts, pieces, folder)
 
     def prune(self, manifest: Path) -> None:
-        """Removes the files in the folder that neither this manifest nor a later frame needs."""
+        """Removes the files from the Saver's folder that neither this manifest nor a later frame needs."""
         kept = {manifest.name, *(part.sha256 for part in parts_of(manifest)), *(part.sha256 for _, part in self._known.values())}
         for path in self._folder.iterdir():
             if path.name not in kept:
@@ -174,9 +174,9 @@ def _are(cached: tuple[object, ...], heads: tuple[object, ...]) -> bool:
 
 
 def _slices(arrays: dict[str, Array], cuts: PartOffsets) -> dict[str, dict[str, Array]]:
-    """Returns part name -> array name -> rows of that array in the part.
+    """Divides the scene's arrays into parts. Returns part name -> array name -> rows of that array in the part.
 
-    Arrays that no other part contains are in the part "top", which every frame has.
+    Arrays that no other part contains are in the part "top"; each frame has one.
     """
     parts: dict[str, dict[str, Array]] = {"top": {"bvh.node": arrays["bvh.node"][: cuts.node[1]]}}
     for i, name in enumerate(("still", "bodies", "loose")):

@@ -1,4 +1,4 @@
-"""Start indices for inverting a cdf (cutpoint table), used by `sample_cdf_row` of renderer/kernel/light/environment.py."""
+"""Start indices for inverting a cdf (a cutpoint table), used by `sample_cdf_row` of renderer/kernel/light/environment.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A default camera for scenes without one: frames the whole scene tightly, from a three-quarter angle."""
+"""Default camera of scenes without one: frames the whole scene tightly, from a three-quarter angle."""
 
 from __future__ import annotations
 

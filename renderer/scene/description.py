@@ -73,7 +73,7 @@ class Image:
 
 @dataclass(frozen=True)
 class TextureLayer:
-    """A texture with its own lookup that is composited over another texture; it has no layers itself.
+    """A texture with its own UV lookup that is composited over another texture; it has no layers itself.
 
     `blend` is computed in linear light (kernel/material/blend.py). The result is mixed with the layers beneath by the layer's
     alpha times `strength`, 0 ... 1. Surface colours are clamped at 1; emission is not.
@@ -86,7 +86,7 @@ class TextureLayer:
 
 @dataclass(frozen=True)
 class Texture:
-    """An image with wrap modes and a lookup. UV (0, 0) is the image's upper left corner, as in glTF.
+    """An image with wrap modes and a UV transform. UV (0, 0) is the image's upper left corner, as in glTF.
 
     transform: the rows of the 2x3 matrix applied to the UVs of set `uv_set`.
     layers: composited on top, the lowest first; they do not affect the texture's alpha.
@@ -215,7 +215,7 @@ LIGHT_PARAMETERS = parameters_of(Light)
 class Sky:
     """A clear sky and its sun (renderer/scene/atmosphere.py). Angles in degrees.
 
-    Scale: a white surface that faces the sun outside the atmosphere has radiance 1, and nearly as much on the ground at noon.
+    Scale: a white surface that faces the sun has radiance 1 outside the atmosphere, and nearly as much on the ground at noon.
     """
 
     sun_elevation: float = 45.0  # -90 ... 90, above the horizon
@@ -258,7 +258,7 @@ class Medium:
 
 @dataclass
 class Camera:
-    """A named view.
+    """A named camera with its view.
 
     keys: the views at equal steps from the shutter's opening to its closing; empty if the camera does not move.
     """

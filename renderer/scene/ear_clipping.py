@@ -23,7 +23,10 @@ _CLEAN, _TOUCHING, _ANY = range(3)  # how strictly an ear is tested
 
 
 class EarClipper:
-    """Clips polygons until a limit on the total work is reached; `are_blunt` is then True: triangulate later polygons as fans."""
+    """Triangulates polygons by ear clipping, up to a limit on the total work.
+
+    Once the limit is reached, `are_blunt` is True, and the caller should triangulate further polygons as fans.
+    """
 
     def __init__(self) -> None:
         self._left = float(_MOST_WORK)
@@ -70,7 +73,7 @@ class EarClipper:
 
 
 def flattened(place: F64) -> F64:
-    """Returns the corners, (n, 2), projected onto the two axes in which the polygon is largest, counter-clockwise."""
+    """Returns the corners, (n, 2), projected along the largest axis of the polygon's normal, in counter-clockwise order."""
     ahead = np.roll(place, -1, axis=0)
     normal = np.cross(place - place[0], ahead - place[0]).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))
@@ -82,7 +85,7 @@ def flattened(place: F64) -> F64:
 def _is_ear(flat: F64, bends: npt.NDArray[np.int64], corners: tuple[int, int, int], signed_area: float, strictness: int) -> bool:
     """Returns True if a corner may be clipped as an ear.
 
-    Strictness: by default no other corner may be inside the ear or on its edges; `_TOUCHING` allows corners on edges and ears
+    strictness: by default no other corner may be inside the ear or on its edges; `_TOUCHING` allows corners on edges and ears
     without area; `_ANY` allows every corner.
     """
     if strictness == _ANY:

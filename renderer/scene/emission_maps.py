@@ -70,7 +70,10 @@ def tabulate_emission(maps: Sequence[EmissionMap]) -> EmissionTables:
 
 
 def emission_frames(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32:
-    """Returns (n, 4): the vector to the right of each light's axis, and the number of its map or -1; no rows without maps."""
+    """Returns (n, 4): for each light the vector to the right of its axis, and the index of its map or -1.
+
+    No rows without maps.
+    """
     if not maps:
         return np.zeros((0, 4), np.float32)
     number = {id(each): k for k, each in enumerate(maps)}

@@ -146,7 +146,7 @@ def with_environment_changed(
 
 
 def environment_sampled_fully(scene: CompiledScene) -> CompiledScene:
-    """Returns the scene with cdfs by which light sampling alone covers the whole environment, for use without BSDF sampling.
+    """Returns the scene with cdfs that cover the whole environment, for integrators without BSDF sampling.
 
     A texel's weight is the maximum luminance of it and its neighbours, since lookups are bilinear, not the excess over the mean.
     """
@@ -163,7 +163,7 @@ def without_environment_sampling(scene: CompiledScene) -> CompiledScene:
     """Returns the scene without light sampling of its environment if that is constant and has no sun.
 
     BSDF sampling finds a constant environment without noise except from occlusion; a further uniform sample with its own shadow
-    ray would add more noise than it removes. If some objects are invisible to shadow rays only, both are kept.
+    ray would add more noise than it removes. If some objects are invisible to shadow rays only, light sampling is kept.
     """
     frame = scene.environment_frame
     has_sun = frame[7] > 0
@@ -192,8 +192,8 @@ def choose_environment(environment: EnvironmentTables, lights_power: float, boun
     """Returns the probability of sampling the environment rather than a light: by power into the scene, clamped to 0.1 ... 0.8.
 
     The environment sends a power of pi * (pi R^2) * mean radiance through a disk as large as the scene's bounding sphere. It is
-    multiplied by `contrast`, the part that BSDF sampling finds badly; a uniform sky is better left to BSDF sampling. MIS weights
-    both correctly. 0 without an environment, 1 without lights.
+    multiplied by `environment.contrast`, the part that BSDF sampling finds badly; a uniform sky is better left to BSDF sampling.
+    MIS weights both correctly. 0 without an environment, 1 without lights.
     """
     if environment.mean <= 0:
         return 0.0

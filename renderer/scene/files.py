@@ -61,9 +61,9 @@ class SceneFiles:
         self.is_numbered = False  # whether the name of any file read contains the frame's number
 
     def read_anew(self) -> None:
-        """Begins reading another frame.
+        """Prepares for reading another frame: drops cached values that the last frame did not use.
 
-        Drops cached values that the last frame did not use, so that numbered files do not accumulate.
+        Otherwise the data of numbered files would accumulate.
         """
         self._made = {key: made for key, made in self._made.items() if key in self._used}
         self._used = set()
@@ -99,7 +99,7 @@ class SceneFiles:
         return self._made.get(key)
 
     def path(self, name: str) -> Path:
-        """Returns a file's path, for libraries that open the file themselves.
+        """Returns the path of a file of the scene, for libraries that open the file themselves.
 
         Raises SceneError under the conditions of `read`.
         """
@@ -128,7 +128,7 @@ class SceneFiles:
         return path
 
     def read(self, name: str) -> bytes:
-        """Returns the bytes of a file.
+        """Returns the bytes of a file of the scene.
 
         Raises SceneError if it is missing, too large, not a regular file, or outside the folder.
         """
@@ -143,7 +143,7 @@ class SceneFiles:
             ) from error
 
     def at_frame(self, pattern: str, frame: float, beside: str) -> str:
-        """Returns the file name at a frame: `pattern` with the frame number in place of #.
+        """Returns the name of a pattern's file at a frame: the pattern with the frame number in place of #.
 
         Returns the pattern unchanged if a file has that very name. beside: the scene file that the pattern is relative to.
         """
@@ -153,7 +153,7 @@ class SceneFiles:
         return str(PurePosixPath(pattern).with_name(frame_name(PurePosixPath(pattern).name, int(frame))))
 
     def frames_of(self, pattern: str) -> list[int]:
-        """Returns the frame numbers for which the pattern has files."""
+        """Returns the frame numbers for which a file name pattern, such as smoke.####.obj, has files."""
         folder = self._inside(str(PurePosixPath(pattern).parent))
         if "#" not in PurePosixPath(pattern).name or folder is None or not folder.is_dir():
             return []
@@ -172,7 +172,9 @@ class SceneFiles:
         return self._found[key]
 
     def _decoded(self, reference: str, home: str) -> str | None:
-        """Returns the file of a reference that is not UTF-8, by the first encoding in which the name exists; else None."""
+        """Returns the file that a reference in another encoding than UTF-8 names, by the first encoding in which it exists; else
+        None.
+        """
         if is_readable(reference):
             return None
         for encoding, text in possible_decodings(reference):
@@ -251,7 +253,7 @@ class SceneFiles:
         return str(here) if self._is_file(str(here)) else None
 
     def _names_in(self, name: str) -> dict[str, list[str]]:
-        """Returns a folder's files by case-folded name.
+        """Returns the files of a folder: case-folded name -> names.
 
         A folder is listed once, since a file may refer to a hundred thousand textures.
         """

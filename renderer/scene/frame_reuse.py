@@ -27,8 +27,8 @@ class _Entry(NamedTuple):
 class PartOffsets(NamedTuple):
     """The offsets of a compiled scene's parts in its arrays.
 
-    heads: part name -> the objects that the part was made from, for parts that the next frame may reuse. Identical objects give
-    equal bytes.
+    heads: part name -> the objects that the part was made from, for parts that the next frame may reuse. Parts made from
+    identical objects have equal bytes.
     """
 
     vertex: tuple[int, ...]  # start of static, bodies and loose geometry, then the end
@@ -78,7 +78,10 @@ class ShotCache:
         return made
 
     def is_unchanged(self, what: str, heads: tuple[object, ...]) -> bool:
-        """Returns True if `heads` (cached objects and numbers) are the same as in the last call with this `what`; stores them."""
+        """Returns True if `heads` (cached objects and numbers) are the same as in the last call with this `what`; stores them.
+
+        what: name of the checked data.
+        """
         known, self._heads[what] = self._heads.get(what), heads
         return known is not None and _are(known, heads)
 
@@ -87,7 +90,7 @@ class ShotCache:
     ) -> tuple[Array, bool]:
         """Returns an array of `length` rows, and whether it already holds the data made from `heads`.
 
-        heads: cached objects and numbers. If False, the caller must fill the array.
+        heads: cached objects and numbers. If it does not hold the data, the caller must fill the array.
         """
         buffer = self._buffers.get(name)
         known = self._heads.get(name, ())

@@ -77,7 +77,7 @@ def by_triangle(geometry: Geometry, of_part: np.ndarray) -> np.ndarray:
 
 
 class Placement(NamedTuple):
-    """The placements of all groups; those of static instances come first."""
+    """The placements of all groups of meshes that are stored once; those of static instances come first."""
 
     group: I32  # (I,) of each instance
     still: int  # number of static instances
@@ -88,7 +88,7 @@ class Placement(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Consecutive triangles that were placed together: of one material and object, or several such runs."""
+    """Consecutive triangles that were placed together: those of one material and object, or several such runs."""
 
     placed: Placed
     material: list[int]
@@ -106,7 +106,7 @@ class Section(NamedTuple):
 
 
 def build_static(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
-    """Builds the static section. Raises SceneError if a position exceeds the range of float32."""
+    """Builds the section of static geometry. Raises SceneError if a position exceeds the range of float32."""
     world = _copies(description, sharing.copied, objects, team)
     return _section(world, [_group(description, group, team) for group in sharing.groups], team, apart=True)
 
@@ -152,7 +152,7 @@ def _corners_of(position: F32, triangle: I32, first: int, end: int, team: Team) 
 
 
 def placement_of(description: SceneDescription, sharing: Sharing, objects: Sequence[int]) -> Placement:
-    """Returns the placements of all groups."""
+    """Returns the placements of all groups of meshes that are stored once, static ones first."""
     groups = sharing.groups + sharing.bodies
     which = [(g, n) for g, group in enumerate(groups) for n in group.instances]
     shown = [description.instances[n] for _, n in which]
@@ -174,7 +174,7 @@ def flatten(description: SceneDescription) -> Geometry:
 
 
 def check_size(description: SceneDescription, sharing: Sharing) -> None:
-    """Raises SceneError if the scene has more than MAX_TRIANGLES triangles."""
+    """Raises SceneError if the scene has more than MAX_TRIANGLES triangles; those of an instanced mesh count once."""
     meshes = [description.meshes[description.instances[n].mesh] for n in sharing.copied + sharing.loose]
     meshes += [description.meshes[m] for group in sharing.groups + sharing.bodies for m in group.meshes]
     triangles, vertices = sum(len(m.triangles) for m in meshes), sum(len(m.positions) for m in meshes)
@@ -203,7 +203,7 @@ def check_size(description: SceneDescription, sharing: Sharing) -> None:
 
 
 def _world_space_copy(description: SceneDescription, number: int, object: int, team: Team, whole: bool = False) -> _Part:
-    """Copies an instance into world space. whole: keeps triangles without area."""
+    """Returns an instance's triangles in world space. number: index of the instance; whole: keeps triangles without area."""
     instance = description.instances[number]
     mesh = description.meshes[instance.mesh]
     material = mesh.material if instance.material is None else instance.material
@@ -215,7 +215,7 @@ def _as_part(found: Placed, material: int, object: int) -> _Part:
 
 
 def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequence[int], team: Team) -> list[_Part]:
-    """Copies instances into world space; consecutive small ones in one batch."""
+    """Returns the triangles of instances in world space; consecutive small instances are placed in one batch."""
     found: list[_Part] = []
     for is_small, run in groupby(numbers, lambda n: _is_small(description, n)):
         some = list(run)
@@ -263,7 +263,7 @@ def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: 
 
 
 def keys_step(description: SceneDescription) -> int:
-    """Returns the step n at which keys are used for linearly interpolated vertices: every n-th key of the shutter."""
+    """Returns n, such that linearly interpolated vertices use every n-th key of the shutter."""
     straight = any(is_linearly_keyed(description, instance) for instance in description.instances)
     turns = straight or any(sphere.keys for sphere in description.spheres)
     few = (description.keys - 1) % (_FEW_KEYS - 1) == 0
@@ -287,7 +287,7 @@ def _count_triangles(parts: Sequence[_Part]) -> int:
 
 
 def _concatenated(parts: Sequence[_Part]) -> Geometry:
-    """Concatenates the parts.
+    """Concatenates parts into one geometry.
 
     Attributes that some parts lack get neutral values; missing second UVs are copied from the first.
     """
@@ -344,7 +344,7 @@ def still_corners(still: Section, placement: Placement) -> list[F64]:
 
 
 def moving_corners(still: Section, bodies: Section, loose: Section, placement: Placement) -> list[F64]:
-    """Returns (n, 3) world-space points whose bounds contain all moving geometry; of a body, its transformed bounds."""
+    """Returns (n, 3) world-space points whose bounds contain all moving geometry; for rigid bodies, their transformed bounds."""
     points = [loose.corners[0]]
     for g in range(len(bodies.trees)):
         shown = placement.to_world[placement.still :][placement.group[placement.still :] == g + len(still.trees)]
@@ -358,7 +358,7 @@ def _box_corners(corners: F64) -> F64:
 
 
 def _transformed_bounds(shape: F64, points: F64) -> list[F64]:
-    """Returns the bounds (2, 3) of the points `shape` under the transforms `points` together; empty without points or transforms.
+    """Returns the bounds (2, 3) of the points `shape` under all transforms `points` together; empty without points or transforms.
 
     Computed without BLAS, whose last bits depend on the processor.
     """

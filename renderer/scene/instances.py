@@ -35,14 +35,14 @@ _CONDITION = 1e6  # transforms of a higher condition number are too imprecise fo
 
 
 class Group(NamedTuple):
-    """Meshes that are always placed together and so share one tree, with their placements."""
+    """Meshes that are always placed together and so share one BVH, with their placements."""
 
     meshes: list[int]
     instances: list[int]  # of the first mesh; those of the others are equal except for their mesh
 
 
 class Sharing(NamedTuple):
-    """How a scene's instances are stored. copied and groups are the same for all frames."""
+    """How a scene's instances are stored. `copied` and `groups` are the same for all frames of a shot."""
 
     copied: list[int]  # the instances to place in world space one by one
     groups: list[Group]
@@ -51,7 +51,7 @@ class Sharing(NamedTuple):
 
 
 class StaticSharing(NamedTuple):
-    """How static instances are stored, and which instances move."""
+    """How static instances are stored, and the indices of the moving ones."""
 
     copied: list[int]
     groups: list[Group]
@@ -116,7 +116,7 @@ def _is_placed_per_frame(description: SceneDescription, number: int) -> bool:
 
 
 def _group_repeated_meshes(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:
-    """Returns the groups of static instances that are worth storing once."""
+    """Returns the groups of meshes whose static instances should share one stored copy, since that saves enough triangles."""
     placed: dict[int, list[int]] = {}
     for number in fit:
         placed.setdefault(description.instances[number].mesh, []).append(number)

@@ -26,7 +26,7 @@ class LightBounds(NamedTuple):
 
 
 class LightTree(NamedTuple):
-    """The nodes of the light tree, and the order in which lights must be numbered."""
+    """The nodes of the light tree, and the order in which the lights must be stored."""
 
     order: np.ndarray  # (L,) int64: the light that becomes number i
     node: F32  # (Y, LIGHT_ROWS, 8): renderer/arrays/light_rows.py

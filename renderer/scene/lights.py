@@ -148,7 +148,7 @@ def emitters_with_area(emitters: Emitters, geometry: Geometry) -> Emitters:
 def with_light_choice(scene: CompiledScene, light_choice: str) -> CompiledScene:
     """Returns the scene with lights chosen as specified by RenderSettings.light_choice.
 
-    If lights are chosen by power, the environment keeps its probability; if uniformly, it is one of the lights.
+    If lights are chosen by power, the environment keeps its probability; if uniformly, it has the probability of a single light.
     """
     if light_choice == "tree":
         return scene

@@ -38,9 +38,9 @@ _REASONS = 3  # warnings, or meshes, that a sentence lists
 
 
 class Shot:
-    """An animated scene. Reads data that is the same in all frames from its files once. For the arguments, see `read`.
+    """An animated scene; reads data that is the same in all frames once. For the arguments, see `read`.
 
-    main may be a pattern such as smoke.####.obj, with one file per frame.
+    main may be a file name pattern such as smoke.####.obj, with one file per frame.
     """
 
     def __init__(
@@ -80,7 +80,9 @@ class Shot:
         return description
 
     def _box_at_start(self, moment: Moment, description: SceneDescription) -> F64:
-        """Returns the bounds of the shot's first frame, which determine the floor's height: it must not move with the scene."""
+        """Returns the bounds of the scene in the shot's first frame, below which the floor is placed: it must not move with the
+        scene.
+        """
         if not description.moves:
             return bounds_of(description)
         if moment.clip not in self._boxes:
@@ -123,7 +125,7 @@ class Shot:
         self._check_attributes(main, description, known)
 
     def _check_attributes(self, main: str, description: SceneDescription, known: dict[int, F32]) -> None:
-        """Removes mesh attributes with non-finite values, and adds a warning with their count.
+        """Removes mesh attributes with non-finite values, and adds a warning with the number of meshes affected.
 
         known: attributes that were checked before, by identity.
         """

@@ -215,7 +215,7 @@ PARAMETERS = parameters_of(Material)
 
 
 def check(material: Material) -> None:
-    """Raises SceneError if a parameter is outside its range, which the reader should have prevented."""
+    """Raises SceneError if a parameter of the material is outside its range, which the reader should have prevented."""
     for parameter in PARAMETERS:
         value = getattr(material, parameter.name)
         fault = None if value is parameter.default else parameter.fault(value)
@@ -232,7 +232,7 @@ def check(material: Material) -> None:
 
 
 def derived_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:
-    """Returns the columns of a material's row that are not plain copies of parameters: (first column, values)."""
+    """Returns the columns of a material's table row that are not plain copies of parameters: (first column, values)."""
     if m.kind == "glass":  # a principled surface that transmits everything
         white = (1.0, 1.0, 1.0)
         return [(rows.METALLIC, (0.0,)), (rows.TRANSMISSION, (1.0,)), (rows.SPECULAR, (1.0,)), (rows.SPECULAR_COLOR, white)]

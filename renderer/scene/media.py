@@ -101,7 +101,7 @@ def absorption(materials: list[Material]) -> np.ndarray:
 
 
 def _key(row: np.ndarray) -> bytes:
-    """Returns a key that is equal for equal media. Without scattering, g is ignored."""
+    """Returns a key that is equal for equal media. Without scattering, g is ignored. row: of the media table."""
     return (row if row[rows.SIGMA_S : rows.SIGMA_S + 3].any() else row[: rows.SIGMA_S]).tobytes()
 
 

@@ -25,9 +25,9 @@ _STANDS_STILL = np.zeros((0, KEY_COLUMNS))
 
 
 def instance_keys(description: SceneDescription, placement: Placement) -> list[F64]:
-    """Returns the keys of each moving group's instances, (K, KEY_COLUMNS); an empty list if no transform changes.
+    """Returns for each instance of the moving groups its keys, (K, KEY_COLUMNS); an empty list if no transform changes.
 
-    The entry of an instance that does not move while the shutter is open has no keys.
+    The array of an instance that does not move while the shutter is open has no rows.
     """
     shown = [description.instances[n] for n in placement.number[placement.still :]]
     moving = [i for i, instance in enumerate(shown) if instance.keys]

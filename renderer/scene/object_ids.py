@@ -10,7 +10,10 @@ __all__ = ["Objects", "number_objects"]
 
 
 class Objects(NamedTuple):
-    """The object numbers of instances and spheres, in order of first appearance, instances before spheres."""
+    """The object numbers of the instances and of the spheres, with the objects' names.
+
+    Objects are numbered in order of first appearance, instances before spheres.
+    """
 
     names: list[str]  # of each object
     instance: list[int]  # each instance's object

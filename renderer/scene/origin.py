@@ -99,9 +99,9 @@ def _centre(points: F64, limit: float) -> F64:
 
 
 def _samples(description: SceneDescription, moving: bool) -> F64:
-    """Returns points (N, 3) sampled at equal steps over the triangles of all instances, and box corners of spheres.
+    """Returns points (N, 3) sampled at equal steps over the triangles of all instances, and the box corners of spheres.
 
-    moving: selects the moving instances and spheres, else the static ones.
+    moving: True for the moving instances and spheres, False for the static ones.
     """
     meshes = description.meshes
     shown = [i for i in description.instances if (i.moves or meshes[i.mesh].deforms) == moving and len(meshes[i.mesh].triangles)]

@@ -123,17 +123,17 @@ def number(
     form: Literal["number", "degrees"] = "number",
     **more: Any,
 ) -> Any:
-    """Declares a number from low to high. Form `degrees`: stored in radians, written in degrees in scene files."""
+    """Declares a numeric parameter from low to high. Form `degrees`: stored in radians, written in degrees in scene files."""
     return _field(form, default, None, kinds, column=column, low=low, high=high, **more)
 
 
 def flag_parameter(column: int | None = None, kinds: tuple[str, ...] = PRINCIPLED, **more: Any) -> Any:
-    """Declares a boolean, False by default."""
+    """Declares a boolean parameter, False by default."""
     return _field("flag", False, None, kinds, column=column, **more)
 
 
 def choice_parameter(default: str, choices: tuple[str, ...], kinds: tuple[str, ...] = SURFACES, **more: Any) -> Any:
-    """Declares a choice from a list of names."""
+    """Declares a parameter whose value is one of a list of names."""
     return _field("choice", default, None, kinds, choices=choices, **more)
 
 
@@ -146,17 +146,17 @@ def color(
     form: Literal["color", "radiance", "triple"] = "color",
     **more: Any,
 ) -> Any:
-    """Declares three numbers, grey by default: a colour, a radiance, or another quantity per colour channel."""
+    """Declares a parameter of three numbers, grey by default: a colour, a radiance, or another quantity per colour channel."""
     return _field(form, (default,) * 3, in_file, kinds, column=column, low=0.0, high=high, **more)
 
 
 def values(low: float, high: float, column: int, maximum: float, **more: Any) -> Any:
-    """Declares a pair of numbers between which a texture interpolates; each is from 0 to `maximum`."""
+    """Declares a parameter of two numbers between which a texture interpolates; each is from 0 to `maximum`."""
     return _field("pair", (low, high), None, PRINCIPLED, column=column, low=0.0, high=maximum, **more)
 
 
 def texture(slot: int | None, kinds: tuple[str, ...] = PRINCIPLED, in_file: str | None = None, **more: Any) -> Any:
-    """Declares an optional texture."""
+    """Declares an optional texture parameter."""
     return _field("texture", None, in_file, kinds, slot=slot, **more)
 
 

@@ -50,7 +50,7 @@ def placed(
     team: Team,
     whole: bool = False,
 ) -> Placed:
-    """Transforms a mesh into the space of `transform`.
+    """Returns a mesh transformed by `transform`, with all attributes that the kernel reads.
 
     materials: indices of all materials that the mesh may be shown with; they decide whether it has tangents. whole: keeps
     triangles without area, so that the number of triangles is the same in every frame. Raises SceneError if a position exceeds
@@ -101,7 +101,7 @@ def placed(
 
 
 def with_keys(found: Placed, mesh: Mesh, transforms: Sequence[npt.NDArray[np.float64]], team: Team) -> Placed:
-    """Adds vertices at the shutter's keys to a mesh placed by `placed`.
+    """Returns a mesh from `placed` with its vertices at the shutter's keys added.
 
     transforms: one per key. They are applied to the mesh's own keys if it has any, else to its only shape.
     """

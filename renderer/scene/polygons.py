@@ -69,7 +69,7 @@ def _concave_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> n
 
 
 def _polygons_not_filled_by_fan(counts: Codes, corners: npt.NDArray[Any], points: Points) -> Codes:
-    """Returns the polygons of five corners and more for which a fan has reversed triangles."""
+    """Returns the indices of the polygons with five or more corners whose triangulation as a fan has reversed triangles."""
     large = np.flatnonzero(counts > 4)
     if len(large) == 0:
         return large

@@ -29,7 +29,7 @@ SHADED, UNSHADED = 255, 0
 
 
 class Preview(NamedTuple):
-    """The preview's triangles in world space, in the form of protocol.mesh.Mesh."""
+    """The preview's triangles in world space, with the fields of protocol.mesh.Mesh."""
 
     positions: F64  # (V, 3)
     normals: F32  # (V, 3)
@@ -169,7 +169,7 @@ def _spheres(description: SceneDescription) -> list[Preview]:
 
 
 def _cofactors(matrix: F64) -> F64:
-    """Returns the cofactor matrix, which transforms normals. It exists for singular matrices too."""
+    """Returns the cofactor matrix of a transform, which transforms normals. It exists for singular matrices too."""
     x, y, z = matrix.T
     return np.column_stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
 

@@ -62,7 +62,8 @@ class _MapFlux(NamedTuple):
 def tabulate_punctual(
     lights: Sequence[Light], bounds: F32, maps: Sequence[EmissionMap] = (), tables: EmissionTables = NO_EMISSION
 ) -> Punctual:
-    """Packs the lights with non-zero intensity. maps: all their maps; tables: the same, tabulated.
+    """Packs the lights with non-zero intensity into table rows. maps: all emission maps of the lights; tables: these maps,
+    tabulated.
 
     Raises SceneError for an invalid number.
     """
@@ -94,7 +95,7 @@ def is_emitting(light: Light) -> bool:
 
 
 def light_rows(lights: Sequence[Light]) -> F32:
-    """Returns the rows (K, 12) of one light at several times; kernels interpolate linearly between them.
+    """Returns the table rows (K, 12) of one light at several times; kernels interpolate linearly between them.
 
     If the light has an extent at some of the times only, all rows are that of the middle.
     """
@@ -228,7 +229,7 @@ def _row(light: Light) -> tuple[float, ...]:
 
 
 def _bounds(lights: Sequence[Light], sent: Sequence[_MapFlux | None]) -> LightBounds:
-    """Returns the lights' bounds.
+    """Returns the bounds of the lights' positions, emission directions and intensities.
 
     Points emit in all directions, spots up to their outer cone, distant lights within half their angle. Emission maps may narrow
     the directions. sent: flux and cone of each light's map, or None.
@@ -249,13 +250,16 @@ def _bounds(lights: Sequence[Light], sent: Sequence[_MapFlux | None]) -> LightBo
 
 
 def _cone_half_angle(light: Light, sent: _MapFlux | None) -> float:
-    """Returns the half angle of a light's emission cone in radians."""
+    """Returns the half angle of a light's emission cone in radians. sent: flux and cone of its emission map, or None."""
     own = {"point": 180.0, "spot": light.outer_cone, "directional": light.angle / 2}[light.kind]
     return math.radians(own) if sent is None else min(math.radians(own), sent.reach)
 
 
 def _mean_intensity(light: Light, sent: _MapFlux | None) -> float:
-    """Returns the mean intensity as luminance. With a map, it is the map's flux spread evenly over its emission cone."""
+    """Returns a light's mean intensity as luminance.
+
+    With an emission map, the map's flux is spread evenly over the emission cone.
+    """
     if sent is None:
         return _luminance(light)
     cone = 4 * math.pi * math.sin(_cone_half_angle(light, sent) / 2) ** 2

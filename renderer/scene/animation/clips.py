@@ -1,4 +1,4 @@
-"""Describes a file's animation clips for users."""
+"""Animation clips of a scene file: their names, their times, and the sentence that lists them for users."""
 
 from __future__ import annotations
 

@@ -24,8 +24,9 @@ Easing = tuple[float, float, float, float]  # x1, y1, x2, y2 of a cubic Bezier f
 class Curve:
     """An animation curve: keys in order of time. It is constant before the first and after the last key.
 
-    Between two keys: the earlier key's value if `is_step`; a cubic if there are slopes (glTF 2.0, appendix C.5); else linear,
-    with time remapped by `easing` if given. is_rotation: the values are quaternions x y z w, interpolated by slerp.
+    Between two keys, the value is the earlier key's if `is_step`; a cubic if there are slopes (glTF 2.0, appendix C.5); else
+    linear, with time remapped by the Bezier curve `easing` if given. is_rotation: the values are quaternions x y z w,
+    interpolated by slerp.
     """
 
     times: F64  # (K,) seconds, not decreasing
@@ -37,12 +38,13 @@ class Curve:
 
     @property
     def is_constant(self) -> bool:
-        """True if the value is the same at all times."""
+        """True if the curve has the same value at all times."""
         return bool((self.values == self.values[0]).all() and (self.slopes is None or not self.slopes.any()))
 
     def values_at(self, time: float) -> list[float]:
-        """Returns the W values of the curve at a time: at a key, exactly that key's; of several keys at the same time, the last
-        one's.
+        """Returns the W values of the curve at a time in seconds.
+
+        At a key, these are exactly the key's values; of several keys at the same time, the last one's.
         """
         k = int(np.searchsorted(self.times, time, "right")) - 1
         if k < 0 or k == len(self.times) - 1 or self.is_step:
@@ -125,7 +127,10 @@ def _unit(quaternion: Sequence[float]) -> list[float]:
 
 
 def eased(easing: Easing, u: float) -> float:
-    """Returns the remapped time for time u, 0 ... 1, of a key interval: the height of the easing's cubic Bezier curve at u."""
+    """Returns the height of the easing's cubic Bezier curve at u: the remapped time, 0 ...
+
+    1, within an interval between two keys.
+    """
     x1, y1, x2, y2 = easing
     low, high = 0.0, 1.0
     for _ in range(60):  # x increases with the parameter, since x1 and x2 are within 0 ... 1

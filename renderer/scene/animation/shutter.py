@@ -33,7 +33,10 @@ class Shutter:
         return cls(**{names[name]: settings[name] for name in SHUTTER if settings.get(name) is not None})
 
     def moment(self, moment: Moment, share: float) -> Moment:
-        """Returns the moment at a fraction of the shutter interval of a frame: share 0 when it opens, 1 when it closes."""
+        """Returns the moment at a fraction of the frame's shutter interval: share 0 when the shutter opens, 1 when it closes.
+
+        moment: the frame.
+        """
         return replace(moment, offset=(share - BEFORE[self.at]) * self.length)
 
 

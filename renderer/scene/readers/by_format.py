@@ -37,9 +37,9 @@ def read_file(
 ) -> Format:
     """Adds the scene of one file to a description; returns the file's format.
 
-    variant: name of one of the file's material variants, or its number from 0; None for the default.
-    formats: the accepted formats. moment: the moment of the file's animation to read. thickness: width of the file's points and
-    lines, in the file's unit; None leaves them out. Raises SceneError if the file cannot be read.
+    variant: name of one of the file's material variants, or its number from 0; None for the default. formats: the accepted
+    formats. moment: the moment of the file's animation to read. thickness: width at which the file's points and lines are
+    rendered, in the file's unit; None leaves them out. Raises SceneError if the file cannot be read.
     """
     suffix = PurePosixPath(name).suffix.lower()
     format = next((f for f in formats if f.suffix == suffix), None)

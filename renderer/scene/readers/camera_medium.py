@@ -11,7 +11,10 @@ __all__ = ["fill_world"]
 
 
 def fill_world(description: SceneDescription, found: Medium) -> None:
-    """Sets the medium around the first camera as the world's, unless the camera is inside a shape filled with that medium."""
+    """Sets the medium around the first camera as the world's, unless the camera is inside a shape filled with that medium.
+
+    found: the medium around the first camera.
+    """
     if not any((*found.sigma_a, *found.sigma_s)):
         return
     if description.cameras and _is_within(description, found, np.array(description.cameras[0].view.eye, np.float64)):

@@ -109,7 +109,7 @@ class _ExtraData(NamedTuple):
 
 
 def _extra_data(data: bytes, main: str) -> _ExtraData:
-    """Returns the data that assimp does not provide.
+    """Returns the data in the XML that assimp does not provide.
 
     Raises SceneError if nodes contain each other, there are too many nodes, or a list of corners is malformed.
     """
@@ -126,7 +126,7 @@ def _extra_data(data: bytes, main: str) -> _ExtraData:
 
 
 def _shapeless(root: ElementTree.Element) -> int:
-    """Returns the number of cameras that state a horizontal angle or size, but neither a vertical one nor an aspect ratio."""
+    """Returns the number of cameras that have a horizontal angle or size, but neither a vertical one nor an aspect ratio."""
     optics = [
         *root.iterfind(".//{*}library_cameras/{*}camera//{*}perspective"),
         *root.iterfind(".//{*}library_cameras/{*}camera//{*}orthographic"),

@@ -94,7 +94,7 @@ def _points(vertices: str, mesh: ElementTree.Element) -> F64 | None:
 
 
 def without_holes(points: F64, loops: list[Indices]) -> list[Indices]:
-    """Returns simple loops that cover an outline, `loops[0]`, except for the holes in it, the other loops.
+    """Returns simple loops that cover the outline `loops[0]` except for its holes, which are the other loops.
 
     points: (n, 3); loops: indices of points.
     """
@@ -113,7 +113,9 @@ def without_holes(points: F64, loops: list[Indices]) -> list[Indices]:
 
 
 def _without_shared_edges(points: F64, loops: list[Indices]) -> list[Indices]:
-    """Removes the edges that two loops traverse in opposite directions; a hole at the outline's edge becomes a notch."""
+    """Returns the loops without the edges that two of them traverse in opposite directions; a hole at the outline's edge becomes
+    a notch.
+    """
     _, place = np.unique(points, axis=0, return_inverse=True)
     place = place.reshape(-1)
     left: dict[tuple[int, int], int] = {}

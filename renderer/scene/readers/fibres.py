@@ -30,9 +30,9 @@ def fibre(color: Vec3, along: float, ior: float) -> Material:
 
 
 def deviation(beta: float) -> float:
-    """Returns the longitudinal standard deviation, in radians, for a roughness: the square root of the variance in Chiang's eq.
+    """Returns the longitudinal standard deviation of a fibre's scattering, in radians, for a longitudinal roughness.
 
-    7.
+    It is the square root of the variance in equation 7 of Chiang et al.
     """
     return 0.726 * beta + 0.812 * beta**2 + 3.7 * beta**20
 

@@ -76,7 +76,7 @@ class BumpMaps:
     """The normal maps made from a description's height maps, each made once."""
 
     def __init__(self, shelf: TextureShelf, channels: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> None:
-        """channels: weights of red, green and blue in the height."""
+        """Creates an empty collection. channels: weights of red, green and blue in the height."""
         self._shelf, self._channels = shelf, np.array(channels, np.float32)
         self._made: dict[tuple[int, int], tuple[int, float] | None] = {}
 

@@ -201,7 +201,7 @@ class _Numbers:
             ) from None
 
     def count(self, what: str, how_many: str) -> int:
-        """Returns the next number as a count. what: the counted items; how_many: name of the count.
+        """Returns the next number, which must be a count. what: the counted items; how_many: name of the count, for errors.
 
         Raises SceneError if it is missing or not a valid count.
         """
@@ -220,7 +220,7 @@ class _Numbers:
 
 
 def _of_type_c(web: _Web, name: str) -> EmissionMap:
-    """Resamples type C intensities at the largest regular steps that include all angles."""
+    """Resamples a type C profile at regular angles, in the largest steps that include all of the profile's angles."""
     top, bottom = web.vertical[0], web.vertical[-1]
     if not 0 <= top < bottom <= 180:
         raise SceneError(
@@ -243,7 +243,7 @@ def _of_type_c(web: _Web, name: str) -> EmissionMap:
 
 
 def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
-    """Returns (n,) horizontal angles, 0 <= angle < 360, and (n, v) candela, with symmetric parts filled in."""
+    """Returns (n,) horizontal angles, 0 <= angle < 360, and (n, v) candela of a type C profile, symmetric parts included."""
     angles, candela = web.horizontal, web.candela
     if len(angles) == 1:
         return np.zeros(1), candela
@@ -290,7 +290,7 @@ def _step(angles: F64, max_steps: int) -> float:
 
 
 def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
-    """Resamples type A or B intensities to angles about the axis; angles that begin at 0 are mirrored."""
+    """Resamples the intensities of a type A or B profile to angles about the axis; angles that begin at 0 are mirrored."""
     angles = []
     for own, what in ((web.horizontal, _HORIZONTAL_ANGLES), (web.vertical, _VERTICAL_ANGLES)):
         if not -90 <= own[0] <= 0 <= own[-1] <= 90:

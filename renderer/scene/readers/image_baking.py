@@ -41,7 +41,7 @@ def grid(size: tuple[int, int] = (SIZE, SIZE), first: int = 0, rows: int | None 
 
 
 def checks(grid_points: Grid, transform: UvTransform) -> npt.NDArray[np.bool_]:
-    """Returns a (rows, columns, 1) checkerboard mask, True where the first of the two textures is visible."""
+    """Returns a (rows, columns, 1) mask of a checkerboard, True on the squares that show the first of two textures."""
     u, v = grid_points.transformed_uvs(transform)
     odd = (np.floor(u) + np.floor(1 - v)) % 2 != 0
     return np.asarray(~odd[..., None])

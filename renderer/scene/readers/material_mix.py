@@ -30,7 +30,7 @@ _HEAD_ON = 0.04  # reflectance at normal incidence for ior 1.5
 
 
 class _Looks(NamedTuple):
-    """A diffuse colour with a glossy layer over it.
+    """A material as a diffuse colour with a glossy layer over it.
 
     head_on, all_round: reflectance of the gloss at normal incidence, None without gloss, and its hemispherical albedo.
     """

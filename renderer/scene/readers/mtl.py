@@ -82,7 +82,7 @@ def names_of(files: SceneFiles, name: str) -> list[str]:
 
 
 def without_comment(words: str) -> str:
-    """Returns the line without a trailing comment."""
+    """Returns the text of a statement without a trailing comment and surrounding blanks."""
     return _COMMENT.split(words, maxsplit=1)[0].strip() if "#" in words else words.strip()
 
 
@@ -160,11 +160,11 @@ class _Statements:
         )
 
     def unread_maps(self) -> list[str]:
-        """Returns the map statements that no parameter uses, except those that have no effect here."""
+        """Returns the keywords of map statements that no parameter uses, except those that have no effect here."""
         return [keyword for keyword in self._unread_keywords() if _is_map(keyword)]
 
     def unused(self) -> list[str]:
-        """Returns the statements other than maps that no parameter uses and whose values are not neutral."""
+        """Returns the keywords of statements other than maps that no parameter uses and whose values are not neutral."""
         return [
             k for k in self._unread_keywords() if not _is_map(k) and without_comment(self.values[k]).split() not in _neutral(k)
         ]
@@ -178,7 +178,7 @@ def _is_map(keyword: str) -> bool:
 
 
 def _neutral(keyword: str) -> Iterator[list[str]]:
-    """Yields the neutral values of a statement, as words: 1 for opacity (d), 0 or 1 for a filter (tf), otherwise 0."""
+    """Yields the neutral values of a statement, as lists of words: 1 for opacity (d), 0 or 1 for a filter (tf), otherwise 0."""
     for value in (1.0,) if keyword == "d" else (0.0, 1.0) if keyword == "tf" else (0.0,):
         for word in (f"{value:g}", *(f"{value:.{digits}f}" for digits in range(1, 9))):
             yield [word]

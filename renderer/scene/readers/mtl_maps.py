@@ -266,7 +266,7 @@ def _channel(image: Image, channel: str) -> Image:
 
 
 def _spanned(image: Image, span: tuple[float, float]) -> Image:
-    """Returns an image with the linear values base + gain * x. span: (base, gain)."""
+    """Returns an image whose linear values x are replaced by base + gain * x. span: (base, gain)."""
     base, gain = span
     name = f"{image.name} from {base:g} by {gain:g}"
     if image.pixels.dtype == np.float32:

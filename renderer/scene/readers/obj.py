@@ -224,7 +224,7 @@ def _faces_by_material(statements: Statements) -> dict[str | None, npt.NDArray[n
 def _groups(
     statements: Statements, cut: Triangulation, stretches: list[npt.NDArray[np.int64]]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Sorts triangles into two groups for each of S sets of faces: triangles with normals, and those without.
+    """Divides each of S sets of faces into two groups: triangles with normals, and triangles without.
 
     stretches: S arrays of face indices. Returns (T,) triangles sorted by group, and (2 S + 1,) the start of each group.
     """

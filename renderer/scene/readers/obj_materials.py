@@ -20,7 +20,7 @@ _OF_LIGHT = (".exr", ".hdr", ".pic", ".pfm")  # environment maps, not surface te
 
 
 class Materials:
-    """The description's material indices for the materials that faces name."""
+    """The materials that an OBJ file's faces name, as indices in the scene description."""
 
     def __init__(
         self, file: str, statements: Statements, files: SceneFiles, shelf: TextureShelf, description: SceneDescription
@@ -100,7 +100,7 @@ class Materials:
         return beside[0] if any(without_comment(name) in has for _, name in statements.materials) else None
 
     def number(self, name: str | None, meshes: list[Mesh]) -> int:
-        """Returns the description's index of a material; adds the material.
+        """Returns the index, in the scene description, of a material; adds the material.
 
         meshes: those with the material. Glass becomes thin on meshes that are not closed: see docs/scene-format.md.
         """
@@ -130,7 +130,7 @@ class Materials:
     def _in_another_encoding(self, name: str) -> Material | None:
         """Returns the material whose name matches in another encoding; None if there is none.
 
-        Used if only one of the two files is in UTF-8.
+        Searched only if one of the two files, OBJ and MTL, is in UTF-8 and the other is not.
         """
         if not is_readable(name):
             return next((self._found[text] for _, text in possible_decodings(name) if text in self._found), None)

@@ -53,7 +53,7 @@ class Movement:
 
 
 def _sane(times: F64, values: F64) -> tuple[F64, F64]:
-    """Returns the keys sorted by time."""
+    """Returns an animation's keys, sorted by time."""
     order = np.argsort(times, kind="stable")
     return times[order], values[order]
 

@@ -108,7 +108,7 @@ def _about_centres(data: bytes) -> tuple[bytes, F64]:
 
 
 def _offset(found: Points, near: Points, centres: F64) -> F64 | None:
-    """Returns the offset that the second import subtracted from points, per axis 0 or a centre; None if the points do not match.
+    """Returns the offset that the second import subtracted from points: per axis 0 or a cluster's centre; None if it is neither.
 
     found, near: (n, 3) points of the first and the second import.
     """

@@ -101,7 +101,10 @@ class Materials:
         self._inside = {name: i for i, (name, _) in reversed(list(enumerate(imported.textures)))}
 
     def number(self, source: int) -> int:
-        """Returns the description's index of a material of the file. source: its index in the file."""
+        """Returns the index, in the scene description, of one of the file's materials.
+
+        source: the material's index in the file.
+        """
         if source not in self._known:
             sources = self._imported.materials
             self._materials.append(self._read(_MaterialProperties(sources[source])) if 0 <= source < len(sources) else Material())

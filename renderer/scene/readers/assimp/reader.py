@@ -213,7 +213,7 @@ class _Reader:
         return found
 
     def _bounds_centre(self, first: int) -> F64:
-        """Returns the centre of the bounding box of the instances, beginning with index `first`."""
+        """Returns the centre of the bounding box of the description's instances from index `first` on."""
         corners = []
         for instance in self._description.instances[first:]:
             points = self._description.meshes[instance.mesh].positions
@@ -282,7 +282,7 @@ class _Reader:
 
 
 def _frames(main: str, files: SceneFiles) -> int:
-    """Returns the number of frames or animations of a file that assimp does not read."""
+    """Returns the number of animation frames, or of animation files, that belong to a file and that assimp does not read."""
     suffix = PurePosixPath(main).suffix.lower()
     if suffix == ".md5mesh":
         return len(files.siblings(main, (".md5anim",)))

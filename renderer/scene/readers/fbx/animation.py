@@ -32,7 +32,7 @@ class Stacks:
         self.clips = [Clip(text(s.name) or f"animation {i}", s.begin, s.end) for i, s in enumerate(self._stacks)]
 
     def selected_animation(self, moment: Moment) -> int | None:
-        """Returns the animation to evaluate at a moment, None without one.
+        """Returns the address of the animation to evaluate at a moment; None without one.
 
         Raises SceneError if the moment's clip does not exist.
         """

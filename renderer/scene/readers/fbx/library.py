@@ -163,7 +163,8 @@ class FbxScene:
 
     @functools.cached_property
     def unturned(self) -> list[int]:
-        """Ids of the nodes whose rotation order, pre- and post-rotation the FBX SDK ignores, but this version of ufbx applies.
+        """Returns the ids of the nodes whose rotation order, pre- and post-rotation the FBX SDK ignores, but this version of ufbx
+        applies.
 
         Since 0.23, ufbx itself respects RotationActive and RotationSpaceForLimitOnly.
         """

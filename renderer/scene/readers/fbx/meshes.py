@@ -63,7 +63,7 @@ def parts_of(mesh: Any) -> tuple[list[Part], int]:
 
 
 def _by_slot(slots: U32, face: npt.NDArray[np.int64]) -> Iterator[tuple[int, Any]]:
-    """Yields each material slot in use with its triangles, as indices or a slice. face: (T,) the face of each triangle."""
+    """Yields each material slot in use, with the indices (or a slice) of its triangles. face: (T,) the face of each triangle."""
     if not len(slots):
         yield 0, slice(None)
         return

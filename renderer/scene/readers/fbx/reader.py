@@ -212,7 +212,7 @@ class _Reader:
     def _deformed_parts(
         self, node: Any, mesh: Any, parts: list[Part], skins: list[Any], world: npt.NDArray[np.float64]
     ) -> list[Mesh]:
-        """Returns the parts of a mesh deformed by its blend shapes and its skin; in world space if it has a skin."""
+        """Returns the parts of a mesh deformed by its blend shapes and its skin: in world space if it has a skin."""
         rest = array(mesh.vertices, np.float64, 3)
         points, added = blended(mesh)
         made = []

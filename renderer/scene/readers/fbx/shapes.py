@@ -94,7 +94,7 @@ class Skin:
         return np.stack([*(matrix(cluster.geometry_to_world) for cluster in clusters), node])
 
     def deformed(self, part: Part, points: F64, normals: F32 | None, places: F64) -> tuple[npt.NDArray[Any], F32 | None]:
-        """Returns a part's positions and normals in world space. places: (J + 1, 4, 4), from the method `places`."""
+        """Returns a part's positions and normals in world space. places: (J + 1, 4, 4) matrices from `joint_transforms`."""
         none = np.zeros((0, 3), np.float32)
         old = none if normals is None else normals
         turned = np.empty(old.shape, np.float32)

@@ -83,7 +83,7 @@ class Accessors:
         return values.reshape(-1)
 
     def count_empty_accessor(self, index: int) -> None:
-        """Counts the elements of an accessor, if it has no data, before a mesh uses it.
+        """Adds the size of an accessor that has no data to the total of such elements. Called before a mesh uses the accessor.
 
         Raises SceneError if the meshes of the file use too many such elements.
         """

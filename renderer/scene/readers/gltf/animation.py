@@ -98,9 +98,9 @@ class Animations:
         return True
 
     def _has_weight(self, changed: Changed, path: Path) -> bool:
-        """Returns True if a morph weight exists. Extends the weights in `changed` to the number of morph targets.
+        """Returns True if an animated morph weight exists. Extends the weights in `changed` to the number of morph targets.
 
-        A node that uses its mesh's weights gets a list of its own.
+        A node that uses its mesh's weights gets a list of its own. path: of the weight.
         """
         family, number, _, which = path
         source = mesh = Json(self._root.file, f"{family}[{number}]", changed.root[str(family)][number], self._root.faults)
@@ -130,7 +130,7 @@ class Animations:
     @staticmethod
     @contextlib.contextmanager
     def _left_out(source: Json) -> Iterator[None]:
-        """Counts a DamagedError raised inside the context as a fault of the file."""
+        """Context in which an unusable part of the file is left out: a DamagedError is counted as a fault, and not raised."""
         try:
             yield
         except DamagedError as fault:

@@ -53,7 +53,7 @@ class Json:
         return DamagedError(self.file, self.path_of(key), what)
 
     def fault(self, key: str, what: str) -> None:
-        """Counts a value as a fault, so that a warning mentions it. what: the fault, such as "is not a list"."""
+        """Counts a value as unusable, so that a warning mentions it. what: the fault, such as "is not a list"."""
         self.faults.add(self.damage(key, what))
 
     def replace(self, key: str, what: str) -> None:
@@ -192,7 +192,7 @@ def _is_finite(value: Any) -> bool:
 
 
 def _integer(digits: str) -> int | float:
-    """Returns an integer; infinity for one beyond float's range, as for 1e999."""
+    """Returns the integer that the digits represent; infinity beyond float's range, as for 1e999."""
     return int(digits) if len(digits) < _MOST_DIGITS else float(digits)
 
 

@@ -41,7 +41,7 @@ class Materials:
             self._filled.append(extensions.has_thickness(source))
 
     def number(self, index: int | None) -> int:
-        """Returns the description's index of a material of the file, or of the default material for None (3.7.2.1)."""
+        """Returns the index, in the scene description, of one of the file's materials; None: the default material (3.7.2.1)."""
         if index is not None:
             return self._first + index
         if self._default is None:
@@ -58,14 +58,14 @@ class Materials:
         return index is not None and self._materials[self._first + index].transmission > 0 and not self._filled[index]
 
     def thin_material(self, index: int) -> int:
-        """Returns the description's index of the material as a thin sheet, for meshes that are not closed."""
+        """Returns the index, in the scene description, of the material as a thin sheet, for meshes that are not closed."""
         if index not in self._panes:
             self._materials.append(replace(self._materials[self._first + index], thin=True))
             self._panes[index] = len(self._materials) - 1
         return self._panes[index]
 
     def with_ray_visibility(self, number: int, unseen: bool, shadeless: bool) -> int:
-        """Returns the description's index of a copy of a material that is invisible to the camera, casts no shadow, or both."""
+        """Returns the index of a copy of a material that is invisible to the camera, casts no shadow (shadeless), or both."""
         key = number, unseen, shadeless
         if key not in self._passed:
             self._materials.append(replace(self._materials[number], unseen=unseen, shadeless=shadeless))

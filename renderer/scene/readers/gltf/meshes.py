@@ -58,7 +58,7 @@ class Meshes:
         return self.sources[index].text("name", "") or f"mesh {index}"
 
     def indices_of(self, index: int, node: Json) -> list[int]:
-        """Returns the description's mesh indices of a mesh's primitives, with a node's morph weights applied."""
+        """Returns the indices, in the scene description, of a mesh's primitives with a node's morph weights applied."""
         weights, alone = self._weights(index, node), self._moving.unshared_shape_key(node)
         if (index, weights, alone) not in self._shaped:
             shaped = [(mesh, m) for mesh, (_, m) in zip(self.shapes(index, node), self._primitives(index), strict=True)]
@@ -90,7 +90,7 @@ class Meshes:
         return found
 
     def skinned(self, index: int, node: Json, matrices: Matrix, moves: bool) -> list[int]:
-        """Adds a mesh's primitives deformed by a skin, in world space, and returns their indices.
+        """Adds a mesh's primitives, deformed by a skin, to the description in world space; returns their indices.
 
         They are not shared between nodes. moves: whether joints are animated.
         """
@@ -103,7 +103,9 @@ class Meshes:
             self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index], root.faults)
 
     def with_ray_visibility(self, number: int, unseen: bool, shadeless: bool) -> int:
-        """Returns the index of a copy of a mesh's material that is invisible to the camera, casts no shadow, or both."""
+        """Returns the index of a copy of a mesh's material that is invisible to the camera (unseen), casts no shadow (shadeless),
+        or both.
+        """
         return self._materials.with_ray_visibility(self._meshes[number].material, unseen, shadeless)
 
     def refracts(self, index: int) -> bool:

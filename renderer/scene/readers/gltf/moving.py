@@ -14,7 +14,7 @@ _SURFACE = ("emissiveFactor", "emissiveStrength", "anisotropyStrength")  # prope
 
 
 class AnimatedParts:
-    """The nodes, materials and meshes that are animated, from the animated paths in the file's JSON.
+    """The nodes, materials and meshes of a file that are animated, found from the animated paths in its JSON.
 
     Nodes inherit the motion of their parents.
     """
@@ -46,7 +46,7 @@ class AnimatedParts:
                 self.surfaces.add(number)
 
     def extend_to_children(self, parents: Mapping[int, int | None]) -> None:
-        """Adds the children of moving nodes.
+        """Adds the children of animated nodes to the animated nodes.
 
         parents: the parent of each node of the scene, in an order that has parents first.
         """
@@ -59,7 +59,7 @@ class AnimatedParts:
         self._shaped = {self._where[index] for index in self.reshaped}
 
     def appears(self, node: Json) -> bool:
-        """Returns True if a node's visibility is animated."""
+        """Returns True if the visibility of a node is animated."""
         return node.where in self._shown
 
     def unshared_shape_key(self, node: Json) -> str | None:

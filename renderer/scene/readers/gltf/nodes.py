@@ -90,14 +90,14 @@ class Nodes:
         self._bent = [index for index in shown_nodes if self._is_bent(index)]
 
     def deforming(self) -> set[int]:
-        """Returns the file's indices of meshes whose vertices are animated, by morph weights or joints."""
+        """Returns the indices, in the file, of meshes whose vertices are animated, by morph weights or joints."""
         return {self._nodes[index].integer("mesh") for index in self._bent}
 
     def update_nodes(self, root: Json, description: SceneDescription) -> bool:
         """Updates animated transforms, shapes, lights and cameras to another moment.
 
-        description: a copy of the one filled by `walk`. Returns False if the file must be read again; the description is then
-        unusable.
+        root: the file's JSON at that moment. description: a copy of the one filled by `add_scene`. Returns False if the file must
+        be read again; the description is then unusable.
         """
         if self._lacks_view:
             return False
@@ -313,7 +313,7 @@ class Nodes:
         ]
 
     def _passed_by(self, node: Json, mesh: int) -> int | None:
-        """Returns the material that replaces a mesh's own if the node is hidden from camera or shadow rays; otherwise None."""
+        """Returns the index of a material that replaces a mesh's own if camera or shadow rays ignore the node; otherwise None."""
         rays = node.extension(RAYS)
         if rays is None:
             return None
@@ -350,7 +350,7 @@ class Nodes:
         return matrices
 
     def _unique(self, name: str) -> str:
-        """Returns the name, with a number appended if an earlier node has the same name."""
+        """Returns an object's name, with a number appended if an earlier object has the same name."""
         self._names[name] = self._names.get(name, 0) + 1
         return name if self._names[name] == 1 else f"{name} ({self._names[name]})"
 

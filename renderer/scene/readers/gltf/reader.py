@@ -1,4 +1,4 @@
-"""Reads a glTF file as a scene, and updates the animated parts when it is read again at another moment."""
+"""Reads a glTF file as a scene; at further moments, updates only its animated parts."""
 
 from __future__ import annotations
 

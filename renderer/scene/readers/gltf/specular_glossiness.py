@@ -22,7 +22,7 @@ _KEY = "specularGlossinessTexture"
 
 
 def read_specular_glossiness(source: Json, material: Material, textures: Textures, shelf: TextureShelf) -> None:
-    """Sets the material's fields from the extension."""
+    """Sets the material's fields from KHR_materials_pbrSpecularGlossiness."""
     r, g, b, material.opacity = (unit(c) for c in source.vector("diffuseFactor", (1.0, 1.0, 1.0, 1.0)))
     material.base_color = (r, g, b)
     material.base_color_texture = textures.find(source, "diffuseTexture", material.name, srgb=True)

@@ -59,10 +59,10 @@ class Textures:
         self.uv_sets = UV_SETS  # of the current material and its meshes
 
     def find(self, owner: Json, key: str, user: str, srgb: bool = False) -> int | None:
-        """Returns the description's index of the texture under a key of a material or extension; None if absent.
+        """Returns the index, in the scene description, of the texture under a key of a material or extension; None if absent.
 
-        user: name of the material, for warnings. srgb: True for colours, which are sRGB-encoded; False for linear data. An
-        unusable texture is counted as a fault of the file.
+        owner: the JSON of the material or extension; user: name of the material, for warnings. srgb: True for colours, which are
+        sRGB-encoded; False for linear data. An unusable texture is counted as a fault of the file.
         """
         try:
             return self._find(owner, key, user, srgb)

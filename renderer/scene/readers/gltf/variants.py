@@ -21,7 +21,7 @@ class Variants:
         self._chosen = None if chosen is None else number_of("variant", self.names, chosen, root.file)
 
     def material_of(self, primitive: Json, materials: list[Json]) -> int | None:
-        """Returns the file's index of a primitive's material under the selected variant; None for the default material."""
+        """Returns the index, in the file, of a primitive's material under the selected variant; None for the default material."""
         mapped = primitive.extension(EXTENSION) if self._chosen is not None else None
         for mapping in mapped.objects("mappings") if mapped else []:
             if self._chosen in mapping.indices("variants", self.names):

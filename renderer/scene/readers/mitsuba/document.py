@@ -113,7 +113,7 @@ class Element:
 
     @property
     def description(self) -> str:
-        """The object's tag, id and type, for messages."""
+        """The object's tag, id and type, as a text for messages."""
         return f"{self.tag} {self.id!r} ({self.type})" if self.id else f"{self.tag} ({self.type})"
 
 
@@ -311,7 +311,7 @@ class Document:
         self._by_id[name] = self._by_id[wanted]
 
     def _left_of(self, part: ElementTree.Element, known: Container[str]) -> None:
-        """Counts the unknown attributes of an element as ignored."""
+        """Counts the attributes of an element that are not among the known ones as ignored."""
         for key in part.keys():  # noqa: SIM118 - an element is no dict
             if key not in known:
                 self.ignore(

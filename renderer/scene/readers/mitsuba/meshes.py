@@ -95,7 +95,7 @@ def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[M
 
 
 def _as_written(colors: np.ndarray) -> np.ndarray:
-    """Encodes colours as sRGB again, as in the file, since Mitsuba reads them as linear."""
+    """Returns colours encoded as sRGB again, as in the file, since Mitsuba reads the file's values as linear."""
     return np.column_stack([encode_srgb(colors[:, :3]), colors[:, 3]]).astype(np.float32)
 
 
@@ -122,7 +122,7 @@ def flipped(mesh: Mesh) -> Mesh:
 
 
 def wound_to_normals(mesh: Mesh) -> Mesh:
-    """Reverses the triangles that face against their vertex normals, since Mitsuba's lights emit along these normals."""
+    """Returns the mesh with its triangles facing along their vertex normals, the side on which Mitsuba's lights emit."""
     if mesh.normals is None:
         return mesh
     a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(np.float64) for k in range(3))

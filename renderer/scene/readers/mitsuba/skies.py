@@ -86,7 +86,7 @@ def _sun(sky: Sky, towards: _F64, strength: float, name: str) -> Light | None:
 
 
 def _horizontal_direction(up: _F64) -> _F64:
-    """Returns a horizontal unit direction. up: unit vector."""
+    """Returns a unit direction perpendicular to the unit vector `up`."""
     other = np.array((0.0, 0.0, -1.0) if abs(up[2]) < 0.9 else (0.0, 1.0, 0.0))
     return _unit(other - up * float(other @ up))
 

@@ -107,7 +107,7 @@ class Textures:
         return WHITE, self.shelf.derived_texture(texture, f"under a coat of {inner} by {color}", coat)
 
     def scaled(self, color: Vec3, texture: int | None, factor: float) -> tuple[Vec3, int | None]:
-        """Returns a colour and the index of its texture or None, whose product is multiplied by a factor and clamped to 1."""
+        """Returns a colour and its texture (or None) with their product multiplied by a factor and clamped to 1."""
         if texture is None:
             r, g, b = (unit(v * factor) for v in color)
             return (r, g, b), None
@@ -120,7 +120,7 @@ class Textures:
         return WHITE, self.shelf.derived_texture(texture, f"by {factor}", scale)
 
     def roughness_and_metal(self, roughness: int | None, metal: int | None) -> int | None:
-        """Returns glTF's metallic-roughness texture from two grey textures; None means white."""
+        """Returns glTF's metallic-roughness texture made from two grey textures; None stands for a white one."""
         if roughness is not None and metal is not None and not self._lie_alike(roughness, metal):
             self._document.ignore(
                 Sentence("mitsuba-metallic-texture-placement", "The texture of metallic is placed like that of roughness")

@@ -117,7 +117,7 @@ def rgb(found: Any, is_light: bool = False) -> Vec3:
 
 
 def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Callable[[str], str]) -> Any:
-    """Returns the value of an XML element. steps: of a transform; curve: returns the text of a spectrum's file.
+    """Returns the value of an XML element. steps: the elements of a transform; curve: returns the text of a spectrum's file.
 
     Raises ValueError, whose message continues a sentence about the element, if the value is malformed.
     """
