@@ -19,10 +19,10 @@ CHANGED_ARRAYS = (
 
 
 def replace_environment(scene: CompiledScene, light: SceneDescription, lights_power: float) -> CompiledScene:
-    """Returns the scene with the environment of the description `light`, of which nothing else is used.
+    """Returns the scene with the environment of the description `light`; nothing else of that description is used.
 
-    The same bits as if the scene were compiled with it. lights_power: the total power of the scene's lights without the
-    environment, from ShotCache.lights_power. Raises SceneError under the conditions of `tabulate_environment`.
+    The result has the same bits as if the scene were compiled with this environment. lights_power: the total power of the scene's
+    lights without the environment, from ShotCache.lights_power. Raises SceneError under the conditions of `tabulate_environment`.
     """
     tables = tabulate_environment(light)
     chance = choose_environment(tables, lights_power, scene.bounds)

@@ -29,7 +29,7 @@ _ASIDE = {
 def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
     """Returns True if two descriptions compile to the same scene: equal geometry, materials and lights.
 
-    Cameras and texts may differ. Both must not have been compiled yet.
+    Cameras and texts may differ. Neither description may have been compiled before.
     """
     return all(
         are_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(SceneDescription) if f.name not in _ASIDE

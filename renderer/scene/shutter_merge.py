@@ -93,7 +93,7 @@ def _merge_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) 
 def between_files(
     moving: SceneDescription, shutter: Shutter, before: SceneDescription | None, after: SceneDescription | None
 ) -> None:
-    """Adds vertex keys to the meshes of numbered files: interpolated linearly between the previous, this and the next file.
+    """Adds vertex keys to the meshes of numbered files, interpolated linearly between the previous, this and the next file.
 
     before, after: the scene at the same time, read from the previous and the next file; None: this frame's file instead.
     """
@@ -113,9 +113,10 @@ def between_files(
 
 
 def _mesh_of(number: int, moving: SceneDescription, other: SceneDescription | None) -> Mesh | None:
-    """Returns the mesh of `other` that corresponds to mesh `number` of `moving`; None if their numbers of instances differ.
+    """Returns the mesh of the description `other` that corresponds to mesh `number` of the description `moving`.
 
-    Matched by the order of instances, since names may be derived from the file names, which differ.
+    Returns None if their numbers of instances differ. Meshes are matched by the order of instances, since names may be derived
+    from the file names, which differ.
     """
     if other is None or len(other.instances) != len(moving.instances):
         return None
@@ -178,14 +179,14 @@ def _has_same_topology(mesh: Mesh, other: Mesh) -> bool:
 
 
 def _keys(values: Sequence[Any], middle: Any) -> tuple[Any, ...]:
-    """Returns an object's values at all times as keys; empty if all equal the middle one."""
+    """Returns an object's values at all times as keys; empty if all of them equal the one in the middle."""
     return tuple(values) if any(not are_equal(each, middle) for each in values) else ()
 
 
 def _matched(
     objects: Sequence[_Thing], others: Sequence[Sequence[_Thing]], name: Callable[[_Thing], Hashable]
 ) -> list[tuple[_Thing, list[_Thing]]]:
-    """Returns each object with its counterparts in the other lists; with an empty list if one of them has no counterpart.
+    """Returns each object with its counterparts in the other lists; without counterparts if one of the lists has none.
 
     Objects are matched by name and by the number of earlier objects of that name.
     """

@@ -74,13 +74,13 @@ def sun_of_sky(sky: Sky) -> Sun | None:
 
 
 def image_of_sky(sky: Sky) -> F32:
-    """Returns the image of `_image` for a sky; cached, for animated scenes with a constant sky."""
+    """Returns the equirectangular radiance of a sky, as `_image` does; cached, for animated scenes with a constant sky."""
     return _image(astuple(sky))
 
 
 @functools.lru_cache(maxsize=2)
 def _image(values: tuple[Any, ...]) -> F32:
-    """Returns equirectangular radiance without the sun's disk, (512, 1024, 3).
+    """Returns equirectangular radiance without the sun's disk, (512, 1024, 3). values: the fields of a Sky.
 
     Below the horizon is ground lit by sun and sky. The layout is that of Environment: azimuth 0 is the middle column. Raises
     SceneError if a number is out of its range.

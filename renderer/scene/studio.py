@@ -1,4 +1,4 @@
-"""The default lighting of scenes without lights: a photographer's studio, soft and neutral; and its floor.
+"""The default lighting of scenes without lights, a photographer's studio, soft and neutral; and the floor of scenes.
 
 A key light from the left front, a rim light from behind on the right, and walls that are brighter above than below: these show
 shapes better than uniform white light.
@@ -39,7 +39,7 @@ _GAP = 1e-4  # distance from the floor to the lowest point, likewise relative: a
 
 
 def studio_image() -> F32:
-    """Returns equirectangular radiance, (64, 128, 3) float32, grey. Its mean over all directions is near 0.6."""
+    """Returns the studio's equirectangular radiance, (64, 128, 3) float32, grey. Its mean over all directions is near 0.6."""
     theta = (np.arange(_HEIGHT) + 0.5) * np.pi / _HEIGHT
     phi = (np.arange(2 * _HEIGHT) + 0.5) * np.pi / _HEIGHT - np.pi  # 0 in the middle column, which looks along -Z
     y = np.broadcast_to(np.cos(theta)[:, None], (_HEIGHT, 2 * _HEIGHT))
@@ -52,7 +52,7 @@ def studio_image() -> F32:
 
 
 def light_studio(description: SceneDescription) -> None:
-    """Sets the studio as the scene's environment."""
+    """Sets the studio lighting as the scene's environment."""
     description.images.append(Image("studio", studio_image(), srgb=False))
     description.environment = Environment(image=len(description.images) - 1)
 
@@ -81,7 +81,7 @@ def add_floor(description: SceneDescription, box: F64) -> None:
 
 
 def _floor_albedo() -> float:
-    """Returns the albedo for which an unshadowed floor has the radiance of the studio's horizon."""
+    """Returns the albedo with which an unshadowed floor has the radiance of the studio lighting's horizon."""
     cosine = np.cos((np.arange(_HEIGHT // 2) + 0.5) * np.pi / _HEIGHT)
     weight = cosine * np.sqrt(1 - cosine**2)
     arriving = float((studio_image()[: _HEIGHT // 2, :, 0].mean(axis=1) * weight).sum() / weight.sum())  # irradiance / pi

@@ -42,9 +42,9 @@ _MOST_TRANSFORMED = 1e30  # beyond, float32 overflows; such textures are indisti
 
 
 class Texels:
-    """Collects the texels of textures. An image used by several textures is stored once.
+    """Collects the texels and the table rows of textures. An image used by several textures is stored once.
 
-    A texture with layers is a chain of rows.
+    A texture with layers is a chain of table rows.
     """
 
     def __init__(self, description: SceneDescription) -> None:
@@ -61,7 +61,7 @@ class Texels:
         self._block_means: dict[tuple[int, int], float] = {}
 
     def add(self, index: int, light: bool = False) -> tuple[int, float]:
-        """Adds a texture and its layers; returns its row, and the factor by which its texels must be multiplied.
+        """Adds a texture and its layers; returns the index of its table row, and the factor to multiply its texels by.
 
         Texels have 8 bits if the image has, else 16. An HDR image for emission (`light`) is divided by its maximum, which is
         returned as the factor; with layers, each row stores its own factor, and 1 is returned. Other images are clipped at 1, the
@@ -84,7 +84,7 @@ class Texels:
         return self._textures[index, light]
 
     def mean_luminance(self, row: int) -> float:
-        """Returns the mean linear luminance of a row's texels, 0..1.
+        """Returns the mean linear luminance, 0..1, of the texture in a table row.
 
         With layers, it is the mean over the UV square 0..1, always above 0.
         """
@@ -102,11 +102,14 @@ class Texels:
         return self._means[row]
 
     def uses_second_uv_set(self, row: int) -> bool:
-        """Returns True if the row's texture, or a layer of it, uses the second UV set."""
+        """Returns True if the texture in a table row, or a layer of it, uses the second UV set."""
         return any(self._rows[r][UV_SET] != 0 for r in self._chain(row))
 
     def _append(self, texture: Texture, light: bool) -> float:
-        """Adds a row for one texture without its layers; returns the factor of its texels."""
+        """Adds a table row for one texture without its layers; returns the factor of its texels.
+
+        light: whether it is for emission.
+        """
         image = self._description.images[texture.image]
         scaled = light and image.pixels.dtype == np.float32
         first, block, scale = self._place_image(texture.image, scaled)
@@ -120,7 +123,9 @@ class Texels:
         return scale
 
     def _arrays_of_stack(self, row: int) -> tuple[I32, F32, np.ndarray]:
-        """Returns the arrays of `arrays` for one texture with its layers: its rows, numbered from 0, and only their texels."""
+        """Returns, as `arrays` does, the arrays of one texture with its layers: its table rows, numbered from 0, and only their
+        texels.
+        """
         chain = list(self._chain(row))
         blocks = sorted({self._block_of_row[r] for r in chain})
         start = dict(zip(blocks, np.cumsum([0] + [len(self._blocks[b]) for b in blocks]), strict=False))
@@ -143,7 +148,7 @@ class Texels:
         return row, transform.astype(np.float32).reshape(-1, TRANSFORM_COLUMNS), texel
 
     def keys(self) -> F32:
-        """Returns the UV transforms (F, 6) at all keys, with all keys of a row consecutive; empty if all are constant."""
+        """Returns the UV transforms (F, 6) of all table rows at all keys, row by row; empty if all are constant."""
         count = max(map(len, self._keys), default=0)
         still = (transform[:6] for transform in self._transforms)
         over = [keys or (own,) * count for keys, own in zip(self._keys, still, strict=True)]
@@ -183,7 +188,7 @@ def _max_value(light: bool) -> float:
 
 
 def _encoding(image: Image, scaled: bool) -> int:
-    """Returns the encoding of an image's texels.
+    """Returns the encoding of an image's texels. scaled: whether they are divided by their maximum, as for emission.
 
     Its precision is constant relative to the value for light and colours, and constant in absolute terms for data.
     """

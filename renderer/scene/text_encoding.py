@@ -83,7 +83,7 @@ def possible_decodings(text: str) -> Iterator[tuple[str, str]]:
 def readable(text: str, encoding: str | None = None) -> str:
     """Returns a string with its lone surrogates decoded, in the given encoding if possible, else as Latin-1.
 
-    Different bytes stay different.
+    Strings that differ in their bytes still differ.
     """
     if is_readable(text):
         return text

@@ -23,7 +23,7 @@ _Over = list[tuple[SceneDescription, int]]  # a texture at each time: the scene 
 def merge_moving_textures(
     middle: SceneDescription, found: Sequence[SceneDescription]
 ) -> tuple[SceneDescription, list[SceneDescription], bool]:
-    """Returns the descriptions with moving textures merged.
+    """Returns the descriptions with textures that move merged into textures with keys.
 
     Three results: the description of the middle, whose textures have keys; the other descriptions, whose materials refer to these
     textures; whether another property of a texture changes (it then stays as in the middle).

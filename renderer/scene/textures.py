@@ -35,11 +35,11 @@ class TextureShelf:
         self._bytes = 0
 
     def warn_of_surface(self, sentence: str) -> None:
-        """Adds a warning about a material's look, unless it is already present."""
+        """Adds a warning about a material's look, unless the description already has it."""
         self.warn(SurfaceNote.from_text(sentence))
 
     def warn(self, sentence: str) -> None:
-        """Adds a warning, unless it is already present."""
+        """Adds a warning, unless the description already has it."""
         self._warned.add(sentence)
 
     def image_file(self, name: str, srgb: bool = True) -> int | None:
@@ -54,7 +54,7 @@ class TextureShelf:
         return self._images[key]
 
     def environment_file(self, name: str, data: Callable[[], bytes] | None = None) -> int | None:
-        """Returns the index of an environment image: colours unchanged, scaled down if too large.
+        """Returns the index of an environment image, whose colours are unchanged and which is scaled down if too large.
 
         Returns None, with a warning, if it is unreadable. data: returns the image's bytes if they are not those of file `name`;
         may raise SceneError.
@@ -108,9 +108,9 @@ class TextureShelf:
         layers: tuple[TextureLayer, ...] = (),
         filter: TexelFilter = "linear",
     ) -> int | None:
-        """Returns the index of the texture with this image, wrap modes, lookup and layers.
+        """Returns the index of the texture with this image, wrap modes, UV set, UV transform, layers and filter.
 
-        Returns None if the image is missing (None).
+        Returns None if `image` is None, as for a missing image.
         """
         if image is None:
             return None
@@ -123,7 +123,7 @@ class TextureShelf:
         return self._textures[texture]
 
     def derived_texture(self, texture: int | None, what: str, make: Callable[[Image], Image]) -> int | None:
-        """Returns the index of the texture with an image computed from its own, and the same lookup and layers; None for None.
+        """Returns the index of a texture like this one, but with an image computed from its image; None if `texture` is None.
 
         what: identifies the computation, which is done once per image.
         """
@@ -150,7 +150,7 @@ class TextureShelf:
         return self._images[key]
 
     def with_layers(self, texture: int | None, layers: tuple[TextureLayer, ...]) -> int | None:
-        """Returns the index of the texture with these layers; unchanged if there are none."""
+        """Returns the index of a texture like this one with these layers; that of the texture itself if there are no layers."""
         if texture is None or not layers:
             return texture
         return self._texture_index(replace(self._description.textures[texture], layers=layers))
@@ -158,7 +158,7 @@ class TextureShelf:
     def combined(self, first: int | None, second: int | None, what: str, make: Callable[[Image, Image], Image]) -> int | None:
         """Returns the index of the first texture with an image computed from both textures' images; None if either is missing.
 
-        The lookup and layers are the first texture's. what: identifies the computation.
+        UV transform, wrap modes and layers are the first texture's. what: identifies the computation.
         """
         if first is None or second is None:
             return None
@@ -184,9 +184,9 @@ class TextureShelf:
         wrap: Wrap = "repeat",
         transform: UvTransform = IDENTITY_UV_TRANSFORM,
     ) -> int | None:
-        """Returns the index of the texture that scene file `beside` refers to; warns if it is missing.
+        """Returns the index of the texture whose file the scene file `beside` names; warns if that is missing.
 
-        user: named in the warning.
+        reference: the file's name in the scene file. user: the object named in the warning.
         """
         image, place = self.image_and_transform(reference, beside, user, srgb)
         return self.texture(
@@ -194,7 +194,7 @@ class TextureShelf:
         )
 
     def image_and_transform(self, reference: str, beside: str, user: str, srgb: bool = True) -> tuple[int | None, UvTransform]:
-        """Returns the index of the image that scene file `beside` refers to, possibly UDIM tiles, and its UV transform.
+        """Returns the index of the image that scene file `beside` refers to, possibly UDIM tiles, and the UV transform to it.
 
         If it is missing, the index is None and a warning names it and its `user`.
         """

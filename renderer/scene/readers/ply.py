@@ -79,7 +79,7 @@ def read_data(
 def _by_picture(
     vertex: Element, faces: _Faces, named: list[str], main: str, shelf: TextureShelf
 ) -> list[tuple[str | None, npt.NDArray[np.int64] | None]]:
-    """Returns the file's texture images (None for no image), each with the triangles that it covers; None means all triangles."""
+    """Returns the file's texture images (None: no image), each with the triangles that use it (None: all)."""
     number = None
     if faces.element is not None and _PICTURE in faces.element.columns:
         number = faces.element.columns[_PICTURE].astype(np.int64)[faces.face]
@@ -197,7 +197,7 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
 
 
 def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
-    """Returns (N, k) the columns of the first set of names that the element has completely; None if it has none."""
+    """Returns (N, k) the columns of the first set of names all of which the element has; None if there is no such set."""
     for each in names:
         if all(name in element.columns for name in each):
             return np.stack([element.columns[name].astype(np.float32) for name in each], axis=1)
@@ -205,7 +205,7 @@ def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
 
 
 def _upright(uvs: F32) -> F32:
-    """Returns UVs with v measured from the image's upper edge, while PLY measures from the lower."""
+    """Returns UVs with v measured from the image's upper edge; PLY measures v from the lower edge."""
     return np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1)
 
 

@@ -203,7 +203,7 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
 
 
 def _trimmed(lines: list[bytes], declared: _Declared) -> tuple[bytes, int]:
-    """Returns the declared numbers and the count of lines with surplus numbers; (b"", 0) if a line is not one row."""
+    """Returns the declared numbers of all lines, and how many lines have surplus numbers; (b"", 0) if a line is not one row."""
     numbers, longer = list[bytes](), 0
     rows = (line.split() for line in lines if line.strip())
     try:
@@ -273,7 +273,7 @@ class _Bytes:
         return np.dtype(fields)
 
     def _of_differing(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
-        """Reads rows whose lists differ in length."""
+        """Returns the columns and lists of an element whose rows have lists of different lengths."""
         if count > len(self._data) - self._at:
             raise _truncated_error(self._file, name)
         at, end = self._at, len(self._data)
@@ -327,7 +327,7 @@ class _Text:
 
     @property
     def is_done(self) -> bool:
-        """True if all numbers have been read."""
+        """True if all numbers of the file have been read."""
         return self._at == len(self._numbers)
 
     def read_element(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:

@@ -42,7 +42,7 @@ def interior_fields(found: Medium) -> dict[str, Any]:
 
 
 def attenuating(color: Vec3, depth: float, scatter: Vec3, g: float) -> Medium:
-    """Returns the medium with the transmittance `color` over the distance `depth`, and scattering coefficients scatter / depth.
+    """Returns the medium that transmits `color` over the distance `depth` and has the scattering coefficients scatter / depth.
 
     If scattering exceeds extinction, absorption is raised equally in all channels until none is negative.
     Source: Autodesk's Standard Surface 1.0.1, "transmission", and OpenPBR 1.1, "translucent base".

@@ -14,9 +14,10 @@ __all__ = ["carried"]
 
 
 def carried(*arguments: npt.NDArray[Any], turned: npt.NDArray[Any], bent: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Returns (V, 3) skinned positions, in float64 where `in_exact_type` requires it; fills `turned` and `bent`.
+    """Returns (V, 3) skinned positions, in float64 where `in_exact_type` requires it; fills in the normals and tangents.
 
-    arguments: the arguments of `carry` up to `placed`.
+    arguments: the arguments of `carry` (renderer/kernel/mesh/skin.py) up to `placed`. turned, bent: arrays to fill with the
+    skinned normals and tangents.
     """
     point = arguments[3]
     placed: npt.NDArray[Any] = np.empty((len(point), 3), np.float32)

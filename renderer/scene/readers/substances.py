@@ -1,4 +1,4 @@
-"""Scattering coefficients per millimetre of named substances, by the names in pbrt and Mitsuba 0.6.
+"""Scattering and absorption coefficients per millimetre of named substances, by the names in pbrt and Mitsuba 0.6.
 
 Reduced scattering and absorption in red, green and blue; reduced scattering is that of the isotropic medium with the same
 diffusion. Measurements: Jensen, Marschner, Levoy and Hanrahan, "A practical model for subsurface light transport",

@@ -262,7 +262,7 @@ class _Reader:
         self._materials: dict[Any, int] = {}
 
     def read(self) -> None:
-        """Adds all items of the build to the description."""
+        """Adds all items in the file's build to the description."""
         first = len(self._description.meshes)
         root = self._model(self._root())
         items = root.items or [(root.path, number, np.eye(4)) for number in root.objects]
@@ -430,7 +430,7 @@ class _Reader:
     def _meshes(self, model: _Model, item: _Object, number: str, plain: int) -> Iterator[int]:
         """Adds the meshes of an object, one per material, and yields their indices.
 
-        plain: material of triangles without their own.
+        plain: index of the material for triangles without a material.
         """
         points, corners = item.points, item.corners
         if corners.min() < 0 or corners.max() >= len(points):

@@ -86,9 +86,9 @@ def _rows(data: bytes, text: npt.NDArray[np.uint8], begin: int, end: int, tag: b
 
 
 def _row_pattern(row: bytes, tag: bytes) -> tuple[list[str], list[bytes]] | None:
-    """Returns the attribute names of a list's first row, and the text between their values; None if it is not such a row.
+    """Returns the attribute names of a list's first row, and the texts around their values; None if it is not a row of this kind.
 
-    The text includes that before the first value and after the last.
+    The texts include the one before the first value and the one after the last.
     """
     names: list[bytes] = []
     words: list[bytes] = []

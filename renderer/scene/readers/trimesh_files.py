@@ -102,7 +102,7 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
 
 
 def _points(geometry: Any) -> F32 | None:
-    """Returns (P, 3) points of a geometry without faces; None for a surface."""
+    """Returns the (P, 3) points of a point cloud; None if the geometry has faces."""
     if isinstance(geometry, trimesh.PointCloud) or (isinstance(geometry, trimesh.Trimesh) and len(geometry.faces) == 0):
         points = in_exact_type(np.asarray(geometry.vertices))
         return points if points.ndim == 2 and points.shape[1] == 3 and len(points) else None
@@ -198,9 +198,9 @@ def _texture(image: Any, shelf: TextureShelf) -> int | None:
 
 
 class _Resolver(trimesh.resolvers.Resolver):
-    """Answers trimesh's texture requests with one-pixel images that contain the file's name.
+    """Gives trimesh, for each texture that it requests, a one-pixel image that contains the texture's file name.
 
-    So textures are decoded later by renderer/image/read.py, with its limits, rather than by trimesh.
+    Textures are then decoded by renderer/image/read.py, with its limits, rather than by trimesh.
     """
 
     KEY = "rayfarm-file"

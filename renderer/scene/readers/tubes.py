@@ -18,8 +18,7 @@ BASES = {
 
 
 def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
-    """Returns the interpolation weights of a curve: (samples, count) for its control points, and (samples, varying) for values at
-    segment ends.
+    """Returns the weights that interpolate a curve: (samples, count) for control points, (samples, varying) for segment ends.
 
     count: control points; basis: linear or a key of BASES; wrap: nonperiodic, periodic or pinned, as in USD.
     """

@@ -85,7 +85,7 @@ def turn_up(file: str, format: Format, up_axis: str | None, description: SceneDe
 
 
 def guess_up(description: SceneDescription, custom: str) -> str:
-    """Returns the axis of the file, "y" or "z", on which its model stands; `custom` if it stands on neither or both."""
+    """Returns the axis, "y" or "z", on which the model stands; the conventional axis `custom` if it stands on neither or both."""
     other = {"y": "z", "z": "y"}[custom]
     in_file = ROTATIONS[custom][:3, :3]  # multiplied from the right: the inverse rotation
     low, high = np.sort(bounds_of(description) @ in_file, axis=0)
@@ -101,7 +101,7 @@ def guess_up(description: SceneDescription, custom: str) -> str:
     middle = corners.mean(axis=1)
 
     def bottom(axis: int) -> float:
-        """Returns the fraction of the footprint's box that the lowest horizontal triangles cover."""
+        """Returns the fraction of the model's extent across the axis that its lowest horizontal triangles cover."""
         lowest = middle[:, axis] - low[axis] < _LEVEL * extent[axis]
         level = np.abs(normal[:, axis]) > _LEVEL_NORMAL * area
         return float(0.5 * area[lowest & level].sum() / np.delete(extent, axis).prod())

@@ -45,7 +45,7 @@ def mirrors(source: Parameters | None, to_world: Matrix) -> bool:
 
 
 def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
-    """Returns the film's exposure factor, |shutter time in seconds| * ISO / 100.
+    """Returns the film's exposure factor: |shutter time in seconds| * ISO / 100.
 
     Raises SceneError unless it is above 0 and finite.
     """

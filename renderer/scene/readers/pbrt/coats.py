@@ -40,7 +40,7 @@ class Coat(NamedTuple):
 
 @functools.cache
 def coat_of(ior: float, alpha: float, thickness: float, depth: int) -> Coat:
-    """Integrates a coat over all directions.
+    """Returns a coat's fractions of transmitted and reflected light, integrated over all directions.
 
     ior: index of refraction, above 1; alpha: microfacet alpha, 0 for smooth; depth: steps of the random walk, at least 1.
     """
@@ -68,9 +68,9 @@ class _Boundary(NamedTuple):
 
 
 def _boundary(cosines: F64, ior: float, alpha: float, thickness: float) -> _Boundary:
-    """Integrates the boundary over its microfacets.
+    """Returns the fractions of light at a boundary, integrated over its microfacets.
 
-    ior: index of refraction beyond the boundary, relative to the incident side.
+    cosines: (C,) incident cosines; ior: index of refraction beyond the boundary, relative to the incident side.
     """
     view = np.stack([np.sqrt(1 - cosines**2), np.zeros_like(cosines), cosines], axis=-1)[:, None, :]
     facets = _visible_facets(view, alpha)

@@ -55,7 +55,7 @@ def _matched(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
 
 
 def of_reflectance(rgb: Vec3) -> tuple[Vec3, Vec3]:
-    """Returns eta = 1 and the k that has this reflectance at normal incidence, as pbrt does."""
+    """Returns eta = 1 and the k with which a conductor has this reflectance at normal incidence, as pbrt does."""
     return (1.0, 1.0, 1.0), _vec(absorbing(np.array(rgb)))
 
 

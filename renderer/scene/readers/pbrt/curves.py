@@ -50,7 +50,7 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
 
 
 def _cubic(points: F64, basis: str) -> F64:
-    """Returns the control points of quadratic curves as those of cubic Beziers."""
+    """Returns the control points of the cubic Bezier curves that equal quadratic curves. basis: of the quadratic ones."""
     if basis == "bspline":
         ends = (points[:-1] + points[1:]) / 2
         points = np.insert(ends, np.arange(1, len(ends)), points[1:-1], axis=0)

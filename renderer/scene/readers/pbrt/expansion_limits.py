@@ -17,7 +17,7 @@ class TriangleBudget:
 
     @property
     def triangles_left(self) -> int:
-        """Maximum number of triangles that the next shape may generate."""
+        """Maximum number of triangles that the next shape may generate, within the scene's limit."""
         return min(_MOST_OF_ONE, max(_MOST - self._made, 0))
 
     def add(self, triangles: int) -> None:

@@ -50,7 +50,7 @@ class _State:
 
 
 class Graphics:
-    """Executes statements. Raises SceneError, with the line, for an invalid statement."""
+    """Executes a file's statements. Raises SceneError, with the line, for an invalid statement."""
 
     def __init__(self, files: SceneFiles, description: SceneDescription, moment: Moment, notes: Notes) -> None:
         self._files, self._description, self._moment, self._notes = files, description, moment, notes
@@ -152,7 +152,7 @@ class Graphics:
         return numbers
 
     def _apply(self, matrix: Matrix, replaces: bool = False) -> None:
-        """Multiplies the active transformations by a matrix, or replaces them."""
+        """Multiplies the active transformations by a matrix or, with `replaces`, sets them to it."""
         old = self._state.ctm
         first, last = (
             (matrix if replaces else product(each, matrix)) if active else each
@@ -483,7 +483,7 @@ class Graphics:
         return found
 
     def _deferred_parameters(self, statement: Statement, what: str) -> Parameters:
-        """Returns parameters that are read later; at the end of the scene, the unused ones are reported."""
+        """Returns the parameters of a statement that are read later; those still unused at the end of the scene get a note."""
         found = self._parameters(statement, what)
         self._all.append((found, 0))
         return found

@@ -29,7 +29,7 @@ _MOST_LIGHTS = 1_000_000
 
 
 class Lights:
-    """Adds lights to a description.
+    """Adds pbrt's lights to a description.
 
     exposure: the film's exposure factor, applied to all lights; balance: (3, 3) matrix of its white balance, or None.
     """

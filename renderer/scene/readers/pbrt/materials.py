@@ -84,7 +84,7 @@ class Materials:
         between: Interface = ("", ""),
         spans: tuple[float, float] | None = None,
     ) -> int:
-        """Returns the description's material index for a shape; adds the material if needed.
+        """Returns the index, in the scene description, of a shape's material; adds the material if needed.
 
         alpha: opacity; place: position of the shape in the file; between: names of the media inside and outside; spans: lengths
         per unit of UV (height_maps.py), for shapes with a height texture.

@@ -77,9 +77,9 @@ class Media:
         return inside != outside and (self.find(inside, place) != NOTHING or self.find(outside, place) != NOTHING)
 
     def fill(self, material: Material, source: Parameters | None, between: Interface, place: Place) -> Material:
-        """Returns a material with the medium inside its shape; equal media inside and outside have no effect, as in pbrt.
+        """Returns a material filled with the medium inside its shape; equal media inside and outside have no effect, as in pbrt.
 
-        material: the material; source: its parameters; between: names of the media inside and outside.
+        material: the material to fill; source: its parameters in the file; between: names of the media inside and outside.
         """
         inside, outside = between
         lets_through = material.kind in ("glass", "interface") or material.transmission > 0 or material.diffuse_transmission > 0

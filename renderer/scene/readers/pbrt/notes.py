@@ -23,11 +23,11 @@ class Place(NamedTuple):
         return f"{self.file}, line {self.line}"
 
     def with_position(self, fault: str) -> str:
-        """Returns a sentence about a fault, preceded by the file and line."""
+        """Returns a sentence: the file and line, then the fault."""
         return Sentence("fault-in-line", "{file}, line {line}: {fault}", file=self.file, line=self.line, fault=fault)
 
     def error(self, sentence: str) -> SceneError:
-        """Returns a SceneError with the sentence, preceded by the file and line."""
+        """Returns a SceneError whose message is the sentence, preceded by the file and line."""
         return SceneError(self.with_position(sentence))
 
 

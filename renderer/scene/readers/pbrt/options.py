@@ -1,4 +1,4 @@
-"""Options of pbrt; most affect only how pbrt runs, not the image."""
+"""Options of pbrt scenes; most affect only how pbrt runs, not the image."""
 
 from __future__ import annotations
 

@@ -52,9 +52,10 @@ class Parameters:
 
     @classmethod
     def parse(cls, what: str, statement: Statement, names: int, space: str) -> tuple[list[str], Parameters]:
-        """Returns the leading names of a directive, and its parameters; the last name is the parameters' type.
+        """Parses the arguments of a directive: returns its leading names, and its parameters.
 
-        names: number of leading names. Raises SceneError if a name is missing or a parameter malformed.
+        names: number of leading names, the last of which is the type of the object, such as "diffuse". Raises SceneError if a
+        name is missing or a parameter malformed.
         """
         place, arguments = statement.place, statement.arguments
         first = arguments[:names]
@@ -117,12 +118,12 @@ class Parameters:
         return found
 
     def number(self, name: str, default: float) -> float:
-        """Returns the first number of a float or integer parameter."""
+        """Returns the first number of a float or integer parameter, or the default if it is absent."""
         found = self.get(name, "float", "integer")
         return default if found is None else float(self._check_count(found, name, 1)[0])
 
     def integer(self, name: str, default: int) -> int:
-        """Returns a number truncated to an integer and clamped to 32 bits."""
+        """Returns a parameter's first number, truncated to an integer and clamped to 32 bits; the default if it is absent."""
         return int(min(max(self.number(name, default), -(2**31)), 2**31 - 1))
 
     def boolean(self, name: str, default: bool) -> bool:

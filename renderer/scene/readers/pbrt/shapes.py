@@ -57,7 +57,7 @@ class Part(NamedTuple):
 class Shapes:
     """Adds shapes to a description.
 
-    outer: transformation of the whole world; time: fraction of the interval between start and end.
+    outer: transformation of the whole world; time: the moment, as a fraction of the interval between pbrt's start and end times.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Shapes:
         self._growth = TriangleBudget()
 
     def begin(self, name: str) -> None:
-        """Begins the definition of an object."""
+        """Begins the definition of an object, to which the following shapes are added."""
         self.flush()
         self._open = self.objects[name] = []
         self._places.pop(name, None)

@@ -85,7 +85,7 @@ class Colors:
         self._files, self._notes = files, notes
 
     def light(self, found: Parameter | None) -> Vec3:
-        """Returns the colour of a light with scale 1; white if the parameter is None."""
+        """Returns the linear RGB of a light's colour parameter at scale 1; white if the parameter is None."""
         if found is None:
             return 1.0, 1.0, 1.0
         if found.type == "rgb":
@@ -104,7 +104,7 @@ class Colors:
         return self._light_color(self.spectrum(found), found)
 
     def albedo(self, found: Parameter) -> Vec3:
-        """Returns a reflectance, clamped to 0..1. Raises SceneError for a blackbody."""
+        """Returns the linear RGB of a reflectance parameter, clamped to 0..1. Raises SceneError for a blackbody."""
         if found.type == "rgb":
             into = _INTO_709[found.space]
             rgb = (into @ self._rgb_of(found)) / into.sum(axis=1)
@@ -120,7 +120,7 @@ class Colors:
         return r, g, b
 
     def numbers(self, found: Parameter) -> Vec3:
-        """Returns three numbers, at red, green and blue, that are not a colour, such as an index of refraction."""
+        """Returns a parameter's values at red, green and blue that are not a colour, such as an index of refraction."""
         if found.type == "float":
             value = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
             return value, value, value
@@ -128,7 +128,7 @@ class Colors:
         return r, g, b
 
     def index(self, found: Parameter | None) -> tuple[float, float]:
-        """Returns an index of refraction, and the dispersion as 20 / Abbe number; (1.5, 0) if the parameter is None."""
+        """Returns an index of refraction, and its dispersion as 20 / Abbe number; (1.5, 0) if the parameter is None."""
         if found is None:
             return 1.5, 0.0
         name = text_of(found)

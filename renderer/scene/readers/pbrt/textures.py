@@ -144,7 +144,7 @@ class Textures:
         return self.shelf.texture(self.shelf.image_file(name, srgb=False))
 
     def without_metal(self, texture: int | None) -> int | None:
-        """Returns a roughness texture in glTF's packing: roughness in green, 1 in blue."""
+        """Returns a roughness texture packed as in glTF: roughness in green, 1 in blue."""
 
         def packed(image: Image) -> Image:
             pixels = np.array(linear(image))
@@ -202,7 +202,7 @@ class Textures:
         return found
 
     def value_of(self, definition: Definition, default: Vec3 = _ONE) -> Varying:
-        """Returns the value of a texture; the default if the texture cannot be evaluated."""
+        """Returns the value of a texture, constant or varying; the default if the texture cannot be evaluated."""
         return self._get_or_read(definition, default, 0)
 
     def _get_or_read(self, definition: Definition, default: Vec3, depth: int) -> Varying:
@@ -357,7 +357,7 @@ class Textures:
         return Varying((scale,) * 3, texture, mapping)
 
     def _of_red(self, texture: int) -> int:
-        """Returns a float texture with its first channel in all channels, since pbrt uses only that one."""
+        """Returns a float texture with the image's first channel copied to all channels, since pbrt uses only that one."""
         pixels = self.shelf.image_of(texture).pixels
         if all(np.array_equal(pixels[..., 0], pixels[..., channel]) for channel in (1, 2)):
             return texture
@@ -404,7 +404,7 @@ class Textures:
         return Varying(_ONE, self.shelf.texture(image, uv_set=int(mapping is not None)), mapping)
 
     def _mappings(self, definition: Definition, cache: dict[int, set[Mapping | None]]) -> set[Mapping | None]:
-        """Returns the mappings of a texture and of those that it refers to; None stands for UV mapping."""
+        """Returns the mappings used by a texture and by the textures that it refers to; None stands for UV mapping."""
         key = id(definition.parameters)
         if key not in cache:
             own = {definition.mapping} if definition.parameters.type in _LAID_ON else set()
@@ -412,9 +412,9 @@ class Textures:
         return cache[key]
 
     def _on_grid(self, definition: Definition, grid_points: Grid, depth: int, cache: dict[int, np.ndarray]) -> np.ndarray:
-        """Returns (SIZE, SIZE, 3) values of a texture over the unit square.
+        """Returns (SIZE, SIZE, 3) values of a texture over the unit square of UVs.
 
-        cache: cache of the textures already evaluated for the same image.
+        depth: nesting level of the texture. cache: values of the textures already evaluated for the same image.
         """
         key = id(definition.parameters)
         if key not in cache:

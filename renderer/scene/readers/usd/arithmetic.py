@@ -37,10 +37,9 @@ def _node(kind: str) -> str:
 
 
 def calculated(kind: str, shelf: TextureShelf, read_input: Callable[[str], Input]) -> Input | None:
-    """Returns the output of an arithmetic node.
+    """Returns the output of an arithmetic node; None for other nodes, and if its textures have different UV mappings.
 
-    read_input: returns an input of the node by name. Returns None if the node is not arithmetic, or if its textures have
-    different UV mappings.
+    kind: of the node. read_input: returns an input of the node by name.
     """
     if not calculates(kind):
         return None
@@ -73,7 +72,7 @@ def calculated(kind: str, shelf: TextureShelf, read_input: Callable[[str], Input
 
 
 def combined(kind: str, shelf: TextureShelf, found: Sequence[Input]) -> Input | None:
-    """Returns separate channels combined into a vector or colour; None if they come from textures with different UV mappings."""
+    """Returns separate channels combined to a vector or colour; None if their textures have different UV mappings."""
     if not any(each.taken is not None for each in found):
         return Input(tuple(each.number(0.0) for each in found))
     same = _same_channels(found)
@@ -96,7 +95,7 @@ def _or_default(given: Input, default: Any) -> Input:
 
 
 def _four(value: Any) -> F64:
-    """Returns a single number as a 0-d array, or a vector extended to four numbers by repeating its last one."""
+    """Returns a number as a 0-d array, or a vector extended to four numbers by repeating its last one."""
     if np.ndim(value) == 0:
         return np.asarray(float(value))
     numbers = [float(v) for v in value][:4]
@@ -104,7 +103,7 @@ def _four(value: Any) -> F64:
 
 
 def _line(shelf: TextureShelf, given: Input, formula: Formula) -> Input | None:
-    """Returns the texture input with the formula applied as a scale and a bias; None if it is not linear over its values."""
+    """Returns a texture input with a formula applied as scale and bias; None if the formula is not linear over its values."""
     assert given.taken is not None
     low, high = span_of(shelf, given.taken)
     is_color = given.taken.channel == "rgb"
@@ -132,7 +131,7 @@ def _tuple(values: F64) -> Four:
 
 
 def _same_channels(found: Sequence[Input]) -> TextureInput | None:
-    """Returns one texture input that replaces separate red, green and blue inputs.
+    """Returns the one texture input that equals separate red, green and blue inputs.
 
     Returns None unless the inputs are these three channels of the same texture, in this order.
     """

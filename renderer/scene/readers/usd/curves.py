@@ -30,7 +30,7 @@ class PointSpheres:
 
 
 def spheres_of_points(prim: Any, time: Any, notes: Notes) -> PointSpheres:
-    """Returns the points of a prim as spheres; points without a width get width 1."""
+    """Returns the spheres of a Points prim; points without a width get width 1."""
     points = UsdGeom.Points(prim)
     centers = primvars.array(points.GetPointsAttr().Get(time), 3)
     widths = primvars.array(_widths(prim, points, time), 1)[:, 0]

@@ -42,7 +42,7 @@ Follow = Callable[[Any, bool, int], Input]  # arguments: shader input, whether i
 
 
 class NetworkContext(Protocol):
-    """Interface of the shader network of one material, used by the functions that evaluate its nodes."""
+    """Interface of one material's shader network, used by the functions that evaluate its nodes."""
 
     images: Images
     notes: Notes
@@ -54,9 +54,9 @@ class NetworkContext(Protocol):
         ...
 
     def primvar(self, name: str | None, fallback: Any) -> Input:
-        """Returns the value of a primvar on the prim that has the material; the fallback if the prim lacks it."""
+        """Returns the value of a primvar on the prim to which the material is bound; the fallback if the prim lacks it."""
         ...
 
     def uv_set(self, name: str) -> int:
-        """Returns the index of the UV set with the given primvar name."""
+        """Returns the index of the UV set whose primvar has this name."""
         ...

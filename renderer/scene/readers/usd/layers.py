@@ -77,7 +77,7 @@ def as_scene_errors(main: str) -> Iterator[None]:
 
 
 def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage, list[str]]:
-    """Opens the stage of a scene file. Returns the stage and the names of its variants.
+    """Opens the stage of a scene file. Returns the stage, and its variants as `set=choice`.
 
     variant: the variant to select, or None. Raises SceneError if a file is damaged, missing or too complex, or the variant
     unknown.
@@ -104,7 +104,7 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
 
 
 def _offering(stage: Any) -> list[Any]:
-    """Returns the prims whose variants are offered: the default prim if it has variant sets, otherwise all root prims."""
+    """Returns the prims whose variants users can select: the default prim if it has variant sets, otherwise all root prims."""
     default = stage.GetDefaultPrim()
     return [default] if default and default.HasVariantSets() else list(stage.GetPseudoRoot().GetChildren())
 
@@ -152,8 +152,7 @@ class _Opener:
         return self.opened[name]
 
     def _is_sublayer(self, found: str, beside: str, layer: Any) -> bool:
-        """Returns True if adding the file as a sublayer would repeat a sublayer or the layer itself; USD rejects both. Adds a
-        note if so.
+        """Returns True if a layer already has this file as a sublayer, or is this file; USD rejects both. Adds a note if so.
 
         found: the file that a sublayer path resolves to; beside: the layer's file. Files are also found by their bare names, so
         several paths may resolve to one file.
@@ -170,7 +169,10 @@ class _Opener:
 
     @staticmethod
     def _replace(layer: Any, reference: str, identifier: str) -> None:
-        """Redirects a layer's dependency to another layer, and restores the sublayers' time offsets, which USD drops."""
+        """Replaces the path of a layer's dependency by another layer's identifier, and restores the sublayers' time offsets.
+
+        USD drops these offsets.
+        """
         offsets = [o for path, o in zip(layer.subLayerPaths, layer.subLayerOffsets, strict=True) if path == reference]
         layer.UpdateCompositionAssetDependency(reference, identifier)
         at = [number for number, path in enumerate(layer.subLayerPaths) if identifier and path == identifier]
@@ -281,7 +283,7 @@ def _shifts(layer: Any) -> bool:
 
 
 def _composed_times(stage: Any) -> Iterator[float]:
-    """Yields the first and last sample time of every animated attribute, in stage time."""
+    """Yields the times of the first and last sample of every animated attribute, in stage time."""
     for prim in stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
         for attribute in prim.GetAuthoredAttributes():
             if attribute.ValueMightBeTimeVarying() and (times := attribute.GetTimeSamples()):
@@ -294,7 +296,10 @@ def _time_samples(layer: Any) -> list[float]:
 
 
 def _knots(layer: Any) -> list[float]:
-    """Returns the first and last knot time of a layer's splines, which USD does not list as time samples; [] without splines."""
+    """Returns the times of the first and last knot of a layer's splines; [] without splines.
+
+    USD does not list knots as time samples.
+    """
     if not hasattr(Sdf.AttributeSpec, "GetSpline"):  # before usd-core 25.5
         return []
     found: list[float] = []
@@ -321,7 +326,7 @@ def _error_location(error: Any, names: dict[str, str]) -> str:
 
 
 def _without_addresses(message: str) -> str:
-    """Removes the identifiers of anonymous layers, which contain memory addresses, from a text."""
+    """Returns a text without the identifiers of anonymous layers, which contain memory addresses."""
     return re.sub(r",?@anon:[^@]*@|anon:0x[0-9a-fA-F]+(?::[\w.-]*)?", "", message)
 
 

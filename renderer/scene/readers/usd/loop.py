@@ -27,7 +27,7 @@ def on_edges(points: F64, ends: Codes, edge_of_corner: Codes, across: Codes) -> 
 
 
 def smoothed(points: F64, ends: Codes) -> F64:
-    """Returns (P, w) the positions of the old points after one level of subdivision."""
+    """Returns (P, w) the positions of the old points after one level of subdivision. ends: (E, 2) the end points of each edge."""
     valence, around = _neighbour_sums(points, ends)
     beta = _beta(valence)
     return np.asarray((1 - valence * beta) * points + beta * around)

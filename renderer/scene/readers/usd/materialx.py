@@ -127,7 +127,7 @@ def _gltf(inputs: SurfaceInputs, read: Read) -> None:
 
 
 def _body(inputs: SurfaceInputs, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
-    """Fills the base colour and the subsurface parameters; returns the base colour input."""
+    """Fills the material's base colour and subsurface parameters; returns the base colour input."""
     color, weight = subsurface.mixed_color(inputs, read, names, weight, default)
     fill_base(read, _scaled(color, weight, default), (0.0, 0.0, 0.0))
     subsurface.scatter_beneath(inputs, read, names)
@@ -163,7 +163,7 @@ def _anisotropy(read: Read, strength: float, turns: float) -> None:
 
 
 def _transmission(read: Read, inputs: SurfaceInputs, weight: str) -> bool:
-    """Fills the transmission parameters; returns True if the surface transmits light."""
+    """Fills the material's transmission parameters; returns True if the surface transmits light."""
     material = read.material
     fill_data(read, "transmission", inputs(weight), 0.0)
     if material.transmission == 0:
@@ -181,7 +181,7 @@ def _transmission(read: Read, inputs: SurfaceInputs, weight: str) -> bool:
 
 
 def _coat(read: Read, coat: Input, rough: Input, roughness: float, normal: Input) -> bool:
-    """Fills the clear coat parameters; returns True if the surface has a coat."""
+    """Fills the material's clear coat parameters; returns True if the surface has a coat."""
     fill_data(read, "clearcoat", coat, 0.0)
     if read.material.clearcoat <= 0:
         return False

@@ -78,8 +78,9 @@ def read_mesh(
 ) -> list[Mesh | None]:
     """Returns the parts of a mesh, one per material; None for parts without triangles.
 
-    parts: the primvars each part needs. part_of_face: (F,) part index of each face; None if there is one part. shape: replaces
-    the mesh's points. bends: whether the mesh may deform over time. Raises SceneError if the mesh is too large.
+    parts: the primvars that each part needs. part_of_face: (F,) part index of each face; None if there is one part. shape: points
+    and normals that replace the mesh's; None: the mesh's own. bends: whether the mesh may deform over time. Raises SceneError if
+    the mesh is too large.
     """
     mesh = UsdGeom.Mesh(prim)
     points = primvars.array(mesh.GetPointsAttr().Get(time), 3) if shape is None else shape.points
@@ -133,7 +134,10 @@ def read_mesh(
 
 
 def _sorted_out(faces: Codes, part_of_face: Codes | None, parts: int) -> list[Codes]:
-    """Returns the indices of each part's faces, ascending."""
+    """Returns the indices of each part's faces, ascending.
+
+    faces: the faces to divide; part_of_face: the part of each face of the mesh; parts: number of parts.
+    """
     if part_of_face is None:
         return [faces]
     order = np.argsort(part_of_face[faces], kind="stable")
@@ -229,7 +233,10 @@ def _mesh_part(
 
 
 def _upright(uvs: F32 | None) -> F32 | None:
-    """Returns UVs with v measured from the image's upper edge, while USD measures from the lower; None without two components."""
+    """Returns UVs with v measured from the image's upper edge; None without two components.
+
+    USD measures v from the lower edge.
+    """
     if uvs is None or uvs.shape[1] < 2:
         return None
     return np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))

@@ -42,7 +42,7 @@ Said = tuple[Element, dict[str, str]]  # an element with its inherited attribute
 
 
 def layer_of(data: bytes, name: str, included: Callable[[str, str], tuple[str, bytes] | None], notes: Notes) -> Any:
-    """Returns a MaterialX document as an anonymous layer.
+    """Converts a MaterialX document to an anonymous USD layer.
 
     included: resolves a reference in a file to (name, bytes), or None if missing. Raises SceneError if a document is damaged or
     too large.

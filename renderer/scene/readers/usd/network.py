@@ -31,7 +31,7 @@ _OF_ODD_TYPES = Sentence("usd-materialx-input-types-wrong", "MaterialX nodes who
 class Network:
     """The shader network of one material on one prim.
 
-    uvs: the primvars used as UV sets by its textures, two at most. asked: the other primvars that it reads. unit: metres per
+    uvs: the primvars that its textures use as UV sets, two at most. asked: the other primvars that it reads. unit: metres per
     stage unit.
     """
 
@@ -177,7 +177,7 @@ class Network:
         return transform_2d((scale[0], scale[1]), float(constant_input("rotation", 0.0)), (translation[0], translation[1]))
 
     def uv_set(self, name: str) -> int:
-        """Returns the index of the UV set with the given primvar name; 0, with a note, if there are already two other sets."""
+        """Returns the index of the UV set whose primvar has this name; 0, with a note, if there are already two other sets."""
         if name not in self.uvs:
             if len(self.uvs) == _UV_SETS:
                 self.notes.add(
@@ -193,7 +193,7 @@ class Network:
 
 
 def _zero(kind: str) -> Any:
-    """Returns the value of a primvar reader without a fallback: 0 for scalars, otherwise (0, 0, 0)."""
+    """Returns the value of a primvar reader without a fallback: 0 for scalars, otherwise (0, 0, 0). kind: of the reader."""
     return 0.0 if kind.endswith(("float", "int")) else (0.0, 0.0, 0.0)
 
 

@@ -82,7 +82,7 @@ class _ShaderInputs:
         return self._network.input(self._shader, name)
 
     def number(self, name: str, default: float) -> float:
-        """Returns an input as a number, with true as 1; the default if the input is not set."""
+        """Returns an input as a number, where true counts as 1; the default if the input is not set."""
         return self.value(name).number(default)
 
     def texture(self, name: str, srgb: bool = False) -> TextureInput | None:
@@ -100,6 +100,6 @@ class _ShaderInputs:
         return None if texture is None else TextureInput(texture)
 
     def texture_or_constant(self, name: str, constant: Input) -> Input:
-        """Returns the texture of an input, red channel; the constant if the input has no texture."""
+        """Returns the red channel of an input's texture; the constant if the input has no texture."""
         found = self.texture(name)
         return constant if found is None else Input(None, replace(found, channel="r"))

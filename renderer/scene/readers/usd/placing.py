@@ -162,7 +162,7 @@ class DescriptionBuilder:
         self._add_instances(self._numbers[key], replace(each, moves=moves))
 
     def _shining(self, surface: Surface, each: PlacedPrim) -> Surface:
-        """Returns the emissive surface of a mesh with MeshLightAPI."""
+        """Returns a mesh's surface with the emission of its MeshLightAPI."""
         place = each.places[0] / np.array([self._unit] * 3 + [1.0])[:, None]
         light, material = UsdLux.LightAPI(each.prim), self._surfaces.material(surface)
         changes = mesh_light_fields(light, material, area_of(each.prim, place, self._time), self._time)
@@ -205,7 +205,7 @@ class DescriptionBuilder:
     def _add(self, mesh: Mesh, surface: Surface, bends: bool = False, both: bool = False) -> int:
         """Adds a mesh with a surface to the description; returns the mesh's index.
 
-        bends: whether the mesh deforms over time. both: whether it emits on both sides.
+        bends: whether the mesh deforms over time. both: whether an emissive mesh emits on both sides.
         """
         surface = self._surfaces.bumpy(surface, mesh)
         material = self._surfaces.material(surface)

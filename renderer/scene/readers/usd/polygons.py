@@ -34,13 +34,13 @@ class Faces:
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
     def masked(self, mask: npt.NDArray[np.bool_]) -> tuple[Faces, Codes]:
-        """Returns the faces selected by a mask, and the indices of their corners in this object's corners."""
+        """Returns the faces selected by a mask (F,), and the indices of their corners among the corners of all faces."""
         return self.selected(np.flatnonzero(mask))
 
     def selected(self, numbers: Codes) -> tuple[Faces, Codes]:
-        """Returns the faces with these indices, and the indices of their corners in this object's corners.
+        """Returns the faces with these indices, and the indices of their corners among the corners of all faces.
 
-        Takes time proportional to the selected faces.
+        Takes time proportional to the number of selected faces.
         """
         counts = self.counts[numbers]
         step = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)

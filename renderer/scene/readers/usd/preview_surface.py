@@ -32,7 +32,7 @@ MAX_RADIANCE = 1e9
 
 
 class Read:
-    """A material being filled from a shader network, and the primvars that multiply its colour and opacity."""
+    """A material that is being filled from a shader network, and the primvars that multiply its colour and opacity."""
 
     def __init__(self, name: str, network: Network, shelf: TextureShelf) -> None:
         self.material = Material(name, "metallic_roughness", (1.0, 1.0, 1.0), roughness=1.0)
@@ -82,7 +82,7 @@ def fill_base(read: Read, given: Input, default: Vec3) -> None:
 
 
 def fill_roughness(read: Read, rough: Input, roughness: float, metal: Input, metallic: float) -> None:
-    """Fills the roughness and metalness; if either has a texture, both are packed into one."""
+    """Fills the material's roughness and metalness; if either has a texture, both are packed into one texture."""
     material, shelf = read.material, read.shelf
     material.roughness = unit(rough.number(roughness)) if rough.taken is None else 1.0
     material.metallic = unit(metal.number(metallic)) if metal.taken is None else 1.0
@@ -101,7 +101,7 @@ def _packed(shelf: TextureShelf, rough: TextureInput | None, metal: TextureInput
 
 
 def fill_data(read: Read, name: str, given: Input, default: float) -> None:
-    """Fills a parameter in 0..1, and its texture of linear values.
+    """Fills a material parameter in 0..1 and its texture, whose values are linear.
 
     name: the material's field; the texture's field is `{name}_texture`.
     """
@@ -113,7 +113,7 @@ def fill_data(read: Read, name: str, given: Input, default: float) -> None:
 
 
 def fill_normal(read: Read, name: str, given: Input) -> None:
-    """Fills a normal map, if the input has one. name: `normal` or `clearcoat_normal`."""
+    """Sets a normal map of the material, if the input has one. name: `normal` or `clearcoat_normal`."""
     if given.taken is None:
         return
     texture, scale = normals(read.shelf, given.taken)
@@ -122,7 +122,7 @@ def fill_normal(read: Read, name: str, given: Input) -> None:
 
 
 def fill_emission(read: Read, given: Input, strength: float) -> None:
-    """Fills the emission with the input's colour times `strength`."""
+    """Fills the material's emission with the input's colour times `strength`."""
     factor: Vec3 = unit_color(given.color((0.0, 0.0, 0.0)), MAX_RADIANCE)
     if given.taken is not None:
         factor, read.material.emission_texture = colored(read.shelf, given.taken, MAX_RADIANCE)
@@ -132,7 +132,7 @@ def fill_emission(read: Read, given: Input, strength: float) -> None:
 
 
 def fill_opacity(read: Read, opacity: Input, threshold: float, base: TextureInput | None) -> None:
-    """Fills the opacity: masked if the threshold is above 0, otherwise blended.
+    """Fills the material's opacity: masked if the threshold is above 0, otherwise blended.
 
     base: the base colour's texture, whose alpha is used directly if the opacity is that same alpha.
     """
@@ -165,7 +165,7 @@ def _opaque(image: Any) -> Any:
 
 
 def _specular(read: Read, given: Input) -> None:
-    """Fills the specular tint so that the reflectance at normal incidence equals the specular colour."""
+    """Fills the material's specular tint so that the reflectance at normal incidence equals the specular colour."""
     material = read.material
     own = max(((material.ior - 1) / (material.ior + 1)) ** 2, 1e-3)
     factor = given.color((0.0, 0.0, 0.0))

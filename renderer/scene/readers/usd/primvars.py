@@ -39,7 +39,7 @@ def find_primvar(prim: Any, name: str) -> Any:
 
 
 def varies(primvar: Any) -> bool:
-    """Returns True if the value of a primvar is animated."""
+    """Returns True if the value of a primvar changes over time."""
     return bool(primvar.ValueMightBeTimeVarying())
 
 
@@ -67,7 +67,7 @@ def constant_value(prim: Any, name: str, time: Any) -> float | tuple[float, ...]
 def at_corners(primvar: Any, width: int | None, faces: Faces, points: int, time: Any, notes: Notes) -> AtCorners | None:
     """Returns the values of a primvar at a mesh's corners; None, with a note, if their number does not fit the mesh.
 
-    width: components per value; None for the primvar's own. points: the mesh's point count.
+    width: components per value; None for those that the primvar has. points: the mesh's point count.
     """
     given = primvar.Get(time)
     shape = np.shape(given)
@@ -85,9 +85,10 @@ def values_at_corners(
     path: Any,
     notes: Notes,
 ) -> AtCorners | None:
-    """Assigns values to a mesh's corners according to their interpolation; None, with a note, if their number does not fit.
+    """Returns values as the values at a mesh's corners; None, with a note, if their number does not fit the mesh.
 
-    indices: of an indexed primvar, or None. points: the mesh's point count. path: the primvar's path, for the note.
+    indices: of an indexed primvar, or None. interpolation: USD's, such as `vertex`. points: the mesh's point count. path: the
+    primvar's path, for the note.
     """
     code = {
         "constant": lambda: np.zeros(len(faces.corners), np.int64),

@@ -153,7 +153,7 @@ def _edges(cage: Cage, ahead: Codes) -> _Edges:
 
 
 def _smoothed(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
-    """Returns (P, w) the new positions of the old points by the Catmull-Clark rule for smooth points.
+    """Returns (P, w) the new positions of the cage's points by the Catmull-Clark rule for smooth points.
 
     middle: (F, w) the faces' centres; face: (C,) the face of each corner.
     """
@@ -166,7 +166,7 @@ def _smoothed(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
 
 
 def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
-    """Returns (P, w) the new positions of the old points with creases and corners applied. smooth: their smooth positions."""
+    """Returns (P, w) the new positions of the cage's points, creases and corners included. smooth: their smooth positions."""
     points = cage.points
     count = len(points)
     ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
@@ -188,7 +188,7 @@ def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
 
 
 def _point_sharpness(cage: Cage, edges: _Edges, sharp: Codes) -> F64:
-    """Returns (P,) the corner sharpness of points. sharp: (P,) number of sharp edges at each point."""
+    """Returns (P,) the sharpness of the cage's points as corners. sharp: (P,) number of sharp edges at each point."""
     count = len(cage.points)
     still = np.zeros(count)
     np.maximum.at(still, cage.corners, cage.corner_sharpness)

@@ -25,7 +25,7 @@ _WHITE: Vec3 = (1.0, 1.0, 1.0)
 class Names(NamedTuple):
     """Names of a surface shader's subsurface inputs, and the default radius.
 
-    path: default of the radius, per channel. turns_back: whether thin sheets also scatter light back.
+    path: default of the subsurface radius, per channel. turns_back: whether thin sheets also scatter light back.
     """
 
     weight: str
@@ -45,7 +45,7 @@ OPEN_PBR = Names(
 
 
 def mixed_color(inputs: SurfaceInputs, read: Read, names: Names, weight: float, default: Vec3) -> tuple[Input, float]:
-    """Mixes the base colour with the subsurface colour, since a material has one colour for both; returns it and its weight.
+    """Returns the base colour mixed with the subsurface colour, since a material has one colour for both; and its weight.
 
     If either is textured, the one with the larger weight is used, with a note.
     """
@@ -66,7 +66,10 @@ def mixed_color(inputs: SurfaceInputs, read: Read, names: Names, weight: float, 
 
 
 def scatter_beneath(inputs: SurfaceInputs, read: Read, names: Names) -> None:
-    """Fills the subsurface parameters; for thin sheets, diffuse transmission. The base colour must be filled first."""
+    """Fills the material's subsurface parameters; for thin sheets, its diffuse transmission.
+
+    The base colour must be filled first.
+    """
     material, share = read.material, unit(inputs.number(names.weight, 0.0))
     if share <= 0:
         return

@@ -66,7 +66,7 @@ class Surfaces:
         return self._known.get((key, states)) or self._display_color_surface(prim)
 
     def _read_cached(self, key: Any, material: Any, prim: Any) -> None:
-        """Reads a material for a prim; caches it for all prims with equal values of the primvars that the material reads."""
+        """Converts a material for a prim; caches it for all prims with equal values of the primvars that the material reads."""
         found, self._asked[key] = self._read(material, prim)
         self._known[key, tuple(self._primvar_state(prim, name) for name in self._asked[key])] = found
 

@@ -41,12 +41,12 @@ class TextureInput:
     bias: Four = PLAIN[1]
 
     def span(self, channel: str) -> tuple[float, float]:
-        """Returns the (scale, bias) of a channel."""
+        """Returns (scale, bias) of one channel of the texture."""
         return self.scale[CHANNELS[channel]], self.bias[CHANNELS[channel]]
 
     @property
     def is_plain(self) -> bool:
-        """True if scale is 1 and bias is 0 in all channels."""
+        """True if scale is 1 and bias is 0 in all channels of the texture."""
         return (self.scale, self.bias) == PLAIN
 
 
@@ -114,9 +114,9 @@ class Images:
         return self.shelf.image_file(name, srgb)
 
     def _atlas(self, reference: str, beside: str, user: str, srgb: bool) -> tuple[int, UvTransform] | None:
-        """Combines the tiles of a UDIM texture in one image; returns its index and the UV transform to it.
+        """Combines the tiles of a UDIM texture in one image; returns the image's index and the UV transform to it.
 
-        None if there are no tiles.
+        Returns None if there are no tiles.
         """
         key = (reference, beside, srgb)
         if key not in self._atlases:
@@ -159,7 +159,7 @@ def linear(image: Image) -> F32:
 
 
 def grey(shelf: TextureShelf, texture_input: TextureInput) -> int | None:
-    """Returns a texture of linear values with one channel of another texture in red, green and blue, scale and bias applied."""
+    """Returns a grey texture of one channel of a texture input, as linear values with its scale and bias applied."""
     channel = "r" if texture_input.channel == "rgb" else texture_input.channel
     scale, bias = texture_input.span(channel)
 

@@ -38,7 +38,7 @@ MAX_PLACES = 1_000_000  # instances of shapes; nested groups could expand to bil
 
 
 class Shapes:
-    """Adds shapes to a description. materials: the description's material indices by name."""
+    """Adds a scene file's shapes to a description. materials: the description's material indices by name."""
 
     def __init__(
         self,
@@ -67,9 +67,9 @@ class Shapes:
         return self._moving.is_animated(path) or not self._moving.animated_fields(path).isdisjoint(("emission", "anisotropy"))
 
     def add(self, source: dict[str, Any], path: Path, parents: list[Place] | None = None, moves: bool = False) -> None:
-        """Adds the shape at a path: each of its instances, at each transform in `parents`.
+        """Adds the shape at a path of the scene file: each of its instances, at each transform in `parents`.
 
-        parents: names and world transforms of the containing group's instances; None at the top level. moves: whether they are
+        parents: names and world transforms of the containing group's instances; None at the top level. moves: whether these are
         animated.
         """
         whole, fields = self._moving.is_animated(path), self._moving.animated_fields(path)

@@ -32,7 +32,7 @@ Maker = Callable[[npt.NDArray[np.float64]], Curve]  # curve through rows of valu
 
 
 class AnimatedPaths(NamedTuple):
-    """The paths of a file's animated values, and for each path that leads to them, the animated fields there."""
+    """The paths of a scene file's animated values, and by each path above them the fields that are animated below it."""
 
     paths: set[Path]
     below: dict[Path, set[str | int]]
@@ -69,7 +69,10 @@ class Keys(NamedTuple):
         return AnimatedPaths(paths, below)
 
     def data_at(self, data: dict[str, Any], time: float, name_of: Callable[[str], str]) -> dict[str, Any]:
-        """Returns the file's data at a time in seconds. name_of: returns a pattern's file name at that time."""
+        """Returns the scene file's data with all keyframes evaluated at a time in seconds.
+
+        name_of: returns the name of a file name pattern's file, such as smoke.0012.obj for smoke.####.obj, at that time.
+        """
         changed = Changed(data)
         for path, track in self.tracks.items():
             changed.set(path, track(time))

@@ -159,7 +159,7 @@ class Lights:
 
 
 def _thrown(pixels: F32, kind: str, half: float) -> EmissionMap:
-    """Returns the emission map of a light's image. half: tangent of the half angle.
+    """Returns the emission map of a light's image. half: tangent of half the angle that the image covers.
 
     A spot's image fills the cone with its smaller side. A projector's image illuminates a plane evenly.
     """

@@ -63,7 +63,10 @@ class Yaml:
         )
 
     def plain_data(self, node: yaml.Node, path: Path) -> Any:
-        """Converts a YAML node to plain data, and records its lines. Raises SceneError for invalid values and exceeded limits."""
+        """Converts a YAML node to plain data, and records the lines of its values.
+
+        Raises SceneError for invalid values and exceeded limits.
+        """
         self._count += 1
         if self._count > MAX_VALUES:
             raise SceneError(
@@ -148,7 +151,7 @@ class Yaml:
 
 
 def parse(data: bytes, file: str) -> Yaml:
-    """Parses a file with one document. Raises SceneError, with the line, for a syntax error, and if a limit is exceeded."""
+    """Parses a file that holds one YAML document. Raises SceneError, with the line, for a syntax error or an exceeded limit."""
     if len(data) > MAX_BYTES:
         raise SceneError(
             Sentence(

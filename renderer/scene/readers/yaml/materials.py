@@ -29,7 +29,10 @@ _OWN = _FIELDS["metallic_roughness"] - frozenset.intersection(*map(_FIELDS.__get
 
 
 def read_material(name: str, source: dict[str, Any], textures: Textures, document: Yaml, path: Path) -> Material:
-    """Returns a material. Raises SceneError for fields that have no meaning for its kind. name: of the material in the file."""
+    """Returns a material of a scene file. name: the material's name in the file.
+
+    Raises SceneError for fields that have no meaning for its kind.
+    """
     kind: MaterialKind = source.get("kind") or _kind_of(source)
     for key in source:
         if key not in _FIELDS[kind]:

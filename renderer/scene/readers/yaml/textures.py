@@ -32,9 +32,10 @@ class Textures:
                 shelf.warn_of_missing(source["image"], f"Texture {name}")
 
     def find(self, name: str, path: Path, srgb: bool) -> int | None:
-        """Returns the description's index of a texture; None if its image is missing. Raises SceneError for an unknown name.
+        """Returns the index, in the scene description, of a texture; None if its image is missing.
 
-        srgb: whether the texture is used for colours; the texture's own `encoding` takes precedence.
+        name: the texture's name in the file; raises SceneError if it is unknown. srgb: whether the texture is used for colours;
+        the texture's own `encoding` takes precedence.
         """
         source = self._sources.get(name)
         if source is None:
@@ -58,9 +59,9 @@ class Textures:
         )
 
     def stack(self, entries: str | list[Any], path: Path, srgb: bool) -> int | None:
-        """Returns the texture with a name, or of a list of layers from the lowest up.
+        """Returns the index of a texture given by name, or as a list of layers from the lowest up; None if the lowest is missing.
 
-        Layers whose image is missing are left out.
+        Upper layers whose image is missing are left out.
         """
         if isinstance(entries, str):
             return self.find(entries, path, srgb)
