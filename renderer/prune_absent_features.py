@@ -20,7 +20,7 @@ from renderer.fused_multiply_add import FuseProducts
 from renderer.linking import ChooseLibrary
 from renderer.reference import Reference
 
-__all__ = ["Compiler", "where_present"]
+__all__ = ["Compiler", "function_if", "where_present"]
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -72,6 +72,13 @@ def where_present(typingctx: Any, part: Any, value: Any) -> Any:
         return context.get_dummy_value() if lacks else args[1]
 
     return (types.none if lacks else value)(part, value), codegen
+
+
+@intrinsic
+def function_if(typingctx: Any, part: Any, present: Any, absent: Any) -> Any:
+    """Returns the function `present` if `part` is present, else the function `absent`. Decided by type: only one is compiled."""
+    chosen = absent if isinstance(part, types.NoneType) else present
+    return chosen(part, present, absent), lambda context, builder, sig, args: context.get_dummy_value()
 
 
 def _is_field(value: Any) -> bool:

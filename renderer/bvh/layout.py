@@ -82,3 +82,4 @@ class Bvh(NamedTuple):
     keyed_packets: npt.NDArray[Any] = np.array([NEVER, 1], np.int32)  # (2,) i32
     ray_roots: npt.NDArray[Any] = np.zeros(2, np.int32)  # (2,) i32; None: all rays start at node 0
     instances: Any = True  # None: the kernel has no instances (renderer/arrays/scene_features.py)
+    compressed: Any = None  # a CompressedTree (compressed_tree.py) in place of `node` and `packet`, on graphics cards

@@ -44,6 +44,7 @@ __all__ = [
     "row_at",
     "select",
     "splat",
+    "splat_like",
     "sqrt",
     "store",
     "store_int",
@@ -180,6 +181,22 @@ def splat(typingctx, value):
 
 
 @intrinsic
+def splat_like(typingctx, like, value):
+    """Returns a float32 broadcast to all lanes if `like` has lanes, else the float32 itself."""
+    is_wide = isinstance(like, Lanes)
+
+    def codegen(context, builder, sig, args):
+        if not is_wide:
+            return args[1]
+        vector = ir.VectorType(_FLOAT, LANES)
+        first = builder.insert_element(ir.Constant(vector, ir.Undefined), args[1], ir.Constant(_I32, 0))
+        zeros = ir.Constant(ir.VectorType(_I32, LANES), [0] * LANES)
+        return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), zeros)
+
+    return (f32x8 if is_wide else types.float32)(like, types.float32), codegen
+
+
+@intrinsic
 def fma(typingctx, a, b, c):
     """Returns a * b + c, rounded once (fused multiply-add)."""
     return a(a, b, c), lambda context, builder, sig, args: called(builder, "fma", *args)
@@ -217,28 +234,35 @@ def maximum(typingctx, a, b):
     return a(a, b), codegen
 
 
+def _mask_of(kind: Any) -> Any:
+    """Returns the type of a comparison between numbers of a type."""
+    return mask8 if isinstance(kind, Lanes) else types.boolean
+
+
 @intrinsic
 def less(typingctx, a, b):
-    """Returns the mask of lanes in which a < b; False for NaN."""
-    return mask8(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("<", *args)
+    """Returns the mask of lanes in which a < b, or for scalars a boolean; False for NaN."""
+    return _mask_of(a)(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("<", *args)
 
 
 @intrinsic
 def less_equal(typingctx, a, b):
-    """Returns the mask of lanes in which a <= b; False for NaN."""
-    return mask8(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("<=", *args)
+    """Returns the mask of lanes in which a <= b, or for scalars a boolean; False for NaN."""
+    return _mask_of(a)(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("<=", *args)
 
 
 @intrinsic
 def flip(typingctx, a, b):
-    """Returns a, f32x8, with the sign flipped in lanes where b is negative (or -0)."""
+    """Returns a, f32x8 or float32, with the sign flipped where b is negative (or -0)."""
+    is_wide = isinstance(a, Lanes)
+    integers = ir.VectorType(_I32, LANES) if is_wide else _I32
+    sign = ir.Constant(integers, [-(2**31)] * LANES if is_wide else -(2**31))
 
     def codegen(context, builder, sig, args):
-        integers = ir.VectorType(_I32, LANES)
-        signs = builder.and_(builder.bitcast(args[1], integers), ir.Constant(integers, [-(2**31)] * LANES))
+        signs = builder.and_(builder.bitcast(args[1], integers), sign)
         return builder.bitcast(builder.xor(builder.bitcast(args[0], integers), signs), args[0].type)
 
-    return f32x8(f32x8, f32x8), codegen
+    return a(a, a), codegen
 
 
 @intrinsic

@@ -13,11 +13,11 @@ one with the lower number is the nearest. A ray that passes through a surface co
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 import numpy.typing as npt
 
+from renderer.bvh.compressed_traversal import is_occluded_in_compressed, nearest_in_compressed
+from renderer.bvh.hit import FACING, FROM_ORIGIN, NO_PRIMITIVE, SHADOW_REACH, Hit, skip_limit
 from renderer.bvh.hit_keys import hit_keys, key_limit, keys_beyond, minimum_key, nearest
 from renderer.bvh.instance_space import ray_to_instance
 from renderer.bvh.layout import (
@@ -50,7 +50,7 @@ from renderer.bvh.simd import (
 )
 from renderer.bvh.slabs import MORE, entry_limit, ray_constants
 from renderer.jit import device, never_inline, subroutine
-from renderer.prune_absent_features import where_present
+from renderer.prune_absent_features import function_if, where_present
 
 __all__ = [
     "FACING",
@@ -68,15 +68,10 @@ __all__ = [
     "shadow_root",
 ]
 
-NO_PRIMITIVE = np.int32(-1)
 _YES, _NO = np.bool_(True), np.bool_(False)
-FACING = _YES  # `facing` of `closest_hit`
-# Fraction of a shadow ray along which surfaces occlude: rounding may cause a hit on a distant light's surface before the end.
-SHADOW_REACH = np.float32(1 - 2.0**-21)
 _ROOT = np.int32(0)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-FROM_ORIGIN = (_ZERO, ANY_PRIMITIVE, ANY_PRIMITIVE)  # `after` of a ray that has passed no surface yet
 _W = np.uintp(WIDTH)
 _NODE = np.uintp(NODE_SIZE)
 _NEARBY = 8192  # nodes that fit a core's caches: single rays wait little for them, and prefetching takes time
@@ -87,17 +82,6 @@ _BIT = np.uint32(1)
 _LANE = np.int32(WIDTH - 1)  # the bits of a key that hold the lane
 _ENTRY = np.uintp(WIDTH + 2)  # words on the stack for a node's pending children: keys, the least key, the node
 _BETWEEN = np.uintp(2 * MAX_LEVELS * (WIDTH + 2))  # position on the stack of an interpolated packet
-
-
-class Hit(NamedTuple):
-    """The closest hit of a ray."""
-
-    t: float  # along the ray, in units of its direction's length
-    primitive: int  # triangles first, then spheres; NO_PRIMITIVE without a hit
-    u: float  # barycentric coordinates of the triangle's corners b and c; 0 for spheres
-    v: float
-    instance: int  # whose space the primitive is in; -1 for the world's
-    time: Any = None  # of the ray, as passed to `closest_hit`
 
 
 def new_stack() -> npt.NDArray[np.float32]:
@@ -182,7 +166,7 @@ def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
     """Intersects a ray with a leaf's packet; returns the nearest hit `found`, or the packet's if that is nearer.
 
     found: (whether there is a hit, distance, primitive, u, v). tie: a hit at the same distance is nearer if its primitive's
-    number is lower than this. after: as for `closest_hit`. limit: from `_limit`.
+    number is lower than this. after: as for `closest_hit`. limit: from `skip_limit`.
     """
     numbers = load(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES)
     hit, t, b, c, determinant = _met(place, leaf, o, d, constants, found[1] * MORE, after, limit, numbers)
@@ -196,18 +180,6 @@ def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
         if is_nearer(distance, primitive, found[1], tie):
             found = _YES, distance, primitive, extract(b * inverse, lane), extract(c * inverse, lane)
     return found
-
-
-@device
-def _limit(after, number):
-    """Returns the highest primitive number to skip at the distance of the hit `after`.
-
-    number: the instance in which hits are searched; -1: the world.
-    """
-    limit = ANY_PRIMITIVE
-    if after is not None:
-        limit = select(number > after[1], NO_PRIMITIVE, select(number < after[1], ANY_PRIMITIVE, after[2]))
-    return limit
 
 
 @device
@@ -253,7 +225,7 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, af
     number = np.int32(number)
     o, d = ray_to_instance(bvh, number, o, d, time)
     slabs, constants, t_min = _prepared(o, d, after, facing)
-    limit = _limit(after, number)
+    limit = skip_limit(after, number)
     any_tie = number < holder
     found = _NO, best, NO_PRIMITIVE, _ZERO, _ZERO
     top = bottom
@@ -304,8 +276,14 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None, faci
     coincident faces the one that faces the origin is the closest (`intersect_triangles`); None: hits have the distances of
     `any_hit`.
     """
+    trace = function_if(bvh.compressed, nearest_in_compressed, _closest_hit)
+    return trace(bvh, stack, o, d, t_max, time, root, after, facing)
+
+
+@device
+def _closest_hit(bvh, stack, o, d, t_max, time, root, after, facing):
     slabs, constants, t_min = _prepared(o, d, after, facing)
-    limit = _limit(after, WORLD)
+    limit = skip_limit(after, WORLD)
     found = _NO, t_max, NO_PRIMITIVE, _ZERO, _ZERO
     instance = WORLD
     top = np.uintp(0)
@@ -371,6 +349,12 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
 @device
 def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
     """Returns True if anything is hit along o + t d with 0 < t < t_max. stack, time, root: as for `closest_hit`."""
+    trace = function_if(bvh.compressed, is_occluded_in_compressed, _any_hit)
+    return trace(bvh, stack, o, d, t_max, time, root)
+
+
+@device
+def _any_hit(bvh, stack, o, d, t_max, time, root):
     slabs, constants, _ = _prepared(o, d, None, None)
     top = np.uintp(0)
     child = np.int32(root)

@@ -159,6 +159,16 @@ def test_rays_within_a_plane_of_boxes_neither_hang_nor_meet_flat_things_edge_on(
     assert not trace(bvh, o, d).shadow.any()
 
 
+@pytest.mark.parametrize("zero", [0.0, -0.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_ray_in_a_plane_at_zero_hits_the_triangle_whose_box_ends_there(side, zero):
+    position = np.array([(0, 0, 0), (0, 1, 0.5), (side, 0.5, 0.25)], np.float32)
+    bvh = build(position, np.array([(0, 1, 2)], np.int32), NO_SPHERES)
+    hits = trace(bvh, np.array([(zero, 0.5, -1), (-zero, 0.5, -1)], np.float32), np.array([(zero, 0, 1)] * 2, np.float32))
+    assert hits.shadow.all()
+    np.testing.assert_allclose(hits.t, 1.25, rtol=1e-5)
+
+
 def test_rays_with_zeros_in_their_direction_equal_no_tree():
     rng = np.random.default_rng(8)
     position, triangle, sphere = soup(rng, 200, 40, 0.2)
