@@ -11,6 +11,7 @@ from numba import typeof, types
 
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import CompiledScene, example
+from renderer.bvh.compressed_tree import LEAF_NUMBERS, NODE_WORDS, CompressedTree
 from renderer.film import CHANNELS
 from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cuda.megakernel import COUNTERS, Job
@@ -21,6 +22,7 @@ from renderer.settings import RenderSettings, View
 __all__ = ["job_for", "job_type", "packed"]
 
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
+_NOTHING: Any = None  # replaces the arrays of the processor's tree
 _TUPLE: Any = types.BaseTuple  # which Numba's annotations do not declare as iterable
 _SCALARS: dict[types.Type, str] = {types.boolean: "?", types.none: "u8"}
 
@@ -28,7 +30,10 @@ _SCALARS: dict[types.Type, str] = {types.boolean: "?", types.none: "u8"}
 def job_for(
     scene: CompiledScene, camera: Camera, options: Options, batch: Batch, width: int, height: int, pieces: int = 1
 ) -> Job:
-    """Returns the Job for a batch of a tile of width x height pixels, with a zeroed film."""
+    """Returns the Job for a batch of a tile of width x height pixels, with a zeroed film.
+
+    scene: with a compressed tree, in the form that the variant's kernels expect.
+    """
     film = np.zeros((CHANNELS, height, width), np.int64)
     return Job(scene, camera, options, batch, film, np.zeros(COUNTERS, np.int64), np.int64(pieces))
 
@@ -36,6 +41,8 @@ def job_for(
 def job_type(variant: str) -> Any:
     """Returns the Numba type of Job for a kernel variant (renderer/arrays/scene_features.py)."""
     scene = strip_absent_features(example(), variant)
+    tree = CompressedTree(np.zeros((1, NODE_WORDS), np.uint32), np.zeros((1, LEAF_NUMBERS), np.float32))
+    scene = scene._replace(bvh=scene.bvh._replace(node=_NOTHING, packet=_NOTHING, compressed=tree))
     return typeof(job_for(scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0))
 
 

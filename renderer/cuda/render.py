@@ -10,16 +10,19 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.arrays.scene import CompiledScene
+from renderer.bvh.compress import compressed
+from renderer.bvh.layout import Bvh
 from renderer.cuda.artefacts import ptx_of
 from renderer.cuda.driver import LIBRARY, Card, Device, Driver, DriverError, Kernel
 from renderer.cuda.job import job_for, packed
-from renderer.errors import MachineError
+from renderer.errors import MachineError, SceneError
 from renderer.film import Sums
 from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cuda.megakernel import BAD, RAYS, Job
 from renderer.kernel.backends.cuda.ptx import KERNEL, THREADS
 from renderer.kernel.camera import Camera
 from renderer.kernel.options import Options
+from renderer.threads import Team
 
 __all__ = ["CardError", "CardMemoryError", "CardRenderer", "Rendered"]
 
@@ -57,6 +60,7 @@ class CardRenderer:
         self._kernels: dict[str, tuple[Kernel, int]] = {}  # of a variant: the kernel, and the size of its jobs
         # The arrays in the card's memory by their place in the CPU's. They are kept, so that no other array takes their place.
         self._arrays: dict[tuple[int, int], tuple[npt.NDArray[Any], int]] = {}
+        self._tree: tuple[Bvh, Bvh] | None = None  # of the last scene: the CPU's, and the compressed one
 
     def has_kernel(self, variant: str) -> bool:
         """Returns True if the kernel of a variant is loaded."""
@@ -91,13 +95,14 @@ class CardRenderer:
     def close(self) -> None:
         """Frees the memory and kernels on the graphics card."""
         self._arrays.clear()
+        self._tree = None
         self._device.close()
 
     def _render(
         self, scene: CompiledScene, variant: str, camera: Camera, options: Options, batch: Batch, width: int, height: int
     ) -> Rendered:
         kernel, size = self._kernel(variant)
-        job = job_for(scene, camera, options, batch, width, height)
+        job = job_for(scene._replace(bvh=self._compressed(scene.bvh)), camera, options, batch, width, height)
         self._free_others(job)
         results: dict[int, int] = {}
 
@@ -131,6 +136,17 @@ class CardRenderer:
                 self._device.free(address)
         return Rendered(job.film, int(job.counters[BAD]), int(job.counters[RAYS]))
 
+    def _compressed(self, bvh: Bvh) -> Bvh:
+        """Returns the compressed tree of a scene; that of the last scene is kept."""
+        if self._tree is None or not all(_is_same(a, b) for a, b in zip(self._tree[0], bvh, strict=True)):
+            self._tree = None
+            with Team() as team:
+                try:
+                    self._tree = bvh, compressed(bvh, team)
+                except SceneError as error:
+                    raise CardError(f"card {self.card.number} ({self.card.name}) cannot render this scene: {error}") from error
+        return self._tree[1]
+
     def _free_others(self, job: Job) -> None:
         """Frees the arrays in GPU memory that the job does not use."""
         used = set()
@@ -150,3 +166,10 @@ class CardRenderer:
             assert size is not None
             self._kernels[variant] = self._device.load(ptx, KERNEL), int(size[1])
         return self._kernels[variant]
+
+
+def _is_same(a: Any, b: Any) -> bool:
+    """Returns True if two fields of trees are one object, or arrays with the same place in memory."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return bool(a.ctypes.data == b.ctypes.data and a.shape == b.shape)
+    return a is b

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from renderer.bvh.compress import compressed
 from renderer.cuda.job import job_for, packed
 from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cuda.megakernel import BAD, RAYS, Job
@@ -13,6 +14,7 @@ from renderer.kernel.camera import camera_frame
 from renderer.kernel.options import kernel_options
 from renderer.render import RenderStats, _prepared, render_frame, variant_for
 from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
+from renderer.threads import Team
 from tests.grids import grid
 from tests.renderer.cuda.on_host import launcher
 from tests.renderer.kernel.backends.features import FEATURES, made
@@ -26,7 +28,9 @@ def job_of(name: str, pieces: int, first: int = 0, count: int = SPP) -> Job:
     prepared = _prepared(scene, settings)
     camera, options = camera_frame(settings_relative_to_origin(settings, prepared.origin)), kernel_options(settings, prepared)
     batch = Batch(0, 0, first, count, fixed_point_origin(prepared.origin, settings.film_exponent))
-    return job_for(prepared, camera, options, batch, settings.width, settings.height, pieces)
+    with Team(1) as team:
+        on_card = prepared._replace(bvh=compressed(prepared.bvh, team))
+    return job_for(on_card, camera, options, batch, settings.width, settings.height, pieces)
 
 
 def run(name: str, job: Job) -> None:

@@ -15,7 +15,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-from renderer.bvh.traverse import new_stack
+from renderer.bvh.compressed_tree import STACK_DEPTH
 from renderer.film import CHANNELS
 from renderer.jit import local_floats, subroutine
 from renderer.kernel.backends.scalar.picture import trace_picture
@@ -25,7 +25,7 @@ __all__ = ["BAD", "COUNTERS", "RAYS", "Job", "render_thread"]
 
 BAD, RAYS = 0, 1  # entries of `Job.counters`: samples left out of the film, rays traced
 COUNTERS = 2
-_STACK = len(new_stack())
+_STACK = 2 * STACK_DEPTH
 _SUMS = (CHANNELS, 1, 1)
 _NO_BAD, _NO_LOG = (0, 3), (0, 1)
 _BAD, _RAYS = np.uintp(BAD), np.uintp(RAYS)
