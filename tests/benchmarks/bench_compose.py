@@ -47,7 +47,7 @@ class Containers:
         self.network = network
         self.url = f"http://{network.addresses['service']}:8000"
         values = {"RAYFARM_ALLOWED_HOSTS": json.dumps(["service", "127.0.0.1", network.addresses["service"]])}
-        self.services = _filled_in(yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"], values)
+        self.services = _substituted(yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"], values)
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         for name in network.addresses:
             hosts = Path("/etc/netns") / network.namespace(name) / "hosts"  # `ip netns exec` mounts this file over /etc/hosts
@@ -60,7 +60,7 @@ class Containers:
         """Starts the container with this name."""
         of = name.partition("-")[0]
         about = self.services[of]
-        command = [_here(word) for word in about.get("command") or _default_command(of)]
+        command = [_local_path(word) for word in about.get("command") or _default_command(of)]
         volume = self.folder / ("data" if of == "service" else "scenes")
         volume.mkdir(exist_ok=True)
         environment = {str(key): str(value) for key, value in about.get("environment", {}).items()}
@@ -84,7 +84,7 @@ class Containers:
         """Returns whether the container's health check (of docker-compose.yml or the Dockerfile) succeeds."""
         about = self.services[name.partition("-")[0]]
         test = about.get("healthcheck", {}).get("test") or _health_check()
-        command = [_here(word) for word in test[1:]]
+        command = [_local_path(word) for word in test[1:]]
         if command[0] == "redis-cli":
             command = [sys.executable, "-c", PING]
         environment = {**os.environ, **{str(key): str(value) for key, value in about.get("environment", {}).items()}}
@@ -149,12 +149,12 @@ def render(containers: Containers, spp: int) -> bool:
     return is_right
 
 
-def _filled_in(what: Any, values: dict[str, str]) -> Any:
+def _substituted(what: Any, values: dict[str, str]) -> Any:
     """Replaces ${NAME:-default} in parsed YAML, as Docker Compose does. values: environment variables by name."""
     if isinstance(what, dict):
-        return {key: _filled_in(value, values) for key, value in what.items()}
+        return {key: _substituted(value, values) for key, value in what.items()}
     if isinstance(what, list):
-        return [_filled_in(value, values) for value in what]
+        return [_substituted(value, values) for value in what]
     return re.sub(r"\$\{(\w+):-([^}]*)\}", lambda found: values.get(found[1], found[2]), what) if isinstance(what, str) else what
 
 
@@ -177,7 +177,7 @@ def _health_check() -> list[str]:
     return ["CMD", *json.loads(found[1])]
 
 
-def _here(word: str) -> str:
+def _local_path(word: str) -> str:
     """Returns the local path of a program by its name in the container image."""
     scripts = Path(sys.executable).parent
     return {"python3": sys.executable, "uvicorn": str(scripts / "uvicorn"), "redis-server": str(find_server())}.get(word, word)

@@ -41,7 +41,7 @@ def main() -> None:
         if options.cold:
             seconds, _, _ = first_tile(folder / "cold", options.slots, RAYFARM_CACHE=str(folder / "cache"))
             print(f"start to first tile, empty kernel cache   {seconds:6.2f} s   (target < 40)")
-        alone(folder, options.slots, 1)  # fills the kernel cache
+        render_without_farm(folder, options.slots, 1)  # fills the kernel cache
         seconds, after_submit, parts = first_tile(folder / "warm", options.slots)
         print(f"start to first tile, warm                 {seconds:6.2f} s   (target < 5)")
         each = ", ".join(f"{name} {spent:.2f} s" for name, spent in parts.items())
@@ -51,8 +51,8 @@ def main() -> None:
         try:
             walls, processors, slots = [], [], []
             for _ in range(options.rounds):
-                wall, processor = alone(folder, options.slots, options.spp)
-                farm_wall, parts = through(farm, options.spp)
+                wall, processor = render_without_farm(folder, options.slots, options.spp)
+                farm_wall, parts = render_on_farm(farm, options.spp)
                 walls.append(wall / farm_wall)
                 processors.append(processor / sum(parts.values()))
                 slots.append(processor / parts["slots"])
@@ -69,7 +69,7 @@ def main() -> None:
             stop_farm(farm)
 
 
-def alone(folder: Path, threads: int, spp: int) -> tuple[float, float]:
+def render_without_farm(folder: Path, threads: int, spp: int) -> tuple[float, float]:
     """Returns wall and processor seconds of `rayfarm render` without a farm, excluding reading and compiling the scene."""
     command = [sys.executable, "-m", "rayfarm", "render", str(SCENE), "-o", str(folder / "alone.exr"), f"--spp={spp}"]
     command += [f"--threads={threads}", "--size=512x512", "--max-depth=8", f"--stats={folder / 'stats.json'}"]
@@ -78,7 +78,7 @@ def alone(folder: Path, threads: int, spp: int) -> tuple[float, float]:
     return stats["render_s"], stats["render_cpu_s"]
 
 
-def through(farm: Farm, spp: int) -> tuple[float, dict[str, float]]:
+def render_on_farm(farm: Farm, spp: int) -> tuple[float, dict[str, float]]:
     """Returns wall seconds from request to finished job on the farm, and processor seconds by part of the farm."""
     with farm.client() as client:
         scene = client.wait_for_scene(client.upload([SCENE]).id)

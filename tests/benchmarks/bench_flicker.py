@@ -162,12 +162,12 @@ def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) ->
     )
 
 
-def _shown(light: F32) -> F32:
+def _tone_mapped(light: F32) -> F32:
     """Returns approximately tone-mapped values, so that a lamp seen in a mirror does not dominate the error."""
     return light / (1 + light)
 
 
-def off_along(first: F32, second: F32, there: DenoisedFrame) -> tuple[F32, np.ndarray]:
+def error_change_along_motion(first: F32, second: F32, there: DenoisedFrame) -> tuple[F32, np.ndarray]:
     """Returns how the error changes from one frame to the next along the motion vectors, and a mask (h, w) of defined pixels.
 
     first, second: errors of the two frames. there: the second frame's auxiliary layers. Pixels whose motion vector leads outside
@@ -185,12 +185,12 @@ def off_along(first: F32, second: F32, there: DenoisedFrame) -> tuple[F32, np.nd
 def figures(made: dict[int, F32], truth: dict[int, DenoisedFrame]) -> tuple[float, float]:
     """Returns (error, flicker) of the frames `made` against the reference frames `truth`, both by frame number."""
     whole = float(np.mean([each.clean.color.mean() for each in truth.values()]))
-    off = {n: _shown(picture / whole) - _shown(truth[n].clean.color / whole) for n, picture in made.items()}
-    level = float(np.mean([_shown(each.clean.color / whole).mean() for each in truth.values()]))
+    off = {n: _tone_mapped(picture / whole) - _tone_mapped(truth[n].clean.color / whole) for n, picture in made.items()}
+    level = float(np.mean([_tone_mapped(each.clean.color / whole).mean() for each in truth.values()]))
     error = math.sqrt(np.mean([(each**2).mean() for each in off.values()])) / level
     changes = []
     for n in sorted(off)[1:]:
-        change, inside = off_along(off[n - 1], off[n], truth[n])
+        change, inside = error_change_along_motion(off[n - 1], off[n], truth[n])
         changes.append((change[inside] ** 2).mean())
     return error, math.sqrt(np.mean(changes)) / level
 

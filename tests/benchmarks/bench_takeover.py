@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tests.helpers import running_redis
 from tests.service.conftest import until
-from tests.service.ownership.test_two_services import Started, told
+from tests.service.ownership.test_two_services import Started, states_and_logs
 from tests.service.store.postgres import PostgresServer, find_postgres
 
 SIGNALS = {"kill": signal.SIGKILL, "stop": signal.SIGSTOP}
@@ -72,7 +72,10 @@ def takeovers(folder: Path, settings: dict[str, object], options: argparse.Names
 def pair(both: list[Started]) -> tuple[Started, Started]:
     """Waits until both services are ready, and returns (owner, standby)."""
     until(
-        lambda: sorted(each.says() for each in both) == ["ready", "stands by"], "both are there", PATIENCE_S, lambda: told(both)
+        lambda: sorted(each.says() for each in both) == ["ready", "stands by"],
+        "both are there",
+        PATIENCE_S,
+        lambda: states_and_logs(both),
     )
     owner, other = sorted(both, key=Started.says)
     return owner, other

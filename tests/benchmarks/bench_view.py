@@ -123,8 +123,8 @@ def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: b
         print(
             f"{name} at {size[0]}x{size[1]}, first pictures of {picture[1][0]}x{picture[1][1]}{', while a job renders' * is_busy}"
         )
-        print(f"  a new view shows after      {told(firsts)}   (target < 150)")
-        print(f"  while the hand moves        {told(moving(viewer, views))}   old, of what is shown")
+        print(f"  a new view shows after      {format_percentiles(firsts)}   (target < 150)")
+        print(f"  while the hand moves        {format_percentiles(moving(viewer, views))}   old, of what is shown")
         service = psutil.Process(farm.pids()["service"])
         begun, viewer.bytes, viewer.pictures, taken = time.perf_counter(), 0, 0, service.cpu_times()
         viewer.send(9.0)
@@ -152,7 +152,7 @@ def moving(viewer: Viewer, views: int) -> list[float]:
     return ages
 
 
-def told(seconds: list[float]) -> str:
+def format_percentiles(seconds: list[float]) -> str:
     """Returns the median and the 95th percentile of times (seconds) as text in milliseconds."""
     p50, p95 = np.percentile(np.array(seconds) * 1000, (50, 95))
     return f"p50 {p50:4.0f} ms, p95 {p95:4.0f} ms of {len(seconds)}"

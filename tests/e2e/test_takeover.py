@@ -10,7 +10,7 @@ from playwright.sync_api import Page, WebSocket, expect
 from tests.e2e.conftest import Watched
 from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, until
-from tests.service.ownership.test_two_services import Started, begun, told
+from tests.service.ownership.test_two_services import Started, begun, states_and_logs
 from tests.service.peer_worker import PeerWorker
 
 
@@ -23,20 +23,25 @@ def test_the_picture_goes_on_by_itself(tmp_path: Path, watched: Watched) -> None
     redis.start()
     both = [Started(tmp_path / "data", name, redis_url=redis.url) for name in ("one", "other")]
     try:
-        until(lambda: sorted(each.says() for each in both) == ["ready", "stands by"], "both are there", 90, lambda: told(both))
+        until(
+            lambda: sorted(each.says() for each in both) == ["ready", "stands by"],
+            "both are there",
+            90,
+            lambda: states_and_logs(both),
+        )
         owner, other = sorted(both, key=Started.says)
         with PeerWorker(redis.url, other.url, TOKEN) as worker:
             job = begun(other, worker)
             page.goto(f"{other.url}/#/jobs/{job}")  # the standby forwards requests
             page.evaluate("window.isStillHere = true")
-            until(lambda: samples(page) > 0 and tiles, "there is something to see", 60, lambda: told(both))
+            until(lambda: samples(page) > 0 and tiles, "there is something to see", 60, lambda: states_and_logs(both))
             first = tiles[0]
             owner.process.kill()
             owner.process.wait()
-            until(other.is_ready, "the other has taken over", 60, lambda: told(both))
+            until(other.is_ready, "the other has taken over", 60, lambda: states_and_logs(both))
             before = int(other.job(job)["samples"]) // (64 * 48)
-            until(lambda: samples(page) > before, "the numbers go on", 60, lambda: (samples(page), told(both)))
-            until(lambda: samples(page) > 0 and tiles[-1] is not first, "the picture goes on", 60, lambda: told(both))
+            until(lambda: samples(page) > before, "the numbers go on", 60, lambda: (samples(page), states_and_logs(both)))
+            until(lambda: samples(page) > 0 and tiles[-1] is not first, "the picture goes on", 60, lambda: states_and_logs(both))
             expect(page.get_by_text("Connection lost")).to_be_hidden()
             assert page.evaluate("window.isStillHere"), "nobody has loaded it again"
             other.http.patch(f"/api/jobs/{job}", json={"state": "cancelled"}).raise_for_status()

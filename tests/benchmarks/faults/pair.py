@@ -44,7 +44,7 @@ class PairGround(Ground):
         """URL of the service that owns the farm, or of one that may take it over if there is no owner now."""
         urls = sorted(self._urls, key=lambda url: url != self._latest)
         for url in urls:
-            if not self._stands_still(url) and said(url) == "ready":
+            if not self._stands_still(url) and readiness_of(url) == "ready":
                 self._latest = url
                 return url
         self._latest = urls[-1]  # is tried first next time
@@ -71,10 +71,12 @@ class PairGround(Ground):
 
     def services(self) -> tuple[psutil.Process, psutil.Process]:
         """Returns the processes (owner, standby). Raises UnrecoveredError if the farm has no owner in time."""
-        self.wait(lambda: sorted(map(said, self._urls)) in (["ready", "stands by"],), "one works and one stands by", STANDBY_S)
+        self.wait(
+            lambda: sorted(map(readiness_of, self._urls)) in (["ready", "stands by"],), "one works and one stands by", STANDBY_S
+        )
         assert self._second is not None
         own, second = self.part("service"), psutil.Process(self._second.pid)
-        return (own, second) if said(self.farm.url) == "ready" else (second, own)
+        return (own, second) if readiness_of(self.farm.url) == "ready" else (second, own)
 
     def later(self, seconds: float, process: psutil.Process) -> None:
         """Resumes a suspended process after some seconds."""
@@ -122,7 +124,7 @@ class PostgresPairGround(PairGround):
 PAIRS = (PairGround.name, PostgresPairGround.name)
 
 
-def said(url: str) -> str:
+def readiness_of(url: str) -> str:
     """Returns the state in a service's /readyz: ready, standing by, or an error."""
     try:
         answer = httpx.get(f"{url}/readyz", timeout=ASK_S).json()

@@ -33,11 +33,11 @@ def pair(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator
     both = [Started(tmp_path / "data", name, redis_url=redis_server.url, database_url=database) for name in ("one", "other")]
 
     def are_there() -> bool:
-        assert all(each.process.poll() is None for each in both), told(both)
+        assert all(each.process.poll() is None for each in both), states_and_logs(both)
         return sorted(each.says() for each in both) == ["ready", "stands by"]
 
     try:
-        until(are_there, "both are there", 90, lambda: told(both))
+        until(are_there, "both are there", 90, lambda: states_and_logs(both))
         first, second = sorted(both, key=Started.says)
         yield first, second
     finally:
@@ -45,7 +45,7 @@ def pair(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator
             each.end()
 
 
-def told(services: list[Started]) -> str:
+def states_and_logs(services: list[Started]) -> str:
     return "\n".join(f"{each.says()}\n{each.log.read_text()[-2000:]}" for each in services)
 
 
