@@ -59,7 +59,7 @@ def build() -> None:
     scene.camera = camera
 
 
-def told() -> dict[int, Any]:
+def scene_values() -> dict[int, Any]:
     found = {}
     for frame in FRAMES:
         bpy.context.scene.frame_set(frame)
@@ -83,11 +83,11 @@ def main(folder: Path) -> None:
     build()
     bpy.context.scene.frame_set(FRAMES[0])
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"))
-    says = {"shot.blend": told()}
+    says = {"shot.blend": scene_values()}
     bpy.ops.wm.alembic_export(filepath=str(folder / "shot.abc"), start=FRAMES[0], end=FRAMES[-1], as_background_job=False)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.alembic_import(filepath=str(folder / "shot.abc"), as_background_job=False)
-    says["shot.abc"] = told()
+    says["shot.abc"] = scene_values()
     (folder / "told.json").write_text(json.dumps(says))
 
 

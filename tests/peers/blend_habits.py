@@ -43,7 +43,7 @@ def collection(name: str, *children: Any) -> Any:
     return made
 
 
-def shown(name: str, what: Any, at=(0, 0, 0), into: Any = None) -> Any:
+def collection_instance(name: str, what: Any, at=(0, 0, 0), into: Any = None) -> Any:
     """Returns an object, linked to the collection `into`, that instances the collection `what` at location `at`."""
     made = bpy.data.objects.new(name, None)
     made.instance_type, made.instance_collection, made.location = "COLLECTION", what, at
@@ -68,14 +68,14 @@ def libraries() -> None:
             with bpy.data.libraries.load(str(FOLDER / f"lib-{below}.blend"), link=True, relative=True) as (_, wanted):
                 wanted.collections = [below]
             for i in range(3):
-                shown(f"{below} {i}", bpy.data.collections[below], (i, 1, 2), made).scale = (1, 1, 1 + i)
+                collection_instance(f"{below} {i}", bpy.data.collections[below], (i, 1, 2), made).scale = (1, 1, 1 + i)
         bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"lib-{name}.blend"))
 
     empty()
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "libraries.blend"))
     with bpy.data.libraries.load(str(FOLDER / "lib-tree.blend"), link=True, relative=True) as (_, wanted):
         wanted.collections, wanted.objects = ["tree"], ["tree 1"]
-    shown("here", bpy.data.collections["tree"], (3, 0, 0)).rotation_euler = (0, 0, 1)
+    collection_instance("here", bpy.data.collections["tree"], (3, 0, 0)).rotation_euler = (0, 0, 1)
     bpy.context.scene.collection.objects.link(bpy.data.objects["tree 1"])
 
 
@@ -84,9 +84,9 @@ def instances() -> None:
     inner = collection("inner")
     inner.instance_offset = (0.3, 0.2, 0.1)
     outer = bpy.data.collections.new("outer")
-    shown("one", inner, (0, 0, 0), outer)
-    shown("two", inner, (1, 1, 0), outer).scale = (1, 2, 1)
-    carried = shown("carried", outer, (4, 0, 0))
+    collection_instance("one", inner, (0, 0, 0), outer)
+    collection_instance("two", inner, (1, 1, 0), outer).scale = (1, 2, 1)
+    carried = collection_instance("carried", outer, (4, 0, 0))
     carrier = bpy.data.objects.new("carrier", None)
     bpy.context.scene.collection.objects.link(carrier)
     carried.parent = carrier

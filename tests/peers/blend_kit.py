@@ -128,7 +128,7 @@ def moving(folder: Path) -> dict[str, object]:
     strewn = made("strewn")
     strewn.modifiers.new("points", "NODES").node_group = points_on_faces()
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "moving.blend"))
-    return {str(frame): told(frame) for frame in FRAMES}
+    return {str(frame): scene_values(frame) for frame in FRAMES}
 
 
 def points_on_faces():
@@ -183,7 +183,7 @@ def bent():
     return tube
 
 
-def told(frame: int) -> dict[str, object]:
+def scene_values(frame: int) -> dict[str, object]:
     scene = bpy.context.scene
     scene.frame_set(frame)
     graph = bpy.context.evaluated_depsgraph_get()

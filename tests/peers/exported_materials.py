@@ -73,7 +73,7 @@ def squares(name: str, seed: int, space: str, columns: int = 8, rows: int = 4, a
     return image
 
 
-def shown(tree: Any, image: Any, **values: Any) -> Any:
+def image_node(tree: Any, image: Any, **values: Any) -> Any:
     """Returns an image texture node with this image."""
     node = tree.nodes.new("ShaderNodeTexImage")
     node.image = image
@@ -116,7 +116,7 @@ def packed_metal(ball: Any) -> None:
     pixels[:, 2] = pixels[:, 2] > 0.5
     image.pixels.foreach_set(pixels.ravel().astype(np.float32))
     image.pack()
-    tree.links.new(shown(tree, image).outputs["Color"], parts.inputs[0])
+    tree.links.new(image_node(tree, image).outputs["Color"], parts.inputs[0])
     link(tree, parts.outputs["Green"], "Roughness")
     link(tree, parts.outputs["Blue"], "Metallic")
 
@@ -130,7 +130,7 @@ def coat(ball: Any) -> None:
 def coat_textured(ball: Any) -> None:
     tree = set_to(ball, Base_Color=RED, Roughness=0.9)
     parts = tree.nodes.new("ShaderNodeSeparateColor")
-    tree.links.new(shown(tree, squares("coat", 2, "Non-Color")).outputs["Color"], parts.inputs[0])
+    tree.links.new(image_node(tree, squares("coat", 2, "Non-Color")).outputs["Color"], parts.inputs[0])
     link(tree, parts.outputs["Red"], "Coat Weight")
     link(tree, parts.outputs["Green"], "Coat Roughness")
 
@@ -179,7 +179,7 @@ def transmission_textured(ball: Any) -> None:
     tree = set_to(ball, Base_Color=(0.9, 0.9, 0.6, 1), Roughness=0.1, IOR=1.3)
     thick(ball, 1.0)
     parts = tree.nodes.new("ShaderNodeSeparateColor")
-    tree.links.new(shown(tree, squares("through", 3, "Non-Color")).outputs["Color"], parts.inputs[0])
+    tree.links.new(image_node(tree, squares("through", 3, "Non-Color")).outputs["Color"], parts.inputs[0])
     link(tree, parts.outputs["Red"], "Transmission Weight")
 
 
@@ -187,7 +187,7 @@ def transmission_textured(ball: Any) -> None:
 def emission(ball: Any) -> None:
     """Sets emission of strength above 1, coloured by an image."""
     tree = set_to(ball, Base_Color=(0.1, 0.1, 0.1, 1), Emission_Strength=4.0)
-    link(tree, shown(tree, squares("shine", 4, "sRGB", 6, 3)).outputs["Color"], "Emission Color")
+    link(tree, image_node(tree, squares("shine", 4, "sRGB", 6, 3)).outputs["Color"], "Emission Color")
 
 
 @material
@@ -198,7 +198,7 @@ def specular_tint(ball: Any) -> None:
 @material
 def specular_textured(ball: Any) -> None:
     tree = set_to(ball, Base_Color=(0.05, 0.05, 0.05, 1), Roughness=0.2)
-    link(tree, shown(tree, squares("tint", 5, "sRGB")).outputs["Color"], "Specular Tint")
+    link(tree, image_node(tree, squares("tint", 5, "sRGB")).outputs["Color"], "Specular Tint")
 
 
 @material
@@ -212,7 +212,7 @@ def anisotropy(ball: Any) -> None:
 @material
 def alpha_blend(ball: Any) -> None:
     tree = set_to(ball)
-    node = shown(tree, squares("veil", 6, "sRGB", alpha=True))
+    node = image_node(tree, squares("veil", 6, "sRGB", alpha=True))
     link(tree, node.outputs["Color"], "Base Color")
     link(tree, node.outputs["Alpha"], "Alpha")
 
@@ -225,7 +225,7 @@ def alpha_constant(ball: Any) -> None:
 @material
 def alpha_mask(ball: Any) -> None:
     tree = set_to(ball)
-    node, above = shown(tree, squares("holes", 7, "sRGB", alpha=True)), tree.nodes.new("ShaderNodeMath")
+    node, above = image_node(tree, squares("holes", 7, "sRGB", alpha=True)), tree.nodes.new("ShaderNodeMath")
     above.operation, above.inputs[1].default_value = "GREATER_THAN", 0.4
     link(tree, node.outputs["Color"], "Base Color")
     tree.links.new(node.outputs["Alpha"], above.inputs[0])
@@ -239,14 +239,14 @@ def texture(ball: Any) -> None:
     mix = tree.nodes.new("ShaderNodeMix")
     mix.data_type, mix.blend_type, mix.inputs[0].default_value = "RGBA", "MULTIPLY", 1.0
     mix.inputs[7].default_value = (0.9, 0.6, 0.8, 1)
-    tree.links.new(shown(tree, squares("color", 8, "sRGB")).outputs["Color"], mix.inputs[6])
+    tree.links.new(image_node(tree, squares("color", 8, "sRGB")).outputs["Color"], mix.inputs[6])
     link(tree, mix.outputs[2], "Base Color")
 
 
 @material
 def texture_transform(ball: Any) -> None:
     tree = set_to(ball, Roughness=0.7)
-    node, mapping = shown(tree, squares("turned", 9, "sRGB")), tree.nodes.new("ShaderNodeMapping")
+    node, mapping = image_node(tree, squares("turned", 9, "sRGB")), tree.nodes.new("ShaderNodeMapping")
     mapping.inputs["Location"].default_value = (0.1, 0.3, 0)
     mapping.inputs["Rotation"].default_value[2] = 0.5
     mapping.inputs["Scale"].default_value = (1.5, 0.7, 1)
@@ -260,7 +260,7 @@ def texture_transform(ball: Any) -> None:
 def texture_mirrored(ball: Any) -> None:
     """Sets an image as base colour that is mirrored at each repetition, with nearest-texel lookup."""
     tree = set_to(ball, Roughness=0.7)
-    node = shown(tree, squares("mirrored", 10, "sRGB", 3, 3), extension="MIRROR", interpolation="Closest")
+    node = image_node(tree, squares("mirrored", 10, "sRGB", 3, 3), extension="MIRROR", interpolation="Closest")
     mapping, at = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
     mapping.inputs["Scale"].default_value = (4, 3, 1)
     tree.links.new(at.outputs["UV"], mapping.inputs["Vector"])
@@ -276,7 +276,7 @@ def normal_map(ball: Any) -> None:
         return n[0] / length / 2 + 0.5, n[1] / length / 2 + 0.5, n[2] / length / 2 + 0.5
 
     tree = set_to(ball, Base_Color=(0.6, 0.6, 0.7, 1), Roughness=0.4)
-    node, bend = shown(tree, painted("bumps", 64, 64, bumps, space="Non-Color")), tree.nodes.new("ShaderNodeNormalMap")
+    node, bend = image_node(tree, painted("bumps", 64, 64, bumps, space="Non-Color")), tree.nodes.new("ShaderNodeNormalMap")
     bend.inputs["Strength"].default_value = 0.7
     tree.links.new(node.outputs["Color"], bend.inputs["Color"])
     link(tree, bend.outputs[0], "Normal")
@@ -290,11 +290,11 @@ def two_sets(ball: Any) -> None:
         other.uv = (one.uv[1] * 2, one.uv[0])
     first.active = first.active_render = True
     tree = set_to(ball)
-    node, at = shown(tree, squares("by second", 11, "sRGB")), tree.nodes.new("ShaderNodeUVMap")
+    node, at = image_node(tree, squares("by second", 11, "sRGB")), tree.nodes.new("ShaderNodeUVMap")
     at.uv_map = "second"
     tree.links.new(at.outputs[0], node.inputs["Vector"])
     link(tree, node.outputs["Color"], "Base Color")
-    rough, at = shown(tree, squares("by first", 12, "Non-Color")), tree.nodes.new("ShaderNodeUVMap")
+    rough, at = image_node(tree, squares("by first", 12, "Non-Color")), tree.nodes.new("ShaderNodeUVMap")
     at.uv_map = first.name
     tree.links.new(at.outputs[0], rough.inputs["Vector"])
     link(tree, rough.outputs["Color"], "Roughness")

@@ -199,7 +199,7 @@ def picture(path: Path, size: int, samples: int, max_depth: int) -> None:
     bpy.ops.render.render(write_still=True)
 
 
-def told() -> dict[str, object]:
+def lights_and_materials() -> dict[str, object]:
     """Returns Blender's values of lights and materials, which show what an exporter or importer loses."""
     lights = {
         thing.name: [thing.data.type, thing.data.energy, list(thing.data.color), getattr(thing.data, "shadow_soft_size", 0)]
@@ -239,7 +239,7 @@ if __name__ == "__main__":
             write(str(path))
             bpy.ops.wm.read_factory_settings(use_empty=True)
             read(str(path))
-        notes[name] = told()
+        notes[name] = lights_and_materials()
         if bpy.context.scene.world is None or name in ("glb", "fbx", "dae"):
             light_up(bpy.context.scene)
         picture(folder / f"{name}.exr", size, samples, depth)

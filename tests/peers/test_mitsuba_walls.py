@@ -30,7 +30,9 @@ GLASS = """<bsdf type="roughdielectric"><string name="distribution" value="ggx"/
 BLUE = '<bsdf type="diffuse"><rgb name="reflectance" value="0.1 0.2 0.7"/></bsdf>'
 
 
-def both(folder: Path, inside: str, degrees: float = 0.0, depth: int = 2, size: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+def mean_colors(
+    folder: Path, inside: str, degrees: float = 0.0, depth: int = 2, size: float = 0.1
+) -> tuple[np.ndarray, np.ndarray]:
     """Returns the mean colours (3,) of our picture and of Mitsuba's. inside: XML of the wall's BSDF and lights."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
@@ -67,7 +69,7 @@ def test_white_metal_is_white_here_and_has_in_mitsuba_what_one_bounce_leaves(
     degrees: float, alpha: float, tmp_path: Path
 ) -> None:
     wall = f'<shape type="rectangle">{MIRROR.format(alpha)}</shape>'
-    ours, theirs = both(tmp_path, WHITE + wall, degrees)
+    ours, theirs = mean_colors(tmp_path, WHITE + wall, degrees)
     np.testing.assert_allclose(ours, 1, atol=3e-3)
     np.testing.assert_allclose(theirs, scattered_once(degrees, alpha), rtol=5e-3)
 
@@ -83,7 +85,7 @@ def test_rough_glass_is_what_a_random_walk_between_facets_gives_and_in_mitsuba_t
     """
     reflected, through = walked(alpha, degrees, 1.5)
     assert reflected.sum() + through.sum() == pytest.approx(1, abs=1e-4)
-    ours, theirs = both(tmp_path, WHITE + f'<shape type="rectangle">{GLASS.format(alpha)}</shape>', degrees)
+    ours, theirs = mean_colors(tmp_path, WHITE + f'<shape type="rectangle">{GLASS.format(alpha)}</shape>', degrees)
     np.testing.assert_allclose(ours, reflected.sum() + through.sum() / 2.25, rtol=4e-3)
     np.testing.assert_allclose(theirs, reflected[1] + through[1] / 2.25, rtol=4e-3)
 
@@ -94,7 +96,7 @@ def test_a_blend_of_paint_and_metal(weight: float, tmp_path: Path) -> None:
     blend = f'<bsdf type="blendbsdf"><float name="weight" value="{weight}"/>{BLUE}{METAL.format(0.05)}</bsdf>'
     lamp = """<shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="2" z="1"/></transform>
     <emitter type="area"><rgb name="radiance" value="4"/></emitter></shape>"""
-    ours, theirs = both(tmp_path, f'{WHITE}{lamp}<shape type="sphere">{blend}</shape>', depth=4, size=1.0)
+    ours, theirs = mean_colors(tmp_path, f'{WHITE}{lamp}<shape type="sphere">{blend}</shape>', depth=4, size=1.0)
     np.testing.assert_allclose(ours, theirs, rtol=0.015)
 
 
@@ -143,7 +145,7 @@ def test_a_ramp_of_heights_has_what_its_facet_scatters_again_and_in_mitsuba_the_
     heights = np.repeat(np.linspace(0, 1, 64, dtype=np.float32)[:, None, None], 64, 1).repeat(3, 2)
     write(tmp_path / "ramp.exr", heights)
     first, found = walked_on_a_ramp(scale / 2 * 64 / 63)
-    ours, theirs = both(tmp_path, LAMP + f'<shape type="rectangle">{RAMP.format(scale)}</shape>')
+    ours, theirs = mean_colors(tmp_path, LAMP + f'<shape type="rectangle">{RAMP.format(scale)}</shape>')
     np.testing.assert_allclose(theirs, first, rtol=0.01)
     np.testing.assert_allclose(ours, found, rtol=3e-3)
 
@@ -151,6 +153,6 @@ def test_a_ramp_of_heights_has_what_its_facet_scatters_again_and_in_mitsuba_the_
 def test_what_shines_is_black_where_it_names_no_material(tmp_path: Path) -> None:
     """An emitter without a material is black: in uniform light only its own radiance is seen."""
     wall = '<shape type="rectangle"><emitter type="area"><rgb name="radiance" value="0.5 0.25 0.125"/></emitter></shape>'
-    ours, theirs = both(tmp_path, WHITE + wall)
+    ours, theirs = mean_colors(tmp_path, WHITE + wall)
     np.testing.assert_allclose(ours, (0.5, 0.25, 0.125), rtol=1e-4)
     np.testing.assert_allclose(theirs, (0.5, 0.25, 0.125), rtol=1e-4)

@@ -287,7 +287,7 @@ def told_of_materials() -> dict[str, Any]:
     return found
 
 
-def told(frame: int) -> dict[str, Any]:
+def scene_values(frame: int) -> dict[str, Any]:
     """Returns meshes (concatenated, with triangle counts), bones, cameras and lights as Blender evaluates them at a frame."""
     here = bpy.context.scene
     here.frame_set(frame)
@@ -343,7 +343,7 @@ def main(folder: Path, names: list[str]) -> None:
         SCENES[name]()
         here.frame_set(FRAMES[0])
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{name}.blend"))
-        found[name] = {frame: told(frame) for frame in FRAMES}
+        found[name] = {frame: scene_values(frame) for frame in FRAMES}
         if name == "paints":
             found[name]["materials"] = told_of_materials()
         for kind, (suffix, write, options) in FILES.items():
