@@ -72,15 +72,15 @@ def scene(**changed: Any) -> tuple[Any, Any]:
     return found, SimpleNamespace(**layer)
 
 
-def told(**changed: Any) -> list[str]:
+def reported_settings(**changed: Any) -> list[str]:
     found: list[str] = []
     cycles.warn_of_settings(*scene(**changed), found.append, is_clamped=False, has_filter=False)
     return found
 
 
 def test_of_a_scene_as_blender_makes_it_nothing_is_said() -> None:
-    assert told() == []
-    assert told(use_motion_blur=True, use_simplify=True) == []
+    assert reported_settings() == []
+    assert reported_settings(use_motion_blur=True, use_simplify=True) == []
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_of_a_scene_as_blender_makes_it_nothing_is_said() -> None:
     ],
 )
 def test_what_changes_the_picture_is_named_once(changed: dict[str, Any], word: str) -> None:
-    (sentence,) = told(**changed)
+    (sentence,) = reported_settings(**changed)
     assert word in sentence
 
 
@@ -126,12 +126,12 @@ def test_bounces_are_limited_as_in_cycles() -> None:
     most = depths(max_bounces=1024, transmission_bounces=1024, transparent_max_bounces=1024)
     assert (most["transmission_depth"], most["transparency_depth"]) == (1024, 1024)
     assert set(most) <= set(OPTIONAL)
-    assert not told(diffuse_bounces=0, glossy_bounces=1, transmission_bounces=2, transparent_max_bounces=1)
+    assert not reported_settings(diffuse_bounces=0, glossy_bounces=1, transmission_bounces=2, transparent_max_bounces=1)
 
 
 @pytest.mark.parametrize("engine", ["BLENDER_EEVEE_NEXT", "BLENDER_WORKBENCH"])
 def test_of_other_engines_cycles_settings_mean_nothing(engine: str) -> None:
-    assert told(engine=engine, film_exposure=2.0, use_fast_gi=True) == []
+    assert reported_settings(engine=engine, film_exposure=2.0, use_fast_gi=True) == []
 
 
 def test_flags_of_many_objects_are_one_sentence() -> None:

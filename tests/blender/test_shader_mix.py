@@ -34,7 +34,7 @@ def mixed(first: Node, second: Node, share: float | Node = 0.5) -> Node:
     return mix if isinstance(share, float) else linked(share, mix, 0)
 
 
-def looked(node: Node) -> tuple[Any, list[str]]:
+def principled_constants(node: Node) -> tuple[Any, list[str]]:
     told: list[str] = []
     look = principled_look(source_of(at(node))[0], told.append)
     assert look is not None
@@ -52,7 +52,7 @@ def material(node: Node) -> tuple[dict[str, Any], list[str]]:
 
 
 def test_a_mix_is_what_lies_between() -> None:
-    told, said = looked(mixed(glossy(1.0, 0.0, 0.0, roughness=0.2), glossy(0.0, 0.0, 1.0, roughness=0.6), 0.25))
+    told, said = principled_constants(mixed(glossy(1.0, 0.0, 0.0, roughness=0.2), glossy(0.0, 0.0, 1.0, roughness=0.6), 0.25))
     assert told("Metallic") == 1.0
     assert told("Roughness") == pytest.approx(0.3)
     assert told("Base Color") == pytest.approx([0.75, 0, 0.25])
@@ -62,7 +62,7 @@ def test_a_mix_is_what_lies_between() -> None:
 @pytest.mark.parametrize("is_first", [True, False])
 def test_a_mix_of_matt_and_metal_reflects_as_much(is_first: bool) -> None:
     matt, metal = diffuse(0.6, 0.0, 0.0), glossy(0.0, 0.9, 0.0, roughness=0.3)
-    told, said = looked(mixed(matt, metal, 0.25) if is_first else mixed(metal, matt, 0.75))
+    told, said = principled_constants(mixed(matt, metal, 0.25) if is_first else mixed(metal, matt, 0.75))
     assert told("Roughness") == 0.3
     assert told("Base Color")[:3] == pytest.approx([0.6, 0, 0])
     assert told("Specular Tint")[:3] == pytest.approx([0.0, 0.9, 0.0])
@@ -73,14 +73,14 @@ def test_a_mix_of_matt_and_metal_reflects_as_much(is_first: bool) -> None:
 
 def test_a_mix_with_what_is_clear_is_alpha() -> None:
     for share, node in ((0.3, mixed(clear(), diffuse(0.2, 0.7, 0.2), 0.3)), (0.7, mixed(diffuse(0.2, 0.7, 0.2), clear(), 0.3))):
-        told, _ = looked(node)
+        told, _ = principled_constants(node)
         assert told("Alpha") == pytest.approx(share)
         assert told("Base Color") == pytest.approx([0.2, 0.7, 0.2])
         found, warnings = material(node)
         assert found["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx([0.2, 0.7, 0.2, share])
         assert found["alphaMode"] == "BLEND"
         assert warnings == []
-    told, _ = looked(mixed(mixed(clear(), diffuse(0.2, 0.7, 0.2), 0.5), diffuse(0.2, 0.7, 0.2), 0.5))
+    told, _ = principled_constants(mixed(mixed(clear(), diffuse(0.2, 0.7, 0.2), 0.5), diffuse(0.2, 0.7, 0.2), 0.5))
     assert told("Alpha") == pytest.approx(0.75)
 
 
@@ -132,14 +132,14 @@ def test_a_glossy_shader_is_narrow_along_its_tangent() -> None:
     """Alpha is roughness^2 * (1 - anisotropy) along the tangent and roughness^2 / (1 - anisotropy) across it, as in Cycles."""
     for strength, turned in ((0.5, 0.35), (-0.5, 0.1)):
         node = Node("BSDF_GLOSSY", {"Color": (1, 1, 1, 1), "Roughness": 0.4, "Anisotropy": strength, "Rotation": 0.1}, OUT)
-        told, _ = looked(node)
+        told, _ = principled_constants(node)
         assert 1 - 0.9 * told("Anisotropic") == pytest.approx(0.5**2)
         assert told("Anisotropic Rotation") == pytest.approx(turned)
 
 
 def test_a_conductor_is_what_it_reflects_at_normal_incidence() -> None:
     numbers = {"IOR": (0.2, 0.9, 1.5), "Extinction": (3.9, 2.4, 1.9), "Roughness": 0.2}
-    told, said = looked(Node("BSDF_METALLIC", numbers, OUT, fresnel_type="PHYSICAL_CONDUCTOR"))
+    told, said = principled_constants(Node("BSDF_METALLIC", numbers, OUT, fresnel_type="PHYSICAL_CONDUCTOR"))
     wanted = [((n - 1) ** 2 + k * k) / ((n + 1) ** 2 + k * k) for n, k in zip(numbers["IOR"], numbers["Extinction"], strict=True)]
     assert told("Base Color") == pytest.approx(wanted)
     assert said == []
@@ -148,15 +148,15 @@ def test_a_conductor_is_what_it_reflects_at_normal_incidence() -> None:
 def test_glass_takes_the_root_of_its_colour_at_each_of_two_surfaces() -> None:
     color = {"Base Color": (0.81, 0.64, 0.25, 1.0)}
     for weight, wanted in ((1.0, [0.9, 0.8, 0.5]), (0.0, [0.81, 0.64, 0.25])):
-        told, said = looked(Node("BSDF_PRINCIPLED", {**color, "Transmission Weight": weight}, OUT))
+        told, said = principled_constants(Node("BSDF_PRINCIPLED", {**color, "Transmission Weight": weight}, OUT))
         assert told("Base Color") == pytest.approx(wanted)
         assert said == []
-    _, said = looked(Node("BSDF_PRINCIPLED", {**color, "Transmission Weight": 0.5}, OUT))
+    _, said = principled_constants(Node("BSDF_PRINCIPLED", {**color, "Transmission Weight": 0.5}, OUT))
     assert said == ["transmitted light is tinted by its base color, darker than in Cycles"]
 
 
 def test_a_tinted_transparency_is_a_pane() -> None:
-    told, said = looked(Node("BSDF_TRANSPARENT", {"Color": (0.8, 0.5, 0.3, 1.0)}, OUT))
+    told, said = principled_constants(Node("BSDF_TRANSPARENT", {"Color": (0.8, 0.5, 0.3, 1.0)}, OUT))
     assert (told("Transmission Weight"), told("IOR"), told("Roughness")) == (1.0, 1.0, 0.0)
     assert told("Base Color") == [0.8, 0.5, 0.3]
     assert said == []
@@ -173,4 +173,4 @@ def test_a_tinted_transparency_is_a_pane() -> None:
     ],
 )
 def test_what_is_otherwise_than_in_cycles_is_named(values: dict[str, Any], sentence: str) -> None:
-    assert looked(Node("BSDF_PRINCIPLED", values, OUT))[1] == [sentence]
+    assert principled_constants(Node("BSDF_PRINCIPLED", values, OUT))[1] == [sentence]
